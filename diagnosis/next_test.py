@@ -321,7 +321,7 @@ def _trace_tests(diagnosis: Diagnosis) -> list[NextTest]:
     score = abs(seen.mean - one.mean.mean(axis=0)) / np.sqrt(one.mean.var(axis=0) + scatter)
     cell = max(cells, key=lambda k: float(np.nan_to_num(score[k] * (seen.count[k] > 0))))
     point, words = _where(bench, cell)
-    how = f"Record displacement, force and both speeds over time of {TRACED} shifts at {words}."
+    how = "Record displacement, force and both speeds over time."
     hours = setup + tracing + SHIFT * TRACED
     return [NextTest(
         f"traces of {TRACED} shifts at {words}", how, "traces", hours, cell=cell, point=point,

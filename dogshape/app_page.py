@@ -10,9 +10,9 @@ from dash import dcc, html
 
 from dogshape.check import Check, Checked
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.record import Bad, Figure
+from dogshape.pipeline.record import Bad, Figure, percent
 from dogshape.pipeline.reports.designs import Row
-from dogshape.pipeline.reports.text import check_name, label, percent, time_text
+from dogshape.pipeline.reports.text import check_name, label, time_text
 from dogshape.pipeline.store.result_records import check_table as record_table
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.units import unit_of
@@ -110,7 +110,7 @@ def predicted_card(found: Checked, reason: str) -> Children:
     answer = found.guess.answer if isinstance(found, Check) and found.guess else None
     if answer is None or answer.expected is None:
         return card("predicted shift time", "none", answer.refusal if answer else reason)
-    near, seen = f"next simulated design {answer.distance:.1f} usual spacings away", answer.expected
+    near, seen = f"nearest simulated design: {answer.distance:.1f} median spacings", answer.expected
     return card("predicted shift time", time_text(seen.time), _interval(seen), near, exact=seen)
 
 

@@ -11,14 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
-from dogshape.pipeline.record import Frame, Result, Table, frame_of
-from dogshape.pipeline.reports.text import (
-    ENGINES,
-    interval_text,
-    percent,
-    quantile_words,
-    time_text,
-)
+from dogshape.pipeline.record import Frame, Result, Table, frame_of, percent
+from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_words, time_text
 from dogshape.pipeline.simulate.design import (
     Design,
     ToleranceTime,
@@ -115,7 +109,7 @@ class Checked(Result):
         if self.design.not_checked or not shifts:
             return []
         share = self.config.limits.load.landing_share
-        taken = "the hardest" if share is None else f"what {share:.3g} of the shifts exceed"
+        taken = "the hardest" if share is None else f"{100 - 100 * share:.4g} % quantile"
         angles = shifts // len(self.config.points)
         return [
             f"landing: {taken} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
@@ -190,10 +184,10 @@ class Check(Checked):
         if found is None:
             lines = [f"no shift time: {self.refusal}"]
         else:
-            source = f"{self.shifts} shifts of the compiled engine, 1 % of its error against Drake"
+            source = f"{self.shifts} shifts, compiled engine; error includes 1 % against Drake"
             lines = [
                 f"expected shift time {_interval(found)} "
-                f"({f'{source} included' if self.shifts else 'surrogate'}); single shifts "
+                f"({source if self.shifts else 'surrogate'}); single shifts "
                 f"scatter by {time_text(found.sd)}, {100 * found.engaged:.1f} % engage at worst",
                 *_retries(found, self.config, self.shifts),
             ]
@@ -212,7 +206,7 @@ class Check(Checked):
         if self.missed:
             lines += ["warning: the surrogate misses the simulated time by more than its interval"]
         lines += [f"warning: {one}; the surrogate extrapolates" for one in answer.warnings]
-        lines.append(f"distance to the next simulated design: {answer.distance:.1f} usual spacings")
+        lines.append(f"nearest simulated design: {answer.distance:.1f} median spacings away")
         if not guess.validation.useful:
             lines.append(
                 "warning: on designs that it has not seen the surrogate has Q2 "

@@ -28,17 +28,11 @@ from dogshape.pipeline.record import (
     Table,
     frame_of,
     number_or_none,
+    percent,
     tabulate,
 )
 from dogshape.pipeline.reports.charts import shiftability_figure, times_by_point
-from dogshape.pipeline.reports.text import (
-    ENGINES,
-    in_ms,
-    interval_text,
-    percent,
-    quantile_words,
-    time_text,
-)
+from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow

@@ -10,8 +10,8 @@ from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import Progress
-from dogshape.pipeline.record import Frame, Result, Table
-from dogshape.pipeline.reports.text import ENGINES, in_ms, percent, time_text
+from dogshape.pipeline.record import Frame, Result, Table, percent
+from dogshape.pipeline.reports.text import ENGINES, in_ms, time_text
 from dogshape.pipeline.store.folder import StudyFolder, default_out, require_targets
 from dogshape.pipeline.train.training import fill, train
 from dogshape.running import receiver

@@ -90,6 +90,12 @@ class Record(Section):
         return f"{scaled:{shown['form']}}".replace("-", MINUS).replace("%", " %")
 
 
+def percent(margin: float) -> str:
+    """Print a margin in percent, with decimals where it is small."""
+    digits = 0 if not 5e-5 <= abs(margin) < 0.05 else 1 if abs(margin) >= 0.001 else 2
+    return f"{100 * margin:z.{digits}f} %".replace("-", MINUS)
+
+
 def look_of(kind: type[BaseModel], name: str) -> dict[str, Any]:
     """Give unit, head, scale and format of a key."""
     return cast(dict[str, Any], kind.model_fields[name].json_schema_extra)

@@ -16,7 +16,7 @@ MS = 1e-3  #: seconds in a millisecond
 
 #: Factor to SI and name of a unit by the suffix of a name; without one it is a pure number.
 UNITS: dict[str, tuple[float, str]] = {
-    "_mm": (MM, "mm"), "_um": (1e-3 * MM, "um"), "_mm_kN": (1e-6, "mm/kN"),
+    "_mm": (MM, "mm"), "_um": (1e-3 * MM, "um"), "_mm_kN": (1e-6, "mm/kN"), "_s_kN": (1e-3, "s/kN"),
     "_deg": (DEG, "deg"), "_mrad": (1e-3, "mrad"), "_rpm": (RPM, "1/min"),
     "_s": (1.0, "s"), "_ms": (MS, "ms"), "_m_s": (1.0, "m/s"), "_m_s2": (1.0, "m/s2"),
     "_N": (1.0, "N"), "_Ns": (1.0, "N s"), "_Ns_m": (1.0, "N s/m"), "_s_m": (1.0, "s/m"),

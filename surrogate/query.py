@@ -21,7 +21,7 @@ from dogshape.surrogate.model import Expected, Surrogate
 CHAMFERS = ("chamfer_deg", "chamfer_back_deg")
 HOLDS = "faces hold: no estimate"  #: reason of a missing time
 SOLVER = ("engine", "accuracy")  #: keys in which the engines differ
-FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answer extrapolates
+FAR = 3.0  #: times the median spacing of simulated designs, beyond which an answer extrapolates
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Answer:
     """Expected shift time of a design with warnings."""
 
     expected: Expected | None
-    distance: float  #: to the next simulated design, in the usual distance of one to the next
+    distance: float  #: to the nearest simulated design, in median spacings of these
     warnings: tuple[str, ...]
     refusal: str = ""  #: why there is no time
 
@@ -121,8 +121,7 @@ def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> tuple[
     if not found and faces_hold(data, x[None, :])[0]:
         found.append(f"chamfer {_least_chamfer(data, x):.4g} deg: faces hold by friction")
     if distance > FAR and not found:
-        found.append(f"the next simulated design is {distance:.1f} times as far as designs usually "
-                     "are from each other")  # fmt: skip
+        found.append(f"the nearest simulated design is {distance:.1f} median spacings away")
     return tuple(found)
 
 

@@ -41,6 +41,7 @@ from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.errors import InputError, number, refusal
 from dogshape.sim.units import RPM
 
+NATS = 0.005  #: information of a test from which its chances are stated
 OUTCOMES = 256  #: drawn of each test
 EDGE = 0.02  #: least share of shifts that engage or fail, and its simulated error
 SETUP, TRACING, SHIFT = 0.5, 1.5, 0.02  #: hours for an operating point, for traces, for a shift
@@ -167,8 +168,8 @@ class NextTest:
     @property
     def why(self) -> str:
         """Sentences of the test, its chance to settle the cause and its cost."""
-        chance = f"Chance to settle the cause: {100.0 * self.settles:.0f} %"
-        return f"{self.how} {chance} ({number(self.hours)} h of work)."
+        chance = f" Chance to settle the cause: {100.0 * self.settles:.0f} %"
+        return f"{self.how}{chance * (self.information >= NATS)} ({number(self.hours)} h of work)."
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record ``next_test``."""

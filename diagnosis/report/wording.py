@@ -94,11 +94,8 @@ def summary(found: Diagnosis) -> str:
     answer = found.verdict.kind, found.verdict.causes
     for one in found.readings:
         if one.probability > OPEN and (one.verdict.kind, one.verdict.causes) != answer:
-            other = headline_of(one.verdict, found.effects)
-            said.append(
-                f"If {READINGS[one.key, one.value]} ({chance(one.probability)}), the answer is: "
-                f"{other[:1].lower()}{other[1:]}."
-            )
+            reading = f"{READINGS[one.key, one.value]} ({chance(one.probability)})"
+            said.append(f"If {reading}, the answer is '{headline_of(one.verdict, found.effects)}'.")
     return " ".join(part for part in said if part)
 
 

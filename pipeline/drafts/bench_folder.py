@@ -139,6 +139,9 @@ def _fault_of(text: str, folder: Path, out: Path, rows: DataFrame) -> str:
     if "set values of others" in text:
         sets = "; name with --from a study or bench that has the set values, correct"
         text = text.replace("; correct", sets)
+    # A table rarely has its times in s, as the folder has.
+    rule = r"time_s is '(-?0\.\d+)', but it must be a time in s,?"
+    text = re.sub(rule, lambda t: f"time_s is {1e3 * float(t[1]):.6g} ms, but must be a time", text)
     longer = ", or say --set timeout_s=... where the stand gives up later"
     text += longer if "at most the time-out" in text else ""
     return text.replace(str(folder), str(out))

@@ -53,19 +53,19 @@ HEAD = """\
 DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
 HEIGHT, COUNT, BACKLASH = "dog.height_mm", "dog.count", "dog.backlash_mm"
-HELD, SHARE = "load.separating_force_limit_N", "load.pull_out_share"
+HELD, SHARE, POINTS = "load.separating_force_limit_N", "load.pull_out_share", "operating.points"
 MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
-ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
+ACTUATOR, OPERATING, MISMATCH = "actuation.force_N", "operating.force_N", "operating.mismatch_rpm"
 #: Words for the keys of the actuator, and of the operating points, which it has to cover.
 ACTUATION = {
-    ACTUATOR: "forces that the actuator can have, N, with blanks between",
+    ACTUATOR: "final forces of the actuator, N, with blanks between",
     "actuation.rise_s": "rise time of each of these forces, s",
     "shift.timeout_s": "time after which the control gives up an attempt, s",
     "shift.retraction_s": "time to pull back before the next attempt, s",
 }
 OPERATION = {
-    "operating.mismatch_rpm": "mismatches at which it shifts, 1/min, with blanks between",
-    OPERATING: "forces with which it shifts, N",
+    MISMATCH: "mismatches of the shifts, 1/min, with blanks between",
+    OPERATING: "forces of the shifts, N",
 }
 #: Words for the keys of a clutch that are worth a question.
 CLUTCH = {
@@ -80,9 +80,9 @@ CLUTCH = {
     "dog.crest": "place of the ridge on the tip, 0 braking edge to 1 traction edge",
     "dog.chamfer_back_deg": "chamfer behind the ridge, deg",
     "dog.edge_radius_mm": "radius of the tip edges, mm",
-    MASS: "moving mass with all that moves along, kg",
-    "sliding.inertia_kgm2": "inertia of the shifted ring and what turns with it, kg m2",
-    "output.inertia_kgm2": "inertia of the other side, referred to the dogs, kg m2",
+    MASS: "moving mass, with fork and rod, kg",
+    "sliding.inertia_kgm2": "inertia of the sliding ring and all that turns with it, kg m²",
+    "output.inertia_kgm2": "inertia of the output side, referred to the dogs, kg m²",
 }
 RADIUS, DRAG, MATERIAL = "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "material.set"
 #: Words for keys whose default follows from the clutch, and of what it does and is made of.
@@ -90,9 +90,9 @@ USE = {
     HEIGHT: "height of the dogs, mm",
     TORQUE: "rated torque at the dogs, N m",
     RADIUS: "radius of the toothing that the ring slides on, mm",
-    DRAG: "drag torque on the shifted ring, N m",
-    HELD: "force of latch or detent that holds the engaged ring, N, 0 if not to be judged",
-    SHARE: "share of the torque that is left as the ring is pulled out",
+    DRAG: "drag torque on the sliding ring, N m",
+    HELD: "force of latch or detent on the engaged ring, N (0: not judged)",
+    SHARE: "share of the torque at which the ring is pulled out",
     "load.shifts": "shifts over the life",
     MATERIAL: "material",
 }
@@ -270,9 +270,8 @@ def questions_of(
     tables = partial(value_at, tomllib.loads(text))
     sources, own = sources_of(text), {key: tables(key) for key in WORDS}
     points = validate(OperatingSection, tables("operating"), "[operating]").rows()
-    for key, values_of in zip(OPERATION, zip(*points, strict=True), strict=False):
-        if not isinstance(own[key], list):
-            own[key] = sorted(set(values_of))
+    stated = zip(OPERATION, zip(*points, strict=True), strict=False)
+    own |= {key: sorted(set(v)) for key, v in stated if not isinstance(own[key], list)}
     for key, value, whence in (
         (RADIUS, rounded(0.5 * SPLINE * tables(DIAMETERS[1])), f"{SPLINE:g} of the inner radius"),
         (DRAG, 0.0, "none, an assumption"),
@@ -362,7 +361,8 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     """
     texts = (text, with_values(text, given))
     old, new = (partial(value_at, tomllib.loads(one)) for one in texts)
-    has, wants = new(ACTUATOR), new(OPERATING)
+    points = (old(POINTS) or []) * (old(POINTS) == new(POINTS))
+    has, wants = new(ACTUATOR), [p["force_N"] for p in points] or new(OPERATING)
     lists = [one for one in (has, wants) if isinstance(one, list)]
     numbers = [*map(new, (COUNT, HEIGHT, *DIAMETERS)), new(TORQUE) or 1.0, *chain(*lists)]
     if not all(isinstance(one, (int, float)) and one > 0 for one in numbers):
@@ -380,12 +380,14 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
             found |= {key: None for key in keys if old(key) is not None}
     if len(lists) == 2 and not min(has) <= min(wants) <= max(wants) <= max(has):
         found[OPERATING] = has
+        if points:  # a list of points becomes a grid
+            found[MISMATCH] = sorted({point["mismatch_rpm"] for point in points})
     found = {key: value for key, value in found.items()
              if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip
     follows = ", ".join(f"{key} {value}" for key, value in found.items() if value is not None)
     lacks = ", ".join(key for key, value in found.items() if value is None)
     said = [f"follows from your clutch: {follows}"] if follows else []
     said += [f"left out, absent or unchecked until given: {lacks}"] if lacks else []
-    replaced = replaced_keys(given, tomllib.loads(texts[1]))
+    replaced = replaced_keys({**given, **found}, tomllib.loads(texts[1]))
     said += [f"replaced by values of yours: {', '.join(replaced)}"] if replaced else []
     return found | dict.fromkeys(replaced), said

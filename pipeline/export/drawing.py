@@ -149,7 +149,7 @@ def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
     return points
 
 
-def open_section_svg(dog: Dog, other: Dog, name: str = "the design begun with") -> str:
+def open_section_svg(dog: Dog, other: Dog, name: str = "initial design") -> str:
     """Draw both rings before the shift, dogs over slots, to scale; ``other`` is dashed below."""
     width, height = 860.0, 250.0
     gap, tall = dog.axial_gap / MM, max(dog.height, other.height) / MM
@@ -273,13 +273,10 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         f"axial gap before the shift {size('axial_gap', dog.axial_gap)} mm, "
         f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
         f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
-        "Lengths in mm, to the intersection of faces; in brackets what follows from the "
-        "others. Widths along the circumference at the mean radius,",
-        f"{dog.mean_radius / MM:.2f} mm, where the section is unrolled. In the median plane "
-        f"{wide}, flanks are planes along radial",
-        "lines; tips are narrower inside: "
-        f"{dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at the inner radius.{ridge} General "
-        "tolerances ISO 2768-f.",
+        "Lengths in mm to the intersection of faces, auxiliary ones in brackets; widths at mean",
+        f"radius {dog.mean_radius / MM:.2f} mm (section unrolled). In median plane {wide}, flanks",
+        f"are planes along radial lines; tip {dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at "
+        f"the inner radius.{ridge} General tolerances ISO 2768-f.",
     )
     elements = [
         f'<clipPath id="frame"><rect {frame}/></clipPath><g clip-path="url(#frame)">{part}</g>',

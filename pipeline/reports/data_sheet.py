@@ -26,7 +26,7 @@ from dogshape.pipeline.config.study_file import (
 )
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.record import Bad, Table, number_or_none
+from dogshape.pipeline.record import Bad, Table, number_or_none, percent
 from dogshape.pipeline.reports.designs import Row, confirmation_of, engaged_shifts, margins_of
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
@@ -37,7 +37,6 @@ from dogshape.pipeline.reports.text import (
     margin_cell,
     minus,
     ms_with_error,
-    percent,
     place_name,
 )
 from dogshape.pipeline.simulate.design import (
@@ -278,7 +277,7 @@ def words_of(one: Row) -> dict[str, str]:
         "feasible": "yes" if one["passes"] else Bad(f"no: {', '.join(map(check_name, failed))}"),
         "expected shift time, ms": time,
         "gain over the prototype, ms": ms_with_error(one["gain_s"], one["gain_standard_error_s"]),
-        "worst point less prototype, ms":
+        "worst point minus prototype, ms":
             at_point(one["worst_against_prototype"], "difference_s", "+"),
         "slowest point, ms": at_point(one["slowest_point"], "mean_s"),
         "engage at the first try, least": "-" if engaged is None else percent(engaged),
@@ -328,9 +327,8 @@ def write_sheet(
         origin = {"command": again, "searched by": origin.pop("command"), **origin}
     if path.suffix.lower() == ".json":
         known = {key: text or None for key, text in title.items()}
-        given = {"name": one.title, "time": time, **known, **record}
-        sheet = {**given, "dimensions": dimensions, "checks": own, "provenance": origin}
-        return write_json(path, sheet)
+        sheet = {"name": one.title, "time": time, **known, **record, "dimensions": dimensions}
+        return write_json(path, {**sheet, "checks": own, "provenance": origin})
     sizes = []
     for row in dimensions:
         unit, tolerance = row["unit"], row["tolerance"]
@@ -341,7 +339,7 @@ def write_sheet(
     none = dict.fromkeys(CheckRow.model_fields)
     rows = [CheckRow.model_construct(**{**none, **c, "name": check_name(c["name"])}) for c in own]
     facts = [pair for pair in words_of(record).items() if pair[1] != "-"]
-    page = Report(f"{one.title}: data sheet, {time}", title.pop("why"), compact=True)
+    page = Report(f"{one.title}: data sheet", title.pop("why"), compact=True)
     page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))
     page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, one.title)))
     page.add(f"Dimensions ({record['material']})", Table(("", "", ""), sizes))

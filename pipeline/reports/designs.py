@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from dogshape.pipeline.config.schema import QUANTILE
-from dogshape.pipeline.record import Frame
-from dogshape.pipeline.reports.text import check_name, minus, percent, with_error
+from dogshape.pipeline.record import Frame, percent
+from dogshape.pipeline.reports.text import check_name, minus, with_error
 from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
 
 Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.search.result_schema``

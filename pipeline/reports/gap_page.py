@@ -12,13 +12,14 @@ from markupsafe import Markup
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.outcome import NATS
 from dogshape.diagnosis.report.wording import READINGS, chance, described, headline_of, ms, summary
 from dogshape.diagnosis.terms import NONE, plain
 from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report
-from dogshape.pipeline.reports.text import ENGINES, axis, place_name
+from dogshape.pipeline.reports.text import ENGINES, axis, bound, place_name
 from dogshape.sim.files import write_whole
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
@@ -57,11 +58,9 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
         CellRow(
             mismatch_rpm=cell.point.mismatch / RPM, force_N=cell.point.profile.force,
             shifts=cell.n, engaged=cell.engaged, failed=cell.failed, unknown=cell.unknown,
-            bench_s=cell.time,
+            bench_s=cell.time, simulated_s=point.mean, gap_s=point.gap,
             bench_error_s=number_or_none(spread[k] / cell.n**0.5) if cell.n else None,
-            simulated_s=point.mean,
             simulated_error_s=None if point.mean is None else number_or_none(errors[k]),
-            gap_s=point.gap,
             error_s=None if point.gap is None else number_or_none(point.standard_error),
             z=number_or_none(point.z),
             predicted_s=number_or_none(held_out.mean[k]) if named else None,
@@ -95,7 +94,7 @@ def publish(
     folder.mkdir(parents=True, exist_ok=True)
     title = f"{found.bench.name}: difference between bench and simulation"
     page = Report(title, headline_of(found.verdict, found.effects))
-    page.add("", Markup("<p>{}</p>").format(summary(found)))
+    page.add("", Markup("<p>{}</p>").format(bound(summary(found))))
     page.add("Hypotheses", hypothesis_table(found), inclusion_table(found))
     page.add("Next test", advice_table(found))
     page.add(
@@ -148,7 +147,7 @@ def inclusion_table(found: Diagnosis) -> Table:
     those = [name for name in parts if parts[name] >= MIN_PROBABILITY or name in named]
     rows = [(found.effects[name].plain, chance(parts[name])) for name in those]
     looks = {k: "best" for k, name in enumerate(those) if name in named}
-    return Table(("effect", "probability"), rows, looks, (), "Sum over all hypotheses with it.")
+    return Table(("effect", "probability"), rows, looks, (), "Sum over hypotheses with the effect.")
 
 
 def residual_table(found: Diagnosis) -> Table:
@@ -171,9 +170,9 @@ def residual_table(found: Diagnosis) -> Table:
 def advice_table(found: Diagnosis) -> Table:
     """Tabulate the advised tests with the chances to settle and to mislead, and their work."""
     rows = [
-        (test.name, chance(test.settles), chance(test.misleads), f"{test.information:.2f}",
-         f"{test.hours:.2g}")
-        for test in found.tests[:MAX_ROWS]
+        (test.name, *(chance(one) if test.information >= NATS else "-" for one in both),
+         f"{test.information:.2f}", f"{test.hours:.2g}")
+        for test in found.tests[:MAX_ROWS] for both in [(test.settles, test.misleads)]
     ]  # fmt: skip
     heads = "test", "chance to settle", "to mislead", "information, nats", "work, h"
     return Table(heads, rows, {0: "best"})
@@ -198,7 +197,7 @@ def choice_table(found: Consequence) -> Table:
 def _facts(found: Diagnosis) -> dict[str, str]:
     """List the facts on data set, record and run."""
     bench, record = found.bench, found.to_dict()["record"]
-    shifts, timeless = sum(cell.n for cell in bench.cells), sum(not c.n for c in bench.cells)
+    shifts, bare = sum(cell.n for cell in bench.cells), sum(not c.n for c in bench.cells)
     lost = [
         f"{one.failed} of {one.failed + one.engaged} at {place_name(one.to_dict())}"
         for one in cells_of(found)
@@ -206,8 +205,7 @@ def _facts(found: Diagnosis) -> dict[str, str]:
     ]
     given = {
         "data set": f"{bench.name}; {bench.source}",
-        "operating points": f"{len(bench.cells)}, {timeless or 'none'} without a time; {shifts} "
-        "timed shifts",
+        "operating points": f"{len(bench.cells)}, {bare or 'none'} untimed; {shifts} timed shifts",
         "shifts that did not engage": "; ".join(lost) or "none",
         "record": "; ".join(f"{k}: {v}".replace("_", " ") for k, v in record.items()),
         "corrections": ", ".join(bench.corrections),
@@ -216,7 +214,7 @@ def _facts(found: Diagnosis) -> dict[str, str]:
         ),
         "readings at rest and direct tests": "; ".join(fact.sentence for fact in found.facts),
         "effects considered": ", ".join(effect.plain for effect in found.effects.values()),
-        "practically none": f"a gap below {ms(found.margin_s)}",
+        "negligible": f"a gap below {ms(found.margin_s)}",
         "simulated by": ENGINES[bench.clutch.solver.engine],
         "versions": ", ".join(f"{name} {version}" for name, version in engine().items()),
     }

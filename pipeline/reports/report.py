@@ -16,6 +16,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from dogshape.pipeline.record import Bad, Table
+from dogshape.pipeline.reports.text import bound
 from dogshape.sim.files import naming
 
 #: A caption is a text, ready HTML is marked as such; nothing is left out.
@@ -32,9 +33,9 @@ class Report:
     sections: list[tuple[str, str, list[Table | Markup | str]]] = field(default_factory=list)
 
     def add(self, title: str, *parts: Part) -> Report:
-        """Add a section; one of captions alone is left out."""
+        """Add a section; tables without rows and sections of captions alone are left out."""
         anchor = re.sub(r"\W+", "-", title.lower()).strip("-") or "summary"
-        given = [part for part in parts if part is not None and part != ""]
+        given = [p for p in parts if p is not None and p != "" and getattr(p, "rows", True)]
         body = [
             figure_html(part, f"{anchor}-{place}") if isinstance(part, go.Figure) else part
             for place, part in enumerate(given)
@@ -58,6 +59,7 @@ def write_page(path: Path, template: str, **content: Any) -> None:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=bound,
     )
     for name, kind in (("table", Table), ("markup", Markup), ("bad", Bad)):
         environment.tests[name] = lambda part, kind=kind: isinstance(part, kind)

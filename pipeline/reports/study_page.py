@@ -16,7 +16,7 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import Bad, Table
+from dogshape.pipeline.record import Bad, Table, percent
 from dogshape.pipeline.reports.charts import (
     ENTRY_NOTE,
     effects_figure,
@@ -57,7 +57,6 @@ from dogshape.pipeline.reports.text import (
     margin_cell,
     minus,
     ms_with_error,
-    percent,
     place_name,
     quantile_words,
     time_text,
@@ -216,7 +215,7 @@ def alternatives_table(study: Setup, result: Row) -> Table:
         ])  # fmt: skip
     heads = (
         *("design", *map(axis, study.variables), TIME, *(goal.title for goal in goals)),
-        *("worst point less prototype, ms", *COLUMNS, "less chosen, ms"),
+        *("worst point minus prototype, ms", *COLUMNS, "minus chosen, ms"),
     )
     looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
     texts = [heads.index(column) for column in COLUMNS]
@@ -323,7 +322,7 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
     words = f"All {result['n_simulated_designs']} simulated designs with every column (CSV)"
     return [
         *(front_figure(result, variables, name) for name in others),
-        "No design beats one of the front, named by its number, in every objective. Bars: 95 % "
+        "Front: designs that no other beats in every objective, with their numbers. Bars: 95 % "
         "intervals, at the new angles once confirmed; marks without bars: times of the search. "
         f"Designs far off lie outside; {barred} of {len(trials)} failed before simulation.",
         Markup('<p class="note"><a href="designs.csv">{}</a></p>').format(words),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dogshape.pipeline.record import MINUS, Bad
+from dogshape.pipeline.record import MINUS, Bad, percent
 from dogshape.sim.strength.checks import RULES, safety_factor
-from dogshape.sim.units import short, suffix_of, unit_of
+from dogshape.sim.units import UNITS, short, suffix_of, unit_of
 
 LABELS = {
     "chamfer_deg": "chamfer \N{GREEK SMALL LETTER ALPHA}",
@@ -30,6 +31,9 @@ LABELS = {
 }
 
 
+#: Blanks of quantities: beside a ±, before a unit, and behind the S of a safety factor.
+UNIT = "|".join(map(re.escape, ("±", "%", "dogs", *(one for _, one in UNITS.values() if one))))
+BLANK = re.compile(rf"(?<=\d) (?=(?:{UNIT})(?![\w/]))|(?<=±) |(?<=\bS) (?=\d)|(?<=\d N) (?=[ms]\b)")
 PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 ENGINES = {"drake": "Drake", "planar": "the compiled engine"}  #: words for each engine
 #: Checks, events and loads whose key is no name.
@@ -41,6 +45,11 @@ CHECKS = {
     "strike_mismatch_rpm": "mismatch taken by the hardest strike",
     "residual_mismatch_rpm": "mismatch when the flanks close",
 }
+
+
+def bound(words: Any) -> Any:
+    """Keep a number, its error and its unit on one line, by blanks that do not break."""
+    return words if type(words) not in (str, Bad) else BLANK.sub("\N{NO-BREAK SPACE}", words)
 
 
 def minus(words: str) -> str:
@@ -62,12 +71,6 @@ def with_error(shown: float, error: float, sign: str = "") -> str:
 def ms_with_error(time: float | None, error: float | None, sign: str = "") -> str:
     """Print a time and its standard error, both in s, in ms; a dash where there is none."""
     return "-" if time is None else with_error(1e3 * time, 1e3 * (error or 0.0), sign)
-
-
-def percent(margin: float) -> str:
-    """Print a margin in percent, with decimals where it is small."""
-    digits = 0 if not 5e-5 <= abs(margin) < 0.05 else 1 if abs(margin) >= 0.001 else 2
-    return minus(f"{100 * margin:z.{digits}f} %")
 
 
 def margin_cell(name: str, margin: float | None) -> str:
@@ -114,12 +117,15 @@ def time_text(seconds: float | None, error: float | None = None) -> str:
 
 
 def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
-    """Print the times within which shares of all shifts engage; ``QuantileRow`` has the keys."""
+    """Print the times within which shares of all shifts engage, where twice the error is less.
+
+    ``QuantileRow`` has the keys.
+    """
     return ", ".join(
         f"{100 * one['share']:.4g} % of all shifts take at most "
         f"{time_text(one['time_s'], one['standard_error_s'])}"
         for one in quantiles
-        if one["time_s"] is not None
+        if (one["time_s"] or 0.0) > 2.0 * (one["standard_error_s"] or 0.0)
     )
 
 

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.record import SHARE, Bad, Record, Table, key, number_or_none, tabulate
+from dogshape.pipeline.record import (
+    SHARE,
+    Bad,
+    Record,
+    Table,
+    key,
+    number_or_none,
+    percent,
+    tabulate,
+)
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.strength.checks import GROUPS, Check, safety_factor
 from dogshape.sim.units import RPM
@@ -62,7 +71,7 @@ class PointRow(Record):
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
     )
     sd_s: float = key("standard deviation of the time of a shift", "s", head="sd, ms", **IN_MS)
-    engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form="z.0%")
+    engaged: float = key("share of the shifts that engaged", SHARE, head="engaged")
     n: int = key("number of shifts", head="n", form="d")
     held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
     shiftability: Shiftability | None = key("how shifts enter; null without any", late=True)
@@ -130,7 +139,7 @@ class CheckRow(Record):
     limit: float = key("limit, in `unit`", head="limit")
     unit: str = key("unit of value and limit", head="unit")
     margin: float | None = key(
-        "distance to the limit over the limit; at least 0 passes", "1", head="margin", form="z.0%"
+        "distance to the limit over the limit; at least 0 passes", "1", head="margin"
     )
     passed: bool = key("whether the check passes", head="passed")
     group: str = key("kind of check: `make`, `load`, `lock`, `impact` or `tolerance`")
@@ -140,11 +149,10 @@ class CheckRow(Record):
     source: str = key("source of the limit", head="source")
     limit_key: str = key("key of the study file that sets the limit", head="limit set by")
     margin_worst_case: float | None = key(
-        "margin at worst-case tolerances; null without tolerances or dog", "1", None,
-        head="worst case", form="z.0%",
-    )  # fmt: skip
+        "margin at worst-case tolerances; null without any or a dog", "1", None, head="worst case"
+    )
     margin_root_sum_square: float | None = key(
-        "margin with tolerances as root of the sum of squares", "1", None, head="rss", form="z.0%"
+        "margin with tolerances as root of the sum of squares", "1", None, head="rss"
     )
     ends: str | None = key(
         "ends of ranges at which the margin is smallest; absent without ranges", "", None
@@ -156,12 +164,13 @@ class CheckRow(Record):
 
     def cell(self, name: str) -> str:
         """Print a value: the limit with its sense, what fails as ``Bad``."""
-        text, value = super().cell(name), getattr(self, name)
+        value, margin = getattr(self, name), "margin" in name
+        text = super().cell(name) if not margin or value is None else percent(value)
         if name == "limit":
             return f"{'≤' if self.at_most else '≥'} {text}"
         if name == "passed" and not value:
             return Bad("NO")
-        return Bad(text) if "margin" in name and (value or 0.0) < 0.0 else text
+        return Bad(text) if margin and (value or 0.0) < 0.0 else text
 
 
 def check_record(check: Check) -> dict[str, Any]:
@@ -223,7 +232,7 @@ class BenchPoint(Record):
     simulated_s: float | None = key("mean of engaged shifts", "s", head="simulated, ms", **IN_MS)
     standard_error_s: float | None = key("s.e. of the difference", "s", head="s.e., ms", **IN_MS)
     z: float | None = key("bench less simulated over standard error", "1", head="z", form="+.1f")
-    engaged: float = key("simulated share that engaged", SHARE, head="engaged", form="z.0%")
+    engaged: float = key("simulated share that engaged", SHARE, head="engaged")
     n: int = key("simulated shifts", head="n", form="d")
 
     @classmethod

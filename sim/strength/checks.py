@@ -17,12 +17,12 @@ Group = Literal["make", "load", "lock", "impact", "tolerance", "goal"]
 
 #: What the groups are about, in the order of reports.
 GROUPS: dict[Group, str] = {
-    "make": "can be made",
-    "load": "carries the torque",
-    "lock": "engages and lets go",
-    "impact": "bears dog on dog",
-    "tolerance": "keeps contact within tolerances",
-    "goal": "keeps the study's own limits",
+    "make": "manufacture",
+    "load": "strength",
+    "lock": "engagement and release",
+    "impact": "landing, dog on dog",
+    "tolerance": "contact within tolerances",
+    "goal": "limits of the study",
 }
 
 

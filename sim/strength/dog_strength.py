@@ -125,10 +125,10 @@ def outside_fit(dog: Dog, root_radius: float) -> list[str]:
         ("root width over root radius", width / root_radius, 6.0, 50.0),
         ("height over root width", dog.height / width, 0.35, 1.2),
     ]
-    ratios += [(f"{f} angle in degrees", side_angle(dog, f) / DEG, 0.0, 30.0) for f in FLANKS]
+    ratios += [(f"{f} side angle, deg,", side_angle(dog, f) / DEG, 0.0, 30.0) for f in FLANKS]
     return [
         f"{name} is {value:.4g}, but the root formula was fitted to {low:g} to {high:g}"
-        + (", below which it is 4 to 13 % too low at -4 to -8" if value < low == 0.0 else "")
+        + (" and is 4 to 13 % too low at -4 to -8" if value < low == 0.0 else "")
         for name, value, low, high in ratios
         if not low <= value <= high
     ]

@@ -124,8 +124,8 @@ def test_a_reading_of_the_record_that_decides_is_stated() -> None:
     assert "If " not in summary(diagnosis_of(posterior, readings=(same, same)))
     said = summary(diagnosis_of(posterior, readings=(same, other)))
     assert said.endswith(
-        "If times start with the force (30 %), the answer is: part of the cause: drag torque on "
-        "the sliding ring; the rest is open."
+        "If times start with the force (30 %), the answer is 'Part of the cause: drag torque "
+        "on the sliding ring; the rest is open'."
     )
 
 

@@ -183,8 +183,8 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         "kinds of clutch: amt (30 dogs, 140/124 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
         "chamfer of the face, deg (the MQ200 prototype, thesis table 5) [8]:",
         "slides on, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
-        "mq200_three (15 dogs, 52/44 mm, 200 N m)\n", "is pulled out (all of it) [1]:",
-        "give one of 16MnCr5, 20MnCr5", "forces with which it shifts, N [1500]:",
+        "mq200_three (15 dogs, 52/44 mm, 200 N m)\n", "ring is pulled out (all of it) [1]:",
+        "give one of 16MnCr5, 20MnCr5", "forces of the shifts, N [1500]:",
         "shift force is 1600 N, but the study has a rise time for 1500 N alone",
     ):  # fmt: skip
         assert words in done.stderr

@@ -79,7 +79,7 @@ def test_checks_stand_in_groups_and_failed_ones_are_marked() -> None:
         CheckRow(name="a", group="make", margin=0.5, passed=True, **shared),
     ]
     table = check_table(rows, "name", "limit", "margin", "passed")
-    assert [row[0] for row in table.rows] == ["can be made", "a", "carries the torque", "b"]
+    assert [row[0] for row in table.rows] == ["manufacture", "a", "strength", "b"]
     assert set(table.looks.values()) == {"group"}
     assert table.rows[1][1:] == ["\N{LESS-THAN OR EQUAL TO} 2", "50 %", "yes"]
     assert [isinstance(cell, Bad) for cell in table.rows[3]] == [False, False, True, True]

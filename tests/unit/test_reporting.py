@@ -267,7 +267,7 @@ def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
         searched_record(study, result, result["best"]),
     )
     worst = 1e3 * known["worst_against_prototype"]["difference_s"]
-    assert row["worst point less prototype, ms"].startswith(f"{worst:+.1f} ± ")
+    assert row["worst point minus prototype, ms"].startswith(f"{worst:+.1f} ± ")
     assert row["locks above friction"].startswith(f"{known['locking_friction']:.3f} (")
     assert prototype[-1].startswith(f"+{1e3 * confirmed['gain_s']:.1f} ± ")
     assert (table.looks[0], table.looks[len(others) + 1]) == ("best", "prototype")

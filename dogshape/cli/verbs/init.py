@@ -243,8 +243,9 @@ def ask(question: str, default: Any, choices: Sequence[str] = ()) -> Any:
             return text.strip()
         numbers = [meant_number(word.rstrip(";")) for word in text.split()]
         if not numbers or None in numbers or (not many and len(numbers) > 1):
-            kind = "numbers with blanks between" if many else "a number"
-            raise typer.BadParameter(f"give {kind}")
+            raise typer.BadParameter(
+                f"give {'numbers with blanks between' if many else 'a number'}"
+            )
         if isinstance(default, int) and numbers[0] != round(numbers[0] or 0.0):
             raise typer.BadParameter("give a whole number")
         return numbers if many else type(default)(numbers[0])

@@ -30,7 +30,7 @@
     }
     const numbers = Object.entries(NUMBERS).map(([name, [unit, decimals]]) =>
       name.split("_").slice(0, -1).join(" ") + " " + values[name].toFixed(decimals)
-        .replace(/^-(0\.?0*)$/, "$1").replace("-", "\u2212") + " " + unit);
+        .replace(/^-(0\.?0*)$/, "$1").replace("-", "\u2212") + "\u00a0" + unit);
     text.textContent = [(1e3 * now).toFixed(2) + " ms", phase.name, ...numbers].join(", ");
     scrub.value = before = now;
   }
