@@ -91,7 +91,7 @@ USE = {
     TORQUE: "rated torque at the dogs, N m",
     RADIUS: "radius of the toothing that the ring slides on, mm",
     DRAG: "drag torque on the sliding ring, N m",
-    HELD: "force of latch or detent on the engaged ring, N (0: not judged)",
+    HELD: "force of latch or detent on the engaged ring, N; 0: unknown",
     SHARE: "share of the torque at which the ring is pulled out",
     "load.shifts": "shifts over the life",
     MATERIAL: "material",

@@ -332,7 +332,7 @@ def write_sheet(
     sizes = []
     for row in dimensions:
         unit, tolerance = row["unit"], row["tolerance"]
-        size = minus(f"{row['value']:.2f} {unit}") if unit else f"{row['value']}"
+        size = minus(f"{row['value']:.2f} {unit}") if unit else f"{row['value']:.4g}"
         within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
         sizes.append((check_name(label(row["key"])), size, within))
     columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")

@@ -250,7 +250,7 @@ def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:
     """List the facts of the other designs that were confirmed, or not."""
     best, confirmed = result["best"], confirmed_designs(result)
     failed = [trial for trial in failed_at_new_angles(result) if trial != best["trial"]]
-    if out := [f"{trial}: {failed_words(confirmed[trial])}" for trial in failed]:
+    if out := [f"design {trial}: {failed_words(confirmed[trial])}" for trial in failed]:
         yield "designs out, failed at the new angles", "; ".join(out)
     for trial, one in confirmed.items():
         if one.get("agrees") is False:

@@ -147,9 +147,9 @@ def prices_table(rows: list[Row]) -> Table:
             lines.append((rule is None or not rule.assumed, -worth, line))
     heads = "limit", "as it is", "a tenth less, ms", "as it is, ms", "a tenth more, ms"
     note = (
-        "Best expected shift time that the surrogate predicts of any design which keeps all other "
-        "limits, if one were another. Limits that are not listed cost nothing. Without landing and "
-        "other simulated limits, and without the surrogate's error."
+        "Least expected shift time, predicted by the surrogate, of all designs within the limits, "
+        "with one limit changed. Limits that are not listed cost nothing. Landing, other simulated "
+        "limits and the error of the surrogate are left out."
     )
     lines.sort(key=lambda one: one[:2])
     cells, looks = list[list[str]](), dict[int, str]()
