@@ -66,8 +66,8 @@ def layout(config: Setup, numbers: Sequence[Number], front: Figure | None) -> ht
     where = {"all": f"all {len(config.points)} operating points of the study",
              "one": "one operating point"}  # fmt: skip
     aside = html.Aside([
-        html.H2("Dogs"), html.Button("back to the study's own", id="back"), *fields["dog"],
-        html.H2("Shifted at"), dcc.RadioItems(where, "all", id="where"), *fields["point"],
+        html.H2("Dogs"), html.Button("reset to the study", id="back"), *fields["dog"],
+        html.H2("Operating points"), dcc.RadioItems(where, "all", id="where"), *fields["point"],
         html.H2("Friction"), *fields["friction"],
         html.H2("Single shift"), *fields["shift"], html.P(id="shift-link"),
     ])  # fmt: skip

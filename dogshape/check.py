@@ -254,7 +254,7 @@ def _retries(found: Expected | None, config: Setup, shifts: int = 0) -> list[str
         return [config.unseen_failures(shifts)] if shifts else []
     bare, error = found.without_retries
     return [
-        f"failed attempts are {percent(found.retries / found.time)} of it: without retries "
+        f"failed attempts take {percent(found.retries / found.time)} of the time: without retries "
         f"{time_text(bare, 1.96 * error)}, retries "
         f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %); {config.retry_text}"
     ]

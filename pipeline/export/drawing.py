@@ -274,9 +274,9 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
         f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
         "Lengths in mm to the intersection of faces, auxiliary ones in brackets; widths at mean",
-        f"radius {dog.mean_radius / MM:.2f} mm (section unrolled). In median plane {wide}, flanks",
-        f"are planes along radial lines; tip {dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at "
-        f"the inner radius.{ridge} General tolerances ISO 2768-f.",
+        f"radius {dog.mean_radius / MM:.2f} mm (section unrolled). In the median plane {wide},",
+        f"flanks are planes along radial lines; tip {dog.tip_width_at(dog.inner_radius) / MM:.2f}"
+        f" mm at the inner radius.{ridge} General tolerances ISO 2768-f.",
     )
     elements = [
         f'<clipPath id="frame"><rect {frame}/></clipPath><g clip-path="url(#frame)">{part}</g>',

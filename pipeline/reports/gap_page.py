@@ -175,7 +175,8 @@ def advice_table(found: Diagnosis) -> Table:
         for test in found.tests[:MAX_ROWS] for both in [(test.settles, test.misleads)]
     ]  # fmt: skip
     heads = "test", "chance to settle", "to mislead", "information, nats", "work, h"
-    return Table(heads, rows, {0: "best"})
+    note = "Dash: the outcome would not change the probabilities." * any("-" in row for row in rows)
+    return Table(heads, rows, {0: "best"}, (), note)
 
 
 def choice_table(found: Consequence) -> Table:
