@@ -84,10 +84,11 @@ class Checked(Result):
         """Give the table of checks, verdict, warnings and the force on the blocking mechanism."""
         weakest = smallest_margin(self.design.checks)
         verdict = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
+        open_ones = ", before its landing is simulated" if self.design.not_checked else ""
         unheld = ""
         if self.blocking_force_N > 0.0 and self.config.limits.load.separating_force_limit is None:
             unheld = f"; not judged, give its own force: {UNJUDGED['separating_force']}"
-        open_ones = ", before its landing is simulated" if self.design.not_checked else ""
+            open_ones += f", if latch or detent hold {self.blocking_force_N:.0f} N" * self.feasible
         return [
             check_table(self.rows),
             "",

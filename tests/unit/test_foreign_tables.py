@@ -168,6 +168,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...], list[str], tuple[str, ...]]] = {
               ("engaged=ok:gut=yes,hängt=no",)),
     "units in cells": ("dn,F,t_shift\n50 rpm,0.469 kN,116\n60 rpm,0.5 kN,103\n", (), ["number"],
                        ()),
+    "below 0": ("dn,F,t [ms]\n50,469,-96\n60,469,103\n", (), ["is -96 ms, but must be a time"], ()),
     "hours": (OMEGA.replace("domega", "dn"), ("shift_time_s=t_shift:hours",),
               ["the unit of shift_time_s is 'hours'"], ()),
     "angular": (OMEGA, ("mismatch_rpm=domega",), ["revolutions or radians", "rad/s"],

@@ -88,12 +88,12 @@ def test_checks_stand_in_groups_and_failed_ones_are_marked() -> None:
 def test_a_report_is_built_of_sections(tmp_path: Path) -> None:
     page = Report("rig <b>7</b>", "Found & named")
     page.add("", Table(("", ""), [("fact", Bad("wrong"))]))
-    page.add("Front <i>", Table(("a", "b"), [("1", "2\n3")], {0: "best"}), "a caption")
+    page.add("Front <i>", Table(("a", "b"), [("1 ± 2 ms, S 3", "2\n3")], {0: "best"}), "a caption")
     page.add("Nothing", None, "a caption of nothing")
     page.save(tmp_path / "page.html")
     text = (tmp_path / "page.html").read_text()
     for words in (
-        "rig &lt;b&gt;7&lt;/b&gt;", "Found &amp; named", '<section id="front-i">', "2<br>3",
+        "rig &lt;b&gt;7&lt;/b&gt;", "Found &amp; named", '<section id="front-i">', "2<br>3", "±\xa02\xa0ms",
         '<a href="#front-i">', '<tr class="best">', '<p class="note">a caption</p>', "bad",
     ):  # fmt: skip
         assert words in text
