@@ -288,7 +288,7 @@ def words_of(one: Row) -> dict[str, str]:
         "locks above friction":
             f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})" if surface
             else "-",
-        "length, mm": f"{one['axial_length_mm']:.2f}",
+        "axial length, root to root, mm": f"{one['axial_length_mm']:.2f}",
     }  # fmt: skip
 
 
