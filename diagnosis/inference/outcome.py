@@ -168,8 +168,8 @@ class NextTest:
     @property
     def why(self) -> str:
         """Sentences of the test, its chance to settle the cause and its cost."""
-        chance = f" Chance to settle the cause: {100.0 * self.settles:.0f} %"
-        return f"{self.how}{chance * (self.information >= NATS)} ({number(self.hours)} h of work)."
+        chance = f" Chance to settle the cause: {100.0 * self.settles:.0f} %."
+        return f"{self.how}{chance * (self.information >= NATS)} Work: {number(self.hours)} h."
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record ``next_test``."""

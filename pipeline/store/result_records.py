@@ -71,7 +71,7 @@ class PointRow(Record):
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
     )
     sd_s: float = key("standard deviation of the time of a shift", "s", head="sd, ms", **IN_MS)
-    engaged: float = key("share of the shifts that engaged", SHARE, head="engaged")
+    engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form="z.0%")
     n: int = key("number of shifts", head="n", form="d")
     held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
     shiftability: Shiftability | None = key("how shifts enter; null without any", late=True)
@@ -232,7 +232,7 @@ class BenchPoint(Record):
     simulated_s: float | None = key("mean of engaged shifts", "s", head="simulated, ms", **IN_MS)
     standard_error_s: float | None = key("s.e. of the difference", "s", head="s.e., ms", **IN_MS)
     z: float | None = key("bench less simulated over standard error", "1", head="z", form="+.1f")
-    engaged: float = key("simulated share that engaged", SHARE, head="engaged")
+    engaged: float = key("simulated share that engaged", SHARE, head="engaged", form="z.0%")
     n: int = key("simulated shifts", head="n", form="d")
 
     @classmethod
