@@ -133,11 +133,11 @@ def tests() -> tuple[Any, ...]:
     return (
         SimpleNamespace(
             name="traces of 10 shifts at 5 1/min and 235.2 N", kind="traces", effects=(), hours=2.2,
-            information=0.9, settles=0.55, misleads=0.02, why="Record them (2.2 h of work).",
+            information=0.9, settles=0.55, misleads=0.02, why="Record them. Work: 2.2 h.",
         ),
         SimpleNamespace(
             name="run-down of the sliding ring", kind="direct", effects=("drag_torque",), hours=1.0,
-            information=0.0, settles=0.0, misleads=0.0, why="Turn it (1 h of work).",
+            information=0.0, settles=0.0, misleads=0.0, why="Turn it. Work: 1 h.",
         ),
     )  # fmt: skip
 
