@@ -105,7 +105,7 @@ def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -
     (own,) = c["designs"]
     c["designs"] = [{"trial": 1, **c["best"], "checks": [check]}, own]
     said = "designs out, failed at the new angles"
-    assert dict(facts_of(few, result))[said].startswith("1: edge pressure impact")
+    assert dict(facts_of(few, result))[said].startswith("design 1: edge pressure")
     c["best"]["checks"] = own["checks"] = [check]
     found = dict(facts_of(few, result))
     assert found["fails at the new angles"].startswith("edge pressure impact")
