@@ -32,7 +32,7 @@ def test_a_check_works_without_any_results(dogshape: Call) -> None:
     assert low < PROTOTYPE < high
     assert not said.json["missed_by_surrogate"]
     text = dogshape("check", "mq200_paper", "--mismatch-rpm", 80, "--force-N", 300).out
-    assert "next simulated design" in text
+    assert "nearest simulated design" in text
 
 
 def test_a_copy_of_the_study_has_it_by_its_physics(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def test_closed_form_outside_its_fit_stays_safe_and_says_so(
     assert outside_fit(dog, 0.3e-3)
     assert not outside_fit(prototype, 0.3e-3)
     (undercut,) = outside_fit(replace(prototype, traction=-4.0 * DEG), 0.3e-3)
-    assert undercut.endswith("below which it is 4 to 13 % too low at -4 to -8")
+    assert undercut.endswith("and is 4 to 13 % too low at -4 to -8")
 
 
 def test_load_sharing_acts_as_the_factors_of_a_published_spline(prototype: Dog) -> None:
