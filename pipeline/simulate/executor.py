@@ -91,6 +91,8 @@ class Executor:
         for rows in found:
             self.journal.add(rows)
             self.progress(len(rows), 0)
+        if left:  # once: the disk takes longer for a block than its shifts
+            self.journal.sync()
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
     def forget(self, kept: Collection[str] = ()) -> None:

@@ -53,12 +53,15 @@ class ShiftJournal:
         return list(new.values())
 
     def add(self, rows: Iterable[Record]) -> None:
-        """Take up rows that a worker has already written; from now on a power cut leaves them."""
+        """Take up rows that a worker has already written."""
+        self.rows.update((row["key"], row) for row in rows)
+
+    def sync(self) -> None:
+        """Put what is written on the disk; from now on a power cut leaves it."""
         if self.path.exists():
             with _alone_in(self.path) as descriptor:
                 os.fsync(descriptor)
                 sync_folder(self.path.parent)
-        self.rows.update((row["key"], row) for row in rows)
 
     def drop(self, keys: Collection[str]) -> None:
         """Remove shifts whose results are stored elsewhere; StorageError as ``append``.
