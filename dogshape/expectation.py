@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from dogshape.pipeline.config.study_file import (
     EVERYWHERE,
@@ -49,7 +49,7 @@ TIME = "expected_shift_time_s"
 LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
 TAILS = 0.05, 0.95  #: of the interval over draws
 MIN_ANGLES = 3  #: at an operating point of a draw, of which fewer tell no error
-COMMON = norm.ppf((np.arange(50) + 0.5) / 50)  #: deviations of what all draws err by
+COMMON = ndtri((np.arange(50) + 0.5) / 50)  #: deviations of what all draws err by
 
 
 @dataclass(frozen=True, repr=False)

@@ -16,8 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +98,7 @@ class Distribution(Section):
             if not kept:
                 yield f".{name} is {given.get(name, low):.6g}, but it must {rule}"
         if kind in CUT and not {"low", "high"}.isdisjoint(given):
-            below, above = _curve(self).cdf(self.bounds)
+            below, above = map(NormalDist().cdf, self._ends)
             if above - below < LEAST:
                 what = f"next to nothing of the {self.distribution} distribution"
                 yield f": {what} lies between its low and high; widen them"
@@ -122,27 +121,33 @@ class Distribution(Section):
         numbers = (f"{name} {value:.12g}" for name, value in self.given.items())
         return ", ".join([self.distribution, *numbers])
 
+    @property
+    def _ends(self) -> Values:
+        """Bounds of a normal or lognormal as deviates of the standard normal distribution, (2,)."""
+        given, ends = self.given, np.array(self.bounds)
+        if self.distribution == "normal":
+            return np.array((ends - given["mean"]) / given["sd"])
+        with np.errstate(divide="ignore"):
+            return np.array(np.log(ends / given["median"]) / math.log(given["factor"]))
+
     def at(self, shares: Values) -> Values:
         """Return the values below which so large ``shares`` of the distribution lie, (n,)."""
-        curve = _curve(self)
-        low, high = curve.cdf(self.bounds)
-        return np.clip(curve.ppf(low + shares * (high - low)), *self.bounds)
+        from scipy.special import ndtr, ndtri  # noqa: PLC0415  slow to load, and only draws need it
 
-
-@lru_cache(maxsize=16)  # scipy takes a millisecond to make one
-def _curve(one: Distribution) -> Any:
-    """Return a distribution without its truncation, as scipy has it."""
-    from scipy import stats  # noqa: PLC0415  slow to load, and a certain study does without
-
-    if one.distribution == "normal":
-        return stats.norm(one.mean, one.sd)
-    if one.distribution == "lognormal":
-        return stats.lognorm(math.log(one.factor or 0.0), scale=one.median)
-    low, high = one.bounds
-    if one.distribution == "uniform":
-        return stats.uniform(low, high - low)
-    mode = one.mode if one.mode is not None else low
-    return stats.triang((mode - low) / (high - low), low, high - low)
+        (least, most), given = self.bounds, self.given
+        low, high = ndtr(self._ends) if self.distribution in CUT else (0.0, 1.0)
+        found = low + shares * (high - low)
+        if self.distribution == "normal":
+            found = ndtri(found) * given["sd"] + given["mean"]
+        elif self.distribution == "lognormal":
+            found = np.exp(math.log(given["factor"]) * ndtri(found)) * given["median"]
+        else:
+            if self.distribution == "triangular":
+                top = (given["mode"] - least) / (most - least)
+                after = 1.0 - np.sqrt((1.0 - top) * (1.0 - found))
+                found = np.where(found < top, np.sqrt(top * found), after)
+            found = found * (most - least) + least
+        return np.clip(found, least, most)
 
 
 def sobol_shares(count: int, dimensions: int, seed: int) -> Values:
