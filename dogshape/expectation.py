@@ -31,7 +31,6 @@ from dogshape.pipeline.record import (
     percent,
     tabulate,
 )
-from dogshape.pipeline.reports.charts import shiftability_figure, times_by_point
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import Where
@@ -68,9 +67,8 @@ class Expectation(Result):
             return []
         return [
             f"warning: precision not reached: relative standard error {share:.3g}, wanted "
-            f"{wanted:.3g} ({share - wanted:.3g} more), with "
-            f"{max(point.n for point in self.mean.points)} angles at each operating point; give a "
-            "larger number of angles instead"
+            f"{wanted:.3g} ({share - wanted:.3g} more), with {max(p.n for p in self.mean.points)} "
+            "angles at each operating point; give a larger number of angles instead"
         ]
 
     @property
@@ -131,6 +129,8 @@ class Expectation(Result):
 
     def plot_shiftability(self) -> Figure:
         """Map direct entry over mismatch and force, and over mismatch and relative angle."""
+        from dogshape.pipeline.reports.charts import shiftability_figure  # noqa: PLC0415  slow to load
+
         return shiftability_figure({"": (self.to_dict()["points"], self.config.clutch.dog.count)})
 
     def to_dict(self) -> dict[str, Any]:
@@ -144,6 +144,8 @@ class Expectation(Result):
 
     def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""
+        from dogshape.pipeline.reports.charts import times_by_point  # noqa: PLC0415  slow to load
+
         return times_by_point(self.to_dict()["points"], {"mean": ("mean_s", "standard_error_s")})
 
     def to_frame(self) -> Frame:

@@ -674,13 +674,10 @@ def advance(
         worst = _worst(h, k3, plain, tolerance)
         if worst <= 1.0:
             time = stop if last else time + h
-            state[:] = trial
-            k1[:] = k4
-            states[count] = trial
-            times[count] = time
+            state[:], k1[:] = trial, k4
+            times[count], states[count] = time, trial
             count += 1
-            age = KEPT if last else age + 1
-            touch = touches
+            age, touch = KEPT if last else age + 1, touches
             mode[TOUCHED] = mode[TOUCHED] + 1.0 if touch else 0.0
             why = _reached(last, time, state, before, until, plain, knots)
             if why != PAUSED:
@@ -981,8 +978,7 @@ def passed_over(times, states, touches, planes, plain):
 @compiled
 def _marks(times, states, touches, faces, end, plain):
     """Find the ends of free flight and face contact and the start of seating, s."""
-    first = met = seat = end
-    last = -1.0
+    first, met, seat, last = end, end, end, -1.0
     for i in range(times.size - 1, -1, -1):
         if states[i, 1] >= plain[GAP]:
             met = times[i]

@@ -202,11 +202,10 @@ def _simulated(nominal: Setup, params: Params, rows: Rows, beside: Expectation |
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
     simulated = Shifts(study, dog, checks, expectation, rows, beside)
     estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
-    limited = {name: estimates[name].value for name in simulated_limits(study)}
     # Shifts whose integration failed say nothing of engagement.
     share = min((p.timed for p in expectation.points if p.n), default=1.0)
     shifts = [shift for mine in rows for shift in mine]
-    measured = Measured(demand, limited, share)
+    measured = Measured(demand, {k: estimates[k].value for k in simulated_limits(study)}, share)
     x = rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows))
     return Simulated(expectation, measured, x, estimates, len(shifts), failures(shifts))
 
@@ -247,8 +246,7 @@ def expectation_of(study: Setup, points: Points, rows: Rows, even: bool = True) 
         shifts.append(study.set_point.freed([result_of(row) for row in mine]))
         one = expect_point(point, shifts[-1], *lost, even=even)
         found.append(replace(one, by_angle=entries_by_angle(mine)))
-    weights = [point.weight for point in points]
-    levels = study.file.search.quantile, RARE
+    weights, levels = [point.weight for point in points], (study.file.search.quantile, RARE)
     quantiles = {share: time_quantile(weights, shifts, share, *lost) for share in levels}
     return replace(expect(found), quantiles=quantiles)
 

@@ -42,6 +42,7 @@ PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 MANY = 100  #: blocks that a cluster is sent at once
 LOOK = 1.0  #: s between looks whether the parent is alive
 LEAK = int(1.5e9)  #: bytes by which a worker may grow
+FEW = 3000  #: compiled shifts that threads end sooner than processes, which start slowly
 TRIES = 3  #: times that workers may die one after the other without a shift finished
 
 # The pool replaces a worker that has grown by plants and compiled code, and loses nothing by it.
@@ -68,6 +69,7 @@ class Executor:
     progress: Advance = UNSEEN
     cluster: str | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
+    _asked: int = field(default=0, init=False, repr=False)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         """Return the records of every block, in the order of its angles.
@@ -81,6 +83,7 @@ class Executor:
         if known:
             self.progress(len(known), len(known))
         left = self._unfinished(blocks)
+        self._asked += sum(len(block.angles) for block in left)
         jobs = min(workers_of(self.jobs), len(left))
         if left and self.cluster is not None:
             found = self._on_cluster(left, self.cluster)
@@ -116,10 +119,12 @@ class Executor:
         tries = TRIES
         while blocks:
             known = len(self.journal.rows)
+            few = self._asked < FEW and all(b.clutch.solver.engine == "planar" for b in blocks)
+            work, how = (_work, {}) if few else (_work_alone, {"inner_max_num_threads": 1})
             try:
-                with parallel_config(backend="loky", inner_max_num_threads=1):
+                with parallel_config("threading" if few else "loky", **how):
                     pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-                yield from pool(delayed(_work_alone)(block, self.journal.path) for block in blocks)
+                yield from pool(delayed(work)(block, self.journal.path) for block in blocks)
             except TerminatedWorkerError as error:
                 yield self.journal.read_new()
                 tries = tries - 1 if len(self.journal.rows) == known else TRIES

@@ -264,9 +264,7 @@ class Clutch:
             kernel.BACKS: 2.0 * dog.back_width, kernel.BACK_SLOPE: math.tan(dog.chamfer_back),
             kernel.HEIGHT: dog.height, kernel.GAP: dog.axial_gap, kernel.LENGTH: dog.radial_width,
         }  # fmt: skip
-        numbers = np.zeros(kernel.NUMBERS)
-        numbers[list(places)] = list(places.values())
-        return numbers
+        return np.array([places.get(place, 0.0) for place in range(kernel.NUMBERS)])
 
     def refined(self) -> Clutch:
         """Return the same clutch with a tolerance thirty times smaller and half the step."""

@@ -131,9 +131,8 @@ def unfinished(record: Record) -> bool:
 
 def result_of(record: Record) -> ShiftResult:
     """Extract outcome, time, and the rest of a blocked shift from a record."""
-    rest = record.get("rest_overlap_deg")
-    outcome, time = Outcome(record["outcome"]), record["shift_time_s"]
-    return ShiftResult(outcome, time, None if rest is None else rest * DEG)
+    rest, outcome = record.get("rest_overlap_deg"), Outcome(record["outcome"])
+    return ShiftResult(outcome, record["shift_time_s"], None if rest is None else rest * DEG)
 
 
 def landing_of(record: Record) -> tuple[float, ...]:

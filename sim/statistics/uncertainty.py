@@ -118,8 +118,7 @@ class Distribution(Section):
     @property
     def text(self) -> str:
         """Description in words that tell any two distributions apart."""
-        numbers = (f"{name} {value:.12g}" for name, value in self.given.items())
-        return ", ".join([self.distribution, *numbers])
+        return ", ".join([self.distribution, *(f"{k} {v:.12g}" for k, v in self.given.items())])
 
     @property
     def _ends(self) -> Values:
@@ -127,8 +126,8 @@ class Distribution(Section):
         given, ends = self.given, np.array(self.bounds)
         if self.distribution == "normal":
             return np.array((ends - given["mean"]) / given["sd"])
-        with np.errstate(divide="ignore"):
-            return np.array(np.log(ends / given["median"]) / math.log(given["factor"]))
+        ends = np.log(np.maximum(ends / given["median"], 1e-300))  # the least bound is 0
+        return np.array(ends / math.log(given["factor"]))
 
     def at(self, shares: Values) -> Values:
         """Return the values below which so large ``shares`` of the distribution lie, (n,)."""
