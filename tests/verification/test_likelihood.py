@@ -18,7 +18,7 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
 from tests.made_up import small_model
 
-DATA = np.concatenate([np.linspace(-0.6, 0.0, 150, endpoint=False), np.linspace(0.0, 1.4, 900)])
+DATA = np.concatenate([np.linspace(-0.6, 0.0, 75, endpoint=False), np.linspace(0.0, 1.4, 450)])
 
 
 @cache
