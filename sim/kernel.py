@@ -425,8 +425,7 @@ def _forces(state, plain, surfaces, law, work):
 @inlined
 def _motion(push, along, about, state, out, plain):
     """Write the rates of a state (12,) into ``out``: ``push`` of the actuator, contact's forces."""
-    way, speed = state[1], state[4]
-    behind = 0.0
+    way, speed, behind = state[1], state[4], 0.0
     if way < -plain[REBOUND]:
         behind = max(plain[STOP] * (-plain[REBOUND] - way) * (1.0 - STOP_LOSS * speed), 0.0)
     drive = push
@@ -740,8 +739,8 @@ def stays_held(states, span, left, plain):
     grown = plain[RADIUS] * abs(last[3] - last[5] - first[3] + first[5])
     turned = turning * left + 0.5 * grown / span * left * left
     made = sliding * left + 0.5 * abs(last[4] - first[4]) / span * left * left
-    angle, way = last[0] - last[2], last[1]
-    free = np.inf  # slip that would free a face from a face
+    # The last one: slip that would free a face from a face.
+    angle, way, free = last[0] - last[2], last[1], np.inf
     if faces_meet(angle, way, plain):
         overlap, most, _ = facing(face_overlap(angle, plain), plain)
         free = min(overlap, most - overlap)
@@ -1101,8 +1100,7 @@ def _line_loads(force, torque, overlap, faces, classes, plain):
         if faces[i] and force[i] > abs(torque[i]) / plain[RADIUS]:
             # Past the middle the edge of the flank parts the faces.
             over, most, _ = facing(overlap[i], plain)
-            least = min(over, most - over)
-            place = 0
+            least, place = min(over, most - over), 0
             while place + 1 < classes.size and classes[place + 1] <= least:
                 place += 1
             largest[place] = max(largest[place], force[i] / (plain[DOGS] * plain[LENGTH]))

@@ -135,18 +135,17 @@ class Distribution(Section):
 
         (least, most), given = self.bounds, self.given
         low, high = ndtr(self._ends) if self.distribution in CUT else (0.0, 1.0)
-        found = low + shares * (high - low)
+        u = low + shares * (high - low)
         if self.distribution == "normal":
-            found = ndtri(found) * given["sd"] + given["mean"]
+            u = ndtri(u) * given["sd"] + given["mean"]
         elif self.distribution == "lognormal":
-            found = np.exp(math.log(given["factor"]) * ndtri(found)) * given["median"]
+            u = np.exp(math.log(given["factor"]) * ndtri(u)) * given["median"]
         else:
             if self.distribution == "triangular":
                 top = (given["mode"] - least) / (most - least)
-                after = 1.0 - np.sqrt((1.0 - top) * (1.0 - found))
-                found = np.where(found < top, np.sqrt(top * found), after)
-            found = found * (most - least) + least
-        return np.clip(found, least, most)
+                u = np.where(u < top, np.sqrt(top * u), 1.0 - np.sqrt((1.0 - top) * (1.0 - u)))
+            u = u * (most - least) + least
+        return np.clip(u, least, most)
 
 
 def sobol_shares(count: int, dimensions: int, seed: int) -> Values:
