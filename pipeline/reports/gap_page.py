@@ -169,10 +169,11 @@ def residual_table(found: Diagnosis) -> Table:
 
 def advice_table(found: Diagnosis) -> Table:
     """Tabulate the advised tests with the chances to settle and to mislead, and their work."""
+    some = [t for k, t in enumerate(found.tests[:MAX_ROWS]) if not k or t.information >= NATS]
     rows = [
         (test.name, *(chance(one) if test.information >= NATS else "-" for one in both),
          f"{test.information:.2f}", f"{test.hours:.2g}")
-        for test in found.tests[:MAX_ROWS] for both in [(test.settles, test.misleads)]
+        for test in some for both in [(test.settles, test.misleads)]
     ]  # fmt: skip
     heads = "test", "chance to settle", "to mislead", "information, nats", "work, h"
     note = "Dash: the outcome would not change the probabilities." * any("-" in row for row in rows)
