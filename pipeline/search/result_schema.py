@@ -86,7 +86,7 @@ class Confirmation(Record):
     angles: int = key("relative angles at each operating point")
     prototype: ConfirmedDesign = key("the study's own design")
     chosen: int = key(
-        "trial of the chosen design: first of the front by the search; where none passes, of all"
+        "trial of the chosen design, whose 95 % interval ends first at the new angles"
     )
     best: ConfirmedDesign = key("the chosen design")
     designs: list[ConfirmedDesign] = key("all designs, in the order of the search")

@@ -243,9 +243,8 @@ def ask(question: str, default: Any, choices: Sequence[str] = ()) -> Any:
             return text.strip()
         numbers = [meant_number(word.rstrip(";")) for word in text.split()]
         if not numbers or None in numbers or (not many and len(numbers) > 1):
-            raise typer.BadParameter(
-                f"give {'numbers with blanks between' if many else 'a number'}"
-            )
+            kind = "numbers with blanks between" if many else "a number"
+            raise typer.BadParameter(f"give {kind}")
         if isinstance(default, int) and numbers[0] != round(numbers[0] or 0.0):
             raise typer.BadParameter("give a whole number")
         return numbers if many else type(default)(numbers[0])
