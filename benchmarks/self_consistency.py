@@ -276,6 +276,7 @@ def print_figures(found: Sequence[Answer]) -> None:
         ("truth in the 50 % set", [in_set(a, 0.5) for a in found]),
         ("leading hypothesis is the truth", [hit for _, hit in hits]),
         ("the same, a pair leads", [tuple(a.leading) == cause_of(a) for a in pairs]),
+        ("named: the whole truth", [_right(a) for a in found if a.verdict == "effect"]),
         ("true sizes in 90 % intervals", abs(ranks - 0.5) < 0.45),
         ("predictive p below 0.05", ps < 0.05),
         ("predictive p below 0.01", ps < 0.01),
