@@ -44,8 +44,8 @@ def test_report_in_a_browser_and_on_paper(reported: Finished, tmp_path: Path) ->
             "[...document.querySelectorAll('a[href^=shifts]')].map(a => a.getAttribute('href'))"
         )
         printed = browser.print_pdf()
-    for words in ("prototype", "tip width", "versions", "by angle", "% within", "worst point"):
-        assert words in text
+    for part in ("prototype", "tip width", "versions", "by angle", "% within", "worst point minus"):
+        assert part in text
     assert 4 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
     boxes = set(re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed))
     assert {tuple(round(float(side)) for side in box.split()) for box in boxes} == {

@@ -186,10 +186,8 @@ def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:
     late = EFFECTS["actuation_delay"].apply(setting, {"delay_s": 0.1})
     rubbing = EFFECTS["sleeve_friction"].apply(setting, {"friction_N": 20.0})
     angles = (0.2094395102393195,)
-    done: list[int] = []
-    runner = Executor(
-        ShiftJournal(tmp_path / "shifts.jsonl"), jobs=1, progress=lambda some, _: done.append(some)
-    )
+    journal, done = ShiftJournal(tmp_path / "shifts.jsonl"), list[int]()
+    runner = Executor(journal, jobs=1, progress=lambda some, _: done.append(some))
     rows = runner.run([one.block(angles) for one in (setting, late, rubbing)])
     assert len(runner.journal.rows) == 2
     assert late.time_of(rows[1][0]) == pytest.approx(rows[0][0]["shift_time_s"] + 0.1)

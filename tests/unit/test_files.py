@@ -11,9 +11,12 @@ from unittest.mock import Mock
 
 import pytest
 
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import ShiftJournal, append, require_targets, write_json
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
+from dogshape.sim.statistics.blocks import even_blocks
 from tests.conftest import Call
 
 ROW = {"outcome": "engaged", "shift_time_s": 0.1, "landing_loads_N_mm": [0.0]}
@@ -85,11 +88,10 @@ def test_a_file_that_cannot_be_forced_to_the_disk_leaves_the_old_one(
 
 
 def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small_study: Setup
 ) -> None:
     """Nothing rests on a shift that a power cut would take away."""
-    path = tmp_path / "shifts.jsonl"
-    row = {"key": "a", **ROW}
+    path, row = tmp_path / "shifts.jsonl", {"key": "a", **ROW}
     journal, disk = ShiftJournal(path), Disk(monkeypatch)
     append(path, row)
     journal.sync()
@@ -99,7 +101,7 @@ def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
     assert disk.calls[3:] == disk.calls[:3]
     monkeypatch.setattr("os.fsync", failing(errno.EIO))
     with pytest.raises(StorageError, match=r"shifts\.jsonl cannot be written \(Input/output error"):
-        journal.sync()
+        Executor(journal, 1).run(even_blocks(small_study.clutch, small_study.points[:1], 1, 1))
 
 
 def test_shifts_kept_elsewhere_leave_the_journal_and_others_stay(tmp_path: Path) -> None:

@@ -226,14 +226,20 @@ def test_own_mismatch_and_force_replace_the_points_of_the_kind(
     assert "operating.points = 8 values" in _begun(dogshape, origin="amt")[0].json["assumed"][0]
     assert len(load_study("ev_disconnect", [own[0], "operating.force_N=[320]"]).points) == 2
     said = dogshape("init", "study", "--like", "amt", "--yes", "--set", own[1])
-    assert "(--set operating.points=), or set operating.mismatch_rpm and" in said.sentence
+    assert "remove one of the two (--set operating.points=), or set operating.mismatch_rpm and" in (
+        said.sentence
+    )
     with pytest.raises(ds.InputError, match=r'\{"operating.points": None\}'):
         ds.Study("amt", {"operating.force_N": [600.0]})
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    typed = "amt\n500 900\n0.1 0.1\n" + 40 * "\n"  # own forces at the mismatches of the kind
-    assert CliRunner().invoke(app, ["init", "study", "--out", "b"], input=typed).exit_code == 0
-    assert {len(load_study("b").points), *load_study("b").forces} == {16, 500.0, 900.0}
+    # The forces of the kind at own mismatches, and own forces at the mismatches of the kind.
+    cases = ("\n\n\n\n20 50\n", 4, [600.0, 1000.0]), ("500 900\n0.1 0.1\n", 16, [500.0, 900.0])
+    for typed, n, forces in cases:
+        given = f"amt\n{typed}" + 40 * "\n"
+        done = CliRunner().invoke(app, ["init", "study", "--out", str(n)], input=given)
+        study = load_study(str(n))
+        assert (done.exit_code, len(study.points), study.forces) == (0, n, forces)
 
 
 def test_what_the_user_did_not_give_is_named(dogshape: Call) -> None:

@@ -137,8 +137,7 @@ def test_progress_says_an_upper_bound_as_such(
 
 
 def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:
-    counted: list[int] = []
-    blocks = even_blocks(small_study.clutch, small_study.points[:1], 3, 1)
+    counted, blocks = list[int](), even_blocks(small_study.clutch, small_study.points[:1], 3, 1)
     journal = ShiftJournal(tmp_path / "shifts.jsonl")
     executor = Executor(journal, 1, lambda done, _: counted.append(done))
     executor.run(blocks)

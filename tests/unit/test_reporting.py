@@ -105,7 +105,7 @@ def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -
     (own,) = c["designs"]
     c["designs"] = [{"trial": 1, **c["best"], "checks": [check]}, own]
     said = "designs out, failed at the new angles"
-    assert dict(facts_of(few, result))[said].startswith("design 1: edge pressure")
+    assert dict(facts_of(few, result))[said].startswith("design 1: edge pressure impact")
     c["best"]["checks"] = own["checks"] = [check]
     found = dict(facts_of(few, result))
     assert found["fails at the new angles"].startswith("edge pressure impact")
@@ -130,10 +130,7 @@ def test_fastest_and_slowest_shift_of_a_design(
     folder.shifts.write_text("".join(lines))
     rows = [{**own, "trial": 0, "prototype": True}]
     fast, slow = replays_of(folder, study, rows)
-    assert (fast.words, slow.words) == (
-        "50.0 ms at 50 1/min, 469 N",
-        "blocked at 50 1/min, 469 N",
-    )
+    assert (fast.words, slow.words) == ("50.0 ms at 50 1/min, 469 N", "blocked at 50 1/min, 469 N")
     assert fast.path.startswith("shifts/prototype-fastest-")
     assert replays_of(StudyFolder(tmp_path / "none"), study, rows) == []
 
