@@ -206,7 +206,8 @@ def answer(bench: Bench, model: Model, seed: int) -> Answer:
     truth = draw_truth(model, generator)
     kind = "means" if seed % 2 else "singles"
     drawn = draw_cells(bench, model, truth, generator, kind)
-    return figures(truth, diagnose(drawn, {"sleeve": model}))
+    # Sets are drawn as predicted, so pairs must not be simulated.
+    return figures(truth, diagnose(drawn, {"sleeve": replace(model, run=None)}))
 
 
 def figures(truth: Truth, found: Diagnosis) -> Answer:

@@ -28,6 +28,9 @@ STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 12, 5))
 SLACK = 0.05  #: of the predicted time, gap that errors of emulation may explain in the screening
 ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
+#: Simulations of two effects together: nats below the best from which a pair is plausible, error
+#: of its prediction from which it is simulated, how often, and how often all of them.
+PLAUSIBLE, LOOSE, LEVELS, JOINED = 5.0, 0.03, 5, 15
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
 STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
@@ -124,6 +127,29 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, rounds, self.generator
             )
 
+    def join(self) -> None:
+        """Simulate plausible pairs at their best draws until what they do together is known."""
+        left = {h: LEVELS for h in self.samples if len(forward(h)) == 2}
+        for _ in range(JOINED):
+            least = max(map(self.value, self.samples)) - PLAUSIBLE
+            some = [h for h, n in left.items() if n and self.value(h) > least and self.loose(h)]
+            if not some:
+                return
+            h = max(some, key=self.value)
+            one = self.samples[h]
+            model = self.likelihood.model.together(h, one.shares[[one.log.argmax()]])
+            left[h] = left[h] - 1 if model else 0
+            if model:
+                self.likelihood = replace(self.likelihood, model=model)
+                self.take(screened(self.likelihood, [h], self.more, self.distance))
+                again = refined(self.likelihood, self.samples[h], self.more, 3, self.generator)
+                self.samples[h] = again
+
+    def loose(self, h: Hypothesis) -> bool:
+        """Check that the best draw may be predicted wrong since two effects act together."""
+        one = self.samples[h].predicted.only([self.samples[h].log.argmax()])
+        return float(((one.common / one.mean) ** 2).mean()) > LOOSE**2
+
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""
         top = max(self.value(h) for h in self.samples)
@@ -153,13 +179,14 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
         search.take(screened(likelihood, few, more, search.distance))
     search.refine(0)
     search.refine(1)
+    search.join()
     if likelihood.settings.most > 2:
         thirds = search.widen()
         search.refine(0, thirds)
         search.refine(1, thirds)
     search.refine(2)
     priors = {**search.priors, UNKNOWN: search.prior(UNKNOWN)}
-    return Ranking(likelihood, more, search.samples, priors, _unlisted(search) + beside)
+    return Ranking(search.likelihood, more, search.samples, priors, _unlisted(search) + beside)
 
 
 def _unlisted(search: _Search) -> float:

@@ -14,6 +14,7 @@ one of most likelihood for each moment, the length of the kernel the one for all
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,9 +31,13 @@ EXACT = 1e-9  #: variance of what is
 
 @dataclass(frozen=True)
 class Kernel:
-    """Covariance of values at coordinates in a unit cube, zero at ``plain`` ones, (k, d)."""
+    """Covariance of values at coordinates in a unit cube, zero where any effect is neutral.
 
-    plain: Array
+    ``plain`` are the neutral coordinates of each effect, (k, d). That of what several effects do
+    only together is the product of their covariances.
+    """
+
+    plain: tuple[Array, ...]
     length: float
 
     def free(self, one: Array, other: Array) -> Array:
@@ -41,20 +46,29 @@ class Kernel:
         return np.asarray((1.0 + far) * np.exp(-far))
 
     @cached_property
-    def inner(self) -> Array:
-        """Inverse of the kernel at ``plain``, (k, k)."""
-        whole = self.free(self.plain, self.plain)
-        return np.asarray(np.linalg.inv(whole + EXACT * np.eye(len(whole))))
+    def parts(self) -> list[tuple[slice, Array, Array]]:
+        """Columns and neutral coordinates of each effect, and the inverse of their kernel."""
+        ends = np.cumsum([0, *(plain.shape[1] for plain in self.plain)]).tolist()
+        whole = [self.free(one, one) + EXACT * np.eye(len(one)) for one in self.plain]
+        inner = [np.asarray(np.linalg.inv(one)) for one in whole]
+        columns = [slice(*pair) for pair in itertools.pairwise(ends)]
+        return list(zip(columns, self.plain, inner, strict=True))
 
     def across(self, one: Array, other: Array) -> Array:
         """Compute the covariance between coordinates, (m, n)."""
-        left, right = self.free(one, self.plain), self.free(self.plain, other)
-        return self.free(one, other) - left @ self.inner @ right
+        whole = np.ones((len(one), len(other)))
+        for mine, plain, inner in self.parts:
+            left, right = self.free(one[:, mine], plain), self.free(plain, other[:, mine])
+            whole *= self.free(one[:, mine], other[:, mine]) - left @ inner @ right
+        return whole
 
     def own(self, at: Array) -> Array:
         """Compute the variance at coordinates, (m,)."""
-        near = self.free(at, self.plain)
-        return np.asarray(1.0 - ((near @ self.inner) * near).sum(axis=1))
+        whole = np.ones(len(at))
+        for mine, plain, inner in self.parts:
+            near = self.free(at[:, mine], plain)
+            whole *= 1.0 - ((near @ inner) * near).sum(axis=1)
+        return whole
 
 
 @dataclass(frozen=True)
@@ -69,7 +83,9 @@ class Emulator:
     factor: Array  #: weights of the levels, (K, n)
 
     @classmethod
-    def fitted(cls, x: Array, plain: Array, found: Array, own: Array, common: Array) -> Emulator:
+    def fitted(
+        cls, x: Array, plain: tuple[Array, ...], found: Array, own: Array, common: Array
+    ) -> Emulator:
         """Fit to changes (K, n + 1), the baseline's last, NaN for none, with errors (K,)."""
         known, eye = np.isfinite(found), np.eye(len(x) + 1)
         found = np.where(known, found, 0.0)[..., None]

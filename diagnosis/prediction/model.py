@@ -8,7 +8,9 @@ time *T* until the gap is closed multiply, and those of the time *E* from there 
 .. math:: \mu = T_0 \prod_e \frac{T_e}{T_0} + E_0 e^{\sum_e z_e}, \qquad
           z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = 0.7\,\mu \sum_{e<f} |z_e z_f|,
 
-where :math:`\Delta` is the standard error of an operating point and that of all in common. A dead
+where :math:`\Delta` is the standard error of an operating point and that of all in common. Where
+that decides, two effects are simulated together: a Gaussian process of what the rule misses, zero
+where either is neutral, corrects mean and deviation, and its error replaces :math:`\Delta`. A dead
 time adds itself exactly. Relative angles that are not uniform are weights on the baseline's angles,
 moved by how far other effects let the rings turn until the gap is closed.
 """
@@ -17,7 +19,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -29,6 +31,7 @@ from dogshape.diagnosis.prediction.emulator import Emulator
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
     DENSE,
+    Level,
     Simulated,
     coordinate,
     extremes,
@@ -36,6 +39,7 @@ from dogshape.diagnosis.prediction.simulations import (
     simulate,
     with_wide_range,
 )
+from dogshape.diagnosis.prediction.weighted import moments_of
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import DELAY, REVERSED, Array, Hypothesis, forward
 from dogshape.sim.effect import Effect, Parameter
@@ -125,6 +129,14 @@ class Predicted:
         return Predicted(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
 
 
+class Joint(NamedTuple):
+    """Two effects simulated together, and what their changes miss of ln mean and ln deviation."""
+
+    shares: Array  #: of n benches, (n, p)
+    times: Array  #: (n, C, ANGLES)
+    missed: Emulator  #: of 2 C moments
+
+
 class Changes(NamedTuple):
     """Changes by an effect at m values of its parameters."""
 
@@ -138,6 +150,21 @@ class Changes(NamedTuple):
     slip: Array | float = 0.0
 
 
+class Cube(NamedTuple):
+    """Coordinates of an effect's values in the unit cube of its levels."""
+
+    effect: Effect
+    setting: Setting
+    low: Array  #: least coordinates, and ranges, (p,)
+    wide: Array
+    plain: Array  #: neutral values in the cube, (k, p)
+
+    def places(self, values: Array) -> Array:
+        """Compute coordinates of values (m, p), (m, p)."""
+        at = (coordinates(self.effect, values, self.setting) - self.low) / self.wide
+        return np.clip(at, 0.0, 1.0)
+
+
 @dataclass(frozen=True)
 class Model:
     """Predictions of a clutch at a data set's operating points."""
@@ -147,8 +174,11 @@ class Model:
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
     law: float  #: error of an effect's law, as a share of the change that it makes
     turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
-    _curves: dict[str, Callable[[Array], Changes]] = field(default_factory=dict, init=False)
-    _recent: dict[object, Changes] = field(default_factory=dict, init=False)
+    run: Runner | None = None  #: simulates two effects together
+    joint: Mapping[Hypothesis, Joint] = field(default_factory=dict)
+    _curves: dict[str, Callable[[Array], Changes]] = field(default_factory=dict)
+    _cubes: dict[str, Cube] = field(default_factory=dict)
+    _recent: dict[object, Changes] = field(default_factory=dict)
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -235,9 +265,8 @@ class Model:
         space, count, base = self.space(hypothesis), len(shares), np.exp(self.base[:, 0])
         values, (free, pace) = space.values(shares), self._free
         after = np.maximum(base - free, LEAST_PART * base)
-        logs, square, delay, missed, flight, slip, log_after, beside, crossed = np.zeros(
-            (9, count, self.cells)
-        )
+        logs, square, delay, missed, flight, slip, crossed = np.zeros((7, count, self.cells))
+        parts = dict[str, Array]()
         modes, rest = np.ones((3, count, self.cells)), np.zeros((count, self.cells, MOMENTS - 1))
         for name in sorted(hypothesis, key=lambda name: name in self._readings):
             reads, turn = name in self._readings, 0.0
@@ -246,10 +275,7 @@ class Model:
             change = self.changes(name, values[:, space.columns(name)], turn)
             log = change.moments[..., 0]
             left = base * np.exp(log) - free * np.exp(change.flight)
-            part = np.log(np.maximum(left, LEAST_PART * base) / after)
-            crossed += COMBINED[reads] * abs(part) * beside
-            beside += abs(part)
-            log_after += part
+            parts[name] = np.log(np.maximum(left, LEAST_PART * base) / after)
             logs += log
             flight += change.flight
             slip += change.slip
@@ -260,7 +286,16 @@ class Model:
             modes = modes if change.modes is None else change.modes
         mean = base * np.exp(logs)
         if len(hypothesis) > 1:
-            mean = free * np.exp(flight) + after * np.exp(log_after)
+            mean = free * np.exp(flight) + after * np.exp(sum(parts.values()))
+        for one, other in itertools.combinations(space.hypothesis, 2):
+            reads = not self._readings.isdisjoint((one, other))
+            error = COMBINED[reads] * abs(parts[one] * parts[other])
+            if joint := self.joint.get((one, other)):
+                at, exact = self._places((one, other), space, values), joint.missed.x[:, :0]
+                moments, error, _ = joint.missed.at(at, exact, 2)
+                mean = mean * np.exp(moments[:, ::2])
+                rest[..., 0] += moments[:, 1::2]
+            crossed += error
         common = crossed * mean
         sd = np.clip(np.exp(self.base[:, 1] + rest[..., 0]), LEAST_SD, np.maximum(mean, LEAST_SD))
         emulated = np.sqrt(missed) * mean
@@ -272,6 +307,40 @@ class Model:
         return Predicted(
             mean + delay, sd, error, emulated, common, late, engaged, delay, minor, main, narrow
         )
+
+    def _places(self, names: Hypothesis, space: Space, values: Array) -> Array:
+        """Compute coordinates of effects in their unit cubes, (m, p)."""
+        cubes = (self._cubes[name].places(values[:, space.columns(name)]) for name in names)
+        return np.hstack([*cubes])
+
+    def together(self, hypothesis: Hypothesis, share: Array) -> Model | None:
+        """Simulate two effects together at a share (1, p) of their ranges, for all predictions.
+
+        None where there is no such bench, or an effect is one of the reading of a shift alone.
+        """
+        if REVERSED in hypothesis:
+            other = self.turned and self.turned.together(forward(hypothesis), share)
+            return other and replace(self, turned=other)
+        if self.run is None or not self._readings.isdisjoint(hypothesis):
+            return None
+        space, joint = self.space(hypothesis), dict(self.joint)
+        level = Level(hypothesis, tuple(space.values(share)[0].tolist()))
+        try:
+            _ = [level.setting(self.effects, setting) for setting in self.settings]
+        except DogshapeError:
+            return None
+        times = simulate(self.effects, self.settings, self.run, [level]).times
+        if known := joint.pop(hypothesis, None):
+            share, times = np.vstack([known.shares, share]), np.vstack([known.times, times])
+        p = replace(self, joint=joint).predict(hypothesis, share)
+        ruled = np.stack([np.log(p.mean - p.delay), np.log(p.sd)], axis=-1)
+        angles = (self._moments(self.simulated.base) - self.base)[None, :, :2]
+        found = np.vstack([self._moments(times)[..., :2] - ruled, angles])
+        x = self._places(hypothesis, space, space.values(share))
+        noise = self._noise.reshape(2, -1, MOMENTS)[..., :2].reshape(2, -1)
+        plain = tuple(self._cubes[name].plain for name in hypothesis)
+        missed = Emulator.fitted(x, plain, found.reshape(len(found), -1).T, *noise)
+        return replace(self, joint={**joint, hypothesis: Joint(share, times, missed)})
 
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
@@ -325,15 +394,16 @@ class Model:
     def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
         """Fit the changes by an effect over its levels, moment by moment."""
         places = self.simulated.of((effect.name,))
-        x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
+        values = np.array([self.simulated.levels[k].values for k in places])
         idle = self._idle_values(effect) if effect.parameters else np.zeros((0, 0))
-        plain = self._coordinates(effect, idle)
+        x, plain = (coordinates(effect, one, self.setting) for one in (values, idle))
         every = np.vstack([x, plain])
         low, wide = every.min(axis=0), np.maximum(np.ptp(every, axis=0), 1e-9)
         x, plain = (x - low) / wide, (plain - low) / wide
+        self._cubes[effect.name] = cube = Cube(effect, self.setting, low, wide, plain)
         times = np.concatenate([self.simulated.times[places], self.simulated.base[None]])
         found = (self._moments(times) - self.base).reshape(len(times), -1).T
-        fitted = Emulator.fitted(x, plain, found, *self._noise)
+        fitted = Emulator.fitted(x, (plain,), found, *self._noise)
         given, levels = {effect.name: effect}, [self.simulated.levels[k] for k in places]
         rows = [_free([level.setting(given, one) for one in self.settings]) for level in levels]
         free, pace = self._free
@@ -343,8 +413,7 @@ class Model:
         exact = fitted.exact(np.array(added).reshape(len(rows), -1))
 
         def changes(values: Array) -> Changes:
-            at = np.clip((self._coordinates(effect, values) - low) / wide, 0.0, 1.0)
-            moments, error, found = fitted.at(at, exact, MOMENTS)
+            moments, error, found = fitted.at(cube.places(values), exact, MOMENTS)
             delay, root, slip = found.reshape(-1, 3, self.cells).swapaxes(0, 1)
             flight = -2.0 * np.log(np.maximum(1.0 + root * free**0.5, LEAST_PART))
             moments = moments.reshape(-1, self.cells, MOMENTS)
@@ -379,11 +448,6 @@ class Model:
             rows += [[rows[0][0], v, *rows[0][2:]] for v in np.linspace(low, high, 5).tolist()]
         return np.array(rows)
 
-    def _coordinates(self, effect: Effect, values: Array) -> Array:
-        pairs = zip(effect.parameters, values.T, strict=True)
-        columns = [coordinate(p, column, self.setting) for p, column in pairs]
-        return np.array(columns).reshape(len(columns), len(values)).T
-
     def _read(self, effect: Effect, values: Array, turn: Array | float) -> Changes:
         """Compute the changes by an effect of the reading: dead time, weights of the angles.
 
@@ -399,26 +463,26 @@ class Model:
             )
         return Changes(change, delay + 0.0 * error, error, modes)
 
-    def _weighted(self, concentration: Array, centre: Array) -> tuple[Array, Array, Array]:
-        """Compute the changes by relative angles that are not uniform, with error and modes."""
-        pitch = np.array([one.clutch.dog.pitch_angle for one in self.settings])
-        weights = angle_weights(self.simulated.angles / pitch[:, None], concentration, centre)
+    @cached_property
+    def _ordered(self) -> list[np.ndarray]:
+        """Angles of the baseline, pitches, times, timely and late ones, in their order, (C, n)."""
+        pitch = np.array([[one.clutch.dog.pitch_angle] for one in self.settings])
         times = self.simulated.baseline
         late, ended = late_times(times, self.far), np.isfinite(times)
-        kept, known = weights * (ended & ~late), np.where(ended, times, 0.0)
-        whole, finished = np.maximum(kept.sum(axis=2), 1e-9), (weights * ended).sum(axis=2)
-        mean = (kept * known).sum(axis=2) / whole
-        square = (kept * (known - mean[..., None]) ** 2).sum(axis=2) / whole
-        moments = (
-            np.log(np.maximum(mean, LEAST_SD)),
-            0.5 * np.log(np.maximum(square, LEAST_SD**2)),
-            (weights * late).sum(axis=2) / np.maximum(finished, 1e-9),
-            logit(np.clip(finished / weights.sum(axis=2), 0.01, 0.99)),
-        )
-        count = weights.sum(axis=2) ** 2 / (weights**2).sum(axis=2)
-        more = _angle_error(count) ** 2 - _angle_error(DENSE * ANGLES) ** 2
-        error = np.sqrt(np.maximum(more * square, 0.0)) / np.maximum(mean, LEAST_SD)
-        return np.stack(moments, axis=-1) - self.base, error, _two_modes(known, kept)
+        every = self.simulated.angles / pitch, times, ended & ~late, late
+        return [np.take_along_axis(one, np.argsort(times, axis=1), axis=1) for one in every]
+
+    def _weighted(self, concentration: Array, centre: Array) -> tuple[Array, Array, Array]:
+        """Compute the changes by relative angles that are not uniform, with error and modes."""
+        turns, times, kept, late = self._ordered
+        found = moments_of(times, kept, late, angle_weights(turns, concentration, centre))
+        mean, sd = np.maximum(found.mean, LEAST_SD), np.sqrt(np.maximum(found.square, LEAST_SD**2))
+        engaged = logit(np.clip(found.engaged, 0.01, 0.99))
+        more = _angle_error(found.angles) ** 2 - _angle_error(DENSE * ANGLES) ** 2
+        error = np.sqrt(np.maximum(more * found.square, 0.0)) / mean
+        moments = np.stack([np.log(mean), np.log(sd), found.late, engaged], axis=-1)
+        modes = np.stack([found.minor, found.main / mean, np.sqrt(found.narrow) / sd])
+        return moments - self.base, error, modes
 
     def _moments(self, times: Array) -> Array:
         """Compute the moments of times (..., C, n), (..., C, MOMENTS)."""
@@ -454,12 +518,19 @@ def build_models(
             other = [one.with_point(mismatch=0.0 - one.point.mismatch) for one in plain]
             every = bench.record.sense != "known"
             mine = {n: e for n, e in wide.items() if every or reads_only(e, extremes(plain))}
-            turned = Model(mine, simulate(mine, other, run), {}, settings.law)
+            turned = Model(mine, simulate(mine, other, run), {}, settings.law, run=run)
         levels = simulate({**wide, **nuisances}, plain, run)
         if bench.record.time_zero == "force":
             wide.pop(DELAY, None)
-        found[place] = Model(wide, levels, nuisances, settings.law, turned)
+        found[place] = Model(wide, levels, nuisances, settings.law, turned, run)
     return found
+
+
+def coordinates(effect: Effect, values: Array, setting: Setting) -> Array:
+    """Compute the coordinates in which times change evenly, of values (m, p), (m, p)."""
+    pairs = zip(effect.parameters, values.T, strict=True)
+    columns = [coordinate(p, column, setting) for p, column in pairs]
+    return np.array(columns).reshape(len(columns), len(values)).T
 
 
 def _exists(effect: Effect, shares: Sequence[float], setting: Setting) -> bool:
@@ -537,33 +608,3 @@ def timely(times: Array, least: Array) -> Array:
 def _angle_error(count: Array | int) -> Array:
     """Compute the error of the mean of even angles over the deviation (measured)."""
     return np.asarray(0.8 * count**-0.8)
-
-
-def _two_modes(times: Array, weights: Array) -> Array:
-    """Split times (C, n) of weights (m, C, n) where the variance within both parts is least.
-
-    Return the share of the smaller part, and mean and standard deviation of the larger one over
-    those of all, (3, m, C) (Otsu 1979, IEEE Trans. Syst. Man Cybern. 9).
-    """
-    order = np.argsort(times, axis=1)
-    ordered = np.take_along_axis(times, order, axis=1)
-    share = np.take_along_axis(weights, np.broadcast_to(order, weights.shape), axis=2)
-    share = share / np.maximum(share.sum(axis=2, keepdims=True), 1e-9)
-    below = np.stack([(share * ordered**k).cumsum(axis=2) for k in range(3)])
-    whole, above = below[..., -1:], below[..., -1:] - below
-    means = [part[1] / np.maximum(part[0], 1e-9) for part in (below, above)]
-    squares = [
-        part[2] - part[0] * mean**2 for part, mean in zip((below, above), means, strict=True)
-    ]
-    place = (squares[0] + squares[1]).argmin(axis=2)[..., None]
-    low = np.take_along_axis(below[0], place, axis=2)[..., 0]
-
-    def larger(pair: Sequence[Array]) -> Array:
-        first, second = (np.take_along_axis(one, place, axis=2)[..., 0] for one in pair)
-        return np.where(low >= 0.5, first, second)
-
-    main = larger(means)
-    variance = np.maximum(larger(squares), 0.0) / np.maximum(low, 1.0 - low)
-    mean = np.maximum(whole[1, ..., 0], LEAST_SD)
-    sd = np.sqrt(np.maximum(whole[2, ..., 0] - mean**2, LEAST_SD**2))
-    return np.stack([np.minimum(low, 1.0 - low), main / mean, np.sqrt(variance) / sd])

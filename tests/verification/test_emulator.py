@@ -14,7 +14,9 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.emulator import AMPLITUDES, LENGTHS, Emulator, Kernel
-from dogshape.diagnosis.prediction.model import Model, _two_modes, build_models, timely
+from dogshape.diagnosis.prediction.model import Model, build_models, timely
+from dogshape.diagnosis.prediction.simulations import Level, simulate
+from dogshape.diagnosis.prediction.weighted import moments_of
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
 from dogshape.sim.effects import load
@@ -33,7 +35,7 @@ NOWHERE = np.zeros((0, 1))
 
 def _fitted(values: Array, plain: Array = NOWHERE, common: float = 1e-9) -> Emulator:
     found = np.append(values, 0.0)[None]
-    return Emulator.fitted(X, plain, found, np.array([NOISE]), np.array([common]))
+    return Emulator.fitted(X, (plain,), found, np.array([NOISE]), np.array([common]))
 
 
 def test_the_process_is_that_of_scikit_learn() -> None:
@@ -69,7 +71,10 @@ def test_a_change_is_zero_and_certain_at_neutral_values() -> None:
     mean, error, _ = _fitted(X[:, 0] - 0.25, plain).at(plain, np.zeros((9, 0)), 1)
     assert abs(mean[0, 0]) < 1e-6
     assert error[0, 0] < 1e-4
-    assert Kernel(plain, 0.5).own(plain) == pytest.approx(0.0, abs=1e-6)
+    both = Kernel((plain, plain), 0.5)
+    for one in ([0.25, 0.9], [0.9, 0.25]):
+        assert both.own(np.array([one])) == pytest.approx(0.0, abs=1e-6)
+        assert both.across(np.array([one]), np.array([[0.8, 0.8]])) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_one_chaotic_level_does_not_bend_the_others() -> None:
@@ -133,14 +138,33 @@ def test_uneven_angles_move_by_the_turn_before_the_touch(
         assert p.mean[0, k] == pytest.approx(exact, abs=2.5 * np.hypot(p.error, p.common)[0, k])
 
 
+def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> None:
+    """Mean times of two benches that were simulated, and of one beside them."""
+    pair = "actuation_lag", "sleeve_friction"
+    shares = np.array([[0.8, 0.6], [0.6, 0.6], [0.7, 0.7]])
+    rows = [Level(pair, tuple(v)) for v in simulated.space(pair).values(shares).tolist()]
+    times = simulate(simulated.effects, simulated.settings, _compiled, rows).times
+    exact = np.nanmean(timely(times, simulated.far), axis=2)
+    model = simulated
+    for share in shares[:2]:
+        model = model.together(pair, share[None]) or model
+    ruled, p = simulated.predict(pair, shares), model.predict(pair, shares)
+    assert abs(ruled.mean / exact - 1.0).max() > 0.1
+    assert p.mean[:2] == pytest.approx(exact[:2], rel=0.01)
+    assert (abs(p.mean - exact) < 1.5 * p.common).all()
+    assert model.together(("actuation_delay", "sleeve_friction"), shares[:1]) is None
+
+
 def test_two_modes_have_the_moments_of_all_times() -> None:
-    """Times around 50 and 150 ms: the larger mode, its mean and its deviation, by hand."""
-    times = np.array([[0.049, 0.150, 0.051, 0.050]])
-    share, mean, sd = _two_modes(times, np.array([[[2.0, 1.0, 2.0, 5.0]]]))[:, 0, 0]
+    """Times around 50 and 150 ms, a late one and one that did not engage, by hand."""
+    times = np.array([[0.049, 0.050, 0.051, 0.150, 0.400, np.inf]])
+    kept, late = np.array([[1, 1, 1, 1, 0, 0]], dtype=bool), np.array([[0, 0, 0, 0, 1, 0]], bool)
+    weights = np.array([[[2.0, 5.0, 2.0, 1.0, 3.0, 7.0]]])
+    found = moments_of(times, kept, late, weights)
     whole = 0.9 * 0.05 + 0.1 * 0.15
     variance = 0.4 * 0.001**2 + 0.9 * (0.05 - whole) ** 2 + 0.1 * (0.15 - whole) ** 2
-    assert (share, mean) == pytest.approx((0.1, 0.05 / whole))
-    assert sd == pytest.approx((0.4 / 0.9) ** 0.5 * 0.001 / variance**0.5)
+    expected = whole, variance, 3.0 / 13.0, 13.0 / 20.0, 400.0 / 92.0, 0.1, 0.05, 0.4 / 0.9 * 1e-6
+    assert np.ravel(found) == pytest.approx(expected)
 
 
 def test_shifts_with_and_without_the_rare_mode_have_the_moments_of_all() -> None:
