@@ -50,7 +50,7 @@ class Shaft:
     """Ring, and what is behind it on a shaft."""
 
     near: float  #: inertia of the ring, kg m2
-    far: float  #: of the rest of its side, kg m2
+    far: float  #: of the rest of its side, kg m2; 0 where the side is one piece
     stiffness: float  #: N m/rad
     damping: float  #: N m s/rad
     backlash: float = 0.0  #: play between them, rad
@@ -61,10 +61,10 @@ class Shaft:
         return spring_force(lead, rate, (self.stiffness, self.damping), (-half, half), DEEP_TWIST)
 
 
-def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft | None:
-    """Return the shaft between a ring of inertia ``near`` and the rest; None where it has none."""
+def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft:
+    """Return the shaft between a ring of inertia ``near``, 0 for one piece, and the rest."""
     if near == 0.0:
-        return None
+        return Shaft(whole, 0.0, 0.0, 0.0)
     far = whole - near
     damping = 2.0 * SHAFT_DAMPING * (stiffness * near * far / whole) ** 0.5
     return Shaft(near, far, stiffness, damping, backlash)
