@@ -253,7 +253,7 @@ class Clutch:
             kernel.RADIUS: dog.mean_radius, kernel.WAY: self.shift_travel,
             kernel.SLIP_SPEED: SLIP, kernel.TURN_SPEED: TURN, kernel.DEEP_STOP: DEEP,
             kernel.TWIST: DEEP_TWIST, kernel.LINKED: own.has_linkage,
-            kernel.USED: kernel.SIZE if own.has_shafts else used, kernel.BEHIND: near.far,
+            kernel.USED: kernel.SIZE if near.far or far.far else used, kernel.BEHIND: near.far,
             kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping,
             kernel.BACKLASH: near.backlash, kernel.AHEAD: far.far,
             kernel.OUT_SHAFT: far.stiffness, kernel.OUT_LOSS: far.damping,

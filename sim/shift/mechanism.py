@@ -141,12 +141,8 @@ class Mechanism:
     def has_forces(self) -> bool:
         """Whether there is more than a mass and a damper."""
         own = (self.friction, self.detent, self.spline_friction, self.drag_torque)
-        return self.has_linkage or self.has_shafts or any(value > 0.0 for value in own)
-
-    @property
-    def has_shafts(self) -> bool:
-        """Whether a ring turns apart from what is behind its shaft."""
-        return self.ring_inertia > 0.0 or self.wheel_inertia > 0.0
+        apart = (self.ring_inertia, self.wheel_inertia)
+        return self.has_linkage or any(value > 0.0 for value in (*own, *apart))
 
     def sleeve_mass(self, mass: float) -> float:
         """Return the mass in kg that moves with the ring, whose own is ``mass``."""
@@ -183,8 +179,7 @@ class Mechanism:
     def _climb(self, way: Number) -> Number:
         """Return the force in N of the climb onto the detent, ``way`` in m from its peak."""
         bump = positive(1.0 - (2.0 * way / self.detent_width) ** 2)
-        force: Number = self.detent * bump * bump
-        return force
+        return self.detent * bump * bump
 
     def drag(self, speed: Number) -> Number:
         """Return the torque in N m that holds a ring turning at ``speed`` in rad/s."""
@@ -203,14 +198,12 @@ class Mechanism:
 
 def positive(value: Number) -> Number:
     """Return the value where it is positive, else 0."""
-    whole: Number = 0.5 * (value + abs(value))
-    return whole
+    return 0.5 * (value + abs(value))
 
 
 def smooth_sign(value: Number, small: float) -> Number:
     """Return the sign of a value, smooth below ``small``."""
-    sign: Number = value / (value * value + small * small) ** 0.5
-    return sign
+    return value / (value * value + small * small) ** 0.5
 
 
 NOTHING = Mechanism()  #: no mechanism at all
