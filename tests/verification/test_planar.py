@@ -206,19 +206,6 @@ def test_the_mirror_image_shifts_alike_at_the_other_sign(
         assert one.events.slots_skipped == other.events.slots_skipped
 
 
-def test_a_symmetric_roof_has_one_expected_time_for_both_signs(
-    clutch: Clutch, point: Point
-) -> None:
-    own = _clutch(clutch, "symmetric").with_engine("planar")
-    angles = (np.arange(24) + 0.5) / 24 * own.dog.pitch_angle
-    one, other = (
-        [engage(own, point(rpm, 469.0), float(a)).shift_time for a in angles] for rpm in (50, -50)
-    )
-    assert np.sort(np.array(one, dtype=float)) == pytest.approx(
-        np.sort(np.array(other, dtype=float)), rel=1e-5
-    )
-
-
 @pytest.mark.parametrize("name", SHAPES)
 def test_rings_have_the_play_of_the_closed_form_at_every_depth(clutch: Clutch, name: str) -> None:
     """Flanks touch where half of the play and D tan is turned, at the radius where that is first.
