@@ -169,7 +169,8 @@ def test_a_dead_time_moves_all_times_by_itself(engine: str) -> None:
     assert plain.shift_time is not None
     assert late.shift_time == plain.shift_time + delay
     assert late.actuator_time == plain.actuator_time + delay
-    assert (late.events, late.loads, late.steps) == (plain.events, plain.loads, plain.steps)
+    assert (late.events, late.loads) == (plain.events, plain.loads)
+    assert len(late.run.times) == len(plain.run.times)
     assert np.array_equal(late.trace.time, plain.trace.time + delay)
     assert np.array_equal(late.trace.displacement, plain.trace.displacement)
     assert [p.name for p in late.phases] == ["dead time", *(p.name for p in plain.phases)]
