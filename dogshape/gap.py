@@ -185,7 +185,6 @@ class Update(Result):
 
     diagnosis: Diagnosis
     record: dict[str, Any]
-    folder: Path
 
     def to_parts(self) -> list[str | Table]:
         """Give probabilities before and now, both verdicts, and the next test."""
@@ -250,7 +249,7 @@ def update_diagnosis(
         record = gap_update.update_record(before, found, sheet, count)
         gap_page.publish(found, place, history=gap_update.add_update(place, record, count))
         gap_update.settle_data(place)
-    return Update(Diagnosis(found, None, place), record, place)
+    return Update(Diagnosis(found, None, place), record)
 
 
 @dataclass(frozen=True, repr=False)

@@ -21,7 +21,6 @@ WORDS = (
     (r" with --set:", " with settings:"),
     (r"--set ([\w.]+)=(?=[\s,;)]|$)", r'{"\1": None}'),
     (r"--set ([\w.]+)=(\S+?)(?=[\s,;:)]|$)", r'{"\1": \2}'),
-    (r"--engine (\w+)", r'{"solver.engine": "\1"}'),
     (r"'dogshape fit'", "ds.fit(study)"),
     (r"'dogshape study' with --resume", "study.search(resume=True)"),
     (r"'dogshape study'", "study.search()"),
@@ -30,8 +29,6 @@ WORDS = (
     (r"dogshape gap BENCH_DIR --out (\S+)", r'ds.diagnose(BENCH, out="\1")'),
     (r"'dogshape validate'", "ds.validate()"),
     (r"'dogshape report'", "ds.load_result(folder).report()"),
-    (r"'dogshape (check|strength)'", r"study.\1()"),
-    (r"--relative-angle-deg", "angle_deg"),
     (r"--correct (\S+?)(?=[\s,;:)]|$)", r'correct=["\1"]'),
     (r"(?<!TABLE )--([a-z][a-zA-Z-]*)", lambda found: found[1].replace("-", "_")),
 )

@@ -114,7 +114,7 @@ class Shift(Result):
                 "scheme": solver.scheme,
                 "accuracy": solver.accuracy,
                 "max_step_s": solver.max_step,
-                "steps": result.steps,
+                "steps": len(result.run.times),
                 "evaluations": result.evaluations,
                 "converged": self.converged,
                 "refined_outcome": None if finer is None else finer.outcome.value,

@@ -124,14 +124,6 @@ def require_room(dog: Dog, root_radius: float) -> None:
     raise GeometryError(refusal("root_radius_mm", root_radius * 1e3, "mm", rule, remedy))
 
 
-def require_body(body: float) -> None:
-    """Raise GeometryError unless the body has a thickness, m."""
-    if not 0.0 < body < 1.0:
-        rule = "a ring needs a body between 0 and 1000 mm to carry its dogs"
-        remedy = "give its thickness in millimetres"
-        raise GeometryError(refusal("body_mm", body * 1e3, "mm", rule, remedy))
-
-
 def waist(ends: list[NDArray[np.float64]], level: float) -> NDArray[np.float64]:
     """Compute growing angles, rad, at which the row at height ``level`` (m) joins a pitch.
 
@@ -162,9 +154,8 @@ def ring_part(
     corners. ``body`` is the thickness below the slots. ``segments`` are flat strips of a rounding;
     with ``step``, the largest angle between lines in rad, the volume errs by step²/6.
 
-    Raises GeometryError where roundings do not fit, or the body has no thickness.
+    Raises GeometryError where roundings do not fit.
     """
-    require_body(body)
     pieces = profile(dog, root_radius, segments, step)
     floor, depth = -0.5 * dog.height, WAIST * min(body, dog.height)
     turns = dog.pitch_angle * np.arange(dog.count)

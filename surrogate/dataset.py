@@ -83,12 +83,7 @@ class Dataset:
     grid: Grid
 
     def __len__(self) -> int:
-        return len(self.x)
-
-    @property
-    def x(self) -> Array:
-        """Designs, (n, d), edge units."""
-        return self.grid.x
+        return len(self.grid.x)
 
     @property
     def shifts(self) -> int:
@@ -108,7 +103,7 @@ class Dataset:
         """Return a row for each design and operating point, with contact set and versions."""
         import pandas as pd  # noqa: PLC0415  slow to load, and asking does without
 
-        each, grid = np.repeat(self.x, len(self.mix.points), axis=0), self.grid
+        each, grid = np.repeat(self.grid.x, len(self.mix.points), axis=0), self.grid
         table = pd.DataFrame(each, columns=list(self.variables))
         table[list(COLUMNS[:2])] = np.tile(self.mix.points, (len(self), 1))
         values = grid.means, grid.errors, grid.sds, grid.engaged, grid.shifts

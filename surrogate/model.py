@@ -50,7 +50,7 @@ def coordinates(data: Dataset, x: Array) -> Array:
     """Compute coordinates of designs (m, d) in edge units, scaled by the data's, (m, c)."""
     places = [k for k, name in enumerate(data.variables) if name in ANGLES]
     ridge = np.tanh((np.tan(np.radians(x[:, places])) - data.physics["dynamic_friction"]) / WIDTH)
-    shape, known = shape_of(data, x), shape_of(data, data.x)
+    shape, known = shape_of(data, x), shape_of(data, data.grid.x)
     low, span = known.min(axis=0), np.ptp(known, axis=0)
     shape = (shape - low) / np.where(span > 0.0, span, 1.0)
     return np.concatenate([data.scaled(x), ridge, shape], axis=1)
@@ -262,14 +262,14 @@ class Surrogate:
     @cached_property
     def spacing(self) -> float:
         """Median distance of a simulated design to the next one, in shares of the range."""
-        known = self.data.scaled(self.data.x)
+        known = self.data.scaled(self.data.grid.x)
         apart = distance(known, known)
         np.fill_diagonal(apart, np.inf)
         return float(np.median(apart.min(axis=1)))
 
     def distance(self, x: Array) -> Array:
         """Measure how far designs (m, d) are from the next simulated one, in ``spacing``, (m,)."""
-        known, scaled = self.data.scaled(self.data.x), self.data.scaled(x)
+        known, scaled = self.data.scaled(self.data.grid.x), self.data.scaled(x)
         parts = (scaled[k : k + CHUNK] for k in range(0, len(x), CHUNK))
         return np.concatenate([distance(one, known).min(axis=1) for one in parts]) / self.spacing
 
@@ -309,7 +309,7 @@ def fit(
     logs, noise = logarithms_of(grid, data.mix)
     # A mean that is low by luck has a low error too: designs share the mean of theirs.
     noise = np.broadcast_to(noise.mean(axis=0), noise.shape)
-    counts = coordinates(data, data.x), points, data.grid.engaged, data.grid.shifts
+    counts = coordinates(data, data.grid.x), points, data.grid.engaged, data.grid.shifts
     first, second, share = None, None, None
     if known is not None:
         effort = point_effort = Effort(steps=0)

@@ -108,10 +108,6 @@ def fit_process(
 
 def draw_jointly(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:
     """Draw from a normal distribution with mean (m,) and covariance (m, m), (count, m)."""
-    return mean + rng.standard_normal((count, len(mean))) @ root_of(covariance).T
-
-
-def root_of(covariance: Array) -> Array:
-    """Compute a matrix whose product with its transpose is a covariance, also a singular one."""
     values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))  # a covariance may be singular
+    return mean + rng.standard_normal((count, len(mean))) @ root.T

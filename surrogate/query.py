@@ -97,7 +97,7 @@ def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
 def faces_hold(data: Dataset, x: Array) -> Mask:
     """Mark designs (m, d) whose faces hold by friction, as no simulated design's do, (m,)."""
     columns = _chamfers(data)
-    chamfer, least = x[:, columns], data.x[:, columns].min(axis=0)
+    chamfer, least = x[:, columns], data.grid.x[:, columns].min(axis=0)
     slides = np.tan(np.radians(chamfer)) > data.physics["static_friction"]
     return np.asarray((~slides & (chamfer < least)).any(axis=1))
 
@@ -111,7 +111,7 @@ def _least_chamfer(data: Dataset, x: Array) -> float:
 
 
 def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> tuple[str, ...]:
-    low, high = data.x.min(axis=0), data.x.max(axis=0)
+    low, high = data.grid.x.min(axis=0), data.grid.x.max(axis=0)
     found = [
         f"{name} = {x[k]:.4g} is outside the simulated designs ({low[k]:.4g} to {high[k]:.4g})"
         for k, name in enumerate(data.variables)
@@ -154,6 +154,6 @@ def in_range(
     data = surrogate.data
     if mix is not None and _point_warnings(data, mix.points):
         return np.zeros(len(x), dtype=bool)
-    inside = _within(x, data.x.min(axis=0), data.x.max(axis=0))
+    inside = _within(x, data.grid.x.min(axis=0), data.grid.x.max(axis=0))
     apart = surrogate.distance(x) if distance is None else distance
     return inside.all(axis=1) & (apart <= FAR) & ~faces_hold(data, x)

@@ -20,10 +20,8 @@ import numpy as np
 
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.process import root_of
 
 INTERVALS = 12  #: of each variable, at most
-DRAWS = 4000  #: of the errors of an effect
 
 
 @dataclass(frozen=True)
@@ -35,17 +33,6 @@ class Effect:
     effect: Array  #: (k,)
     low: Array  #: bound of 95 % at each value, (k,)
     high: Array
-    chance: float  #: that errors alone span in one of twenty draws, s
-
-    @property
-    def span(self) -> float:
-        """Difference of the slowest and the fastest value, s."""
-        return float(np.ptp(self.effect))
-
-    @property
-    def clear(self) -> bool:
-        """Test that the effect spans more than errors alone would."""
-        return self.span > self.chance
 
 
 def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
@@ -56,10 +43,7 @@ def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Ef
         times, covariance = surrogate.joint(moved)
         effect, errors = form @ times, form @ covariance @ form.T
         half = 1.96 * np.sqrt(np.maximum(np.diag(errors), 0.0))
-        drawn = root_of(errors) @ np.random.default_rng(0).standard_normal((len(errors), DRAWS))
-        chance = float(np.quantile(np.ptp(drawn, axis=0), 0.95))
-        bounds = effect - half, effect + half
-        found.append(Effect(variables[column], values, effect, *bounds, chance))
+        found.append(Effect(variables[column], values, effect, effect - half, effect + half))
     return found
 
 

@@ -86,7 +86,7 @@ def validate(
         means, spread = surrogate.at_points(grid.x, mix)
         relative = np.sqrt(spread)
     own, own_error = grid.means @ mix.weights, np.sqrt(grid.errors**2 @ mix.weights**2)
-    share = surrogate.engaged(data.x, mix)
+    share = surrogate.engaged(data.grid.x, mix)
     deviations = surrogate.variation(mix.points) * means
     residual, points = time - own, means - grid.means
     noise = np.hypot(relative, grid.errors / grid.means)

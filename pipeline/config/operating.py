@@ -189,7 +189,7 @@ class OperatingSection(Section):
             remedy = "add it, or list the points as [[operating.points]]"
             raise InputError(f"'operating.{name}' is missing; {remedy}")
         if isinstance(values, Distribution):
-            drawn = values.named(f"operating.{name}").at(next(shares))
+            drawn = values.checked(f"operating.{name}").at(next(shares))
             values = np.round(drawn, DECIMALS["drawn"]).tolist()
         weights = getattr(self, key) or [1.0] * len(values)
         if len(weights) != len(values):

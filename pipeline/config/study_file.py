@@ -367,7 +367,7 @@ def _uncertainty(
 ) -> Uncertainty | None:
     """Read the uncertain quantities, None without any; their ends must be shifts that exist."""
     given = file.uncertain or ()
-    found = tuple(section.named(f"uncertain.{name}") for name, section in given if section)
+    found = tuple((name, one.checked(f"uncertain.{name}")) for name, one in given if one)
     if not found:
         return None
     unsure = Uncertainty(found, table)

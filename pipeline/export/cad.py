@@ -21,7 +21,7 @@ import numpy as np
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import naming
-from dogshape.sim.part import between, dog_corners, require_body, require_room
+from dogshape.sim.part import between, dog_corners, require_room
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Corner, Lines, Vertices, rotation
 from dogshape.sim.units import MM
@@ -80,7 +80,6 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
 
 def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
     """Return one ring in its own frame (``sim.shift.mesh``) as a build123d solid in mm."""
-    require_body(body)
     require_room(dog, root_radius)
     cad, corners = load_cad(), dog_corners(dog, root_radius)
     # The radial plane through the slot's floor, mid at the inner radius where that is narrowest,

@@ -223,8 +223,8 @@ class Clutch:
         return self.dog.travel - self.seated_tolerance
 
     @property
-    def shafts(self) -> tuple[Shaft | None, Shaft | None]:
-        """Shafts behind sliding and output ring; None where a side is one piece."""
+    def shafts(self) -> tuple[Shaft, Shaft]:
+        """Shafts behind sliding and output ring."""
         rings, own = self.rings, self.mechanism
         return (
             shaft_of(own.ring_inertia, rings.sliding_inertia, own.input_stiffness, own.backlash),
@@ -236,9 +236,7 @@ class Clutch:
         """Masses, mechanism, stop and faces, in the places of ``sim.kernel``, (NUMBERS,)."""
         from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and few verbs simulate
 
-        dog, rings, own = self.dog, self.rings, self.mechanism
-        wholes = zip(self.shafts, (rings.sliding_inertia, rings.output_inertia), strict=True)
-        near, far = (shaft or Shaft(whole, 0.0, 0.0, 0.0) for shaft, whole in wholes)
+        (near, far), dog, rings, own = self.shafts, self.dog, self.rings, self.mechanism
         stiff, loss = own.linkage(rings.mass) if own.has_linkage else (0.0, 0.0)
         share = own.spline_share(rings.mass, dog.mean_radius, near.near) if not near.far else 1.0
         used = kernel.LINKED_SIZE if own.has_linkage else kernel.PLAIN_SIZE
@@ -255,7 +253,7 @@ class Clutch:
             kernel.RADIUS: dog.mean_radius, kernel.WAY: self.shift_travel,
             kernel.SLIP_SPEED: SLIP, kernel.TURN_SPEED: TURN, kernel.DEEP_STOP: DEEP,
             kernel.TWIST: DEEP_TWIST, kernel.LINKED: own.has_linkage,
-            kernel.USED: kernel.SIZE if own.has_shafts else used, kernel.BEHIND: near.far,
+            kernel.USED: kernel.SIZE if near.far or far.far else used, kernel.BEHIND: near.far,
             kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping,
             kernel.BACKLASH: near.backlash, kernel.AHEAD: far.far,
             kernel.OUT_SHAFT: far.stiffness, kernel.OUT_LOSS: far.damping,

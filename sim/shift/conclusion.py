@@ -137,7 +137,6 @@ class Engagement:
     phases: tuple[Phase, ...]
     events: Events
     loads: Loads
-    steps: int
     evaluations: int  #: derivatives that the integrator asked for, what a shift costs
     detail: str
     missed: float  #: how deep dogs lay in each other within steps that show no contact, m
@@ -213,7 +212,6 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         phases=(*([Phase(DEAD_TIME, 0.0, late)] if late else ()), *phases),
         events=Events(*events),
         loads=Loads(*fields),
-        steps=len(run.times),
         evaluations=run.evaluations,
         detail=failure or MESSAGES[outcome],
         missed=missed,

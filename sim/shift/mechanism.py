@@ -50,7 +50,7 @@ class Shaft:
     """Ring, and what is behind it on a shaft."""
 
     near: float  #: inertia of the ring, kg m2
-    far: float  #: of the rest of its side, kg m2
+    far: float  #: of the rest of its side, kg m2; 0 where the side is one piece
     stiffness: float  #: N m/rad
     damping: float  #: N m s/rad
     backlash: float = 0.0  #: play between them, rad
@@ -61,10 +61,10 @@ class Shaft:
         return spring_force(lead, rate, (self.stiffness, self.damping), (-half, half), DEEP_TWIST)
 
 
-def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft | None:
-    """Return the shaft between a ring of inertia ``near`` and the rest; None where it has none."""
+def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft:
+    """Return the shaft between a ring of inertia ``near``, 0 for one piece, and the rest."""
     if near == 0.0:
-        return None
+        return Shaft(whole, 0.0, 0.0, 0.0)
     far = whole - near
     damping = 2.0 * SHAFT_DAMPING * (stiffness * near * far / whole) ** 0.5
     return Shaft(near, far, stiffness, damping, backlash)
@@ -141,12 +141,8 @@ class Mechanism:
     def has_forces(self) -> bool:
         """Whether there is more than a mass and a damper."""
         own = (self.friction, self.detent, self.spline_friction, self.drag_torque)
-        return self.has_linkage or self.has_shafts or any(value > 0.0 for value in own)
-
-    @property
-    def has_shafts(self) -> bool:
-        """Whether a ring turns apart from what is behind its shaft."""
-        return self.ring_inertia > 0.0 or self.wheel_inertia > 0.0
+        apart = (self.ring_inertia, self.wheel_inertia)
+        return self.has_linkage or any(value > 0.0 for value in (*own, *apart))
 
     def sleeve_mass(self, mass: float) -> float:
         """Return the mass in kg that moves with the ring, whose own is ``mass``."""
@@ -183,8 +179,7 @@ class Mechanism:
     def _climb(self, way: Number) -> Number:
         """Return the force in N of the climb onto the detent, ``way`` in m from its peak."""
         bump = positive(1.0 - (2.0 * way / self.detent_width) ** 2)
-        force: Number = self.detent * bump * bump
-        return force
+        return self.detent * bump * bump
 
     def drag(self, speed: Number) -> Number:
         """Return the torque in N m that holds a ring turning at ``speed`` in rad/s."""
@@ -203,14 +198,12 @@ class Mechanism:
 
 def positive(value: Number) -> Number:
     """Return the value where it is positive, else 0."""
-    whole: Number = 0.5 * (value + abs(value))
-    return whole
+    return 0.5 * (value + abs(value))
 
 
 def smooth_sign(value: Number, small: float) -> Number:
     """Return the sign of a value, smooth below ``small``."""
-    sign: Number = value / (value * value + small * small) ** 0.5
-    return sign
+    return value / (value * value + small * small) ** 0.5
 
 
 NOTHING = Mechanism()  #: no mechanism at all

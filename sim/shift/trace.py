@@ -115,10 +115,6 @@ class Trace:
     tangential_force: Series  #: at the mean radius, positive where the output drives
     actuator_displacement: Series  #: that of the ring unless there is a linkage, as is its rate
     actuator_speed: Series
-    input_torque: Series | None = None  #: of the shaft on its ring; None for a rigid one
-    output_torque: Series | None = None
-    input_speed: Series | None = None  #: of what is behind the shaft
-    output_far_speed: Series | None = None
 
     @property
     def relative_speed(self) -> Series:
@@ -136,14 +132,6 @@ def trace_of(clutch: Clutch, profile: ForceProfile, time: Series, state: Series)
     push, given = kernel.shift_force(time, profile.knots)
     force, torque = kernel.contact_means(time, state, given, clutch.numbers)
     far = state[:, 6:8] if clutch.mechanism.has_linkage else state[:, [1, 4]]
-    near, output = clutch.shafts
-    behind: dict[str, Series] = {}
-    if near is not None:
-        torque_in = near.torque(state[:, 8] - state[:, 2], state[:, 9] - state[:, 5])
-        behind |= {"input_torque": torque_in, "input_speed": state[:, 9]}
-    if output is not None:
-        torque_out = output.torque(state[:, 10] - state[:, 0], state[:, 11] - state[:, 3])
-        behind |= {"output_torque": torque_out, "output_far_speed": state[:, 11]}
     return Trace(
         time=time,
         **{name: state[:, column] for name, column in _COLUMNS.items()},
@@ -153,7 +141,6 @@ def trace_of(clutch: Clutch, profile: ForceProfile, time: Series, state: Series)
         tangential_force=torque / clutch.dog.mean_radius,
         actuator_displacement=far[:, 0],
         actuator_speed=far[:, 1],
-        **behind,
     )
 
 

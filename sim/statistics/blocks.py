@@ -164,7 +164,7 @@ def run_block(block: Block) -> Iterator[Record]:
             times["actuator_time_s"] = result.actuator_time
         record = {"key": key, **given, "outcome": result.outcome.value} | times
         record |= events_record(result) | loads_record(result)
-        record |= {"steps": result.steps, "evaluations": result.evaluations}
+        record |= {"steps": len(result.run.times), "evaluations": result.evaluations}
         if result.outcome is Outcome.DIVERGED:
             record["reason"] = result.detail
         yield record | engine() | {"seed": block.seed}

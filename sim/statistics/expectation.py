@@ -73,8 +73,7 @@ class SetPoint:
         """Compute the times from the command to the passage of overlaps in rad, (n,), s or NaN."""
         swing = self.amplitude * self.period / math.pi
         shares = np.where(overlaps <= swing, overlaps / (swing or 1.0), np.nan)
-        times: Values = self.start + self.period / (2.0 * math.pi) * np.arccos(1.0 - 2.0 * shares)
-        return times
+        return self.start + self.period / (2.0 * math.pi) * np.arccos(1.0 - 2.0 * shares)
 
     def freed(self, shifts: Sequence[ShiftResult]) -> list[ShiftResult]:
         """Give each blocked shift the time at which it is freed; it remains ``Outcome.BLOCKED``."""

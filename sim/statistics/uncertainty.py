@@ -40,7 +40,7 @@ LEAST = 1e-3  #: share of a distribution that a truncation must leave
 
 
 class Distribution(Section):
-    """A distribution in place of a number, in the unit of the key that it stands for (``named``).
+    """A distribution in place of a number, in the unit of the key that it stands for.
 
     ``distribution`` is one of ``NEEDS``; the numbers are those that it needs.
     """
@@ -53,25 +53,12 @@ class Distribution(Section):
     low: float | None = None
     mode: float | None = None
     high: float | None = None
-    _key: str = ""
 
-    def named(self, key: str) -> Distribution:
-        """Return the distribution that stands at ``key`` of a file; InputError for mistakes."""
-        found = self.model_copy()
-        found._key = key
-        for fault in found._faults():
+    def checked(self, key: str) -> Distribution:
+        """Return the distribution, which stands at ``key`` of a file; InputError for mistakes."""
+        for fault in self._faults():
             raise InputError(f"{key}{fault}")
-        return found
-
-    @property
-    def key(self) -> str:
-        """Key that the distribution stands for."""
-        return self._key
-
-    @property
-    def name(self) -> str:
-        """Last part of the key."""
-        return self._key.rpartition(".")[2]
+        return self
 
     def _faults(self) -> Iterator[str]:
         kind, given = self.distribution, self.given
@@ -193,28 +180,28 @@ class Variant:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Distributions of the factors that are uncertain; those absent are one."""
+    """Distributions of the factors that are uncertain, by their names; those absent are one."""
 
-    distributions: tuple[Distribution, ...]
+    distributions: tuple[tuple[str, Distribution], ...]
     rise: RiseTable  #: of the shift force by its final value
 
     def __post_init__(self) -> None:
-        for one in self.distributions:
+        for name, one in self.distributions:
             low, high = one.bounds
             if not 0.0 < low < high <= 10.0:
                 raise InputError(
-                    f"{one.key} lies between {low:.6g} and {high:.6g}, but a factor must be "
+                    f"uncertain.{name} lies between {low:.6g} and {high:.6g}, but a factor must be "
                     "positive and at most 10; give low and high"
                 )
 
     @property
     def source(self) -> tuple[tuple[str, str], ...]:
         """The distributions in words, by their keys."""
-        return tuple((one.name, one.text) for one in self.distributions)
+        return tuple((name, one.text) for name, one in self.distributions)
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a factor."""
-        return next((d.bounds for d in self.distributions if d.name == name), (1.0, 1.0))
+        return next((d.bounds for key, d in self.distributions if key == name), (1.0, 1.0))
 
     def variants(
         self, point: OperatingPoint, count: int, seed: int, index: int, base: int | None = None
@@ -227,7 +214,7 @@ class Uncertainty:
         shares = rng.random((count, len(self.distributions)))
         shares = shares[draw_order(count, seed, index, base)]
         columns = zip(self.distributions, shares.T, strict=True)
-        drawn = {one.name: one.at(column) for one, column in columns}
+        drawn = {name: one.at(column) for (name, one), column in columns}
         factors = np.column_stack([drawn.get(name, np.ones(count)) for name in FACTORS])
         source, profile, found = self.source, point.profile, []
         by_table = self.rise.gives(profile)  # a rise time that was given by hand stays

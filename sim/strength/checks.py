@@ -11,7 +11,7 @@ from typing import Literal
 
 from dogshape.sim.elementwise import largest, smallest, where
 from dogshape.sim.shift.geometry import FLANKS
-from dogshape.sim.units import DEG, MM, MPA
+from dogshape.sim.units import from_si
 
 Group = Literal["make", "load", "lock", "impact", "tolerance", "goal"]
 
@@ -276,12 +276,11 @@ RULES = {
 }  # fmt: skip
 
 Row = tuple[str, float, float]  #: name of a rule, value and limit, SI
-_UNITS = {"MPa": MPA, "mm": MM, "deg": DEG, "N": 1.0, "": 1.0}
 
 
 def checks_of(rows: Iterable[Row], ends: str = "") -> tuple[Check, ...]:
     """Return the checks of values and limits, which turn from SI to the units of their rules."""
     return tuple(
-        Check(rule, value / _UNITS[rule.unit], limit / _UNITS[rule.unit], ends)
+        Check(rule, from_si(f"_{rule.unit}", value), from_si(f"_{rule.unit}", limit), ends)
         for rule, value, limit in ((RULES[name], value, limit) for name, value, limit in rows)
     )

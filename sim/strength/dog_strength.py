@@ -161,8 +161,6 @@ class Limits:
 
     def with_root_radius(self, radius: float) -> Limits:
         """Return the same limits for another radius of root and tip edges, m."""
-        if radius == self.root_radius:
-            return self
         return replace(self, manufacturing=replace(self.manufacturing, root_radius=radius))
 
     @property
@@ -197,11 +195,6 @@ class Root(NamedTuple):
     tension: float
     core: float
     shear: float
-
-    @property
-    def equivalent(self) -> float:
-        """Equivalent stress of the core, Pa."""
-        return hypot(self.core, math.sqrt(3.0) * self.shear)
 
 
 def root_of(dog: Dog, limits: Limits, load: Load) -> Root:
@@ -324,7 +317,7 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     static = limits.static_root_stress
     rows += [(f"root_bending_{flank}", root.tension, static) for flank, root in roots.items()]
     shear = largest(*(root.shear for root in roots.values()))
-    equivalent = largest(*(root.equivalent for root in roots.values()))
+    equivalent = largest(*(hypot(r.core, math.sqrt(3.0) * r.shear) for r in roots.values()))
     rows += [
         ("shear_stress", shear, allowable / math.sqrt(3.0)),
         ("equivalent_stress", equivalent, allowable),

@@ -76,8 +76,6 @@ def exceeded(demands: Values, weights: Sequence[float], share: float) -> Demand:
     stands in the middle of its weight; between two the quantile runs straight, and beyond the
     largest nothing is known.
     """
-    if not len(demands):
-        return Demand()
     mass = np.array(weights) / sum(weights)
     return Demand(*(float(np.interp(1.0 - share, *by_weight(one, mass))) for one in demands.T))
 

@@ -99,10 +99,6 @@ class Tolerances:
         names = [f.name for f in fields(self) if f.name not in ("contact_ratio", "clearance")]
         return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
 
-    def dimensions_of(self, dog: Dog) -> dict[str, float]:
-        """Dimensions with their tolerance that a dog has, or one of ``Dogs``."""
-        return {n: size for n, size in self.dimensions.items() if np.any(_has(dog, n))}
-
     def without_sizes(self) -> Tolerances:
         """Return the limits alone, with every dimension exact."""
         return replace(self, **dict.fromkeys(self.dimensions, 0.0))
@@ -156,7 +152,7 @@ def losses(
     or falls with a dimension all the way. One deviation holds for both rings, which are made alike.
     One that leaves no dog makes every loss infinite.
     """
-    sizes = tolerances.dimensions_of(dog)
+    sizes = {n: size for n, size in tolerances.dimensions.items() if np.any(_has(dog, n))}
     nominal = values(dog, root_radius)
 
     def fall(signs: Mapping[str, float]) -> dict[str, float]:

@@ -119,14 +119,12 @@ def cycles_endured(material: Material, strength: float) -> float:
     return ENDURANCE_CYCLES * math.exp(min(exponent, 600.0))
 
 
-def damage(
-    material: Material, strengths: Sequence[float], cycles: Sequence[float], factor: float = 1.0
-) -> float:
-    """Sum the damage of classes of ``cycles``, their stresses times a factor.
+def damage(material: Material, strengths: Sequence[float], cycles: Sequence[float]) -> float:
+    """Sum the damage of classes of ``cycles``.
 
     ``strengths`` are the stresses over the endurance at 3e6 cycles.
     """
-    endured = (cycles_endured(material, factor * strength) for strength in strengths)
+    endured = (cycles_endured(material, strength) for strength in strengths)
     return sum(n / most if most else math.inf for n, most in zip(cycles, endured, strict=True))
 
 
@@ -137,7 +135,7 @@ def reserve(material: Material, cycles: Sequence[float], *strengths: float) -> f
         return math.inf
 
     def sound(factor: float) -> bool:
-        return damage(material, strengths, cycles, factor) <= 1.0
+        return damage(material, [factor * one for one in strengths], cycles) <= 1.0
 
     # scipy.optimize takes half a second to load, which a quick check does not have.
     high = material.static_factor / peak

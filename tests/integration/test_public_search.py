@@ -14,7 +14,6 @@ from dogshape.sim.clutch_tables import validate
 from tests.conftest import SMALL, Call, sets
 from tests.integration.studies import SETTINGS, Finished
 
-ROOT = Path(__file__).parents[2]
 TIME = "expected_shift_time_s"
 SETS = sets(SMALL)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,20 +59,6 @@ def test_mirrored_rings_and_mismatch_give_the_mirrored_motion(
         one = np.interp(seen, here.trace.time, getattr(here.trace, name))
         other = np.interp(seen, there.trace.time, getattr(there.trace, name))
         assert one == pytest.approx(sign * other, abs=2e-3 * np.abs(one).max())
-
-
-@pytest.mark.parametrize("mismatch", [25, -100])
-def test_flat_faces_mirror_by_swapped_flanks(clutch: Clutch, point: Point, mismatch: float) -> None:
-    """Without chamfer the mirror image is a dog of its own: both side angles exchanged."""
-    dog = replace(clutch.dog, chamfer=0.0)
-    swapped = replace(dog, traction=dog.braking, braking=dog.traction)
-    for angle in (9, 12, 15):
-        here = engage(ClutchPlant(replace(clutch, dog=dog)), point(mismatch, 235.2), angle * DEG)
-        other = ClutchPlant(replace(clutch, dog=swapped))
-        there = engage(other, point(-mismatch, 235.2), -angle * DEG)
-        assert here.outcome is there.outcome
-        if here.shift_time is not None:
-            assert here.shift_time == pytest.approx(there.shift_time, rel=1e-4)
 
 
 @given(st.sampled_from(sorted(UNITS)), st.floats(-1e6, 1e6))

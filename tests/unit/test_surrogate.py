@@ -72,7 +72,7 @@ def stored(surrogate: Surrogate) -> Stored:
 
 @pytest.mark.parametrize("mix", [MIX, replace(MIX, weights=np.full(6, 1.0 / 6.0)), THIRD])
 def test_predicts_expected_times_and_covers_them(surrogate: Surrogate, mix: Mix) -> None:
-    x = made(40, seed=1).x
+    x = made(40, seed=1).grid.x
     time, error = surrogate.predict(x, mix)
     truths = np.array([exact(row, mix) for row in x])
     assert np.sqrt(((time / truths - 1) ** 2).mean()) < 0.01
@@ -84,7 +84,7 @@ def test_predicts_expected_times_and_covers_them(surrogate: Surrogate, mix: Mix)
 
 
 def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate: Surrogate) -> None:
-    x = made(30, seed=2).x
+    x = made(30, seed=2).grid.x
     between = Mix(np.array([[12.0, 400.0]]), np.ones(1), 1.2)
     time, error = surrogate.predict(x, between)
     truths = np.array([exact(row, between) for row in x])
@@ -116,7 +116,7 @@ def test_a_grid_has_the_designs_with_every_point() -> None:
     rows = np.column_stack([rows, np.ones(len(rows))])
     whole = grid_of(np.concatenate([rows, rows]), MIX)  # a row counts once
     assert len(whole.x) == 6
-    order = np.lexsort(data.x.T[::-1])
+    order = np.lexsort(data.grid.x.T[::-1])
     for name in ("x", "means", "errors", "sds", "engaged", "shifts"):
         assert getattr(whole, name) == pytest.approx(getattr(data.grid, name)[order])
     assert len(grid_of(rows[1:], MIX).x) == 5
@@ -152,7 +152,7 @@ def test_stored_and_read_back_predicts_the_same(stored: Stored, tmp_path: Path) 
     path = tmp_path / "surrogate.json"
     save(path, stored)
     again = load(path)
-    x = made(5, seed=9).x
+    x = made(5, seed=9).grid.x
     for mine, theirs in zip(stored.surrogate.predict(x), again.surrogate.predict(x), strict=True):
         assert theirs == pytest.approx(mine, rel=1e-3)
     assert again.validation == stored.validation
@@ -210,7 +210,7 @@ def test_faces_that_hold_have_no_estimate(
 ) -> None:
     """The least chamfer that was simulated is 7 degrees, the friction angle of 0.12 is 6.84."""
     data, physics = surrogate.data, {**PHYSICS, "static_friction": friction}
-    data = replace(data, grid=data.grid.subset(data.x[:, 0] > 7.0), physics=physics)
+    data = replace(data, grid=data.grid.subset(data.grid.x[:, 0] > 7.0), physics=physics)
     model = replace(surrogate, data=data)
     asked = {"chamfer_deg": chamfer, "height_mm": 4.0, "count": 18.0}
     answer = ask(model, asked, MIX, data.physics)
@@ -222,7 +222,7 @@ def test_faces_that_hold_have_no_estimate(
 def test_a_back_that_holds_has_no_estimate_either() -> None:
     physics, known = {"static_friction": 0.12}, np.array([[8.0, 9.0], [12.0, 14.0]])
     names = ("chamfer_deg", "chamfer_back_deg")
-    data: Any = SimpleNamespace(variables=names, x=known, physics=physics)
+    data: Any = SimpleNamespace(variables=names, grid=SimpleNamespace(x=known), physics=physics)
     asked = np.array([[10.0, 10.0], [10.0, 5.0], [5.0, 10.0], [8.0, 9.0]])
     assert faces_hold(data, asked).tolist() == [False, True, True, False]
 

@@ -92,5 +92,3 @@ def test_surfaces_are_true_planes_and_cylinders(prototype: Dog) -> None:
 def test_what_cannot_be_made_is_refused(prototype: Dog) -> None:
     with pytest.raises(GeometryError, match="root_radius_mm is 3 mm"):
         ring_solid(prototype, 3.0 * MM, BODY)
-    with pytest.raises(GeometryError, match="body_mm is -1 mm"):
-        ring_solid(prototype, 0.0, -1.0 * MM)

@@ -121,7 +121,7 @@ def test_the_reserve_of_a_spectrum_on_one_slope_is_a_power_mean() -> None:
     assert all(1.0 < factor * s < STEEL.static_factor for s, _ in classes)
     strengths, cycles = zip(*classes, strict=True)
     assert reserve(STEEL, cycles, *strengths) == pytest.approx(factor, rel=1e-9)
-    assert damage(STEEL, strengths, cycles, factor) == pytest.approx(1.0, rel=1e-9)
+    assert damage(STEEL, [factor * s for s in strengths], cycles) == pytest.approx(1.0, rel=1e-9)
 
 
 def test_a_peak_beyond_the_static_strength_is_borne_by_none() -> None:

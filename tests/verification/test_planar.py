@@ -139,7 +139,7 @@ def test_a_creep_takes_long_steps_and_goes_as_far_as_in_drake(clutch: Clutch, po
         assert found.outcome is Outcome.TIMED_OUT
         ends.append(found)
     mine, drake = ends
-    assert mine.steps < 0.05 * drake.steps
+    assert len(mine.run.times) < 0.05 * len(drake.run.times)
     for name in ("relative_angle", "displacement"):
         one, other = (float(getattr(e.trace, name)[-1]) for e in ends)
         assert one == pytest.approx(other, rel=2e-4)
@@ -204,19 +204,6 @@ def test_the_mirror_image_shifts_alike_at_the_other_sign(
         assert one.shift_time == pytest.approx(other.shift_time, rel=1e-4)
         assert one.events.face_contacts == other.events.face_contacts
         assert one.events.slots_skipped == other.events.slots_skipped
-
-
-def test_a_symmetric_roof_has_one_expected_time_for_both_signs(
-    clutch: Clutch, point: Point
-) -> None:
-    own = _clutch(clutch, "symmetric").with_engine("planar")
-    angles = (np.arange(24) + 0.5) / 24 * own.dog.pitch_angle
-    one, other = (
-        [engage(own, point(rpm, 469.0), float(a)).shift_time for a in angles] for rpm in (50, -50)
-    )
-    assert np.sort(np.array(one, dtype=float)) == pytest.approx(
-        np.sort(np.array(other, dtype=float)), rel=1e-5
-    )
 
 
 @pytest.mark.parametrize("name", SHAPES)

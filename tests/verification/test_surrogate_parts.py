@@ -152,5 +152,5 @@ def test_noise_does_not_draw_times_down() -> None:
     means = data.grid.means * shifts.mean(axis=2)
     errors = means * shifts.std(axis=2, ddof=1) / shifts.mean(axis=2) / 8**0.5
     model = fit(replace(data, grid=replace(data.grid, means=means, errors=errors)), QUICK)
-    found = model.predict(data.x, replace(MIX, retry=0.0))[0] / [exact(x) for x in data.x]
+    found = model.predict(data.grid.x, replace(MIX, retry=0.0))[0] / [exact(x) for x in data.grid.x]
     assert np.mean(found) == pytest.approx(1.0, abs=0.035)  # 3 s.e.

@@ -41,7 +41,7 @@ MOMENTS: list[tuple[dict[str, Any], float, float]] = [
 def test_distributions_have_the_moments_of_their_closed_forms(
     given: dict[str, Any], mean: float, sd: float
 ) -> None:
-    one = Distribution.model_validate(given).named("key")
+    one = Distribution.model_validate(given).checked("key")
     values = one.at((np.arange(20_000) + 0.5) / 20_000)
     assert values.mean() == pytest.approx(mean, rel=1e-3)
     assert values.std() == pytest.approx(sd, rel=3e-3)
@@ -69,7 +69,7 @@ def test_a_known_mean_is_hit_and_its_error_is_told() -> None:
 
     study, unsure = _unsure()
     shares = np.random.default_rng(0).random((500_000, 3))
-    f, p, j = (d.at(u) for d, u in zip(unsure.distributions, shares.T, strict=True))
+    f, p, j = (d.at(u) for (_, d), u in zip(unsure.distributions, shares.T, strict=True))
     exact = float((0.05 / p + 0.03 * f**2 + 0.015 * f * j).mean())
     for count in (6, 12, 24):
         found = []
