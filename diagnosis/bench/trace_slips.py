@@ -27,7 +27,7 @@ from dogshape.diagnosis.bench.traces import (
 )
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.units import MM, MS, RPM
+from dogshape.sim.units import MM, MS, RPM, short
 
 SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
 KILO = 0.01  #: ratio of forces below which those of traces are kilonewtons
@@ -127,18 +127,13 @@ def median(values: ArrayLike, without: float = 0.0) -> float:
     return float(np.median(known)) if known.size else without
 
 
-def short(values: float | list[float]) -> str:
-    """Write a value, or the median of some, with three digits."""
-    return number(float(f"{np.median(values):.3g}"))
-
-
 def trace_notes(stand: Stand, sheet: Sheet) -> Findings:
     """Find traces with channels that were interpolated or cut, samples lost, or an early end."""
     noted = []
     for one in traced(stand, sheet):
         notes, trace = list(one.trace.notes), one.trace
         if one.short:
-            early = number(float(f"{((one.row.time or 0.0) - trace.time[-1]) / MS:.3g}"))
+            early = short(((one.row.time or 0.0) - trace.time[-1]) / MS, 3)
             flying = trace.displacement.max() < stand.clutch.dog.axial_gap
             before = " and before the first touch, if it is of this shift at all" if flying else ""
             notes.append(f"ends {early} ms before the shift of row {one.row.row} is over{before}")
@@ -221,10 +216,10 @@ def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
     ]  # fmt: skip
     looks, when = "a sensor that is not set to zero", "(median) before the force begins"
     if way:
-        found = f"displacement_mm of {len(way)} of {len(rows)} traces is {short(way)} mm {when}"
+        found = f"displacement_mm of {len(way)} of {len(rows)} traces is {short(median(way), 3)} mm {when}"
         yield Finding("displacement", found, looks, "zeroed")
     if 2 * len(force) > len(rows):
-        found = f"force_N of {len(force)} of {len(rows)} traces is {short(force)} N {when}"
+        found = f"force_N of {len(force)} of {len(rows)} traces is {short(median(force), 3)} N {when}"
         yield Finding("trace_force", found, looks, "zeroed")
 
 
@@ -258,7 +253,7 @@ class Range:
         high = self.high * (self.soft if stand.record.displacement_at == "actuator" else 1.0)
         if self.low <= middle <= high:
             return
-        found = self.found.format(short(middle), number(travel), short(middle * travel))
+        found = self.found.format(short(middle, 3), number(travel), short(middle * travel, 3))
         for correction, looks in self.ways:
             try:
                 other = corrected(sheet, correction, stand.sensor)
