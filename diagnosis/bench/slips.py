@@ -98,11 +98,8 @@ def _too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
 
 def _share_impossible(stand: Stand, sheet: Sheet) -> float:
     """Compute the number of rows that cannot be true over that of times."""
-    count = sum(
-        np.isinf(_free_flight(stand, row)) or _too_early(stand, row)
-        or not 0.0 <= (row.time or 0.0) <= stand.clutch.timeout for row in sheet.rows
-    )  # fmt: skip
-    return float(count / max(1, _column(sheet, "time").size))
+    wrong = [impossible(stand, row) or np.isinf(_free_flight(stand, row)) for row in sheet.rows]
+    return sum(map(bool, wrong)) / max(1, _column(sheet, "time").size)
 
 
 def _column(sheet: Sheet, name: str) -> Array:
