@@ -163,7 +163,7 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
             f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
             f"{' to '.join(ends)} s"
         )
-        looks, way = "the recorder's clock, or a record that begins before its trigger", None
+        looks, correction = "the recorder's clock, or a record that begins before its trigger", None
         seen = np.isfinite(late[off]).any()
         found += f"; {_ends(median(late[off]))}" if seen else ""
         if seen and abs(median(late[off])) <= between:
@@ -171,8 +171,8 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
         elif np.isnan(start).any():
             found += f"; in {np.isnan(start).sum()} traces no rise of the force is seen at all"
         else:
-            way = "from_force"
-        yield Finding("trace_time", found, looks, way, bool((off & over).any()))
+            correction = "trace_time=from_force"
+        yield Finding("trace_time", found, looks, correction, bool((off & over).any()))
     elif np.isnan(start).all():
         found = "no rise of force_N stands out from its noise in the traces: t_s = 0 is unchecked"
         found += f"; {_ends(middle)}" if abs(middle) > between else ""
@@ -215,12 +215,13 @@ def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
         and abs(one.start.force) > max(REST * one.row.force, noise * scatter(one.trace.force))
     ]  # fmt: skip
     looks, when = "a sensor that is not set to zero", "(median) before the force begins"
+    of_all = f"of {len(rows)} traces is"
     if way:
-        found = f"displacement_mm of {len(way)} of {len(rows)} traces is {short(median(way), 3)} mm {when}"
-        yield Finding("displacement", found, looks, "zeroed")
+        found = f"displacement_mm of {len(way)} {of_all} {short(median(way), 3)} mm {when}"
+        yield Finding("displacement", found, looks, "displacement=zeroed")
     if 2 * len(force) > len(rows):
-        found = f"force_N of {len(force)} of {len(rows)} traces is {short(median(force), 3)} N {when}"
-        yield Finding("trace_force", found, looks, "zeroed")
+        found = f"force_N of {len(force)} {of_all} {short(median(force), 3)} N {when}"
+        yield Finding("trace_force", found, looks, "trace_force=zeroed")
 
 
 @dataclass(frozen=True)
@@ -260,9 +261,9 @@ class Range:
             except InputError:  # the stand does not say by how much
                 continue
             if self.low <= self._middle(stand, other) <= high:
-                quantity, _, way = correction.partition("=")
+                quantity = correction.partition("=")[0]
                 text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
-                yield Finding(quantity, found, text, way, True, self.arguable)
+                yield Finding(quantity, found, text, correction, True, self.arguable)
                 return
         certain = not self.possible[0] < middle < self.possible[1]
         yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
