@@ -87,7 +87,7 @@ def _joined(marks: Array) -> Array:
         return NO_MARK
     times, errors, reach = known.T
     apart = abs(times - np.median(times))
-    # One or two are never left out: they lie at most once the median from it.
+    # The nearer half always stays, and so do one mark or two.
     kept = apart <= APART * max(1.48 * float(np.median(apart)), float(np.median(errors)))
     count = int(kept.sum())
     variance = float((errors[kept] ** 2).mean())
