@@ -197,6 +197,8 @@ def load_stand(path: Path) -> Stand:
         raise DataError(fault) from error
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror}; check path and rights") from None
+    if "mismatch_sense" in data:  # where earlier versions had record.sense
+        data["record"] = {"sense": data.pop("mismatch_sense"), **data.get("record", {})}
     file = validate(_BenchFile, data, str(path))
     angles, step = file.relative_angles_deg, file.errors.clock_step_ms
     own: Any = {n: getattr(file, n) for n in Stand.__dataclass_fields__ if hasattr(file, n)}
