@@ -29,12 +29,17 @@ def good_set(folder: Path, *, sensor: bool = True, traces: bool = True) -> Path:
     target = folder / "set"
     shutil.copytree(GOOD, target)
     if sensor:
-        with (target / "bench.toml").open("a") as file:
-            file.write(SENSOR)
+        state(target, SENSOR)
     if not traces:
         table = pd.read_csv(target / "shifts.csv", dtype=str)
         table.assign(trace="").to_csv(target / "shifts.csv", index=False)
     return target
+
+
+def state(folder: Path, text: str) -> None:
+    """Add keys to the ``bench.toml`` of a set."""
+    with (folder / "bench.toml").open("a") as file:
+        file.write(f"\n{text}\n")
 
 
 def scale(path: Path, **factors: float) -> None:

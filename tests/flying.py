@@ -59,10 +59,9 @@ def flying_bench(name: str | None, values: Mapping[str, float], *, shifts: int =
     """Return a bench with an effect whose shifts are simulated, each with its trace."""
     rng = np.random.default_rng(1)
     readings = []
-    plants: dict[str, ClutchPlant] = {}
     for plain in settings():
         setting = EFFECTS[name].apply(plain, values) if name else plain
-        plant = plants.setdefault("only", ClutchPlant(setting.clutch))
+        plant = ClutchPlant(setting.clutch)
         for angle in rng.uniform(0.0, setting.clutch.dog.pitch_angle, shifts):
             shift = engage(plant, setting.point, float(angle))
             trace = sampled(shift.trace, setting, 1e-3, 1.0, rng)

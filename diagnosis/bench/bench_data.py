@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.corrections import Finding, corrected, parse
 from dogshape.diagnosis.bench.slips import examine, found_step, impossible, require_no_slip
 from dogshape.diagnosis.bench.stand_file import EmptyCells, Stand, load_stand
 from dogshape.diagnosis.bench.table import Sheet, load_sheet
 from dogshape.diagnosis.bench.traces import BenchTrace, bad_cell
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
@@ -70,7 +70,7 @@ class Cell:
         return whole / self.n if self.n else None
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Array:
         """Times of single shifts, s, (k,); those within means are not among them."""
         return np.array([r.time for r in self.readings if r.n == 1 and r.time is not None])
 

@@ -129,7 +129,7 @@ def corrected(sheet: Sheet, correction: str, sensor: Sensor) -> Sheet:
 class Finding:
     """Probable slip in bench data.
 
-    ``way`` is the correction of ``quantity`` that would make it right. A ``certain`` one cannot be
+    ``correction``, such as ``time=ms``, would make ``quantity`` right. A ``certain`` one cannot be
     true as it stands and is refused; ``arguable`` tells whether a user may say that it is right.
     ``remedy`` is what to do where neither a correction nor the data set is.
     """
@@ -137,20 +137,15 @@ class Finding:
     quantity: str
     found: str
     looks_like: str
-    way: str | None = None
+    correction: str | None = None
     certain: bool = False
     arguable: bool = True
     remedy: str = ""
 
     @property
-    def correction(self) -> str | None:
-        """The correction, such as ``time=ms``."""
-        return None if self.way is None else f"{self.quantity}={self.way}"
-
-    @property
     def sentence(self) -> str:
         """Finding, probable cause and remedy in a sentence."""
-        ways = [f"--correct {self.correction} applies this correction"] if self.way else []
+        ways = [f"--correct {self.correction} applies this correction"] if self.correction else []
         if self.arguable:
             ways.append(f"--correct {self.quantity}={GIVEN} keeps the values")
         return self.with_remedy(self.remedy or ", or ".join(["correct the data set", *ways]))

@@ -87,9 +87,8 @@ def _joined(marks: Array) -> Array:
         return NO_MARK
     times, errors, reach = known.T
     apart = abs(times - np.median(times))
+    # The nearer half always stays, and so do one mark or two.
     kept = apart <= APART * max(1.48 * float(np.median(apart)), float(np.median(errors)))
-    if len(known) < 3 or not kept.any():
-        kept = np.ones(len(known), dtype=bool)
     count = int(kept.sum())
     variance = float((errors[kept] ** 2).mean())
     if count > 1:

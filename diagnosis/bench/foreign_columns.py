@@ -481,8 +481,7 @@ class TableReader:
     def _stamps(self, match: Match) -> Values:
         """Read numbers with a unit in s, and dates as ISO 8601."""
         column, unit = match.terms[0]
-        known = {k: c for k, c in enumerate(column.cells) if c.lower() not in NOTHING}
-        cells = list(known.values())
+        cells = [cell for cell in column.cells if cell.lower() not in NOTHING]
         try:
             if unit is not None and all(map(is_number, cells)):
                 found = [f"{v:.12g}" for v in unit.factor * numbers_of(cells, self.sign)]
@@ -493,8 +492,8 @@ class TableReader:
             self._fault(match, f"{error}, or say --column timestamp='{match.head}:s' for numbers "
                         f"of seconds, or --column timestamp={NONE} to leave it out")  # fmt: skip
             return [None] * len(column.cells)
-        stamps = dict(zip(known, found, strict=True))
-        values = [stamps.get(k) for k in range(len(column.cells))]
+        stamps = iter(found)
+        values = [None if cell.lower() in NOTHING else next(stamps) for cell in column.cells]
         return self._record(match, values, way, unit.text if unit else "")
 
 

@@ -50,13 +50,13 @@ def examine(stand: Stand, sheet: Sheet, asked: Sequence[str] = ()) -> tuple[Find
     found: list[Finding] = []
     for check in CHECKS:
         for finding in list(check(stand, sheet)):
-            taken = f"{finding.quantity}={finding.way or GIVEN}"
+            taken = finding.correction or f"{finding.quantity}={GIVEN}"
             if taken in settled or any(contradict(taken, one) for one in settled):
                 continue
             found.append(finding)
             if finding.certain:
                 settled.append(taken)
-                sheet = corrected(sheet, taken, stand.sensor) if finding.way else sheet
+                sheet = corrected(sheet, taken, stand.sensor)
     return tuple(found)
 
 
@@ -98,11 +98,8 @@ def _too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
 
 def _share_impossible(stand: Stand, sheet: Sheet) -> float:
     """Compute the number of rows that cannot be true over that of times."""
-    count = sum(
-        np.isinf(_free_flight(stand, row)) or _too_early(stand, row)
-        or not 0.0 <= (row.time or 0.0) <= stand.clutch.timeout for row in sheet.rows
-    )  # fmt: skip
-    return float(count / max(1, _column(sheet, "time").size))
+    wrong = [impossible(stand, row) or np.isinf(_free_flight(stand, row)) for row in sheet.rows]
+    return sum(map(bool, wrong)) / max(1, _column(sheet, "time").size)
 
 
 def _column(sheet: Sheet, name: str) -> Array:
@@ -129,7 +126,7 @@ def axes_by_rise(_: Stand, sheet: Sheet) -> Findings:
             f"force_rise_s goes with mismatch_rpm: {mixed} of {len(rises[0])} forces have "
             "several rise times, and each mismatch has one"
         )
-        yield Finding("axes", found, SWAPPED, "swapped", certain=True)
+        yield Finding("axes", found, SWAPPED, "axes=swapped", certain=True)
 
 
 #: Columns whose size may show a slip: name, correction, test, unit in words, and what is found.
@@ -155,8 +152,8 @@ def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
     for name, correction, off, looks, found in SIZES:
         if off(stand, sheet) and _share_impossible(stand, sheet) >= 0.5:
             said = found.format(_span(_column(sheet, name)), number(stand.clutch.timeout))
-            quantity, _, way = correction.partition("=")
-            yield Finding(quantity, said, looks, way, True, arguable=quantity == "axes")
+            quantity = correction.partition("=")[0]
+            yield Finding(quantity, said, looks, correction, True, arguable=quantity == "axes")
             sheet = corrected(sheet, correction, stand.sensor)
 
 
@@ -173,7 +170,7 @@ def force_by_calibration(stand: Stand, sheet: Sheet) -> Findings:
         )
         looks = "the force at the robot arm instead of that at the sleeve"
         looks += f", which is {number(factor)} times as large" if factor else ""
-        yield Finding("force", found, looks, "arm" if factor else None, certain=True)
+        yield Finding("force", found, looks, "force=arm" if factor else None, certain=True)
 
 
 def early_times(stand: Stand, sheet: Sheet) -> Findings:
@@ -222,7 +219,7 @@ def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
         found = f"{many} nearly the set values of others: {one} and {other} differ by "
         found += f"about {100 * NEAR:.0f} %"
         looks = "measured in place of set values, each an operating point with errors of its own"
-        yield Finding("points", found, looks, "joined", certain=True)
+        yield Finding("points", found, looks, "points=joined", certain=True)
 
 
 def _single(sheet: Sheet) -> list[tuple[Row, float]]:

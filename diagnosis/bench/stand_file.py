@@ -30,15 +30,11 @@ from dogshape.sim.shift.clutch import Clutch, ContactSet, contact_set, solver_fo
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import DEG, MM, MS, RPM
 
-TimeZero = Literal["command", "force", "unknown"]
 Place = Literal["sleeve", "actuator", "unknown"]
 EmptyCells = Literal["not_made", "failed", "unknown"]
 
-#: Uncertainties beyond which a linear law would say nothing.
+#: Uncertainty beyond which a linear law would say nothing.
 Percent = Annotated[float, Field(ge=0.0, le=30.0)]
-Newtons = Annotated[float, Field(ge=0.0, le=1e4)]
-Speed = Annotated[float, Field(ge=0.0, le=1e3)]
-Finite = Annotated[float, Field(gt=-np.inf, lt=np.inf)]
 
 
 class BenchRecord(Section):
@@ -49,7 +45,7 @@ class BenchRecord(Section):
     with neither a time nor ``engaged``, ``sense`` the sign of the mismatch (``docs/mismatch.md``).
     """
 
-    time_zero: TimeZero = "unknown"
+    time_zero: Literal["command", "force", "unknown"] = "unknown"
     displacement_at: Place = "unknown"
     sense: Sense = "known"
     empty_cells: EmptyCells = "unknown"
@@ -70,7 +66,7 @@ class Measured(Section):
 
     effect: str
     parameter: str | None = None
-    value: Finite
+    value: Annotated[float, Field(gt=-np.inf, lt=np.inf)]
     standard_error: Annotated[float, Field(gt=0.0, lt=np.inf)]
 
 
@@ -107,9 +103,9 @@ class Tolerance(Section):
     """Standard uncertainties of one kind: of the nominal value, and whatever that is."""
 
     force_percent: Percent = 0.0
-    force_N: Newtons = 0.0
+    force_N: Annotated[float, Field(ge=0.0, le=1e4)] = 0.0
     mismatch_percent: Percent = 0.0
-    mismatch_rpm: Speed = 0.0
+    mismatch_rpm: Annotated[float, Field(ge=0.0, le=1e3)] = 0.0
 
     def __bool__(self) -> bool:
         return any(value for _, value in self)

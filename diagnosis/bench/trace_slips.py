@@ -27,7 +27,7 @@ from dogshape.diagnosis.bench.traces import (
 )
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.units import MM, MS, RPM
+from dogshape.sim.units import MM, MS, RPM, short
 
 SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
 KILO = 0.01  #: ratio of forces below which those of traces are kilonewtons
@@ -127,18 +127,13 @@ def median(values: ArrayLike, without: float = 0.0) -> float:
     return float(np.median(known)) if known.size else without
 
 
-def short(values: float | list[float]) -> str:
-    """Write a value, or the median of some, with three digits."""
-    return number(float(f"{np.median(values):.3g}"))
-
-
 def trace_notes(stand: Stand, sheet: Sheet) -> Findings:
     """Find traces with channels that were interpolated or cut, samples lost, or an early end."""
     noted = []
     for one in traced(stand, sheet):
         notes, trace = list(one.trace.notes), one.trace
         if one.short:
-            early = number(float(f"{((one.row.time or 0.0) - trace.time[-1]) / MS:.3g}"))
+            early = short(((one.row.time or 0.0) - trace.time[-1]) / MS, 3)
             flying = trace.displacement.max() < stand.clutch.dog.axial_gap
             before = " and before the first touch, if it is of this shift at all" if flying else ""
             notes.append(f"ends {early} ms before the shift of row {one.row.row} is over{before}")
@@ -168,7 +163,7 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
             f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
             f"{' to '.join(ends)} s"
         )
-        looks, way = "the recorder's clock, or a record that begins before its trigger", None
+        looks, correction = "the recorder's clock, or a record that begins before its trigger", None
         seen = np.isfinite(late[off]).any()
         found += f"; {_ends(median(late[off]))}" if seen else ""
         if seen and abs(median(late[off])) <= between:
@@ -176,8 +171,8 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
         elif np.isnan(start).any():
             found += f"; in {np.isnan(start).sum()} traces no rise of the force is seen at all"
         else:
-            way = "from_force"
-        yield Finding("trace_time", found, looks, way, bool((off & over).any()))
+            correction = "trace_time=from_force"
+        yield Finding("trace_time", found, looks, correction, bool((off & over).any()))
     elif np.isnan(start).all():
         found = "no rise of force_N stands out from its noise in the traces: t_s = 0 is unchecked"
         found += f"; {_ends(middle)}" if abs(middle) > between else ""
@@ -220,12 +215,13 @@ def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
         and abs(one.start.force) > max(REST * one.row.force, noise * scatter(one.trace.force))
     ]  # fmt: skip
     looks, when = "a sensor that is not set to zero", "(median) before the force begins"
+    of_all = f"of {len(rows)} traces is"
     if way:
-        found = f"displacement_mm of {len(way)} of {len(rows)} traces is {short(way)} mm {when}"
-        yield Finding("displacement", found, looks, "zeroed")
+        found = f"displacement_mm of {len(way)} {of_all} {short(median(way), 3)} mm {when}"
+        yield Finding("displacement", found, looks, "displacement=zeroed")
     if 2 * len(force) > len(rows):
-        found = f"force_N of {len(force)} of {len(rows)} traces is {short(force)} N {when}"
-        yield Finding("trace_force", found, looks, "zeroed")
+        found = f"force_N of {len(force)} {of_all} {short(median(force), 3)} N {when}"
+        yield Finding("trace_force", found, looks, "trace_force=zeroed")
 
 
 @dataclass(frozen=True)
@@ -258,16 +254,16 @@ class Range:
         high = self.high * (self.soft if stand.record.displacement_at == "actuator" else 1.0)
         if self.low <= middle <= high:
             return
-        found = self.found.format(short(middle), number(travel), short(middle * travel))
+        found = self.found.format(short(middle, 3), number(travel), short(middle * travel, 3))
         for correction, looks in self.ways:
             try:
                 other = corrected(sheet, correction, stand.sensor)
             except InputError:  # the stand does not say by how much
                 continue
             if self.low <= self._middle(stand, other) <= high:
-                quantity, _, way = correction.partition("=")
+                quantity = correction.partition("=")[0]
                 text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
-                yield Finding(quantity, found, text, way, True, self.arguable)
+                yield Finding(quantity, found, text, correction, True, self.arguable)
                 return
         certain = not self.possible[0] < middle < self.possible[1]
         yield Finding(self.quantity, found, self.other, None, certain, self.arguable)

@@ -32,7 +32,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from dogshape.diagnosis.bench.foreign_table import unit_named
@@ -40,8 +39,6 @@ from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, did_you_mean, number, number_rule
 from dogshape.sim.texts import is_plain, read_table
 from dogshape.sim.units import to_si
-
-Series = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +50,11 @@ class BenchTrace:
     """
 
     path: Path
-    time: Series
-    displacement: Series
-    force: Series
-    sliding_speed: Series
-    output_speed: Series
+    time: Array
+    displacement: Array
+    force: Array
+    sliding_speed: Array
+    output_speed: Array
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     start_error: float = field(default=0.0, kw_only=True)
 
@@ -88,7 +85,7 @@ class ForceStart:
     displacement: float
 
 
-def step_of(time: Series) -> float:
+def step_of(time: Array) -> float:
     """Compute the median time from sample to sample, s, of times (n,)."""
     return float(np.median(np.diff(time)))
 
@@ -211,8 +208,8 @@ HOLE = 5.0  #: sample steps without a sample from which samples count as lost
 class Channel:
     """Samples of a channel: times in s and values, each (n,), and their rows in the file."""
 
-    time: Series
-    values: Series
+    time: Array
+    values: Array
     rows: Sequence[int]
 
 
@@ -224,8 +221,8 @@ def read_trace(path: Path) -> BenchTrace:
     if not path.is_file():
         raise DataError(f"there is no trace {path}; add the file, or leave the cell trace empty")
     channels = READERS.get(path.suffix.lower(), _read_csv)(path)
-    for name in (LEAD, *(name for name in channels if name != LEAD)):
-        _require_samples(path, name, channels[name])
+    for name, channel in channels.items():
+        _require_samples(path, name, channel)
     lead = channels[LEAD]
     margin = ALIKE * step_of(lead.time)
     first = max(one.time[0] for one in channels.values()) - margin
@@ -246,7 +243,7 @@ def read_trace(path: Path) -> BenchTrace:
     return BenchTrace(path, *(to_si(name, 1.0) * table[name] for name in COLUMNS), notes=notes)
 
 
-def _notes(channels: Mapping[str, Channel], time: Series, margin: float) -> list[str]:
+def _notes(channels: Mapping[str, Channel], time: Array, margin: float) -> list[str]:
     """List what was interpolated, cut and lost, in sentences."""
     lead = channels[LEAD]
     apart = [
@@ -344,7 +341,7 @@ def _only(path: Path, name: str, groups: Sequence[Any], known: Iterable[str]) ->
     return groups[0]
 
 
-def _as_numbers(path: Path, name: str, samples: Any) -> Series:
+def _as_numbers(path: Path, name: str, samples: Any) -> Array:
     try:
         return np.asarray(samples, dtype=float)
     except (TypeError, ValueError) as error:
@@ -394,7 +391,7 @@ def _read_tdms(path: Path) -> dict[str, Channel]:
     return found
 
 
-def _waveform(path: Path, channel: Any, lead: Any) -> Series:
+def _waveform(path: Path, channel: Any, lead: Any) -> Array:
     """Return the times of a channel after the start time of the displacement, s, (n,)."""
     start, first = (one.properties.get("wf_start_time") for one in (channel, lead))
     if (start is None) != (first is None):

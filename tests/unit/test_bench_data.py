@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
-from dogshape.diagnosis.bench.stand_file import EmptyCells, Measured, TestTerms
+from dogshape.diagnosis.bench.stand_file import EmptyCells, Measured, TestTerms, Tolerance
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.next_test import require_terms
@@ -20,7 +20,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
-from tests.benches import good_set
+from tests.benches import good_set, state
 from tests.conftest import Call
 from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 
@@ -65,6 +65,7 @@ def test_published_tables_are_complete() -> None:
         ('time_zero = "unknown"', 'time_zero = "trigger"', "'trigger', but it must be one of"),
         ("[sensor]", '[sensor]\ndisplacement_at = "sleeve"', "mean 'record.displacement_at'?"),
         ("[dog]", "errors.clock_step_ms = 101.0\n[dog]", "is 101.0, but it must be at most 100"),
+        ("[dog]", "errors.each_point.mismatch_rpm = 1e5\n[dog]", "each_point.mismatch_rpm is 1000"),
     ],
 )
 def test_broken_files(folder: Path, old: str, new: str, words: str) -> None:
@@ -131,11 +132,6 @@ def planar(tmp_path: Path) -> Path:
     return good_set(tmp_path, sensor=False, traces=False)
 
 
-def state(planar: Path, text: str) -> None:
-    with (planar / "bench.toml").open("a") as file:
-        file.write(f"\n{text}\n")
-
-
 def times(planar: Path, *values: float, n: int = 1) -> None:
     rows = "".join(f"50,469.0,0.1766,{n},{value:.6g},\n" for value in values)
     (planar / "shifts.csv").write_text(HEAD + rows)
@@ -155,8 +151,11 @@ TERMS = '[[tests]]\nname = "{}"\n{}\n'
 MENU = {"more shifts", *(effect.test.name for effect in EFFECTS.values())}
 
 
-def test_results_and_terms_of_bench_tests_are_keys_of_the_data_set(planar: Path) -> None:
-    bench = _stated(planar, f"{DRAG}\n{TERMS.format('traces', 'possible = false')}")
+def test_errors_and_results_and_terms_of_bench_tests_are_keys_of_the_data_set(planar: Path) -> None:
+    errors = "[errors]\nsystematic.mismatch_rpm = 0.5\neach_point.force_N = 3\n"
+    bench = _stated(planar, f"{DRAG}\n{TERMS.format('traces', 'possible = false')}{errors}")
+    assert bench.errors.systematic == Tolerance(mismatch_rpm=0.5)
+    assert bench.errors.each_point == Tolerance(force_N=3.0)
     assert bench.measured == (Measured(effect="drag_torque", value=2.2, standard_error=0.1),)
     assert bench.tests == (TestTerms(name="traces", hours=None, possible=False),)
 

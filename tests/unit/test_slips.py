@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.traces import BenchTrace, find_force_start
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.shift.actuation import cubic_step
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
-from tests.benches import good_set, scale, scale_traces, swap
+from tests.benches import good_set, scale, scale_traces, state, swap
 
 ARM = 3.1914 * 0.80
 
@@ -63,14 +63,11 @@ CERTAIN: list[tuple[Spoil, list[str], str]] = [
 
 def same(one: Bench, other: Bench) -> bool:
     """Whether two sets hold the same numbers."""
-
-    def numbers(bench: Bench) -> list[list[float]]:
-        return [[r.point.mismatch, r.point.profile.force, r.point.profile.rise, r.n,
-                 np.nan if r.time is None else r.time] for r in bench.readings]  # fmt: skip
-
-    engaged = [[r.engaged for r in bench.readings] for bench in (one, other)]
-    close = np.allclose(numbers(one), numbers(other), rtol=1e-6, equal_nan=True)
-    return close and engaged[0] == engaged[1]
+    mine, theirs = (
+        [(r.point.mismatch, r.point.profile.force, r.point.profile.rise, r.n, r.time, r.engaged)
+         for r in bench.readings] for bench in (one, other)
+    )  # fmt: skip
+    return np.allclose(np.array(mine, float), np.array(theirs, float), rtol=1e-6, equal_nan=True)
 
 
 @pytest.mark.parametrize(
@@ -178,17 +175,16 @@ def test_the_arm_needs_a_linkage(tmp_path: Path) -> None:
         load_bench(folder)
 
 
-Series = NDArray[np.float64]
 Frame = Callable[[pd.DataFrame, int], pd.DataFrame]
 
 RISE, FORCE, NOISE = 0.15, 600.0, 1.5
 
 
-def ramp(tau: Series) -> Series:
+def ramp(tau: Array) -> Array:
     return np.clip(tau / RISE, 0.0, 1.0)
 
 
-SHAPES: dict[str, Callable[[Series], Series]] = {
+SHAPES: dict[str, Callable[[Array], Array]] = {
     "cubic step": lambda tau: cubic_step(tau / RISE, 1.0),
     "ramp": ramp,
     "jump": lambda tau: (tau > 0.0).astype(float),
@@ -200,7 +196,7 @@ SHAPES: dict[str, Callable[[Series], Series]] = {
 }
 
 
-def record(shape: str, time: Series, start: float, rest: float, seed: int) -> BenchTrace:
+def record(shape: str, time: Array, start: float, rest: float, seed: int) -> BenchTrace:
     """Make a trace whose force begins at ``start``, with noise and an offset."""
     rng = np.random.default_rng(seed)
     tau = time - start
@@ -324,7 +320,7 @@ def test_a_pre_trigger_or_a_dead_time_in_table_and_traces_is_no_clock(tmp_path: 
     (warning,) = load_bench(folder).warnings
     assert "this looks like a dead time or slow rise of the force" in warning.sentence
     assert "from_force" not in warning.sentence
-    state_zero(folder, "force")
+    state(folder, '[record]\ntime_zero = "force"')
     (warning,) = load_bench(folder).warnings
     assert "count from another instant than the force" in warning.sentence
 
@@ -340,14 +336,9 @@ def test_a_constant_between_table_and_traces_is_said(tmp_path: Path, late: float
     assert size == pytest.approx(1e3 * abs(late), abs=1.5)
     assert ("before" if late > 0.0 else "after") in warning.found
     assert "count from another instant than the force" in warning.sentence
-    state_zero(folder, "command")
+    state(folder, '[record]\ntime_zero = "command"')
     (warning,) = [w for w in load_bench(folder, ["time=given"]).warnings if "travel" in w.found]
     assert ("a dead time between command and force" in warning.sentence) == (late > 0.0)
-
-
-def state_zero(folder: Path, event: str) -> None:
-    path = folder / "bench.toml"
-    path.write_text(f'{path.read_text()}\n[record]\ntime_zero = "{event}"\n')
 
 
 @pytest.mark.parametrize(

@@ -201,9 +201,7 @@ def _seen(name: str | None) -> tuple[SeenFlight, ...]:
 
 def _values(name: str) -> Array:
     """Fill the prior of an effect evenly, (1024, p)."""
-    parameters = EFFECTS[name].parameters
-    shares = Sobol(len(parameters), seed=1).random(1024)
-    return np.array([[p.at(s) for p, s in zip(parameters, row, strict=True)] for row in shares])
+    return _at((name,), Sobol(len(EFFECTS[name].parameters), seed=1).random(1024))[0]
 
 
 def _evidence(seen: tuple[SeenFlight, ...]) -> dict[Hypothesis, float]:

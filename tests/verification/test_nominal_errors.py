@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,11 +18,9 @@ from dogshape.diagnosis.likelihood.observed import DRIFT, Drift, drift_of, obser
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
-from dogshape.sim.errors import DogshapeError
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
-from tests.benches import good_set
 from tests.diagnosed import EFFECTS, FEW, simulated_bench, simulated_diagnosis
 from tests.made_up import few_cells, flight, made_up, mean_time
 from tests.toy import bench_of, points_of
@@ -95,19 +92,6 @@ def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> Non
     assert exact > 5.0
     assert tight == pytest.approx(exact, rel=0.05)
     assert loose < 0.7 * exact
-
-
-def test_the_table_of_errors_is_read_or_refused(tmp_path: Path) -> None:
-    file = good_set(tmp_path) / "bench.toml"
-    text = file.read_text()
-    stated = "[errors.systematic]\nforce_percent = 2\nmismatch_rpm = 0.5\n"
-    file.write_text(f"{text}\n{stated}[errors.each_point]\nforce_N = 3\n")
-    errors = load_bench(file.parent).errors
-    assert errors.systematic == Tolerance(force_percent=2.0, mismatch_rpm=0.5)
-    assert errors.each_point == Tolerance(force_N=3.0)
-    file.write_text(f"{text}\n[errors.each_point]\nmismatch_rpm = 1e5\n")
-    with pytest.raises(DogshapeError, match=r"errors\.each_point\.mismatch_rpm is 100000"):
-        load_bench(file.parent)
 
 
 def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:
