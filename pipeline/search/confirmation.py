@@ -151,15 +151,15 @@ def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -
     blocks = [block for params in designs for block in _thinned(study, params)]
     if study.judging is None:
         executors.kept.run(blocks)  # for the single shifts of the report
-        forget_designs(study, executors.search, many, _seed(study))
-        return found
-    pairs = _pairs(blocks, study.judging.clutch, executor, executors.kept)
+    else:
+        pairs = _pairs(blocks, study.judging.clutch, executor, executors.kept)
+        size = len(pairs) // len(found)  # as many of each design
+        found = [
+            replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
+            for k, one in enumerate(found)
+        ]
     forget_designs(study, executors.search, many, _seed(study))
-    size = len(pairs) // len(found)  # as many of each design
-    return [
-        replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
-        for k, one in enumerate(found)
-    ]
+    return found
 
 
 def _seed(study: Setup) -> int:
