@@ -408,12 +408,10 @@ def tolerance_time(
             moves[name] = 0.5 * float(above - below)
     if gap := tolerances.get("axial_gap"):
         own, mass = study.clutch.dog.axial_gap, study.clutch.rings.mass
-        mass, added = mass + study.clutch.mechanism.added_mass, []
-        for profile in map(study.actuation.at_sleeve, mix.points[:, 1].tolist()):
-            ends = (own + gap, max(0.0, own - gap))
-            wide, narrow = (profile.free_flight_time(e, mass) if e > 0.0 else 0.0 for e in ends)
-            added.append(0.5 * (wide - narrow))
-        moves["axial_gap"] = float(mix.weights @ added)
+        mass, ends = mass + study.clutch.mechanism.added_mass, (own + gap, max(0.0, own - gap))
+        profiles = map(study.actuation.at_sleeve, mix.points[:, 1].tolist())
+        times = np.array([[one.free_flight_time(end, mass) for end in ends] for one in profiles])
+        moves["axial_gap"] = 0.5 * float(mix.weights @ (times[:, 0] - times[:, 1]))
     spread = Spread(moves, sum(abs(move) for move in moves.values()))
     within = {f"{kind}_s": getattr(spread, kind) for kind in KINDS}
     return ToleranceTime(**within, by_dimension_s=moves)
