@@ -25,7 +25,7 @@ from dogshape.sim.errors import GeometryError, InputError, refusal, require_know
 from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.uncertainty import sobol_shares
-from dogshape.sim.strength.checks import RULES, Check, Rule, feasible
+from dogshape.sim.strength.checks import RULES, Check, Rule
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
@@ -60,7 +60,7 @@ class Design:
     @property
     def feasible(self) -> bool:
         """Whether the shape exists and passes every check."""
-        return self.dog is not None and feasible(self.checks)
+        return not self.failed
 
     @property
     def constraints(self) -> dict[str, float]:
@@ -72,9 +72,7 @@ class Design:
     @property
     def failed(self) -> list[str]:
         """Names of the checks that fail."""
-        if self.dog is None:
-            return ["geometry"]
-        return [check.name for check in self.checks if not check.passed]
+        return [name for name, value in self.constraints.items() if not value <= 0.0]
 
     @property
     def faults(self) -> list[Check]:
