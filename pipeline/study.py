@@ -212,9 +212,8 @@ def row_of(state: SearchState, trial: Trial) -> Record:
     """Record a design as a flat row, without times where it engages too seldom to have one."""
     study, design = state.study, state.designs[trial.number]
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
-    silent = {name for name in names if ENGAGEMENT.name in design.failed and is_time(name)}
-    known = trial.estimates or {}
-    found = {name: known.get(name) if name not in silent else None for name in names}
+    known, late = trial.estimates or {}, ENGAGEMENT.name in design.failed
+    found = {name: None if late and is_time(name) else known.get(name) for name in names}
     errors = {n: None if one is None else one.standard_error for n, one in found.items()}
     exact, failed = exact_values(study, design), list(design.failed)
     weakest = smallest_margin(design.checks) if design.checks else None
