@@ -104,8 +104,6 @@ def prices(study: Setup, times: Surrogate) -> list[Row]:
     ``without_s`` it; None where no design passes. Limits that are zero have no price.
     """
     checks = _checks(study, study.clutch.dog)
-    if not study.variables:
-        return []
     limits = [(c.name, c.rule.key, c.rule.unit, c.limit, c.rule.at_most) for c in checks]
     limits.append((TOLERANCES, "[tolerance]", "%", 100.0, True))
     rows = [Row(zip(("name", "key", "unit", "limit", "at_most"), o, strict=True)) for o in limits]
