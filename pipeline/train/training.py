@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import cycle, islice
+from itertools import cycle, islice, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -67,15 +67,6 @@ BEYOND = 3  #: one design in so many lies beyond the border
 DRAWS = 2**16  #: draws without a new design after which there is none
 
 
-def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator[Values]:
-    """Yield designs that fill the feasible space and, with ``border``, a band beyond it."""
-    inside = _sobol_designs(study, seed)
-    beyond = _sobol_designs(study, seed + 1, beyond=True)
-    turns = cycle([False] * (BEYOND - 1) + [border])
-    while design := (next(turns) and next(beyond, None)) or next(inside, None):
-        yield design  # whole numbers alone run out
-
-
 def own_designs(study: Setup) -> list[Values]:
     """List the study's own dog, unless it cannot be made or its face is held by friction."""
     try:
@@ -88,9 +79,15 @@ def own_designs(study: Setup) -> list[Values]:
 
 
 def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = True) -> list[Values]:
-    """List the first designs of the sequence of the study's seed and a number ``apart``."""
-    sequence = filling_designs(study, study.file.surrogate.seed + apart, border=border)
-    return list(islice(sequence, count))
+    """List designs that fill the feasible space and, with ``border``, a band beyond it.
+
+    They are the first ones of the sequence of the study's seed and a number ``apart``.
+    """
+    seed = study.file.surrogate.seed + apart
+    inside, beyond = _sobol_designs(study, seed), _sobol_designs(study, seed + 1, beyond=True)
+    turns = islice(cycle([False] * (BEYOND - 1) + [border]), count)
+    found = ((turn and next(beyond, None)) or next(inside, None) for turn in turns)
+    return list(takewhile(bool, found))  # whole numbers alone run out
 
 
 def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Values]:
