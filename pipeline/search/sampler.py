@@ -37,6 +37,7 @@ from dogshape.pipeline.simulate.design import (
     values_of,
     which_pass,
 )
+from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import InputError
 from dogshape.sim.strength.landing import LANDING_RULES
@@ -44,7 +45,6 @@ from dogshape.surrogate.covariance import Array, Mask, Term, first_parameters
 from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort, Process, draw_jointly, fit_process
 
-Params = dict[str, Any]  #: searched keys of a design, edge units
 Trials = Sequence[FrozenTrial]
 EFFORT = Effort(designs=200, steps=30)  #: of a process, fitted again in each round
 NONE = Effort(steps=0)
@@ -95,7 +95,7 @@ class Space:
         """Make the running trial of a design, which may lie outside the ranges."""
         distributions: dict[str, BaseDistribution] = {}
         for name in self.names:
-            ends = (*self.variables[name], params[name])
+            ends: tuple[Any, ...] = (*self.variables[name], params[name])
             kind = IntDistribution if name == "count" else FloatDistribution
             distributions[name] = kind(min(ends), max(ends))
         return create_trial(
