@@ -42,7 +42,6 @@ SUMMARIES = (WORST, "smallest_margin", "utilisation")
 KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
 FILLING = 512  #: designs that fill the ranges
 MAX_NAMED = 3  #: failed checks that are named
-Margins = Mapping[str, float]  #: of a design's checks, by name
 Bounds = Sequence[tuple["Objective", float]]  #: upper ones where less is better
 REFERRED = "slower_than_reference_s"  #: needs the shifts of the study's own dog too
 ENGAGEMENT = RULES["engagement"]
@@ -321,7 +320,7 @@ def values_of(study: Setup, design: Design, found: dict[str, float] | None = Non
     return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
 
 
-def failing_words(margins: Sequence[Margins]) -> str:
+def failing_words(margins: Sequence[Mapping[str, float]]) -> str:
     """Count the designs that fail each check, with the nearest of them; empty where none fails."""
     failing = Counter(name for row in margins for name, margin in row.items() if margin < 0.0)
     said = []
