@@ -215,8 +215,7 @@ def _comments(
     }
     sizes = found.fits[hypothesis].intervals
     for name in hypothesis:
-        parameters = [p.name for p in found.effects[name].parameters]
-        size = "; ".join(described(p, sizes[p]) for p in parameters)
+        size = "; ".join(described(p.name, sizes[p.name]) for p in found.effects[name].parameters)
         part = "part of the cause" if name in found.verdict.causes else "open"
         share = chance(found.inclusion.get(name, 0.0))
         comments[f"effects.{name}"] = [f"{size}; {part} ({share})."]
