@@ -213,11 +213,12 @@ def pairs(study: Setup, designs: int, angles: int, seed: int = SEED) -> list[Pai
     """Simulate ``designs`` designs at one point of either sign, with both accuracies."""
     made, draw = [], np.random.default_rng(seed)
     apart = seed - study.file.surrogate.seed
+    mismatches = list(dict.fromkeys(round(point.mismatch / RPM, 9) for point in study.points))
     for index, design in enumerate(first_designs(study, designs, apart, border=False)):
         clutch = replace(study.clutch, dog=study.dog_with(design))
         plants = ClutchPlant(clutch), ClutchPlant(with_accuracy(clutch, REFERENCE))
         for sign in (1.0, -1.0):
-            mismatch = sign * draw.choice(study.mismatches)
+            mismatch = sign * draw.choice(mismatches)
             force = draw.choice(study.forces)
             profile = next(p.profile for p in study.points if p.profile.force == force)
             point = OperatingPoint(mismatch * RPM, profile)
