@@ -17,7 +17,7 @@ from pathlib import Path
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.prediction.simulations import BankStore, series_key
-from dogshape.pipeline.diagnose.bank_diagnosis import BANK, TIMES, Means, brought, shifts_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BANK, BROUGHT, TIMES, Means, shifts_of
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -42,8 +42,8 @@ def main() -> None:
         bench = load_bench(name)
         bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
         build_models(bench, load(None), means.settings, run)
-    BankStore((brought(TIMES), given.bank / TIMES)).save(brought(TIMES), dict.fromkeys(keys))
-    print(f"{brought(TIMES)}: {len(dict.fromkeys(keys))} series")
+    BankStore((BROUGHT, given.bank / TIMES)).save(BROUGHT, dict.fromkeys(keys))
+    print(f"{BROUGHT}: {len(dict.fromkeys(keys))} series")
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ from scipy.stats import beta
 import dogshape.sim.shift.plant
 from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, measure, paper_study, point_of
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.train.training import filling_designs
+from dogshape.pipeline.train.training import first_designs
 from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, solver_for
 from dogshape.sim.shift.mesh import Mesh, rigid_dog
 from dogshape.sim.shift.plant import ClutchPlant
@@ -212,13 +212,13 @@ class Pair:
 def pairs(study: Setup, designs: int, angles: int, seed: int = SEED) -> list[Pair]:
     """Simulate ``designs`` designs at one point of either sign, with both accuracies."""
     made, draw = [], np.random.default_rng(seed)
-    for index, design in zip(
-        range(designs), filling_designs(study, seed, border=False), strict=False
-    ):
+    apart = seed - study.file.surrogate.seed
+    mismatches = list(dict.fromkeys(round(point.mismatch / RPM, 9) for point in study.points))
+    for index, design in enumerate(first_designs(study, designs, apart, border=False)):
         clutch = replace(study.clutch, dog=study.dog_with(design))
         plants = ClutchPlant(clutch), ClutchPlant(with_accuracy(clutch, REFERENCE))
         for sign in (1.0, -1.0):
-            mismatch = sign * draw.choice(study.mismatches)
+            mismatch = sign * draw.choice(mismatches)
             force = draw.choice(study.forces)
             profile = next(p.profile for p in study.points if p.profile.force == force)
             point = OperatingPoint(mismatch * RPM, profile)

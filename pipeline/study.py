@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
 from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
+from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.search.confirmation import Executors, audit, confirm, shifts_to_confirm
 from dogshape.pipeline.search.search import Search, open_search, run
@@ -37,7 +37,6 @@ from dogshape.sim.versions import versions
 from dogshape.surrogate.model import MIN_DESIGNS
 
 UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
-Record = dict[str, Any]  #: a part of result.json (``pipeline.search.result_schema``)
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class Run:
     progress: Progress = SILENT
 
 
-def run_study(study: Setup, how: Run) -> Record:
+def run_study(study: Setup, how: Run) -> Row:
     """Run or resume a study; give its result, which is also in ``result.json``.
 
     EngineError, after result and report are written, where both engines do not agree.
@@ -98,7 +97,7 @@ def require_agreement(study: Setup, found: EngineAgreement) -> None:
         )
 
 
-def _searched(search: Search, how: Run) -> Record:
+def _searched(search: Search, how: Run) -> Row:
     """Run a search to its end, confirm its front and audit it; give the result."""
     folder, study, settings = how.folder, search.study, search.study.file.search
     journals = ShiftJournal(folder.running), ShiftJournal(folder.shifts)
@@ -154,8 +153,8 @@ def _most(search: Search) -> int:
 
 
 def _life(
-    confirmation: Record | None, state: SearchState, executor: Executor, counter: WorkCounter
-) -> list[Record] | None:
+    confirmation: Row | None, state: SearchState, executor: Executor, counter: WorkCounter
+) -> list[Row] | None:
     """Simulate the chosen design over its life; None where the study has no wear."""
     study, wear = state.study, wear_of(state.study.file)
     if wear is None or confirmation is None:
@@ -169,7 +168,7 @@ def _life(
         return None
 
 
-def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
+def _learn(study: Setup, folder: StudyFolder, result: Row, say: Say) -> None:
     """Fit the surrogate and add what it says to the result; say why where it cannot be."""
     try:
         stored = train(folder, say=say)
@@ -183,7 +182,7 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
         row["time_within_tolerances"] = found.to_dict()
 
 
-def collect(state: SearchState, journal: ShiftJournal) -> Record:
+def collect(state: SearchState, journal: ShiftJournal) -> Row:
     """Record the state of a search; ``journal`` has the shifts that are kept."""
     study, best = state.study, state.best
     rows = {trial.number: row_of(state, trial) for trial in state.trials}
@@ -208,13 +207,12 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
     }
 
 
-def row_of(state: SearchState, trial: Trial) -> Record:
+def row_of(state: SearchState, trial: Trial) -> Row:
     """Record a design as a flat row, without times where it engages too seldom to have one."""
     study, design = state.study, state.designs[trial.number]
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
-    silent = {name for name in names if ENGAGEMENT.name in design.failed and is_time(name)}
-    known = trial.estimates or {}
-    found = {name: known.get(name) if name not in silent else None for name in names}
+    known, late = trial.estimates or {}, ENGAGEMENT.name in design.failed
+    found = {name: None if late and is_time(name) else known.get(name) for name in names}
     errors = {n: None if one is None else one.standard_error for n, one in found.items()}
     exact, failed = exact_values(study, design), list(design.failed)
     weakest = smallest_margin(design.checks) if design.checks else None

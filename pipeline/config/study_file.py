@@ -147,11 +147,6 @@ class Setup:
         return known or SetPoint()
 
     @property
-    def mismatches(self) -> list[float]:
-        """Mismatches of the operating points, each once, 1/min."""
-        return list(dict.fromkeys(round(point.mismatch / RPM, 9) for point in self.points))
-
-    @property
     def forces(self) -> list[float]:
         """Shift forces of the operating points at the sleeve, each once, N."""
         return list(dict.fromkeys(point.profile.force for point in self.points))
@@ -159,7 +154,7 @@ class Setup:
     @property
     def operating_text(self) -> str:
         """The operating points in words."""
-        every = (self.mismatches, self.forces)
+        every = ([point.mismatch / RPM for point in self.points], self.forces)
         ends = (dict.fromkeys((f"{min(one):g}", f"{max(one):g}")) for one in every)
         speed, force = map(" to ".join, ends)
         return f"{len(self.points)} with {speed} 1/min, {force} N at the sleeve"

@@ -45,6 +45,7 @@ from dogshape.sim.versions import bundled_root
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 TIMES, SHIFTS = "bank.json", "shifts.jsonl"
+BROUGHT = bundled_root() / "bench" / TIMES  #: file of the bank that the package brings
 
 
 @dataclass(frozen=True)
@@ -58,11 +59,6 @@ class Means:
     engine: str = "planar"  #: of the bank
     patience: float = 0.0  #: s to wait for another run that writes banks
     settings: Settings = USUAL
-
-
-def brought(name: str) -> Path:
-    """Locate a file of the bank that the package brings."""
-    return bundled_root() / "bench" / name
 
 
 def diagnosed(bench: Bench, means: Means) -> Diagnosis:
@@ -88,7 +84,7 @@ def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict
 
 def shifts_of(blocks: Sequence[Block], means: Means, notes: list[str]) -> list[list[Record]]:
     """Read the shifts of a bank; simulate and keep what no file has; ``notes`` were said before."""
-    store = BankStore((brought(TIMES), means.bank / TIMES))
+    store = BankStore((BROUGHT, means.bank / TIMES))
     if not store.missing(blocks):
         return store.times(blocks, lambda _: [])
     with writing(means.bank, means.patience):

@@ -17,18 +17,24 @@ import pandas as pd
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.wording import chance, described, headline_of
 from dogshape.diagnosis.terms import Array, Hypothesis, plain
-from dogshape.pipeline.config.operating import PROBE
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study, load_study, override
 from dogshape.pipeline.config.toml_text import toml_text
-from dogshape.pipeline.diagnose.study_keys import Data, EffectKeys, rounded, study_of
+from dogshape.pipeline.diagnose.study_keys import (
+    Data,
+    effect_settings,
+    rounded,
+    study_of,
+    takes,
+    touched_keys,
+)
 from dogshape.pipeline.store.folder import require_targets
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import InputError, StorageError, require_known
 from dogshape.sim.files import write_whole
-from dogshape.sim.setting import Setting
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.texts import read_toml
 
 DRAWS = 200  #: of the posterior
@@ -91,7 +97,6 @@ def calibrated_study(
     path: Path,
     base: str | None = None,
     draws: int = DRAWS,
-    seed: int = 1,
     *,
     causes: Sequence[str] | None = None,
 ) -> CalibratedStudy:
@@ -101,7 +106,7 @@ def calibrated_study(
     ----------
     path : of the study file, whose stem becomes the study's name.
     base : study that takes the effects; None for one of the bench's own clutch and points.
-    draws, seed : number of draws from the posterior, and their seed.
+    draws : number of draws from the posterior.
     causes : effects of the file, those of the verdict among them; None for the most probable set.
 
     Raises InputError, with the remedy, where no effect is named, a study takes none, or ``causes``
@@ -112,8 +117,7 @@ def calibrated_study(
     data = study_of(bench, path.stem) if base is None else read_toml(find_study(base))
     data["name"] = path.stem
     given = build_study(validate(StudyFile, data, str(path)))
-    keys = EffectKeys(Setting(given.clutch, PROBE))
-    taken = [effects[n] for n in hypothesis if keys.takes(effects[n])]
+    taken = [effects[n] for n in hypothesis if takes(given.clutch, effects[n])]
     remarks = [
         f"{effects[n].plain} ({n}) is left out: "
         + ("it belongs to the stand" if n in registry.load() else "set its keys of [mechanism]")
@@ -132,10 +136,10 @@ def calibrated_study(
         for effect in taken:
             mine = map(rounded, numbers[fit.space.columns(effect.name)].tolist())
             names = [parameter.name for parameter in effect.parameters]
-            row |= keys.settings(effect, dict(zip(names, mine, strict=True)))
+            row |= effect_settings(given.clutch, effect, dict(zip(names, mine, strict=True)))
         return row
 
-    replaced = _clashing(data, taken, keys)
+    replaced = _clashing(data, taken, given.clutch)
     remarks += [f"{key} of the study is replaced by that of the bench" for key in replaced]
     for key, value in (*dict.fromkeys(replaced).items(), *keyed(fit.values.mean(axis=0)).items()):
         override(data, key, value)
@@ -146,7 +150,7 @@ def calibrated_study(
     if friction[0] != friction[1]:
         remarks.append(f"friction of the bench is {friction[0]}, that of the study {friction[1]}")
     text = toml_text(data, _comments(found, hypothesis, base, remarks, draws_beside(path).name))
-    places = np.random.default_rng(seed).integers(len(fit.values), size=draws).tolist()
+    places = np.random.default_rng(1).integers(len(fit.values), size=draws).tolist()
     rows = [{"draw": k, **keyed(fit.values[place])} for k, place in enumerate(places, start=1)]
     return CalibratedStudy(
         build_study(validate(StudyFile, tomllib.loads(text), str(path))), text, hypothesis,
@@ -185,13 +189,13 @@ def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> Non
         require_known("--causes", name, "an effect", effects)
 
 
-def _clashing(data: Data, taken: Sequence[Effect], keys: EffectKeys) -> list[str]:
+def _clashing(data: Data, taken: Sequence[Effect], clutch: Clutch) -> list[str]:
     """List the keys of a study that set the same as some effects."""
-    touched, known = {key for effect in taken for key in keys.touched(effect)}, registry.load()
+    known = registry.load()
+    touched = {key for effect in taken for key in touched_keys(clutch, effect)}
     given = [f"{table}.{key}" for table in ("mechanism", "contact") for key in data.get(table, {})]
-    own = {n: keys.touched(known[n]) if n in known else set() for n in data.get("effects", {})}
-    names = {effect.name for effect in taken}
-    again = [f"effects.{name}" for name in own if own[name] & touched or name in names]
+    own = {name: touched_keys(clutch, known[name]) for name in data.get("effects", {})}
+    again = [f"effects.{name}" for name, keys in own.items() if keys & touched]
     return sorted([*touched.intersection(given), *again])
 
 
@@ -211,8 +215,7 @@ def _comments(
     }
     sizes = found.fits[hypothesis].intervals
     for name in hypothesis:
-        parameters = [p.name for p in found.effects[name].parameters]
-        size = "; ".join(described(p, sizes[p]) for p in parameters)
+        size = "; ".join(described(p.name, sizes[p.name]) for p in found.effects[name].parameters)
         part = "part of the cause" if name in found.verdict.causes else "open"
         share = chance(found.inclusion.get(name, 0.0))
         comments[f"effects.{name}"] = [f"{size}; {part} ({share})."]

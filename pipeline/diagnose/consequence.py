@@ -19,7 +19,12 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over, expectation_of
+from dogshape.pipeline.simulate.evaluation import (
+    NEW_ANGLES,
+    Params,
+    demand_over,
+    expectation_of,
+)
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values
@@ -38,7 +43,6 @@ LEAST = 0.01  #: probability from which a cause is simulated with a study's desi
 #: Effects of the stand: its sense of rotation, and how often it meets each relative angle.
 OF_STAND = {REVERSED, "relative_angle"}
 
-Params = Mapping[str, float]
 Cause = Mapping[str, Values]  #: values of the parameters of each effect
 
 
@@ -159,7 +163,7 @@ def consequence(
     """Simulate designs without and with a cause; InputError for values of no bench."""
     seed, every = study.file.expectation.seed + 3 * NEW_ANGLES, list[list[Setting]]()
     for acting, params in product(({}, cause), designs.values()):
-        clutch = replace(study.clutch, dog=study.dog_with(dict(params)))
+        clutch = replace(study.clutch, dog=study.dog_with(params))
         settings = [Setting(clutch, point) for point in study.points]
         for name, values in acting.items():
             settings = [effects[name].apply(setting, values) for setting in settings]

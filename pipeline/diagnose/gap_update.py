@@ -12,7 +12,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -46,9 +46,9 @@ T = TypeVar("T")
 class Asked:
     """Request of a diagnosis beside its data, and digests of the files that joined since."""
 
-    corrections: tuple[str, ...] = ()
-    effects: str | None = None
-    joined: tuple[str, ...] = ()
+    corrections: Sequence[str]
+    effects: str | None
+    joined: Sequence[str]
 
     def write(self, folder: Path) -> None:
         """Write to the folder of the data."""
@@ -74,7 +74,7 @@ def keep_data(bench: Bench, folder: Path, effects: Path | None) -> None:
     traces = [r.trace.path.relative_to(bench.folder) for r in bench.readings if r.trace is not None]
     for name in (Path("bench.toml"), Path("shifts.csv"), *traces):
         _copy(bench.folder / name, fresh / name)
-    Asked(bench.corrections, None if effects is None else str(effects.resolve())).write(fresh)
+    Asked(bench.corrections, None if effects is None else str(effects.resolve()), ()).write(fresh)
     settle_data(folder)
 
 
@@ -89,9 +89,7 @@ def asked_of(folder: Path) -> Asked:
             f"{folder} holds no diagnosis with its data; make it with: dogshape gap BENCH_DIR "
             f"--out {folder}"
         )
-    return _json(path, lambda found: Asked(
-        tuple(found["corrections"]), found["effects"], tuple(found["joined"])
-    ))  # fmt: skip
+    return _json(path, lambda found: Asked(**found))
 
 
 def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:

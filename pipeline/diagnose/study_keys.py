@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.pipeline.config.operating import keys_changed
+from dogshape.pipeline.config.operating import PROBE, keys_changed
 from dogshape.pipeline.config.schema import FORMAT
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
@@ -87,32 +86,28 @@ def study_of(bench: Bench, name: str) -> Data:
     }
 
 
-@dataclass(frozen=True)
-class EffectKeys:
-    """Keys of a study for effects of the program; ``base`` is its setting without them."""
+def takes(clutch: Clutch, effect: Effect) -> bool:
+    """Decide whether a study of a clutch has keys for an effect; it has none for a user's own."""
+    tables = {key.partition(".")[0] for key in touched_keys(clutch, effect)}
+    return effect.name in registry.load() and bool(tables) and tables <= {*TABLES, "dog"}
 
-    base: Setting
 
-    def takes(self, effect: Effect) -> bool:
-        """Decide whether a study has keys for an effect; it has none for a user's own."""
-        tables = {key.partition(".")[0] for key in self.touched(effect)}
-        return effect.name in registry.load() and bool(tables) and tables <= {*TABLES, "dog"}
+def touched_keys(clutch: Clutch, effect: Effect) -> set[str]:
+    """List the keys of a study of a clutch that an effect changes at any of some values."""
+    found: set[str] = set()
+    for share in (0.2, 0.4, 0.6, 0.8):
+        with suppress(DogshapeError):  # values of which there is no bench
+            values = {p.name: p.at(share) for p in effect.parameters}
+            found |= keys_changed(effect, values, Setting(clutch, PROBE))
+    return found
 
-    def touched(self, effect: Effect) -> set[str]:
-        """List the keys that an effect changes at any of some values."""
-        found: set[str] = set()
-        for share in (0.2, 0.4, 0.6, 0.8):
-            with suppress(DogshapeError):  # values of which there is no bench
-                values = {p.name: p.at(share) for p in effect.parameters}
-                found |= keys_changed(effect, values, self.base)
-        return found
 
-    def settings(self, effect: Effect, values: Mapping[str, float]) -> dict[str, Any]:
-        """Write an effect as dotted keys of a study; DogshapeError for values of no clutch."""
-        touched, after = self.touched(effect), effect.apply(self.base, values)
-        mine = [f for f in DOG if f"dog.{f}" in touched and f != "edge_radius"]
-        if mine:
-            dog = {f"dog.{DOG[f]}": getattr(after.clutch.dog, f) for f in mine}
-            return {k: v if k == "dog.count" else rounded(from_si(k, v), 6) for k, v in dog.items()}
-        key, alone = f"effects.{effect.name}", len(values) == 1
-        return {key if alone else f"{key}.{n}": rounded(v, 6) for n, v in values.items()}
+def effect_settings(clutch: Clutch, effect: Effect, values: Mapping[str, float]) -> dict[str, Any]:
+    """Write an effect as dotted keys of a study; DogshapeError for values of no clutch."""
+    touched, after = touched_keys(clutch, effect), effect.apply(Setting(clutch, PROBE), values)
+    mine = [f for f in DOG if f"dog.{f}" in touched and f != "edge_radius"]
+    if mine:
+        dog = {f"dog.{DOG[f]}": getattr(after.clutch.dog, f) for f in mine}
+        return {k: v if k == "dog.count" else rounded(from_si(k, v), 6) for k, v in dog.items()}
+    key, alone = f"effects.{effect.name}", len(values) == 1
+    return {key if alone else f"{key}.{n}": rounded(v, 6) for n, v in values.items()}

@@ -24,7 +24,7 @@ from dogshape.diagnosis.bench.foreign_table import read_foreign
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
 from dogshape.diagnosis.bench.traces import READERS
 from dogshape.pipeline.config.toml_text import with_values
-from dogshape.pipeline.diagnose.study_keys import rounded
+from dogshape.pipeline.diagnose.study_keys import Data, rounded
 from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number, ranged_record
 from dogshape.sim.shift.mechanism import NOTHING
@@ -32,7 +32,6 @@ from dogshape.sim.texts import file_of, text_of
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
-Row = dict[str, Any]  #: a table of a TOML file
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
 SCATTER = 0.2  #: of a set value, up to which measured values lie off it
 TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
@@ -70,7 +69,7 @@ class BenchDraft:
         return [range(int(one[1]), int(one[2] or one[1]) + 1) for one in found if one]
 
 
-def guessed(draft: BenchDraft) -> Row:
+def guessed(draft: BenchDraft) -> Data:
     """Read the tables of a draft: readings of columns, rows and columns left out, and faults.
 
     ``empty`` counts the rows with neither a time nor an outcome.
@@ -81,7 +80,7 @@ def guessed(draft: BenchDraft) -> Row:
             "empty": empty}  # fmt: skip
 
 
-def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
+def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Data:
     """Write a bench folder that ``validate`` and ``gap`` take as it is; record all assumptions.
 
     Raises DataError for all faults of tables and traces at once, or for what cannot be true in
@@ -208,14 +207,14 @@ def _places(rows: DataFrame) -> str:
     return ", ".join(map(str, rows["row"]))
 
 
-def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> Row:
+def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> Data:
     """Give measured values the set values of the origin, and their scatter as errors.
 
     Measured values hardly recur, are not round, and lie around few set values.
     """
     if any(text.startswith("points=") for text in draft.values.get("corrections", ())):
         return {}
-    errors: Row = {}
+    errors: Data = {}
     both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
     for name, known, key in (
         ("mismatch_rpm", both, "mismatch_rpm"), ("force_N", source.forces, "force_percent"),
@@ -316,10 +315,10 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> st
     return f"traces/{path.stem}.csv"
 
 
-def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: Report) -> Row:
+def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: Report) -> Data:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
     clutch, given, said = source.clutch, dict(draft.values), report.assumed
-    values: Row = {
+    values: Data = {
         "name": out.resolve().name,
         "timeout_s": clutch.timeout,
         "shift_travel_mm": rounded(clutch.shift_travel / MM),

@@ -24,7 +24,7 @@ if pio.renderers.default == "plotly_mimetype":
     pio.renderers.default = "plotly_mimetype+notebook"
 
 INK, GREY = "#1b2733", "#9aa5b1"
-BLUE, ORANGE, GREEN, RED = "#1f5fa8", "#c8590c", "#2e7d4f", "#b3261e"
+BLUE, ORANGE, GREEN = "#1f5fa8", "#c8590c", "#2e7d4f"
 
 EDGE: Row = {"color": INK}  #: of a mark
 #: Marks of the kinds of designs, the same in every figure.

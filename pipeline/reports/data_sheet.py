@@ -334,7 +334,7 @@ def write_sheet(
         unit, tolerance = row["unit"], row["tolerance"]
         size = minus(f"{row['value']:.2f} {unit}") if unit else f"{row['value']:.4g}"
         within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
-        sizes.append((check_name(label(row["key"])), size, within))
+        sizes.append((label(row["key"]), size, within))
     columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")
     none = dict.fromkeys(CheckRow.model_fields)
     rows = [CheckRow.model_construct(**{**none, **c, "name": check_name(c["name"])}) for c in own]

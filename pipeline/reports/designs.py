@@ -15,7 +15,6 @@ from dogshape.pipeline.reports.text import check_name, minus, with_error
 from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
 
 Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.search.result_schema``
-Rows = Sequence[Row]
 
 MARGIN, QUANTILE_TIME = "smallest_margin", "shift_time_quantile_s"
 #: Units that are shown instead of the stored ones, and the factors that lead to them.
@@ -159,7 +158,7 @@ def designs_shown(result: Row) -> list[Row]:
     return [rows[trial] for trial in dict.fromkeys([*first, *failed_at_new_angles(result)])]
 
 
-def designs_frame(result: Row, names: Sequence[str], rows: Rows | None = None) -> Frame:
+def designs_frame(result: Row, names: Sequence[str], rows: Sequence[Row] | None = None) -> Frame:
     """Tabulate designs of a search with all that is known of them, a row each; by default all."""
     import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 

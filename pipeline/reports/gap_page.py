@@ -16,10 +16,11 @@ from dogshape.diagnosis.inference.outcome import NATS
 from dogshape.diagnosis.report.wording import READINGS, chance, described, headline_of, ms, summary
 from dogshape.diagnosis.terms import NONE, plain
 from dogshape.pipeline.diagnose.consequence import Consequence
-from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_none
+from dogshape.pipeline.record import Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import ENGINES, axis, bound, place_name
+from dogshape.pipeline.store.result_records import PlaceRow
 from dogshape.sim.files import write_whole
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
@@ -29,11 +30,9 @@ MAX_ROWS = 8  #: tests, and hypotheses, in a table
 MIN_PROBABILITY = 0.005  #: from which a hypothesis, or an effect, is in a table
 
 
-class CellRow(Record):
+class CellRow(PlaceRow):
     """One operating point of a diagnosis; null where there is none."""
 
-    mismatch_rpm: float = key("mismatch before the shift", "1/min")
-    force_N: float = key("final shift force", "N")
     shifts: int = key("shifts that have a time")
     engaged: int = key("shifts that engaged")
     failed: int = key("shifts that did not")

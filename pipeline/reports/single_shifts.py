@@ -10,7 +10,7 @@ from pathlib import Path
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
 from dogshape.pipeline.reports.designs import Row, design_name
-from dogshape.pipeline.reports.text import minus
+from dogshape.pipeline.reports.text import place_name, time_text
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import recorded_profile
@@ -37,9 +37,9 @@ class Replay:
     @property
     def words(self) -> str:
         """Time, or outcome, and the operating point of the shift."""
-        time, row = self.shift["shift_time_s"], self.shift
-        result = row["outcome"].replace("_", " ") if time is None else f"{time * 1e3:.1f} ms"
-        return minus(f"{result} at {row['mismatch_rpm']:.4g} 1/min, {row['force_N']:.4g} N")
+        time = self.shift["shift_time_s"]
+        result = self.shift["outcome"].replace("_", " ") if time is None else time_text(time)
+        return f"{result} at {place_name(self.shift)}"
 
 
 def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[Replay]:

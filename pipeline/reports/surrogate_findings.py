@@ -11,7 +11,6 @@ Tolerances are a limit too: f times as large they take f times as much from each
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 from scipy.stats import qmc
@@ -23,7 +22,7 @@ from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, in_ms
 from dogshape.pipeline.simulate.design import WORST, check_dog, dogs_of, limits_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
-from dogshape.pipeline.train.training import filling_designs
+from dogshape.pipeline.train.training import first_designs
 from dogshape.sim.errors import DogshapeError, StorageError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import RULES, Check
@@ -81,8 +80,7 @@ def _identity(folder: StudyFolder) -> str:
 
 
 def _effects_record(study: Setup, surrogate: Surrogate) -> Row:
-    seed = study.file.surrogate.seed + APART
-    x = study.rows(islice(filling_designs(study, seed, border=False), DESIGNS))
+    x = study.rows(first_designs(study, DESIGNS, APART, border=False))
     return {
         "designs": len(x),
         "outside_trained_range": 1.0 - float(in_range(surrogate, x).mean()),
@@ -98,7 +96,7 @@ def _effects_record(study: Setup, surrogate: Surrogate) -> Row:
     }  # fmt: skip
 
 
-def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
+def prices(study: Setup, times: Surrogate) -> list[Row]:
     """Compute what each limit of a study costs, in the order of its checks.
 
     Each row has the check's ``name``, ``key``, ``unit``, ``limit`` and ``at_most``, and the best
@@ -106,8 +104,6 @@ def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
     ``without_s`` it; None where no design passes. Limits that are zero have no price.
     """
     checks = _checks(study, study.clutch.dog)
-    if not study.variables:
-        return []
     limits = [(c.name, c.rule.key, c.rule.unit, c.limit, c.rule.at_most) for c in checks]
     limits.append((TOLERANCES, "[tolerance]", "%", 100.0, True))
     rows = [Row(zip(("name", "key", "unit", "limit", "at_most"), o, strict=True)) for o in limits]
@@ -120,7 +116,7 @@ def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
                 more = 1.0 - factor if row["at_most"] else factor - 1.0
                 needed[place] = -np.inf if key == WITHOUT else more
             cases[place, key] = needed, factor if row["name"] == TOLERANCES else 1.0
-    best, lose = _best_times(study, times, list(cases.values()), seed)
+    best, lose = _best_times(study, times, list(cases.values()))
     for (place, key), time in zip(cases, best, strict=True):
         rows[place][key] = time
     return [row for row in rows if row["limit"] > 0.0 and (lose or row["name"] != TOLERANCES)]
@@ -204,7 +200,7 @@ def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
 
 
 def _best_times(
-    study: Setup, times: Surrogate, cases: list[tuple[Array, float]], seed: int
+    study: Setup, times: Surrogate, cases: list[tuple[Array, float]]
 ) -> tuple[list[float | None], bool]:
     """Find the least time under each case, s, and whether tolerances take anything.
 
@@ -212,7 +208,7 @@ def _best_times(
     """
     bounds = np.array(list(study.variables.values()))
     whole = np.array([name == "count" for name in study.variables])
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
 
     def pooled(shares: Array) -> tuple[Array, ...]:
         designs = bounds[:, 0] + np.clip(shares, 0.0, 1.0) * np.ptp(bounds, axis=1)

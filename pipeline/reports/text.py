@@ -11,6 +11,7 @@ from dogshape.pipeline.record import MINUS, Bad, percent
 from dogshape.sim.strength.checks import RULES, safety_factor
 from dogshape.sim.units import UNITS, short, suffix_of, unit_of
 
+#: Variables whose key is no name.
 LABELS = {
     "chamfer_deg": "chamfer \N{GREEK SMALL LETTER ALPHA}",
     "traction_deg": "traction flank \N{GREEK SMALL LETTER BETA}",
@@ -20,10 +21,6 @@ LABELS = {
     "crest": "place of the ridge c",
     "chamfer_back_deg": "back chamfer \N{GREEK SMALL LETTER ALPHA}\N{SUBSCRIPT TWO}",
     "backlash_mm": "backlash j",
-    "outer_diameter_mm": "outer diameter",
-    "inner_diameter_mm": "inner diameter",
-    "axial_gap_mm": "axial gap",
-    "mismatch_rpm": "mismatch",
     "force_N": "shift force",
     "mismatch_set_rpm": "set-point of the mismatch",
     "force_factor": "factor on the shift force",
@@ -95,7 +92,7 @@ def check_name(name: str) -> str:
 
 def label(name: str) -> str:
     """Name a variable for people."""
-    return LABELS.get(name, name)
+    return LABELS.get(name) or check_name(name)
 
 
 def axis(name: str) -> str:

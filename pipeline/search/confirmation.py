@@ -151,15 +151,15 @@ def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -
     blocks = [block for params in designs for block in _thinned(study, params)]
     if study.judging is None:
         executors.kept.run(blocks)  # for the single shifts of the report
-        forget_designs(study, executors.search, many, _seed(study))
-        return found
-    pairs = _pairs(blocks, study.judging.clutch, executor, executors.kept)
+    else:
+        pairs = _pairs(blocks, study.judging.clutch, executor, executors.kept)
+        size = len(pairs) // len(found)  # as many of each design
+        found = [
+            replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
+            for k, one in enumerate(found)
+        ]
     forget_designs(study, executors.search, many, _seed(study))
-    size = len(pairs) // len(found)  # as many of each design
-    return [
-        replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
-        for k, one in enumerate(found)
-    ]
+    return found
 
 
 def _seed(study: Setup) -> int:
@@ -225,16 +225,14 @@ def _other_shapes(study: Setup, params: Params, executors: Executors) -> list[Ot
         changes["a roof with the ridge in the middle and its chamfer on both sides"] = {
             "crest": 0.5, "chamfer_deg": fall, "chamfer_back_deg": fall,
         }  # fmt: skip
-    designs = {words: {**params, **keys} for words, keys in changes.items()}
-    found = list[OtherShape]()
-    for words, design in designs.items():
+    executor, found = _executor(study, executors), list[OtherShape]()
+    for words, keys in changes.items():
+        design = {**params, **keys}
         try:
             study.dog_with(design)
         except DogshapeError:  # a flat tip has no roof
             continue
-        executor, many = _executor(study, executors), new_angles(study)
-        (one,) = evaluate(study, [design], executor, many, _seed(study))
-        forget_designs(study, executors.search, many, _seed(study))
+        (one,) = evaluate(study, [design], executor, new_angles(study), _seed(study))
         time = one.expectation
         found.append(OtherShape(
             shape=words, expected_shift_time_s=time.time,

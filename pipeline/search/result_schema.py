@@ -20,11 +20,9 @@ from dogshape.sim.units import unit_of
 from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
-OPTIONAL = [
-    (name, f"value of `variables.{name}`, where it is searched", unit_of(name))
-    for name in (*SHAPE, *OPERATED)
-] + [(o.name, f"{o.label}, where it is an objective", o.unit) for o in OBJECTIVES.values()]
-_FIELDS: Any = {name: (float | None, key(words, unit, None)) for name, words, unit in OPTIONAL}
+OPTIONAL = {n: f"value of `variables.{n}`, where it is searched" for n in (*SHAPE, *OPERATED)}
+OPTIONAL |= {n: f"{one.label}, where it is an objective" for n, one in OBJECTIVES.items()}
+_FIELDS: Any = {n: (float | None, key(words, unit_of(n), None)) for n, words in OPTIONAL.items()}
 DesignKeys = create_model("DesignKeys", __base__=Record, **_FIELDS)
 
 

@@ -37,6 +37,7 @@ from dogshape.pipeline.simulate.design import (
     values_of,
     which_pass,
 )
+from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import InputError
 from dogshape.sim.strength.landing import LANDING_RULES
@@ -44,7 +45,6 @@ from dogshape.surrogate.covariance import Array, Mask, Term, first_parameters
 from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort, Process, draw_jointly, fit_process
 
-Params = dict[str, Any]  #: searched keys of a design, edge units
 Trials = Sequence[FrozenTrial]
 EFFORT = Effort(designs=200, steps=30)  #: of a process, fitted again in each round
 NONE = Effort(steps=0)
@@ -58,6 +58,8 @@ LANDING_SPREAD = 0.2
 #: Checks that a process over designs predicts: of the worst of them.
 LANDING = {*(rule.name for rule in LANDING_RULES), ENGAGEMENT.name}
 NEAR = 0.08  #: of the range, standard deviation of a draw near a design
+WIDE, BESIDE = 400, 100  #: candidates of the whole space, and near the front
+DRAWS, WAYS = 48, 128  #: joint draws of candidates, and directions of the hypervolume
 TOGETHER = 4  #: draws for each candidate that is wanted, which are checked together
 TRIES = 200  #: draws for a candidate before the allowed space counts as empty
 OUTLYING = 1.5  #: ranges of the quartiles above the upper one where outliers begin (Tukey 1977)
@@ -93,7 +95,7 @@ class Space:
         """Make the running trial of a design, which may lie outside the ranges."""
         distributions: dict[str, BaseDistribution] = {}
         for name in self.names:
-            ends = (*self.variables[name], params[name])
+            ends: tuple[Any, ...] = (*self.variables[name], params[name])
             kind = IntDistribution if name == "count" else FloatDistribution
             distributions[name] = kind(min(ends), max(ends))
         return create_trial(
@@ -155,8 +157,6 @@ class Guide:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
         study, constraints = self.study, {t.number: t.constraints for t in trials}
         every = [trial for trial in map(trial_of, trials) if trial.simulated]
-        if not every:
-            raise InputError("no design was simulated yet")
         x = self.space.coordinates([trial.params for trial in every])
         # The constraint value of the hardest landing, feasible at or below zero.
         landed = [[v for n, v in constraints[t.number].items() if n in LANDING] for t in every]
@@ -220,19 +220,6 @@ class Prediction:
         return np.asarray(np.prod(chances, axis=0), dtype=float)
 
 
-@dataclass(frozen=True)
-class Breadth:
-    """Candidates of the whole space and near the front, draws, and ways of the hypervolume."""
-
-    wide: int = 400
-    near: int = 100
-    draws: int = 48
-    ways: int = 128
-
-
-USUAL = Breadth()
-
-
 class Pool:
     """Allowed designs of the guide's space, drawn once and again when all were taken.
 
@@ -284,12 +271,11 @@ class SurrogateSampler:
     ``startup`` designs fill the allowed space before anything is predicted.
     """
 
-    def __init__(self, guide: Guide, seed: int, startup: int, breadth: Breadth = USUAL) -> None:
+    def __init__(self, guide: Guide, seed: int, startup: int) -> None:
         self._guide = guide
         self._seed = seed
         self._startup = startup
-        self._breadth = breadth
-        self._pool = Pool(guide, seed, self._breadth.wide)
+        self._pool = Pool(guide, seed, WIDE)
         self._known: tuple[list[int], Prediction | None] = ([], None)
 
     def propose(self, trials: Trials) -> Params | None:
@@ -333,13 +319,13 @@ class SurrogateSampler:
         values = np.array([t.values for t in kept]).reshape(len(kept), len(signs)) * signs
         best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
         there = [*(t.params for t in kept), *running]
-        near = self._pool.draw(rng, self._breadth.near, best) if best else []
+        near = self._pool.draw(rng, BESIDE, best) if best else []
         gone = {key(t.params) for t in before}
         untaken += [params for params in near if key(params) not in gone]
-        draws = prediction.draws([*untaken, *there], rng, self._breadth.draws)
+        draws = prediction.draws([*untaken, *there], rng, DRAWS)
         candidates, front = draws[:, : len(untaken)], draws[:, len(untaken) :]
         low, high = _ends(values, candidates.mean(axis=0))
-        ways = directions(rng, self._breadth.ways, len(signs))
+        ways = directions(rng, WAYS, len(signs))
         gained = added((candidates - low) / (high - low), (front - low) / (high - low),
                        np.full(len(signs), BEYOND), ways)  # fmt: skip
         likely = gained * prediction.chances(untaken)
@@ -385,14 +371,10 @@ def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Arr
 
     ``candidates`` (s, m, k) and ``front`` (s, f, k) are drawn values.
     """
-    own = scales(candidates, reference, ways)
+    own, k = scales(candidates, reference, ways), candidates.shape[2]
     if front.shape[1]:
         best = scales(front, reference, ways).max(axis=1)
         own = np.maximum(own - best[:, None, :], 0.0)
-    return own.mean(axis=(0, 2)) * volume_of(candidates.shape[2])
-
-
-def volume_of(objectives: int) -> float:
-    """Compute the volume of the part of the unit ball with positive coordinates."""
-    k = objectives
-    return float(math.pi ** (k / 2) / (2**k * math.gamma(k / 2 + 1)))
+    # Volume of the part of the unit ball with positive coordinates.
+    ball = math.pi ** (k / 2) / (2**k * math.gamma(k / 2 + 1))
+    return own.mean(axis=(0, 2)) * ball

@@ -25,7 +25,7 @@ from dogshape.sim.errors import GeometryError, InputError, refusal, require_know
 from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.uncertainty import sobol_shares
-from dogshape.sim.strength.checks import RULES, Check, Rule, feasible
+from dogshape.sim.strength.checks import RULES, Check, Rule
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
@@ -42,7 +42,6 @@ SUMMARIES = (WORST, "smallest_margin", "utilisation")
 KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
 FILLING = 512  #: designs that fill the ranges
 MAX_NAMED = 3  #: failed checks that are named
-Margins = Mapping[str, float]  #: of a design's checks, by name
 Bounds = Sequence[tuple["Objective", float]]  #: upper ones where less is better
 REFERRED = "slower_than_reference_s"  #: needs the shifts of the study's own dog too
 ENGAGEMENT = RULES["engagement"]
@@ -60,7 +59,7 @@ class Design:
     @property
     def feasible(self) -> bool:
         """Whether the shape exists and passes every check."""
-        return self.dog is not None and feasible(self.checks)
+        return not self.failed
 
     @property
     def constraints(self) -> dict[str, float]:
@@ -72,9 +71,7 @@ class Design:
     @property
     def failed(self) -> list[str]:
         """Names of the checks that fail."""
-        if self.dog is None:
-            return ["geometry"]
-        return [check.name for check in self.checks if not check.passed]
+        return [name for name, value in self.constraints.items() if not value <= 0.0]
 
     @property
     def faults(self) -> list[Check]:
@@ -323,7 +320,7 @@ def values_of(study: Setup, design: Design, found: dict[str, float] | None = Non
     return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
 
 
-def failing_words(margins: Sequence[Margins]) -> str:
+def failing_words(margins: Sequence[Mapping[str, float]]) -> str:
     """Count the designs that fail each check, with the nearest of them; empty where none fails."""
     failing = Counter(name for row in margins for name, margin in row.items() if margin < 0.0)
     said = []
@@ -408,12 +405,10 @@ def tolerance_time(
             moves[name] = 0.5 * float(above - below)
     if gap := tolerances.get("axial_gap"):
         own, mass = study.clutch.dog.axial_gap, study.clutch.rings.mass
-        mass, added = mass + study.clutch.mechanism.added_mass, []
-        for profile in map(study.actuation.at_sleeve, mix.points[:, 1].tolist()):
-            ends = (own + gap, max(0.0, own - gap))
-            wide, narrow = (profile.free_flight_time(e, mass) if e > 0.0 else 0.0 for e in ends)
-            added.append(0.5 * (wide - narrow))
-        moves["axial_gap"] = float(mix.weights @ added)
+        mass, ends = mass + study.clutch.mechanism.added_mass, (own + gap, max(0.0, own - gap))
+        profiles = map(study.actuation.at_sleeve, mix.points[:, 1].tolist())
+        times = np.array([[one.free_flight_time(end, mass) for end in ends] for one in profiles])
+        moves["axial_gap"] = 0.5 * float(mix.weights @ (times[:, 0] - times[:, 1]))
     spread = Spread(moves, sum(abs(move) for move in moves.values()))
     within = {f"{kind}_s": getattr(spread, kind) for kind in KINDS}
     return ToleranceTime(**within, by_dimension_s=moves)

@@ -209,7 +209,6 @@ def scratch_executor(
     jobs: int = 0, progress: Advance = UNSEEN, cluster: str | None = None
 ) -> Executor:
     """Return an executor whose journal is a temporary file, gone when the program ends."""
-    connect(cluster)
     folder = tempfile.mkdtemp(prefix="dogshape-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)

@@ -18,12 +18,13 @@ IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dog
 RADIANS = 0.55  #: deg below which an angle may be in radians; no dog has 32 deg and more
 PITCH_ERROR = 5e-5  #: m that pitch errors of both rings take; some 0.03 in class 6 of ISO 1328-1
 STEEL = 7850.0  #: kg/m3
-#: Mass over that of a steel ring of the dogs' size, inertia over the ring's, inertia of the other
-#: side over that. The prototype has 9, 58 and 60, a truck some 10, 50 and 10,000.
+#: Least and largest mass over that of a steel ring of the dogs' size, inertia over the ring's,
+#: inertia of the other side over that, with words. The prototype has 9, 58 and 60, a truck some
+#: 10, 50 and 10,000.
 USUAL = {
-    "sliding.mass_kg": (0.1, 1e3),
-    "sliding.inertia_kgm2": (0.1, 1e5),
-    "output.inertia_kgm2": (1e-3, 2e5),
+    "sliding.mass_kg": (0.1, 1e3, "a steel ring twice as high as the dogs; is it in kg?"),
+    "sliding.inertia_kgm2": (0.1, 1e5, "the ring's mass at the dogs; is it in kg m2?"),
+    "output.inertia_kgm2": (1e-3, 2e5, "sliding.inertia_kgm2; is it in kg m2?"),
 }
 
 
@@ -47,16 +48,11 @@ def slips_of(study: Setup) -> list[str]:
             notes.append(f"dog.{name}_deg is {angle:.4g} deg; is it in degrees? "
                          f"{angle:.4g} rad are {math.degrees(angle):.3g} deg")  # fmt: skip
     area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
-    mass, own, other = rings.mass, rings.sliding_inertia, rings.output_inertia
-    for key, value, usual, whole in (
-        ("sliding.mass_kg", mass, STEEL * area * 2.0 * dog.height,
-         "a steel ring twice as high as the dogs; is it in kg?"),
-        ("sliding.inertia_kgm2", own, mass * dog.mean_radius**2,
-         "the ring's mass at the dogs; is it in kg m2?"),
-        ("output.inertia_kgm2", other, own, "sliding.inertia_kgm2; is it in kg m2?"),
-    ):  # fmt: skip
-        if not USUAL[key][0] <= value / usual <= USUAL[key][1]:
-            notes.append(f"{key} is {value:.6g}, {value / usual:.3g} times {whole}")
+    values = rings.mass, rings.sliding_inertia, rings.output_inertia
+    wholes = STEEL * area * 2.0 * dog.height, rings.mass * dog.mean_radius**2, rings.sliding_inertia
+    for (key, (least, most, words)), one, whole in zip(USUAL.items(), values, wholes, strict=True):
+        if not least <= one / whole <= most:
+            notes.append(f"{key} is {one:.6g}, {one / whole:.3g} times {words}")
     if (play := dog.passing_play if dog.lean < 0.0 else dog.entry_play) < PITCH_ERROR:
         notes.append(
             f"the flanks leave {play / MM:.3g} mm between a tip and the mouth of its "

@@ -214,11 +214,8 @@ class StudyFolder:
 
 def comparable(file: StudyFile) -> dict[str, Any]:
     """Select the settings that must not change between runs: numbers of designs may."""
-    content = file.model_dump()
-    del content["search"]["trials"], content["search"]["confirm_designs"]
-    content["search"].pop("audit_shifts", None)
-    content["solver"].pop("time_limit_s", None)
-    return content
+    free = {"search": {"trials", "confirm_designs", "audit_shifts"}, "solver": {"time_limit_s"}}
+    return file.model_dump(exclude=free)
 
 
 def differing(before: Any, now: Any, name: str = "") -> list[str]:

@@ -58,11 +58,16 @@ class QuantileRow(Record):
     standard_error_s: float | None = key("its standard error (Woodruff)", "s")
 
 
-class PointRow(Record):
-    """An operating point of an expected shift time."""
+class PlaceRow(Record):
+    """An operating point of a result."""
 
     mismatch_rpm: float = key("mismatch before the shift", "1/min", head="mismatch, 1/min")
     force_N: float = key("final shift force", "N", head="force, N", form=".1f")
+
+
+class PointRow(PlaceRow):
+    """An operating point of an expected shift time."""
+
     mean_s: float | None = key(
         "mean with retries; null if under half engage", "s", head="mean, ms", scale=1e3, form=".2f"
     )
@@ -223,11 +228,9 @@ class EngineAgreement(Record):
         )
 
 
-class BenchPoint(Record):
+class BenchPoint(PlaceRow):
     """An operating point of a bench data set beside its simulation."""
 
-    mismatch_rpm: float = key("mismatch before the shift", "1/min", head="mismatch, 1/min")
-    force_N: float = key("final shift force", "N", head="force, N", form=".1f")
     bench_s: float | None = key("mean time on the bench", "s", head="bench, ms", **IN_MS)
     simulated_s: float | None = key("mean of engaged shifts", "s", head="simulated, ms", **IN_MS)
     standard_error_s: float | None = key("s.e. of the difference", "s", head="s.e., ms", **IN_MS)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import cycle, islice
+from itertools import cycle, islice, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from scipy.stats import qmc
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
 from dogshape.pipeline.simulate.design import none_passes, which_pass
+from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import (
     WRITE_AGAIN,
@@ -61,22 +62,12 @@ POOL, APART = 60_000, 90_000  #: added to the seed for a pool of designs, and fo
 ROUNDS = (3, 3, 2)  #: sixteenths of the angles that halve intervals, round by round
 BATCH = 32  #: designs that are simulated before their rows are written
 
-Values = dict[str, float]  #: a design by its variables, edge units
 SLACK = 0.15  #: of a limit, by which designs beyond the border break it
 BEYOND = 3  #: one design in so many lies beyond the border
 DRAWS = 2**16  #: draws without a new design after which there is none
 
 
-def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator[Values]:
-    """Yield designs that fill the feasible space and, with ``border``, a band beyond it."""
-    inside = _sobol_designs(study, seed)
-    beyond = _sobol_designs(study, seed + 1, beyond=True)
-    turns = cycle([False] * (BEYOND - 1) + [border])
-    while design := (next(turns) and next(beyond, None)) or next(inside, None):
-        yield design  # whole numbers alone run out
-
-
-def own_designs(study: Setup) -> list[Values]:
+def own_designs(study: Setup) -> list[Params]:
     """List the study's own dog, unless it cannot be made or its face is held by friction."""
     try:
         require_makeable(study.clutch.dog, study.limits.manufacturing)
@@ -87,13 +78,19 @@ def own_designs(study: Setup) -> list[Values]:
     return [study.prototype] if slides or not load.faces_release else []
 
 
-def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = True) -> list[Values]:
-    """List the first designs of the sequence of the study's seed and a number ``apart``."""
-    sequence = filling_designs(study, study.file.surrogate.seed + apart, border=border)
-    return list(islice(sequence, count))
+def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = True) -> list[Params]:
+    """List designs that fill the feasible space and, with ``border``, a band beyond it.
+
+    They are the first ones of the sequence of the study's seed and a number ``apart``.
+    """
+    seed = study.file.surrogate.seed + apart
+    inside, beyond = _sobol_designs(study, seed), _sobol_designs(study, seed + 1, beyond=True)
+    turns = islice(cycle([False] * (BEYOND - 1) + [border]), count)
+    found = ((next(beyond, {}) if turn else {}) or next(inside, {}) for turn in turns)
+    return list(takewhile(bool, found))  # whole numbers alone run out
 
 
-def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Values]:
+def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Params]:
     sequence = qmc.Sobol(len(study.variables), seed=seed)
     seen: set[tuple[float, ...]] = set()
     missed = 0
@@ -112,7 +109,7 @@ def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Va
         raise InputError(none_passes(study, DRAWS))
 
 
-def _design(study: Setup, unit: Array) -> Values:
+def _design(study: Setup, unit: Array) -> Params:
     return {
         name: int(low + math.floor(share * (high - low + 1.0)))
         if name == "count"
@@ -121,7 +118,7 @@ def _design(study: Setup, unit: Array) -> Values:
     }
 
 
-def _just_beyond(study: Setup, design: Values) -> bool:
+def _just_beyond(study: Setup, design: Params) -> bool:
     """Check whether a design breaks a limit, none by more than ``SLACK``, and lets go."""
     try:
         checks = strength_checks(study.dog_with(design), study.limits)
@@ -139,7 +136,7 @@ class Job:
     Each ``index`` of a part has angles of its own: common ones err like a bias.
     """
 
-    design: Values
+    design: Params
     angles: int
     seed: int
     index: int
@@ -275,7 +272,7 @@ def fill(study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, bar:
             journal = ShiftJournal(folder.running)
             executor = Executor(journal, jobs, counter.advance, cluster)
 
-            def simulate(part: str, designs: Sequence[Values], angles: int, apart: int = 0) -> None:
+            def simulate(part: str, designs: Sequence[Params], angles: int, apart: int = 0) -> None:
                 seed = settings.seed + apart
                 some = [Job(one, angles, seed, index) for index, one in enumerate(designs)]
                 simulate_designs(working, path, part, some, executor)
@@ -295,11 +292,11 @@ def fill(study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, bar:
             folder.running.unlink(missing_ok=True)
 
 
-def _choose(study: Setup, path: Path, known: list[Values], count: int) -> dict[str, Any]:
+def _choose(study: Setup, path: Path, known: list[Params], count: int) -> dict[str, Any]:
     """Choose so many designs, and references, of those that are expected to be best."""
     settings, model = study.file.surrogate, fit(simulated_data(study, path, "filling"))
 
-    def best(pool: list[Values], count: int) -> list[Values]:
+    def best(pool: list[Params], count: int) -> list[Params]:
         if not pool:
             return []
         order = np.argsort(model.predict(study.rows(pool))[0], kind="stable")

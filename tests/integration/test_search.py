@@ -197,9 +197,9 @@ class CutOffError(Exception):
     """Stands for the end of a process."""
 
 
-def _opened() -> Search:
+def _opened(study: Setup = STUDY) -> Search:
     trials = optuna.create_study(directions=["minimize"] * 2)
-    return Search(STUDY, trials, sampler_of(STUDY))
+    return Search(study, trials, sampler_of(study))
 
 
 def _tell(search: Search, trials: list[FrozenTrial], upto: int | None = None) -> None:
@@ -255,10 +255,8 @@ def test_a_round_cut_off_while_it_was_told_asks_no_more(told: int) -> None:
 
 
 def test_what_another_run_told_leaves_no_trial_running(monkeypatch: pytest.MonkeyPatch) -> None:
-    study = load_study("mq200_paper", [*SMALL, "search.batch=3"])
-    storage = optuna.create_study(directions=["minimize"] * 2)
-    search = Search(study, storage, sampler_of(study))
-    trials = next_round(search)
+    search = _opened(load_study("mq200_paper", [*SMALL, "search.batch=3"]))
+    study, storage, trials = search.study, search.optuna, next_round(search)
 
     def evaluated(_: Setup, designs: Sequence[Any], *__: Any) -> list[Simulated]:
         point = PointExpectation(study.points[0], 0.1, 0.1, 0.001, 0.0, 1.0, 3)

@@ -26,7 +26,7 @@ from dogshape.diagnosis.prediction.simulations import (
 )
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import bank_diagnosis
-from dogshape.pipeline.diagnose.bank_diagnosis import TIMES, Means, brought, models_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BROUGHT, TIMES, Means, models_of
 from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
@@ -119,7 +119,7 @@ def test_the_bundled_bank_has_every_series_of_the_compiled_engine(name: str, pla
     bench = load_bench(name)
     record = bench.record.model_copy(update={"displacement_at": place})
     quick = replace(bench, clutch=bench.clutch.with_engine("planar"), record=record)
-    store = BankStore([brought(TIMES)])
+    store = BankStore([BROUGHT])
     build_models(quick, EFFECTS, USUAL, lambda blocks: store.times(blocks, _never))
 
 

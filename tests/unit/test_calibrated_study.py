@@ -16,11 +16,10 @@ import pytest
 import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
-from dogshape.pipeline.config.operating import PROBE
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.diagnose.consequence import consequence, studied
-from dogshape.pipeline.diagnose.study_keys import EffectKeys
+from dogshape.pipeline.diagnose.study_keys import effect_settings, takes
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
@@ -77,8 +76,7 @@ def test_the_gap_is_one_of_the_dog_and_the_friction_one_of_the_contact(tmp_path:
     study = found.calibrated(tmp_path / "rubbing.toml").study
     mean = found.inference.fits["contact_friction",].intervals["dynamic_friction"].mean
     assert study.clutch.contact.dynamic_friction == pytest.approx(mean, rel=1e-5)
-    keys = EffectKeys(Setting(CLUTCH, PROBE))
-    wider = keys.settings(EFFECTS["axial_gap"], {"gap_offset_mm": 0.3})
+    wider = effect_settings(CLUTCH, EFFECTS["axial_gap"], {"gap_offset_mm": 0.3})
     assert wider == {"dog.axial_gap_mm": pytest.approx(CLUTCH.dog.axial_gap / MM + 0.3)}
 
 
@@ -95,11 +93,10 @@ def test_force_linkage_and_inertia_are_written_as_effects(
     name: str, values: dict[str, float]
 ) -> None:
     plain = load_study("mq200_paper")
-    keys = EffectKeys(Setting(plain.clutch, PROBE))
-    assert keys.takes(EFFECTS[name])
+    assert takes(plain.clutch, EFFECTS[name])
     for other in ("relative_angle", "reversed_mismatch", "mismatch_speed"):
-        assert not keys.takes(EFFECTS[other])
-    study = load_study("mq200_paper", keys.settings(EFFECTS[name], values))
+        assert not takes(plain.clutch, EFFECTS[other])
+    study = load_study("mq200_paper", effect_settings(plain.clutch, EFFECTS[name], values))
     there = EFFECTS[name].apply(Setting(plain.clutch, plain.points[0]), values)
     assert (study.clutch, study.points[0]) == (there.clutch, there.point)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-import stat
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -32,27 +32,13 @@ class Disk:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.calls: list[tuple[str, Path]] = []
-        self._sync, self._replace, self._write = os.fsync, os.replace, os.write
-        monkeypatch.setattr("os.fsync", self.sync)
-        monkeypatch.setattr("os.replace", self.replace)
-        monkeypatch.setattr("os.write", self.write)
+        for what in ("fsync", "replace", "write"):
+            monkeypatch.setattr(f"os.{what}", partial(self._noted, what, getattr(os, what)))
 
-    def _note(self, what: str, descriptor: int) -> None:
-        is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
-        path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
-        self.calls.append((f"{what} folder" if is_folder else what, path))
-
-    def sync(self, descriptor: int) -> None:
-        self._note("sync", descriptor)
-        self._sync(descriptor)
-
-    def replace(self, source: Path, target: Path) -> None:
-        self.calls.append(("replace", Path(source)))
-        self._replace(source, target)
-
-    def write(self, descriptor: int, content: bytes) -> int:
-        self._note("write", descriptor)
-        return self._write(descriptor, content)
+    def _noted(self, what: str, call: Any, file: Path | int, *more: Any) -> Any:
+        path = Path(os.readlink(f"/proc/self/fd/{file}") if isinstance(file, int) else file)
+        self.calls.append((f"{what} folder" if path.is_dir() else what, path))
+        return call(file, *more)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +55,7 @@ def test_content_is_on_the_disk_before_it_takes_its_name(
     part = disk.calls[0][1]
     assert part.parent == tmp_path
     assert part != path
-    assert disk.calls == [("sync", part), ("replace", part), ("sync folder", tmp_path)]
+    assert disk.calls == [("fsync", part), ("replace", part), ("fsync folder", tmp_path)]
     # A lock, which is empty and hidden, may stay beside it.
     assert [f.name for f in tmp_path.iterdir() if not f.name.startswith(".")] == ["kept"]
 
@@ -95,7 +81,7 @@ def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
     journal, disk = ShiftJournal(path), Disk(monkeypatch)
     append(path, row)
     journal.sync()
-    assert disk.calls == [("write", path), ("sync", path), ("sync folder", tmp_path)]
+    assert disk.calls == [("write", path), ("fsync", path), ("fsync folder", tmp_path)]
     append(path, {**row, "key": "b"})
     journal.sync()
     assert disk.calls[3:] == disk.calls[:3]

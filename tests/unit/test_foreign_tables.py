@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import csv
+import hashlib
 import re
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from dogshape.cli.app import app
 from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import Reading, load_bench
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.bench.table import NEAR, Row, joined_rows
+from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.study_file import build_study, load_study
+from dogshape.pipeline.diagnose.study_keys import study_of
+from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import RPM
-from tests.conftest import Call, Said
+from tests.benches import GOOD
+from tests.conftest import Call, Said, sets
 
 
 class Bench:
@@ -26,8 +36,8 @@ class Bench:
     def __init__(self, call: Call) -> None:
         self.call = call
 
-    def said(self, text: str, *options: str) -> Said:
-        Path("m.csv").write_text(text, encoding="utf-8")
+    def said(self, text: str, *options: str, coding: str = "utf-8") -> Said:
+        Path("m.csv").write_text(text, coding)
         shutil.rmtree("b", ignore_errors=True)
         return self.call("init", "bench", "m.csv", "--json", "--out", "b", *options)
 
@@ -39,8 +49,8 @@ class Bench:
             assert word in found.err
         return found.err
 
-    def read(self, text: str, *options: str) -> list[Reading]:
-        found = self.said(text, *options)
+    def read(self, text: str, *options: str, coding: str = "utf-8") -> list[Reading]:
+        found = self.said(text, *options, coding=coding)
         assert found.status == 0, found.err
         self.json = found.json
         return list(load_bench("b").readings)
@@ -52,6 +62,10 @@ class Bench:
              round(1e3 * r.time, 6) if r.time is not None else np.nan]
             for r in self.read(text, *options)
         ]  # fmt: skip
+
+    @property
+    def assumed(self) -> str:
+        return " ".join(self.json["assumed"])
 
     @property
     def left_out(self) -> str:
@@ -227,7 +241,7 @@ def test_time_outs_that_are_written_as_times(bench: Bench, times: str) -> None:
     bench.refused(text, words=[f"say --set timeout_s={most:g} where these shifts did not engage"])
     found = bench.read(text, "--set", f"timeout_s={most}")
     assert [r.engaged is False for r in found] == [float(t) == most for t in times.split()]
-    assert "are shifts that did not engage" in " ".join(bench.json["assumed"])
+    assert "are shifts that did not engage" in bench.assumed
     longer = bench.read(text, "--set", f"timeout_s={3 * most}")
     assert [r.time for r in longer] == [float(t) for t in times.split()]
 
@@ -297,7 +311,7 @@ def test_measured_values_get_the_set_values_of_the_origin(bench: Bench, rises: b
     scatter = np.sqrt((off**2).mean(axis=0)), np.sqrt(((off / points) ** 2).mean(axis=0))
     assert errors.mismatch_rpm == pytest.approx(scatter[0][0], rel=0.1)
     assert errors.sizes[0] == pytest.approx(scatter[1][1], rel=0.1)
-    assert "mismatch is measured" in " ".join(bench.json["assumed"])
+    assert "mismatch is measured" in bench.assumed
     bench.call("init", "study", "--out", "m", "--yes", "--set", "operating.mismatch_rpm=[700.0]")
     words = ["measured in place of set values", "name with --from"]
     bench.refused(text, "--from", "m", words=words)
@@ -353,7 +367,136 @@ def test_joined_points_lie_beyond_their_limit(speeds: list[float]) -> None:
     assert joined_rows(done) == done
 
 
-def test_a_force_beyond_the_rise_times_is_said(dogshape: Call) -> None:
-    Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n100;900;170\n")
-    assumed = " ".join(dogshape("init", "bench", "m.csv", "--json").json["assumed"])
-    assert "(235.2 to 641.5 N); 900 N lie beyond and have the rise time of the nearest" in assumed
+def test_a_force_beyond_the_rise_times_is_said(bench: Bench) -> None:
+    bench.read("dn;F;t [ms]\n50;469;190\n100;900;170\n")
+    words = "(235.2 to 641.5 N); 900 N lie beyond and have the rise time of the nearest"
+    assert words in bench.assumed
+
+
+def test_what_no_table_shows_is_unknown_until_it_is_stated(bench: Bench) -> None:
+    text = "dn;F;t [ms]\n50;469;190\n5;469;\n"
+    bench.read(text)
+    assert "--set record.time_zero=command, or force, states it" in bench.assumed
+    assert "--set record.displacement_at=sleeve, or actuator, states it" in bench.assumed
+    assert "record.empty_cells says whether they were tried" in bench.assumed
+    assert load_bench("b").record == BenchRecord(sense="unknown")
+    stated = {"time_zero": "force", "displacement_at": "sleeve", "empty_cells": "failed",
+              "sense": "known"}  # fmt: skip
+    bench.read(text, *sets([f"record.{key}={value}" for key, value in stated.items()]))
+    assert "unknown" not in bench.assumed
+    assert load_bench("b").record == BenchRecord(**stated)
+    assert [cell.failed for cell in load_bench("b").cells] == [0, 1]
+
+
+FOREIGN = """\
+Prüfstand 7;;;;;
+Datum;23.11.2026;;;;
+
+Nr.;Drehzahldifferenz [1/min];F_shift (kN);t_shift ms;Anzahl;i.O.
+1;50;0,469;190,5;10;ja
+2;100;0,469;180;10;ja
+3;149;0,6415;170,25;10;ja
+4;249;0,6415;1000;10;nein
+"""
+
+
+@pytest.mark.parametrize("coding", ["utf-8-sig", "utf-16", "cp1252"])
+def test_a_foreign_table_becomes_a_data_set(bench: Bench, dogshape: Call, coding: str) -> None:
+    rows = [(r.point.mismatch / RPM, r.point.profile.force, r.point.profile.rise, r.n, r.time)
+            for r in bench.read(FOREIGN, coding=coding)]  # fmt: skip
+    assert rows == [
+        (pytest.approx(50.0), 469.0, pytest.approx(0.1766), 10, pytest.approx(0.1905)),
+        (pytest.approx(100.0), 469.0, pytest.approx(0.1766), 10, pytest.approx(0.18)),
+        (pytest.approx(149.0), 641.5, pytest.approx(0.12614), 10, pytest.approx(0.17025)),
+        (pytest.approx(249.0), 641.5, pytest.approx(0.12614), 10, None),
+    ]
+    found = load_bench("b")
+    assert [r.engaged for r in found.readings] == [True, True, True, False]
+    assert hashlib.sha256(Path("m.csv").read_bytes()).hexdigest()[:16] in found.source
+    assert Path("b/as_measured/m.csv").read_bytes() == Path("m.csv").read_bytes()
+    assert "rises in 0.12614 to 0.1766 s" in bench.assumed
+    assert "left out (row 8)" in bench.assumed
+    Path("b/notes.txt").write_text("mine")
+    again = ("init", "bench", "m.csv", "--out", "b")
+    assert "holds files already" in dogshape(*again).sentence
+    assert dogshape(*again, "--force").status == 0
+    assert Path("b/notes.txt").read_text() == "mine"
+
+
+def test_every_fault_is_told_at_once(bench: Bench) -> None:
+    text = "dn_rpm;F (kN);t_mean_ms;n;ok\n50;0,469;190;10;ja\nfifty;;180;2,5;vielleicht\n"
+    said = bench.refused(f"{text}149;0.6415;170,25;10;nein\n", words=(
+        "5 mistakes", "row 3: 'fifty'", "(force_N) is empty in row 3", "row 3: 2.5",
+        "row 3: 'vielleicht'", "with a comma ('0,469', row 2) and with a point ('0.6415', row 4)",
+    ))  # fmt: skip
+    assert "Traceback" not in said
+    assert [p.name for p in Path().iterdir()] == ["m.csv"]
+
+
+def test_traces_of_a_foreign_table_come_along(bench: Bench) -> None:
+    one = next(
+        row
+        for row in csv.DictReader((GOOD / "shifts.csv").read_text().splitlines())
+        if row["trace"]
+    )
+    heads = {"t_s": "Zeit [s]", "displacement_mm": "Weg [m]", "force_N": "Kraft [kN]",
+             "sliding_speed_rpm": "Antriebsdrehzahl [1/min]",
+             "output_speed_rpm": "Abtriebsdrehzahl [1/min]"}  # fmt: skip
+    trace = pd.read_csv(GOOD / one["trace"])[[*heads]]
+    trace[["displacement_mm", "force_N"]] /= 1e3
+    trace.rename(columns=heads).to_csv("t1.csv", index=False)
+    row = (one[name] for name in ("mismatch_rpm", "force_N", "force_rise_s", "shift_time_s"))
+    text = f"dn_rpm,force_N,rise_s,t_s,Datei\n{','.join(row)},t1.csv\n"
+    readings = bench.read(text, "--from", str(GOOD)), load_bench(GOOD).readings
+    found, wanted = (next(r.trace for r in rows if r.trace is not None) for rows in readings)
+    assert found.displacement == pytest.approx(wanted.displacement, rel=1e-6, abs=1e-9)
+    assert found.force == pytest.approx(wanted.force, rel=1e-6)
+
+
+def test_a_bench_from_a_study_has_its_contact_and_what_moves_with_the_ring(bench: Bench) -> None:
+    bench.read(FOREIGN, "--from", "mq200")
+    found, study = load_bench("b"), load_study("mq200")
+    assert found.clutch.rings.mass == pytest.approx(0.3 + 0.3)
+    assert replace(found.clutch.contact, name=study.clutch.contact.name) == study.clutch.contact
+    assert "0.3 kg of the [mechanism] of 'mq200' move with the ring" in bench.assumed
+    assert "friction, drag and linkage are left for the diagnosis" in bench.assumed
+    again = build_study(validate(StudyFile, study_of(found, "back"), "back"))
+    assert again.clutch.contact.stiffness == study.clutch.contact.stiffness
+    assert again.clutch.contact.dissipation == study.clutch.contact.dissipation
+
+
+SERIES = """\
+Lfd. Nr.;Datum Uhrzeit;dn [1/min];F [N];Schaltzeit [ms];Standardabweichung [ms];Anzahl
+2;31.05.2024 14:06:00;50;469;190,5;12,5;10
+1;31.05.2024 14:05:00;100;469;180;9;10
+3;31.05.2024 14:07:30;149;641,5;170,25;;1
+"""
+
+
+def test_spread_order_and_time_stamps_of_a_foreign_table_come_along(bench: Bench) -> None:
+    readings = bench.read(SERIES)
+    assert [r.sd for r in readings] == [pytest.approx(0.0125), pytest.approx(0.009), None]
+    assert [r.place for r in readings] == [2.0, 1.0, 3.0]
+    lines = Path("b/shifts.csv").read_text().splitlines()
+    assert lines[0].endswith("trace,shift_time_sd_s,order,timestamp")
+    assert lines[1].endswith(",0.0125,2,2024-05-31T14:06:00+00:00")
+    assert "'Lfd. Nr.' is the order of the shifts" in bench.assumed
+    taken = {row["quantity"]: row["unit"] for row in bench.json["columns"]}
+    assert (taken["shift_time_sd_s"], taken["order"], taken["timestamp"]) == ("ms", None, None)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("31.05.2024 14:07:30", "14:07", "has '14:07', which is no date and time as"),
+        ("31.05.2024 14:07:30", "", "column timestamp is '', but it must be filled"),
+        ("31.05.2024 14:07:30", "5", "timestamp=- to leave it out"),
+        ("\n3;", "\n2;", "has a number twice, so it is no place in the whole series"),
+    ],
+)
+def test_what_cannot_be_read_of_a_series_is_asked_about(
+    bench: Bench, old: str, new: str, words: str
+) -> None:
+    bench.refused(SERIES.replace(old, new), words=[words])
+    readings = bench.read(SERIES.replace(old, new), *_options(("order=-", "timestamp=-")))
+    assert [r.place for r in readings] == [None] * 3

@@ -1,14 +1,10 @@
-"""``init``: folders to begin with, and tables of a stand in any layout."""
+"""``init``: folders to begin with, and what a terminal asks."""
 
 from __future__ import annotations
 
-import csv
-import hashlib
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -17,87 +13,11 @@ from dogshape.cli.app import app
 from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.stand_file import BenchRecord
-from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import Setup, build_study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import SOURCE
-from dogshape.pipeline.diagnose.study_keys import study_of
-from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
-from tests.benches import GOOD
 from tests.conftest import Call, Said, sets
-
-FOREIGN = """\
-Prüfstand 7;;;;;
-Datum;23.11.2026;;;;
-
-Nr.;Drehzahldifferenz [1/min];F_shift (kN);t_shift ms;Anzahl;i.O.
-1;50;0,469;190,5;10;ja
-2;100;0,469;180;10;ja
-3;149;0,6415;170,25;10;ja
-4;249;0,6415;1000;10;nein
-"""
-
-
-def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> None:
-    Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n5;469;\n")
-    said = dogshape("init", "bench", "m.csv", "--json")
-    assumed = " ".join(said.json["assumed"])
-    assert "--set record.time_zero=command, or force, states it" in assumed
-    assert "--set record.displacement_at=sleeve, or actuator, states it" in assumed
-    assert "record.empty_cells says whether they were tried" in assumed
-    assert load_bench("m").record == BenchRecord(sense="unknown")
-    stated = ("time_zero=force", "displacement_at=sleeve", "empty_cells=failed", "sense=known")
-    options = sets([f"record.{one}" for one in stated])
-    said = dogshape("init", "bench", "m.csv", "--out", "n", *options, "--json")
-    assert "unknown" not in " ".join(said.json["assumed"])
-    assert load_bench("n").record == BenchRecord(
-        time_zero="force", displacement_at="sleeve", empty_cells="failed", sense="known"
-    )
-    assert [cell.failed for cell in load_bench("n").cells] == [0, 1]
-
-
-@pytest.mark.parametrize("coding", ["utf-8-sig", "utf-16", "cp1252"])
-def test_a_foreign_table_becomes_a_data_set(dogshape: Call, coding: str) -> None:
-    Path("m.csv").write_bytes(FOREIGN.encode(coding))
-    said = dogshape("init", "bench", "m.csv", "--json")
-    assert said.status == 0
-    bench = load_bench("m")
-    rows = [(r.point.mismatch / RPM, r.point.profile.force, r.point.profile.rise, r.n, r.time)
-            for r in bench.readings]  # fmt: skip
-    assert rows == [
-        (pytest.approx(50.0), 469.0, pytest.approx(0.1766), 10, pytest.approx(0.1905)),
-        (pytest.approx(100.0), 469.0, pytest.approx(0.1766), 10, pytest.approx(0.18)),
-        (pytest.approx(149.0), 641.5, pytest.approx(0.12614), 10, pytest.approx(0.17025)),
-        (pytest.approx(249.0), 641.5, pytest.approx(0.12614), 10, None),
-    ]
-    assert [r.engaged for r in bench.readings] == [True, True, True, False]
-    assert hashlib.sha256(Path("m.csv").read_bytes()).hexdigest()[:16] in bench.source
-    assert Path("m/as_measured/m.csv").read_bytes() == Path("m.csv").read_bytes()
-    assumed = " ".join(said.json["assumed"])
-    assert "rises in 0.12614 to 0.1766 s" in assumed
-    assert "left out (row 8)" in assumed
-    Path("m/notes.txt").write_text("mine")
-    assert "holds files already" in dogshape("init", "bench", "m.csv").sentence
-    assert dogshape("init", "bench", "m.csv", "--force").status == 0
-    assert Path("m/notes.txt").read_text() == "mine"
-
-
-def test_every_fault_is_told_at_once(dogshape: Call) -> None:
-    Path("m.csv").write_text(
-        "dn_rpm;F (kN);t_mean_ms;n;ok\n50;0,469;190;10;ja\nfifty;;180;2,5;vielleicht\n"
-        "149;0.6415;170,25;10;nein\n"
-    )
-    said = dogshape("init", "bench", "m.csv")
-    assert said.status == 2
-    for words in (
-        "5 mistakes", "row 3: 'fifty'", "(force_N) is empty in row 3", "row 3: 2.5",
-        "row 3: 'vielleicht'", "with a comma ('0,469', row 2) and with a point ('0.6415', row 4)",
-    ):  # fmt: skip
-        assert words in said.err
-    assert "Traceback" not in said.err
-    assert not Path("m").exists()
-    assert sorted(p.name for p in Path().iterdir()) == ["m.csv"]
 
 
 def test_without_a_table_a_folder_is_to_be_filled(dogshape: Call) -> None:
@@ -105,43 +25,6 @@ def test_without_a_table_a_folder_is_to_be_filled(dogshape: Call) -> None:
     assert said.status == 0
     assert "fill in shifts.csv" in said.out
     assert len(load_bench("my_bench").cells) == 28
-
-
-def test_traces_of_a_foreign_table_come_along(dogshape: Call) -> None:
-    one = next(
-        row
-        for row in csv.DictReader((GOOD / "shifts.csv").read_text().splitlines())
-        if row["trace"]
-    )
-    heads = {"t_s": "Zeit [s]", "displacement_mm": "Weg [m]", "force_N": "Kraft [kN]",
-             "sliding_speed_rpm": "Antriebsdrehzahl [1/min]",
-             "output_speed_rpm": "Abtriebsdrehzahl [1/min]"}  # fmt: skip
-    trace = pd.read_csv(GOOD / one["trace"])[[*heads]]
-    trace[["displacement_mm", "force_N"]] /= 1e3
-    trace.rename(columns=heads).to_csv("t1.csv", index=False)
-    row = (one[name] for name in ("mismatch_rpm", "force_N", "force_rise_s", "shift_time_s"))
-    Path("m.csv").write_text(f"dn_rpm,force_N,rise_s,t_s,Datei\n{','.join(row)},t1.csv\n")
-    said = dogshape("init", "bench", "m.csv", "--from", str(GOOD))
-    assert said.status == 0, said.err
-    found, wanted = (next(r.trace for r in load_bench(where).readings if r.trace is not None)
-                     for where in ("m", GOOD))  # fmt: skip
-    assert found.displacement == pytest.approx(wanted.displacement, rel=1e-6, abs=1e-9)
-    assert found.force == pytest.approx(wanted.force, rel=1e-6)
-
-
-def test_a_bench_from_a_study_has_its_contact_and_what_moves_with_the_ring(dogshape: Call) -> None:
-    Path("m.csv").write_bytes(FOREIGN.encode())
-    said = dogshape("init", "bench", "m.csv", "--from", "mq200", "--json")
-    assert said.status == 0, said.err
-    bench, study = load_bench("m"), load_study("mq200")
-    assert bench.clutch.rings.mass == pytest.approx(0.3 + 0.3)
-    assert replace(bench.clutch.contact, name=study.clutch.contact.name) == study.clutch.contact
-    assumed = " ".join(said.json["assumed"])
-    assert "0.3 kg of the [mechanism] of 'mq200' move with the ring" in assumed
-    assert "friction, drag and linkage are left for the diagnosis" in assumed
-    again = build_study(validate(StudyFile, study_of(bench, "back"), "back"))
-    assert again.clutch.contact.stiffness == study.clutch.contact.stiffness
-    assert again.clutch.contact.dissipation == study.clutch.contact.dissipation
 
 
 def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> None:
@@ -313,47 +196,3 @@ def test_a_limit_that_the_own_dog_breaks_is_said(
 ) -> None:
     said, _ = _begun(dogshape, *settings)
     assert words in " ".join(said.json["warnings"])
-
-
-SERIES = """\
-Lfd. Nr.;Datum Uhrzeit;dn [1/min];F [N];Schaltzeit [ms];Standardabweichung [ms];Anzahl
-2;31.05.2024 14:06:00;50;469;190,5;12,5;10
-1;31.05.2024 14:05:00;100;469;180;9;10
-3;31.05.2024 14:07:30;149;641,5;170,25;;1
-"""
-
-
-def test_spread_order_and_time_stamps_of_a_foreign_table_come_along(dogshape: Call) -> None:
-    Path("m.csv").write_text(SERIES)
-    said = dogshape("init", "bench", "m.csv", "--json")
-    assert said.status == 0
-    readings = load_bench("m").readings
-    assert [r.sd for r in readings] == [pytest.approx(0.0125), pytest.approx(0.009), None]
-    assert [r.place for r in readings] == [2.0, 1.0, 3.0]
-    lines = Path("m/shifts.csv").read_text().splitlines()
-    assert lines[0].endswith("trace,shift_time_sd_s,order,timestamp")
-    assert lines[1].endswith(",0.0125,2,2024-05-31T14:06:00+00:00")
-    assert "'Lfd. Nr.' is the order of the shifts" in " ".join(said.json["assumed"])
-    taken = {row["quantity"]: row["unit"] for row in said.json["columns"]}
-    assert (taken["shift_time_sd_s"], taken["order"], taken["timestamp"]) == ("ms", None, None)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("31.05.2024 14:07:30", "14:07", "has '14:07', which is no date and time as"),
-        ("31.05.2024 14:07:30", "", "column timestamp is '', but it must be filled"),
-        ("31.05.2024 14:07:30", "5", "timestamp=- to leave it out"),
-        ("\n3;", "\n2;", "has a number twice, so it is no place in the whole series"),
-    ],
-)
-def test_what_cannot_be_read_of_a_series_is_asked_about(
-    dogshape: Call, old: str, new: str, words: str
-) -> None:
-    Path("m.csv").write_text(SERIES.replace(old, new))
-    said = dogshape("init", "bench", "m.csv")
-    assert said.status == 2
-    assert words in said.err
-    out = ("--column", "order=-", "--column", "timestamp=-")
-    assert dogshape("init", "bench", "m.csv", *out).status == 0
-    assert [r.place for r in load_bench("m").readings] == [None] * 3

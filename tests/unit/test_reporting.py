@@ -259,10 +259,8 @@ def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
     )
     assert [row[0] for row in table.rows] == [*map(str, (first, *others)), "prototype"]
     chosen, *_, prototype = table.rows
-    row, known = (
-        dict(zip(table.heads, chosen, strict=True)),
-        searched_record(study, result, result["best"]),
-    )
+    row = dict(zip(table.heads, chosen, strict=True))
+    known = searched_record(study, result, result["best"])
     worst = 1e3 * known["worst_against_prototype"]["difference_s"]
     assert row["worst point minus prototype, ms"].startswith(f"{worst:+.1f} ± ")
     assert row["locks above friction"].startswith(f"{known['locking_friction']:.3f} (")

@@ -13,7 +13,6 @@ from scipy.special import ndtr
 
 from dogshape.pipeline.search.sampler import (
     NEAR,
-    Breadth,
     Params,
     Space,
     SurrogateSampler,
@@ -21,12 +20,9 @@ from dogshape.pipeline.search.sampler import (
     chance_below_zero,
     directions,
     fit_response,
-    scales,
-    volume_of,
 )
 from dogshape.surrogate.covariance import Array
 
-FEW = Breadth(wide=60, near=20, draws=8, ways=32)  #: for what holds however much is weighed
 RANGES = {"height_mm": (2.0, 4.0), "count": (6, 36)}
 
 
@@ -64,7 +60,7 @@ class Asked:
 
     def __init__(self, guide: Told, startup: int = 3) -> None:
         self.guide = guide
-        self.sampler = SurrogateSampler(cast(Any, guide), 1, startup, FEW)
+        self.sampler = SurrogateSampler(cast(Any, guide), 1, startup)
         self.trials: list[FrozenTrial] = []
 
     def tell(self, params: Params, values: Sequence[float] | None = None) -> None:
@@ -90,17 +86,13 @@ def test_directions_measure_the_volume(objectives: int) -> None:
     ways = directions(np.random.default_rng(0), 200_000, objectives)
     reference = np.ones(objectives)
 
-    def measured(front: Array) -> float:
-        largest = scales(front[None], reference, ways)[0].max(axis=0)
-        return float(largest.mean()) * volume_of(objectives)
-
-    one = measured((reference - sides)[None, :])
+    both = np.array([[reference - sides, reference - sides[::-1]]])
+    (one,) = added(both[:, :1], both[:, :0], reference, ways)
     assert one == pytest.approx(np.prod(sides), rel=0.01)
-    both = np.array([reference - sides, reference - sides[::-1]])
     shared = np.prod(np.minimum(sides, sides[::-1]))
-    assert measured(both) == pytest.approx(2 * np.prod(sides) - shared, rel=0.01)
-    more = added(both[None, 1:], both[None, :1], reference, ways)
-    assert more[0] == pytest.approx(np.prod(sides) - shared, abs=0.01 * one)
+    (more,) = added(both[:, 1:], both[:, :1], reference, ways)
+    assert one + more == pytest.approx(2 * np.prod(sides) - shared, rel=0.01)
+    assert more == pytest.approx(np.prod(sides) - shared, abs=0.01 * one)
 
 
 def test_a_space_draws_what_it_holds_evenly_or_near_a_design() -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import islice
-
 import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.train.training import filling_designs
+from dogshape.pipeline.train.training import first_designs
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate, fit
@@ -44,7 +42,7 @@ def truth(x: Array, points: Array) -> Array:
 
 def feasible(study: Setup, count: int, seed: int) -> Array:
     """Designs that pass every check, (n, 5)."""
-    designs = islice(filling_designs(study, seed, border=False), count)
+    designs = first_designs(study, count, seed - study.file.surrogate.seed, border=False)
     return np.array([list(design.values()) for design in designs], dtype=float)
 
 
