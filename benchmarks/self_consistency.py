@@ -27,7 +27,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading, load_bench
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
-from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import Model, Predicted, timely
 from dogshape.diagnosis.settings import USUAL
@@ -123,7 +123,7 @@ def draw_cells(
     unlisted = "unknown" in truth.hypothesis
     mean = draw_means(likelihood, p, unlisted, generator)
     stretch = float(generator.choice(STRETCHES)) if unlisted else 1.0
-    freedom = 0.5 / likelihood._spread_error(p)[0]
+    freedom = freedom_of(likelihood._spread_error(p)[0])
     sd = stretch * p.sd[0] * np.sqrt(freedom / generator.chisquare(freedom))
     cells, row = [], 2
     for k, cell in enumerate(bench.cells):

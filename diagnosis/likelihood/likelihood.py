@@ -251,10 +251,14 @@ class Likelihood:
         return _Options(point, part[kept], odd_mean, main, _Table(*ends, table))
 
     def _scatter(self, q: Predicted, predicted: Array) -> Array:
-        """Estimate variances of timely shifts from predicted and observed ones, (2, m, c)."""
-        seen, some, other = self.seen, self.having, 0.5 / self._spread_error(q)
+        """Estimate variances of timely shifts from predicted and observed ones, (2, m, c).
+
+        Both are uncertain, so means scatter as Student's distribution: theirs is its variance.
+        """
+        seen, some, other = self.seen, self.having, freedom_of(self._spread_error(q))
         freedom = np.where(seen.freedom[some] > 0.0, self._freedom[some], 0.0)
-        return np.asarray((other * predicted + freedom * seen.variance[some]) / (other + freedom))
+        whole = np.maximum(other + freedom - 2.0, 0.5 * (other + freedom))
+        return np.asarray((other * predicted + freedom * seen.variance[some]) / whole)
 
     def _spread(self, q: Predicted, variance: Array) -> Array:
         """Compute the log density of the variance with each option, (m, P); some are odd."""
@@ -264,7 +268,7 @@ class Likelihood:
         freedom = self._freedom[self.having][at]
         ratio = self.seen.variance[self.having][at] / variance[:, known]
         error, odd = self._spread_error(q)[:, at], self.settings.odd_spread
-        usual, wide = (_log_f(ratio, freedom, 0.5 / e) for e in (error, error + 1.0))
+        usual, wide = (_log_f(ratio, freedom, freedom_of(e)) for e in (error, error + 1.0))
         found[:, known] = np.logaddexp(np.log1p(-odd) + usual, np.log(odd) + wide)
         return found
 
@@ -291,7 +295,7 @@ class Likelihood:
         below = np.zeros_like(q.sd)
         for share, ratio in zip(np.exp(log_part), seen.variance[some] / variance, strict=True):
             usual, wide = (
-                f_distribution.cdf(ratio, freedom, 0.5 / e) for e in (error, error + 1.0)
+                f_distribution.cdf(ratio, freedom, freedom_of(e)) for e in (error, error + 1.0)
             )
             below += share * ((1.0 - odd) * usual + odd * wide)
         score = norm.ppf(np.clip(below, 1e-12, 1.0 - 1e-12))
@@ -330,6 +334,11 @@ class Likelihood:
         first = self.smooth.shape[1]
         nuisances = parts[..., first : first + self.nuisances.shape[1]]
         return amplitude, parts.sum(axis=2), nuisances.sum(axis=2)
+
+
+def freedom_of(error: Array) -> Array:
+    """Compute degrees of freedom by which ln of a spread has a variance, to second order."""
+    return 0.5 / error + 1.0
 
 
 def _late_numbers(n: Array, most: int) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
 from dogshape.diagnosis.bench.stand_file import Margin, NominalErrors
-from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.settings import USUAL
@@ -96,7 +96,7 @@ def test_spreads_count_where_single_shifts_are_known() -> None:
     stick = replace(stick, truth=wide, likelihood=replace(stick.likelihood, seen=seen))
     (found,) = stick.squares((), np.zeros((1, 0)))
     error = USUAL.spread_share**2 + np.log1p(USUAL.spread_error * BASE / SD) ** 2
-    deviate = norm.isf(f_distribution.sf(16.0, 1000.0, 0.5 / error))
+    deviate = norm.isf(f_distribution.sf(16.0, 1000.0, freedom_of(error)))
     assert found == pytest.approx(CELLS * deviate**2, rel=1e-4)
 
 
