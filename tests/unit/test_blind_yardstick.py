@@ -12,7 +12,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
 from dogshape.diagnosis.bench.stand_file import Margin, NominalErrors
-from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.settings import USUAL
@@ -70,7 +70,10 @@ def _stick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) 
     return Yardstick(likelihood, Expected(nothing + mean, sd), Expected(nothing + BASE, sd))
 
 
-VARIANCE = SD**2 / N + (0.01 * BASE) ** 2
+#: Of ln of a spread, its degrees of freedom, and the variance of a mean by Student's distribution.
+ERROR = USUAL.spread_share**2 + np.log1p(USUAL.spread_error * BASE / SD) ** 2
+FREEDOM = 0.5 / ERROR + 1.0
+VARIANCE = SD**2 / N * FREEDOM / (FREEDOM - 2.0) + (0.01 * BASE) ** 2
 
 
 def test_a_gap_of_one_sign_leaves_its_squares() -> None:
@@ -95,8 +98,7 @@ def test_spreads_count_where_single_shifts_are_known() -> None:
     seen = replace(stick.likelihood.seen, freedom=np.full(CELLS, 1000.0))
     stick = replace(stick, truth=wide, likelihood=replace(stick.likelihood, seen=seen))
     (found,) = stick.squares((), np.zeros((1, 0)))
-    error = USUAL.spread_share**2 + np.log1p(USUAL.spread_error * BASE / SD) ** 2
-    deviate = norm.isf(f_distribution.sf(16.0, 1000.0, freedom_of(error)))
+    deviate = norm.isf(f_distribution.sf(16.0, 1000.0, FREEDOM))
     assert found == pytest.approx(CELLS * deviate**2, rel=1e-4)
 
 
