@@ -35,7 +35,7 @@ ROUND = 192  #: draws of a round
 FREEDOM = 5.0  #: of the Student distribution
 WIDE = 1.5  #: of its covariance over that of the draws
 CENTRES = 16  #: of a proposal
-WIDENED, BESIDE = 24, 8  #: draws around each part of a wider hypothesis, and of its prior
+WIDENED, BESIDE = 2 * CENTRES, 8  #: draws around each part of a wider hypothesis, and of its prior
 ENOUGH = 150.0  #: effective draws
 FLAT = 60.0  #: effective draws below which weights are flattened for a proposal
 
