@@ -30,7 +30,7 @@ ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
 #: Simulations of two effects together: nats below the best from which a pair is plausible, error
 #: of its prediction from which it is simulated, how often, and how often all of them.
-PLAUSIBLE, LOOSE, LEVELS, JOINED = 5.0, 0.03, 5, 15
+PLAUSIBLE, UNCERTAIN, LEVELS, SIMULATED = 5.0, 0.03, 5, 15
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
 STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
@@ -127,17 +127,17 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, rounds, self.generator
             )
 
-    def join(self) -> None:
+    def simulate_pairs(self) -> None:
         """Simulate plausible pairs at their best draws until what they do together is known."""
         left = {h: LEVELS for h in self.samples if len(forward(h)) == 2}
-        for _ in range(JOINED):
+        for _ in range(SIMULATED):
             least = max(map(self.value, self.samples)) - PLAUSIBLE
-            some = [h for h, n in left.items() if n and self.value(h) > least and self.loose(h)]
+            some = [h for h, n in left.items() if n and self.value(h) > least and self.uncertain(h)]
             if not some:
                 return
             h = max(some, key=self.value)
             one = self.samples[h]
-            model = self.likelihood.model.together(h, one.shares[[one.log.argmax()]])
+            model = self.likelihood.model.simulate_pair(h, one.shares[[one.log.argmax()]])
             left[h] = left[h] - 1 if model else 0
             if model:
                 self.likelihood = replace(self.likelihood, model=model)
@@ -145,10 +145,10 @@ class _Search:
                 again = refined(self.likelihood, self.samples[h], self.more, 3, self.generator)
                 self.samples[h] = again
 
-    def loose(self, h: Hypothesis) -> bool:
+    def uncertain(self, h: Hypothesis) -> bool:
         """Check that the best draw may be predicted wrong since two effects act together."""
         one = self.samples[h].predicted.only([self.samples[h].log.argmax()])
-        return float(((one.common / one.mean) ** 2).mean()) > LOOSE**2
+        return float(((one.common / one.mean) ** 2).mean()) > UNCERTAIN**2
 
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""
@@ -179,7 +179,7 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
         search.take(screened(likelihood, few, more, search.distance))
     search.refine(0)
     search.refine(1)
-    search.join()
+    search.simulate_pairs()
     if likelihood.settings.most > 2:
         thirds = search.widen()
         search.refine(0, thirds)

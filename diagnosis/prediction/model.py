@@ -313,13 +313,13 @@ class Model:
         cubes = (self._cubes[name].places(values[:, space.columns(name)]) for name in names)
         return np.hstack([*cubes])
 
-    def together(self, hypothesis: Hypothesis, share: Array) -> Model | None:
+    def simulate_pair(self, hypothesis: Hypothesis, share: Array) -> Model | None:
         """Simulate two effects together at a share (1, p) of their ranges, for all predictions.
 
         None where there is no such bench, or an effect is one of the reading of a shift alone.
         """
         if REVERSED in hypothesis:
-            other = self.turned and self.turned.together(forward(hypothesis), share)
+            other = self.turned and self.turned.simulate_pair(forward(hypothesis), share)
             return other and replace(self, turned=other)
         if self.run is None or not self._readings.isdisjoint(hypothesis):
             return None

@@ -147,12 +147,12 @@ def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> No
     exact = np.nanmean(timely(times, simulated.far), axis=2)
     model = simulated
     for share in shares[:2]:
-        model = model.together(pair, share[None]) or model
+        model = model.simulate_pair(pair, share[None]) or model
     ruled, p = simulated.predict(pair, shares), model.predict(pair, shares)
     assert abs(ruled.mean / exact - 1.0).max() > 0.1
     assert p.mean[:2] == pytest.approx(exact[:2], rel=0.01)
     assert (abs(p.mean - exact) < 1.5 * p.common).all()
-    assert model.together(("actuation_delay", "sleeve_friction"), shares[:1]) is None
+    assert model.simulate_pair(("actuation_delay", "sleeve_friction"), shares[:1]) is None
 
 
 def test_two_modes_have_the_moments_of_all_times() -> None:
