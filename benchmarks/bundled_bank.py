@@ -33,16 +33,17 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=0)
     given = parser.parse_args()
     means, keys = Means(bank=given.bank, jobs=given.jobs, progress=ProgressBar()), list[str]()
+    known = BankStore((BROUGHT, given.bank / TIMES))
 
     def run(blocks: Sequence[Block]) -> list[list[Record]]:
         keys.extend(map(series_key, blocks))
-        return shifts_of(blocks, means, [])
+        return shifts_of(blocks, means, [], known)
 
     for name in SETS:
         bench = load_bench(name)
         bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
         build_models(bench, load(None), means.settings, run)
-    BankStore((BROUGHT, given.bank / TIMES)).save(BROUGHT, dict.fromkeys(keys))
+    known.save(BROUGHT, dict.fromkeys(keys))
     print(f"{BROUGHT}: {len(dict.fromkeys(keys))} series")
 
 

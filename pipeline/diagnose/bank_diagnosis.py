@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import (
@@ -78,17 +79,19 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
     """Build the predictions of a data set, by the place where displacement may be read."""
-    notes: list[str] = []
-    return build_models(bench, effects, means.settings, lambda some: shifts_of(some, means, notes))
+    notes, known = list[str](), BankStore((BROUGHT, means.bank / TIMES))
+    run = partial(shifts_of, means=means, notes=notes, known=known)
+    return build_models(bench, effects, means.settings, run)
 
 
-def shifts_of(blocks: Sequence[Block], means: Means, notes: list[str]) -> list[list[Record]]:
-    """Read the shifts of a bank; simulate and keep what no file has; ``notes`` were said before."""
-    store = BankStore((BROUGHT, means.bank / TIMES))
-    if not store.missing(blocks):
-        return store.times(blocks, lambda _: [])
+def shifts_of(
+    blocks: Sequence[Block], means: Means, notes: list[str], known: BankStore
+) -> list[list[Record]]:
+    """Take ``known`` shifts; simulate and keep what no file has; ``notes`` were said before."""
+    if not known.missing(blocks):
+        return known.times(blocks, lambda _: [])
     with writing(means.bank, means.patience):
-        store = BankStore(store.paths)  # another run may have written since
+        store = BankStore(known.paths)  # another run may have written since
         lacking = store.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
@@ -103,6 +106,7 @@ def shifts_of(blocks: Sequence[Block], means: Means, notes: list[str]) -> list[l
         journal.say_unfinished(means.progress.say)
         with suppress(StorageError):  # the file of banks has them
             journal.drop({key for block in lacking for key in block.keys})
+        known.series.update(store.series)
         return rows
 
 
