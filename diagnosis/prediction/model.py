@@ -178,6 +178,7 @@ class Model:
     joint: Mapping[Hypothesis, Joint] = field(default_factory=dict)
     _curves: dict[str, Callable[[Array], Changes]] = field(default_factory=dict)
     _cubes: dict[str, Cube] = field(default_factory=dict)
+    _limits: dict[str, list[Setting]] = field(default_factory=dict)
     _recent: dict[object, Changes] = field(default_factory=dict)
 
     @property
@@ -346,23 +347,19 @@ class Model:
         """Mark shares (m, p) of which there is a bench, (m,)."""
         space, found = self.space(hypothesis), np.ones(len(shares), dtype=bool)
         for effect in space.effects:
-            if effect.name in self._limited:
+            if ends := self._ends(effect):
                 mine = shares[:, space.columns(effect.name)].tolist()
-                ends = self._limited[effect.name]
                 found &= [all(_exists(effect, row, one) for one in ends) for row in mine]
         return found
 
-    @cached_property
-    def _limited(self) -> dict[str, list[Setting]]:
-        """Effects of which some values give no bench, with the points that decide it."""
-        found = {}
-        for name, effect in self.effects.items():
+    def _ends(self, effect: Effect) -> list[Setting]:
+        """List the points that decide which values give no bench, none where all give one."""
+        if effect.name not in self._limits:
             rows = itertools.product(np.linspace(0.0, 1.0, TRIED), repeat=len(effect.parameters))
             exist = np.array([[_exists(effect, r, one) for one in self._extremes] for r in rows])
-            if not exist.all():
-                alike = bool((exist == exist[:, :1]).all())
-                found[name] = self._extremes[:1] if alike else self._extremes
-        return found
+            few = 0 if exist.all() else 1 if (exist == exist[:, :1]).all() else len(self._extremes)
+            self._limits[effect.name] = self._extremes[:few]
+        return self._limits[effect.name]
 
     @cached_property
     def _extremes(self) -> list[Setting]:
