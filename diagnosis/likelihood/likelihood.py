@@ -37,6 +37,7 @@ KEPT = 0.02  #: of the largest eigenvalue, from which a direction of the discrep
 MOST_LATE = 6  #: numbers of late shifts within one mean that are tried beside 0
 TABLE = 257  #: shares at which probabilities of numbers of shifts are computed
 STEP = 0.05  #: of force and mismatch, by which times are differentiated
+PASSES = 2  #: in which the options of each mean are chosen, errors in common fitted between
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
 
 
@@ -204,12 +205,16 @@ class Likelihood:
 
         oddly = np.where(options.odd, self.settings.odd_size * q.mean[:, at], 0.0) ** 2
         variance = scatter + own[:, at] + oddly
-        gap, beside = (seen - q.mean - fitted)[:, at] - shift, variance + left[:, at]
-        scored = weight - 0.5 * (gap**2 / beside + np.log(2.0 * np.pi * beside))
-        best, among = options.best(scored)
-        rows = np.arange(len(scored))[:, None]
+        rows = np.arange(len(weight))[:, None]
+        for step in range(PASSES):
+            if step:
+                fitted, left = _fitted(residual, own, columns)
+            gap, beside = (seen - q.mean - fitted)[:, at] - shift, variance + left[:, at]
+            scored = weight - 0.5 * (gap**2 / beside + np.log(2.0 * np.pi * beside))
+            best, among = options.best(scored)
+            residual, own = seen - q.mean - shift[rows, best], variance[rows, best]
         log = (among + weight[rows, best]).sum(axis=1)
-        return seen - q.mean - shift[rows, best], variance[rows, best], log
+        return residual, own, log
 
     def _modes(self, q: Predicted) -> tuple[Array, Array, Array]:
         """Part the shifts of a point by whether some lie in the smaller mode, (2, m, c) each.
