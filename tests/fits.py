@@ -38,7 +38,7 @@ SETTINGS = replace(USUAL, model_error=0.0, least_error=1e-9, spread_error=0.0)
 def predicted(mean: Array) -> Predicted:
     """Make a prediction with a spread of 20 ms and an error of 1 ms from means (m, C)."""
     one, none = np.ones_like(mean), np.zeros_like(mean)
-    parts = 0.02 * one, 1e-3 * one, none, none, none, one, none, one, none, 0.02 * one
+    parts = 0.02 * one, 1e-3 * one, none, none, none, one, none, one, none, 0.02 * one, none, none
     return Predicted(mean, *parts)
 
 

@@ -204,6 +204,13 @@ def widened(
     return _batched(likelihood, drawn(), more)
 
 
+def repeated(likelihood: Likelihood, sample: Sample, more: More) -> Sample:
+    """Weigh the draws of a hypothesis again by another likelihood."""
+    one = sample
+    (again,) = _batched(likelihood, [(one.hypothesis, one.shares, one.drawn, one.proposals)], more)
+    return again
+
+
 def refined(
     likelihood: Likelihood, sample: Sample, more: More, rounds: int, generator: np.random.Generator
 ) -> Sample:

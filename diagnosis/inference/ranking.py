@@ -16,11 +16,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.inference.fit import More, Sample, refined, screened, systematic, widened
+from dogshape.diagnosis.inference.fit import (
+    More,
+    Sample,
+    refined,
+    repeated,
+    screened,
+    systematic,
+    widened,
+)
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import REVERSED, UNKNOWN, Array, Hypothesis, forward, turned
+from dogshape.diagnosis.terms import DELAY, REVERSED, UNKNOWN, Array, Hypothesis, forward, turned
 
 #: Steps of refinement: nats below the best, hypotheses at most, and rounds of each. Prior draws
 #: miss narrow posteriors by many nats, so the first step takes many hypotheses.
@@ -28,9 +36,10 @@ STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 12, 5))
 SLACK = 0.05  #: of the predicted time, gap that errors of emulation may explain in the screening
 ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
-#: Simulations of two effects together: nats below the best from which a pair is plausible, error
-#: of its prediction from which it is simulated, how often, and how often all of them.
+#: Further simulations: nats below the best from which a hypothesis is plausible, error of its
+#: prediction from which it is simulated, how often, and how often all of them.
 PLAUSIBLE, UNCERTAIN, LEVELS, SIMULATED = 5.0, 0.03, 5, 15
+KNOWN = 9.0  #: further nats, within which others are predicted again
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
 STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
@@ -127,28 +136,34 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, rounds, self.generator
             )
 
-    def simulate_pairs(self) -> None:
-        """Simulate plausible pairs at their best draws until what they do together is known."""
-        left = {h: LEVELS for h in self.samples if len(forward(h)) == 2}
+    def simulate(self) -> None:
+        """Simulate plausible pairs at their best draws until they are known there."""
+        pairs = [h for h in self.samples if len(forward(h)) == 2 and DELAY not in h]
+        left = dict.fromkeys(pairs, LEVELS)
         for _ in range(SIMULATED):
             least = max(map(self.value, self.samples)) - PLAUSIBLE
             some = [h for h, n in left.items() if n and self.value(h) > least and self.uncertain(h)]
             if not some:
                 return
             h = max(some, key=self.value)
-            one = self.samples[h]
-            model = self.likelihood.model.simulate_pair(h, one.shares[[one.log.argmax()]])
+            one, old = self.samples[h], self.likelihood.model
+            model = old.simulate(h, one.shares[[one.log.argmax()]])
             left[h] = left[h] - 1 if model else 0
             if model:
                 self.likelihood = replace(self.likelihood, model=model)
-                self.take(screened(self.likelihood, [h], self.more, self.distance))
+                names = set(h) - old.readings
+                near = [k for k in self.samples if set(k) >= names]
+                for k in [k for k in near if self.promise(k) > least - KNOWN]:
+                    self.samples[k] = repeated(self.likelihood, self.samples[k], self.more)
                 again = refined(self.likelihood, self.samples[h], self.more, 3, self.generator)
                 self.samples[h] = again
 
     def uncertain(self, h: Hypothesis) -> bool:
         """Check that the best draw may be predicted wrong since two effects act together."""
         one = self.samples[h].predicted.only([self.samples[h].log.argmax()])
-        return float(((one.common / one.mean) ** 2).mean()) > UNCERTAIN**2
+        uneven = not self.likelihood.model.readings.isdisjoint(h)
+        error = one.emulated if uneven else one.common
+        return float(((error / one.mean) ** 2).mean()) > UNCERTAIN**2
 
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""
@@ -179,7 +194,7 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
         search.take(screened(likelihood, few, more, search.distance))
     search.refine(0)
     search.refine(1)
-    search.simulate_pairs()
+    search.simulate()
     if likelihood.settings.most > 2:
         thirds = search.widen()
         search.refine(0, thirds)

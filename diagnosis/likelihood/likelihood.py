@@ -25,7 +25,8 @@ from scipy.stats import norm
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.stand_file import Tolerance
 from dogshape.diagnosis.likelihood.observed import Observed
-from dogshape.diagnosis.prediction.model import LEAST_SD, Model, Predicted
+from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.prediction.weighted import LEAST_SD
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
@@ -37,7 +38,6 @@ KEPT = 0.02  #: of the largest eigenvalue, from which a direction of the discrep
 MOST_LATE = 6  #: numbers of late shifts within one mean that are tried beside 0
 TABLE = 257  #: shares at which probabilities of numbers of shifts are computed
 STEP = 0.05  #: of force and mismatch, by which times are differentiated
-PASSES = 2  #: in which the options of each mean are chosen, errors in common fitted between
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
 
 
@@ -201,20 +201,21 @@ class Likelihood:
         rough = options.summed(usual * shift)
         wide = own + options.summed(usual * (shift**2 + scatter)) - rough**2
         columns = np.concatenate([self.settings.discrepancy * basis, fixed], axis=2)
-        fitted, left = _fitted(seen - q.mean - rough, wide, columns)
 
         oddly = np.where(options.odd, self.settings.odd_size * q.mean[:, at], 0.0) ** 2
         variance = scatter + own[:, at] + oddly
         rows = np.arange(len(weight))[:, None]
-        for step in range(PASSES):
-            if step:
-                fitted, left = _fitted(residual, own, columns)
+
+        def chosen(fitted: Array, left: Array) -> tuple[Array, Array, Array]:
             gap, beside = (seen - q.mean - fitted)[:, at] - shift, variance + left[:, at]
             scored = weight - 0.5 * (gap**2 / beside + np.log(2.0 * np.pi * beside))
             best, among = options.best(scored)
-            residual, own = seen - q.mean - shift[rows, best], variance[rows, best]
-        log = (among + weight[rows, best]).sum(axis=1)
-        return residual, own, log
+            log = (among + weight[rows, best]).sum(axis=1)
+            return seen - q.mean - shift[rows, best], variance[rows, best], log
+
+        # Late shifts bend the first fit of the errors in common.
+        residual, own, _ = chosen(*_fitted(seen - q.mean - rough, wide, columns))
+        return chosen(*_fitted(residual, own, columns))
 
     def _modes(self, q: Predicted) -> tuple[Array, Array, Array]:
         """Part the shifts of a point by whether some lie in the smaller mode, (2, m, c) each.
@@ -261,7 +262,7 @@ class Likelihood:
         Both are uncertain, so means scatter as Student's distribution: theirs is its variance.
         """
         seen, some, other = self.seen, self.having, freedom_of(self._spread_error(q))
-        freedom = np.where(seen.freedom[some] > 0.0, self._freedom[some], 0.0)
+        freedom = np.where(seen.freedom[some] > 0.0, self._freedom(q.shape), 0.0)
         whole = np.maximum(other + freedom - 2.0, 0.5 * (other + freedom))
         return np.asarray((other * predicted + freedom * seen.variance[some]) / whole)
 
@@ -270,7 +271,10 @@ class Likelihood:
         found = np.zeros_like(variance)
         known = np.flatnonzero(self.seen.freedom[self.having][self._options.point] > 0.0)
         at = self._options.point[known]
-        freedom = self._freedom[self.having][at]
+        shape = np.where(
+            self._options.main[known], self.model.shape[self.having][at], q.shape[:, at]
+        )
+        freedom = self._freedom(shape, at)
         ratio = self.seen.variance[self.having][at] / variance[:, known]
         error, odd = self._spread_error(q)[:, at], self.settings.odd_spread
         usual, wide = (_log_f(ratio, freedom, freedom_of(e)) for e in (error, error + 1.0))
@@ -280,25 +284,27 @@ class Likelihood:
     def _spread_error(self, q: Predicted) -> Array:
         """Compute the variance of ln of a predicted spread, (m, c)."""
         more = np.log1p(self.settings.spread_error * (q.mean - q.delay) / q.sd)
-        return np.asarray(self.settings.spread_share**2 + more**2)
+        return np.asarray(self.settings.spread_share**2 + more**2 + q.blur**2)
 
-    @cached_property
-    def _freedom(self) -> Array:
-        """Degrees of freedom of each observed variance, by the kurtosis of the times, (C,)."""
-        n = np.maximum(self.seen.freedom + 1.0, 2.0)
-        spread = 2.0 / (n - 1.0) + self.model.shape / n
+    def _freedom(self, shape: Array, at: np.ndarray | slice = slice(None)) -> Array:
+        """Compute degrees of freedom of observed variances by the kurtosis of the times, (m, n)."""
+        seen = self.seen.freedom[self.having][at]
+        n = np.maximum(seen + 1.0, 2.0)
+        spread = 2.0 / (n - 1.0) + shape / n
         freedom = np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5)
-        return np.where(self.seen.freedom > 0.0, freedom, 1e-9)
+        return np.where(seen > 0.0, freedom, 1e-9)
 
     def spread_scores(self, p: Predicted) -> Array:
         """Compute normal deviates of the observed spreads; NaN for none, (m, c)."""
         seen, some = self.seen, self.having
         q = p.only((slice(None), some))
-        freedom = np.broadcast_to(self._freedom[some], q.sd.shape)
         error, odd = self._spread_error(q), self.settings.odd_spread
         log_part, _, variance = self._modes(q)
         below = np.zeros_like(q.sd)
-        for share, ratio in zip(np.exp(log_part), seen.variance[some] / variance, strict=True):
+        shapes = q.shape, self.model.shape[some]
+        ratios = seen.variance[some] / variance
+        for share, ratio, shape in zip(np.exp(log_part), ratios, shapes, strict=True):
+            freedom = np.broadcast_to(self._freedom(shape), ratio.shape)
             usual, wide = (
                 f_distribution.cdf(ratio, freedom, freedom_of(e)) for e in (error, error + 1.0)
             )

@@ -86,12 +86,15 @@ class Emulator:
     def fitted(
         cls, x: Array, plain: tuple[Array, ...], found: Array, own: Array, common: Array
     ) -> Emulator:
-        """Fit to changes (K, n + 1), the baseline's last, NaN for none, with errors (K,)."""
+        """Fit to changes (K, n + 1), the baseline's last, NaN for none.
+
+        Errors are those of each, (K, n + 1) or (K, 1), and in common, (K,).
+        """
         known, eye = np.isfinite(found), np.eye(len(x) + 1)
         found = np.where(known, found, 0.0)[..., None]
-        single = own[:, None] ** 2 + np.where(known, 0.0, LOST)
+        single = own**2 + np.where(known, 0.0, LOST)
         noise = common[:, None, None] ** 2 + single[..., None] * eye
-        sizes = np.multiply.outer(AMPLITUDES, own) ** 2
+        sizes = np.multiply.outer(AMPLITUDES, own[:, -1]) ** 2
         best = -np.inf
         for kernel in (Kernel(plain, length) for length in LENGTHS):
             within = np.pad(kernel.across(x, x), (0, 1))
@@ -110,13 +113,16 @@ class Emulator:
         root = np.linalg.cholesky(inverse[:, :-1, :-1])
         return cls(x, chosen, size, root, misfit, size[:, None] * weights[:, :-1])
 
-    def exact(self, values: Array) -> Array:
-        """Compute the weights of values (n, k) that have no error."""
-        within = self.kernel.across(self.x, self.x) + EXACT * np.eye(len(self.x))
-        return np.asarray(np.linalg.solve(within, values))
+    def weights(self, places: Array, noise: Array | float = EXACT) -> Array:
+        """Compute weights (m, n) of the levels' changes at coordinates (m, d).
 
-    def at(self, places: Array, exact: Array, every: int) -> tuple[Array, Array, Array]:
-        """Compute changes (m, K) at coordinates (m, d), with exact ones.
+        ``noise`` is the variance of each level's change over that of all changes.
+        """
+        within = self.kernel.across(self.x, self.x) + noise * np.eye(len(self.x))
+        return np.asarray(np.linalg.solve(within, self.kernel.across(self.x, places)).T)
+
+    def at(self, places: Array, every: int) -> tuple[Array, Array]:
+        """Compute changes (m, K) at coordinates (m, d).
 
         Standard errors are those of each ``every``-th moment.
         """
@@ -125,4 +131,4 @@ class Emulator:
         left = self.kernel.own(places)[:, None] * size - taken * size**2
         near = np.linalg.norm(places[:, None] - self.x[None], axis=2).argmin(axis=1)
         error = np.sqrt(np.maximum(left, 0.0) * self.misfit[::every, near].T)
-        return along @ self.factor.T, error, along @ exact
+        return along @ self.factor.T, error

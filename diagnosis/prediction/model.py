@@ -11,8 +11,9 @@ time *T* until the gap is closed multiply, and those of the time *E* from there 
 where :math:`\Delta` is the standard error of an operating point and that of all in common. Where
 that decides, two effects are simulated together: a Gaussian process of what the rule misses, zero
 where either is neutral, corrects mean and deviation, and its error replaces :math:`\Delta`. A dead
-time adds itself exactly. Relative angles that are not uniform are weights on the baseline's angles,
-moved by how far other effects let the rings turn until the gap is closed.
+time adds itself exactly. Relative angles that are not uniform are weights on the angles of the
+baseline and of the other effects' benches; what they change is interpolated between these.
+Plausible pairs get further benches at their best draws, at all angles of the baseline.
 """
 
 from __future__ import annotations
@@ -37,9 +38,10 @@ from dogshape.diagnosis.prediction.simulations import (
     extremes,
     settings_of,
     simulate,
+    simulate_bench,
     with_wide_range,
 )
-from dogshape.diagnosis.prediction.weighted import moments_of
+from dogshape.diagnosis.prediction.weighted import LEAST_SD, Angles, modes_of
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import DELAY, REVERSED, Array, Hypothesis, forward
 from dogshape.sim.effect import Effect, Parameter
@@ -53,15 +55,18 @@ LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
 SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
 ENOUGH_LATE = 8  #: late shifts from which their delays are known
-LEAST_SD = 5e-4  #: s, resolution of a shift time
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
-#: Error of two effects over the product of their changes, and with one of the reading (measured).
-COMBINED = 0.7, 0.3
+COMBINED = 0.7  #: error of two effects over the product of their changes (measured)
+#: Variances of a change by angles of benches at all of them and at few, over that of all changes;
+#: error of ln deviation by uneven angles over the inverse of the number of those that count
+#: (measured).
+CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
 LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least
 MOMENTS = 4
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
 #: the share of late shifts over the binomial one, of the logit of those that engage.
 OWN, SHARED = (0.1, 0.25, 1.0, 0.5), (0.04, 0.05, 0.5, 1.0)
+TAILS = -1.5, 12.0  #: of the excess kurtosis, least and most
 RECENT = 256  #: results that are kept
 TRIED = 9  #: values of each parameter at which the range of an effect is examined
 
@@ -117,6 +122,8 @@ class Predicted:
     minor: Array
     main: Array
     narrow: Array
+    shape: Array  #: excess kurtosis of the timely shifts
+    blur: Array  #: standard error of the logarithm of ``sd`` by uneven angles
 
     def only(self, rows: object) -> Predicted:
         """Select some of the values."""
@@ -143,11 +150,15 @@ class Changes(NamedTuple):
     moments: Array  #: (m, C, MOMENTS)
     delay: Array  #: dead time, s, (m, C)
     error: Array  #: of the change of ln mean by interpolation between levels, (m, C)
-    #: share of the smaller mode; mean and deviation of the larger one over those of all, (3, m, C)
+    #: share of the smaller mode; mean and deviation of the larger one over those of all; excess
+    #: kurtosis; (4, m, C)
     modes: Array | None = None
     #: of the logarithm of the time until the gap is closed, and of the mismatch, pitches/s, (m, C)
     flight: Array | float = 0.0
     slip: Array | float = 0.0
+    uneven: Array | None = None  #: concentration and centre of the angles, (2, m, 1)
+    #: square of the error of ln deviation by uneven angles over ``BLUR``, (m, C)
+    blur: Array | float = 0.0
 
 
 class Cube(NamedTuple):
@@ -157,7 +168,9 @@ class Cube(NamedTuple):
     setting: Setting
     low: Array  #: least coordinates, and ranges, (p,)
     wide: Array
-    plain: Array  #: neutral values in the cube, (k, p)
+    emulator: Emulator  #: of moments over these levels
+    angles: Angles  #: times of these
+    dense: np.ndarray  #: which of them have all angles of the baseline, (n,)
 
     def places(self, values: Array) -> Array:
         """Compute coordinates of values (m, p), (m, p)."""
@@ -174,8 +187,10 @@ class Model:
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
     law: float  #: error of an effect's law, as a share of the change that it makes
     turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
-    run: Runner | None = None  #: simulates two effects together
+    run: Runner | None = None  #: simulates further benches
     joint: Mapping[Hypothesis, Joint] = field(default_factory=dict)
+    #: Benches beside an effect's levels: their times at all angles of the baseline, (C, A).
+    further: Mapping[str, tuple[tuple[Level, Array], ...]] = field(default_factory=dict)
     _curves: dict[str, Callable[[Array], Changes]] = field(default_factory=dict)
     _cubes: dict[str, Cube] = field(default_factory=dict)
     _limits: dict[str, list[Setting]] = field(default_factory=dict)
@@ -218,7 +233,7 @@ class Model:
         times = timely(self.simulated.baseline, self.far)
         parts = times - np.nanmean(times, axis=1, keepdims=True)
         second, fourth = (np.nan_to_num(np.nanmean(parts**k, axis=1)) for k in (2, 4))
-        return np.clip(fourth / np.maximum(second, LEAST_SD**2) ** 2 - 3.0, -1.5, 12.0)
+        return np.clip(fourth / np.maximum(second, LEAST_SD**2) ** 2 - 3.0, *TAILS)
 
     @cached_property
     def _every(self) -> tuple[Array, Array]:
@@ -266,17 +281,24 @@ class Model:
         space, count, base = self.space(hypothesis), len(shares), np.exp(self.base[:, 0])
         values, (free, pace) = space.values(shares), self._free
         after = np.maximum(base - free, LEAST_PART * base)
-        logs, square, delay, missed, flight, slip, crossed = np.zeros((7, count, self.cells))
-        parts = dict[str, Array]()
-        modes, rest = np.ones((3, count, self.cells)), np.zeros((count, self.cells, MOMENTS - 1))
-        for name in sorted(hypothesis, key=lambda name: name in self._readings):
-            reads, turn = name in self._readings, 0.0
-            if reads:
+        logs, angled, square, delay, missed, flight, slip = np.zeros((7, count, self.cells))
+        parts, crossed = list[Array](), np.zeros((count, self.cells))
+        modes = np.ones((4, count, self.cells))
+        modes[3] = self.shape
+        rest, blur = np.zeros((count, self.cells, MOMENTS - 1)), np.zeros((count, self.cells))
+        others = [name for name in hypothesis if name not in self.readings]
+        for name in sorted(hypothesis, key=lambda name: name in self.readings):
+            change = self.changes(name, values[:, space.columns(name)])
+            if change.uneven is not None:
                 turn = (pace + slip) * free * np.exp(flight) - pace * free
-            change = self.changes(name, values[:, space.columns(name)], turn)
+                where = {n: self._cubes[n].places(values[:, space.columns(n)]) for n in others}
+                change = self._uneven(change, turn, where)
             log = change.moments[..., 0]
-            left = base * np.exp(log) - free * np.exp(change.flight)
-            parts[name] = np.log(np.maximum(left, LEAST_PART * base) / after)
+            if name in self.readings:
+                angled += log
+            else:
+                left = base * np.exp(log) - free * np.exp(change.flight)
+                parts.append(np.log(np.maximum(left, LEAST_PART * base) / after))
             logs += log
             flight += change.flight
             slip += change.slip
@@ -285,15 +307,17 @@ class Model:
             missed += change.error**2
             delay += change.delay
             modes = modes if change.modes is None else change.modes
+            blur = blur + change.blur
         mean = base * np.exp(logs)
-        if len(hypothesis) > 1:
-            mean = free * np.exp(flight) + after * np.exp(sum(parts.values()))
-        for one, other in itertools.combinations(space.hypothesis, 2):
-            reads = not self._readings.isdisjoint((one, other))
-            error = COMBINED[reads] * abs(parts[one] * parts[other])
+        if len(others) > 1:
+            mean = (free * np.exp(flight) + after * np.exp(sum(parts))) * np.exp(angled)
+        for (one, first), (other, second) in itertools.combinations(
+            zip(others, parts, strict=True), 2
+        ):
+            error = COMBINED * abs(first * second)
             if joint := self.joint.get((one, other)):
-                at, exact = self._places((one, other), space, values), joint.missed.x[:, :0]
-                moments, error, _ = joint.missed.at(at, exact, 2)
+                at = self._places((one, other), space, values)
+                moments, error = joint.missed.at(at, 2)
                 mean = mean * np.exp(moments[:, ::2])
                 rest[..., 0] += moments[:, 1::2]
             crossed += error
@@ -306,42 +330,55 @@ class Model:
         engaged = expit(self.base[:, 3] + rest[..., 2])
         minor, main, narrow = modes[0], mean * (modes[1] - 1.0), sd * modes[2]
         return Predicted(
-            mean + delay, sd, error, emulated, common, late, engaged, delay, minor, main, narrow
-        )
+            mean + delay, sd, error, emulated, common, late, engaged, delay, minor, main, narrow,
+            np.clip(modes[3], *TAILS), BLUR * blur**0.5,
+        )  # fmt: skip
 
     def _places(self, names: Hypothesis, space: Space, values: Array) -> Array:
         """Compute coordinates of effects in their unit cubes, (m, p)."""
         cubes = (self._cubes[name].places(values[:, space.columns(name)]) for name in names)
         return np.hstack([*cubes])
 
-    def simulate_pair(self, hypothesis: Hypothesis, share: Array) -> Model | None:
-        """Simulate two effects together at a share (1, p) of their ranges, for all predictions.
+    def simulate(self, hypothesis: Hypothesis, share: Array) -> Model | None:
+        """Simulate one or two effects at a share (1, p) of their ranges, for all predictions.
 
-        None where there is no such bench, or an effect is one of the reading of a shift alone.
+        None where there is no such bench, or there are other numbers of effects that are no reading
+        of a shift. One effect is simulated at all angles of the baseline.
         """
         if REVERSED in hypothesis:
-            other = self.turned and self.turned.simulate_pair(forward(hypothesis), share)
+            other = self.turned and self.turned.simulate(forward(hypothesis), share)
             return other and replace(self, turned=other)
-        if self.run is None or not self._readings.isdisjoint(hypothesis):
+        names = tuple(name for name in hypothesis if name not in self.readings)
+        if self.run is None or len(names) not in (1, 2):
             return None
         space, joint = self.space(hypothesis), dict(self.joint)
-        level = Level(hypothesis, tuple(space.values(share)[0].tolist()))
+        share = np.hstack([share[:, space.columns(name)] for name in names])
+        space = self.space(names)
+        level = Level(names, tuple(space.values(share)[0].tolist()))
         try:
-            _ = [level.setting(self.effects, setting) for setting in self.settings]
+            changed = [level.setting(self.effects, setting) for setting in self.settings]
         except DogshapeError:
             return None
-        times = simulate(self.effects, self.settings, self.run, [level]).times
-        if known := joint.pop(hypothesis, None):
+        if len(names) == 1:
+            bench = level, simulate_bench(changed, self.settings, self.run, DENSE)
+            further = {**self.further, names[0]: (*self.further.get(names[0], ()), bench)}
+            curves = {name: one for name, one in self._curves.items() if name != names[0]}
+            return replace(
+                self, further=further, _curves=curves, _cubes={**self._cubes}, _recent={}
+            )
+        times = simulate_bench(changed, self.settings, self.run)[None]
+        if known := joint.pop(names, None):
             share, times = np.vstack([known.shares, share]), np.vstack([known.times, times])
-        p = replace(self, joint=joint).predict(hypothesis, share)
+        p = replace(self, joint=joint).predict(names, share)
         ruled = np.stack([np.log(p.mean - p.delay), np.log(p.sd)], axis=-1)
         angles = (self._moments(self.simulated.base) - self.base)[None, :, :2]
         found = np.vstack([self._moments(times)[..., :2] - ruled, angles])
-        x = self._places(hypothesis, space, space.values(share))
-        noise = self._noise.reshape(2, -1, MOMENTS)[..., :2].reshape(2, -1)
-        plain = tuple(self._cubes[name].plain for name in hypothesis)
-        missed = Emulator.fitted(x, plain, found.reshape(len(found), -1).T, *noise)
-        return replace(self, joint={**joint, hypothesis: Joint(share, times, missed)})
+        x = self._places(names, space, space.values(share))
+        own, common = self._noise.reshape(2, -1, MOMENTS)[..., :2].reshape(2, -1)
+        plain = tuple(self._cubes[name].emulator.kernel.plain[0] for name in names)
+        found = found.reshape(len(found), -1).T
+        missed = Emulator.fitted(x, plain, found, own[:, None], common)
+        return replace(self, joint={**joint, names: Joint(share, times, missed)})
 
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
@@ -366,51 +403,58 @@ class Model:
         return extremes(self.settings)
 
     @cached_property
-    def _readings(self) -> frozenset[str]:
+    def readings(self) -> frozenset[str]:
         """Names of the effects of the reading of a shift alone."""
         every = self.effects.items()
         return frozenset(name for name, one in every if reads_only(one, self._extremes))
 
-    def changes(self, name: str, values: Array, turn: Array | float = 0.0) -> Changes:
-        """Compute the changes by an effect at values (m, p); recent results are kept.
-
-        ``turn`` of the rings before they touch is by other effects, pitches, (m, C).
-        """
-        reads = name in self._readings
-        key = name, values.shape, values.tobytes(), np.asarray(turn).tobytes() if reads else b""
+    def changes(self, name: str, values: Array) -> Changes:
+        """Compute the changes by an effect at values (m, p); recent results are kept."""
+        reads = name in self.readings
+        key = name, values.shape, values.tobytes()
         if key not in self._recent:
             if len(self._recent) >= RECENT:
                 self._recent.clear()
             effect = self.effects.get(name) or self.nuisances[name]
             if not reads and name not in self._curves:
                 self._curves[name] = self._curve(effect)
-            found = self._read(effect, values, turn) if reads else self._curves[name](values)
+            found = self._read(effect, values) if reads else self._curves[name](values)
             self._recent[key] = found
         return self._recent[key]
 
     def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
         """Fit the changes by an effect over its levels, moment by moment."""
-        places = self.simulated.of((effect.name,))
-        values = np.array([self.simulated.levels[k].values for k in places])
+        places, further = self.simulated.of((effect.name,)), self.further.get(effect.name, ())
+        levels = [*(self.simulated.levels[k] for k in places), *(level for level, _ in further)]
+        times = self.simulated.spread(self.simulated.times[places])
+        times = np.concatenate([times, *(one[None] for _, one in further)])
+        dense = np.arange(len(levels)) >= len(places)
+        angles = Angles(times, late_times(times, self.far))
         idle = self._idle_values(effect) if effect.parameters else np.zeros((0, 0))
+        values = np.array([level.values for level in levels])
         x, plain = (coordinates(effect, one, self.setting) for one in (values, idle))
-        every = np.vstack([x, plain])
+        every = np.vstack([x[~dense], plain])
         low, wide = every.min(axis=0), np.maximum(np.ptp(every, axis=0), 1e-9)
-        x, plain = (x - low) / wide, (plain - low) / wide
-        self._cubes[effect.name] = cube = Cube(effect, self.setting, low, wide, plain)
-        times = np.concatenate([self.simulated.times[places], self.simulated.base[None]])
-        found = (self._moments(times) - self.base).reshape(len(times), -1).T
-        fitted = Emulator.fitted(x, (plain,), found, *self._noise)
-        given, levels = {effect.name: effect}, [self.simulated.levels[k] for k in places]
-        rows = [_free([level.setting(given, one) for one in self.settings]) for level in levels]
-        free, pace = self._free
-        delays = self.simulated.delays[places]
-        pairs = zip(delays, rows, strict=True)
-        added = [(delay, time**-0.5 - free**-0.5, slip - pace) for delay, (time, slip) in pairs]
-        exact = fitted.exact(np.array(added).reshape(len(rows), -1))
+        x, plain = np.clip((x - low) / wide, 0.0, 1.0), (plain - low) / wide
+        found = self._moments(np.concatenate([times, self._angles.times[1:]])) - self.base
+        # What all angles show lacks the error that the levels' angles have in common.
+        found[:-1][dense] += found[-1]
+        own, common = self._noise
+        own = own[:, None] * np.append(np.where(dense, DENSE**-0.8, 1.0), 1.0)
+        fitted = Emulator.fitted(x, (plain,), found.reshape(len(found), -1).T, own, common)
+        cube = Cube(effect, self.setting, low, wide, fitted, angles, dense)
+        self._cubes[effect.name] = cube
+        given, (free, pace), added = {effect.name: effect}, self._free, []
+        for level in levels:
+            rows = [level.setting(given, one) for one in self.settings]
+            time, slip = _free(rows)
+            added.append(([one.delay for one in rows], time**-0.5 - free**-0.5, slip - pace))
+        exact = np.array(added).reshape(len(levels), -1)
 
         def changes(values: Array) -> Changes:
-            moments, error, found = fitted.at(cube.places(values), exact, MOMENTS)
+            at = cube.places(values)
+            moments, error = fitted.at(at, MOMENTS)
+            found = fitted.weights(at) @ exact
             delay, root, slip = found.reshape(-1, 3, self.cells).swapaxes(0, 1)
             flight = -2.0 * np.log(np.maximum(1.0 + root * free**0.5, LEAST_PART))
             moments = moments.reshape(-1, self.cells, MOMENTS)
@@ -445,41 +489,56 @@ class Model:
             rows += [[rows[0][0], v, *rows[0][2:]] for v in np.linspace(low, high, 5).tolist()]
         return np.array(rows)
 
-    def _read(self, effect: Effect, values: Array, turn: Array | float) -> Changes:
-        """Compute the changes by an effect of the reading: dead time, weights of the angles.
-
-        What turns the rings by more before they touch moves the centre of uneven angles as far.
-        """
+    def _read(self, effect: Effect, values: Array) -> Changes:
+        """Compute the changes by an effect of the reading: dead time, uneven angles."""
         rows = [_reading(effect, row, self.setting) for row in values.tolist()]
-        delay, concentration, centre = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
-        error = np.zeros((len(values), self.cells))
-        change, modes = np.zeros((*error.shape, MOMENTS)), None
-        if concentration.any() or centre.any():
-            change, error, modes = self._weighted(
-                concentration[..., None], (centre + turn)[..., None]
-            )
-        return Changes(change, delay + 0.0 * error, error, modes)
+        delay, *uneven = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
+        none = np.zeros((len(values), self.cells))
+        given = np.array(uneven) if np.any(uneven) else None
+        return Changes(np.zeros((*none.shape, MOMENTS)), delay + none, none, uneven=given)
+
+    @cached_property
+    def _turns(self) -> Array:
+        """Angles of the baseline, pitches, (C, A)."""
+        pitch = np.array([[one.clutch.dog.pitch_angle] for one in self.settings])
+        return np.asarray(self.simulated.angles / pitch)
 
     @cached_property
     def _ordered(self) -> list[np.ndarray]:
-        """Angles of the baseline, pitches, times, timely and late ones, in their order, (C, n)."""
-        pitch = np.array([[one.clutch.dog.pitch_angle] for one in self.settings])
+        """Angles of the baseline, pitches, times, and timely ones, in their order, (C, A)."""
         times = self.simulated.baseline
-        late, ended = late_times(times, self.far), np.isfinite(times)
-        every = self.simulated.angles / pitch, times, ended & ~late, late
+        every = self._turns, times, np.isfinite(timely(times, self.far))
         return [np.take_along_axis(one, np.argsort(times, axis=1), axis=1) for one in every]
 
-    def _weighted(self, concentration: Array, centre: Array) -> tuple[Array, Array, Array]:
-        """Compute the changes by relative angles that are not uniform, with error and modes."""
-        turns, times, kept, late = self._ordered
-        found = moments_of(times, kept, late, angle_weights(turns, concentration, centre))
-        mean, sd = np.maximum(found.mean, LEAST_SD), np.sqrt(np.maximum(found.square, LEAST_SD**2))
-        engaged = logit(np.clip(found.engaged, 0.01, 0.99))
-        more = _angle_error(found.angles) ** 2 - _angle_error(DENSE * ANGLES) ** 2
-        error = np.sqrt(np.maximum(more * found.square, 0.0)) / mean
-        moments = np.stack([np.log(mean), np.log(sd), found.late, engaged], axis=-1)
-        modes = np.stack([found.minor, found.main / mean, np.sqrt(found.narrow) / sd])
-        return moments - self.base, error, modes
+    def _uneven(self, change: Changes, turn: Array, where: Mapping[str, Array]) -> Changes:
+        """Weigh the angles of the baseline, and of benches with effects at coordinates (m, d).
+
+        Modes are the baseline's, the centre moved by the further ``turn`` before the rings touch.
+        """
+        concentration, centre = np.asarray(change.uneven)[..., None]
+        given = angle_weights(self._turns, concentration, centre)
+        plain, count = self._angles.changes(given)
+        moments, left, even = plain[:, 0], _angle_error(count[:, 0]) ** 2, count[:, 0] ** -2.0
+        for name, at in where.items():
+            cube = self._cubes[name]
+            weights = cube.emulator.weights(at, np.where(cube.dense, *CHAOS))
+            found, count = cube.angles.changes(given)
+            found = found - plain[:, np.where(cube.dense, 0, 1)]
+            moments = moments + np.einsum("mn,mnck->mck", weights, found)
+            left = left + np.einsum("mn,mnc->mc", weights**2, _angle_error(count) ** 2)
+            even = even + np.einsum("mn,mnc->mc", weights**2, count**-2.0)
+        varied = np.exp(self.base[:, 1] - self.base[:, 0] + moments[..., 1] - moments[..., 0])
+        error = np.sqrt(left * varied**2 + FLOOR**2 * even)
+        turns, times, kept = self._ordered
+        given = angle_weights(turns, concentration, centre + turn[..., None])
+        modes = modes_of(times, kept, given)
+        return change._replace(moments=moments, error=error, blur=even, modes=modes)
+
+    @cached_property
+    def _angles(self) -> Angles:
+        """Baseline at all angles, and at those of the levels."""
+        times = np.stack([self.simulated.baseline, self.simulated.spread(self.simulated.base)])
+        return Angles(times, late_times(times, self.far))
 
     def _moments(self, times: Array) -> Array:
         """Compute the moments of times (..., C, n), (..., C, MOMENTS)."""

@@ -69,13 +69,18 @@ class Simulated:
     baseline: Array  #: times at them, (C, DENSE * ANGLES)
     common: NDArray[np.int64]  #: places of the levels' angles among them, (C, ANGLES)
     levels: tuple[Level, ...]  #: in the order of ``times``
-    times: Array  #: (L, C, ANGLES)
-    delays: Array  #: of the reading of each level, s, (L, C); they are no part of ``times``
+    times: Array  #: without delays of the reading, (L, C, ANGLES)
 
     @property
     def base(self) -> Array:
         """Times of the baseline at the angles of the levels, (C, ANGLES)."""
         return np.take_along_axis(self.baseline, self.common, axis=1)
+
+    def spread(self, times: Array) -> Array:
+        """Place times (..., C, ANGLES) among the baseline's angles, NaN between them."""
+        found = np.full((*times.shape[:-1], self.angles.shape[1]), np.nan)
+        np.put_along_axis(found, np.broadcast_to(self.common, times.shape), times, axis=-1)
+        return found
 
     def of(self, hypothesis: Hypothesis) -> list[int]:
         """List the places of a hypothesis' levels."""
@@ -158,12 +163,10 @@ def simulate(
     effects: Mapping[str, Effect],
     settings: Sequence[Setting],
     run: Runner,
-    levels: Sequence[Level] | None = None,
 ) -> Simulated:
-    """Simulate baseline and levels of effects, all levels of each by default."""
+    """Simulate baseline and all levels of effects."""
     settings = tuple(settings)
-    if levels is None:
-        levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
+    levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
     dense = [_block(setting, setting, DENSE) for setting in settings]
     changed = [[level.setting(effects, setting) for setting in settings] for level in levels]
     blocks = [_block(*pair) for row in changed for pair in zip(row, settings, strict=True)]
@@ -173,9 +176,17 @@ def simulate(
     angles = np.array([block.angles for block in dense])
     fewer = np.array([_block(setting, setting).angles for setting in settings])
     common = np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
-    delays = np.array([[one.delay for one in row] for row in changed]).reshape(-1, len(settings))
     whole = np.array(times).reshape(len(levels), len(settings), ANGLES)
-    return Simulated(settings, angles, baseline, common, tuple(levels), whole, delays)
+    return Simulated(settings, angles, baseline, common, tuple(levels), whole)
+
+
+def simulate_bench(
+    changed: Sequence[Setting], settings: Sequence[Setting], run: Runner, dense: int = 1
+) -> Array:
+    """Simulate changed settings at the angles of their baselines, s, (C, dense * ANGLES)."""
+    rows = run([_block(*pair, dense) for pair in zip(changed, settings, strict=True)])
+    pairs = zip(changed, rows, strict=True)
+    return np.array([read_times(replace(one, delay=0.0), row) for one, row in pairs])
 
 
 def _block(changed: Setting, baseline: Setting, dense: int = 1) -> Block:

@@ -8,85 +8,106 @@ Syst. Man Cybern. 9). Compiled: a diagnosis weighs the angles of a million means
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.special import logit
 
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.kernel import compiled
 
+LEAST_SD = 5e-4  #: s, resolution of a shift time
 TINY = 1e-9  #: least sum of weights to divide by
 
 
-class Moments(NamedTuple):
-    """Moments under m weightings at C operating points, (m, C) each."""
+@dataclass(frozen=True)
+class Angles:
+    """Shift times of n benches at C operating points and A relative angles, NaN where unknown."""
 
-    mean: Array  #: of timely shifts, s
-    square: Array  #: variance of these, s^2
-    late: Array  #: share of late shifts among those that engage
-    engaged: Array  #: share that engages
-    angles: Array  #: number of even angles that tell as much
-    minor: Array  #: share of the smaller mode
-    main: Array  #: mean of the larger mode, s
-    narrow: Array  #: variance of the larger mode, s^2
+    times: Array  #: (n, C, A)
+    late: np.ndarray  #: which are late, (n, C, A)
+
+    @cached_property
+    def centre(self) -> Array:
+        """Mean of the timely shifts, s, (n, C)."""
+        kept = self._parts[0]
+        return np.where(kept, self.times, 0.0).sum(axis=-1) / np.maximum(kept.sum(axis=-1), 1.0)
+
+    @cached_property
+    def _parts(self) -> tuple[Array, Array, Array]:
+        """Which shifts are timely, engage, and were simulated, (n, C, A) each."""
+        ended = np.isfinite(self.times)
+        return 1.0 * (ended & ~self.late), 1.0 * ended, 1.0 * ~np.isnan(self.times)
+
+    def changes(self, weights: Array) -> tuple[Array, Array]:
+        """Compute changes of moments by weights (m, C, A): of ln mean, ln deviation, share of late
+        shifts and logit of those that engage, (m, n, C, 4); and the number of even angles that tell
+        as much, (m, n, C).
+        """
+        kept, _, known = self._parts
+        apart = np.where(kept > 0.0, self.times - self.centre[..., None], 0.0)
+
+        def sums(weights: Array, one: Array) -> Array:
+            return np.moveaxis(weights.swapaxes(0, 1) @ one.transpose(1, 2, 0), 0, -1)
+
+        def moments(weights: Array) -> Array:
+            timely, engaged, every = (np.maximum(sums(weights, one), TINY) for one in self._parts)
+            first, second = (sums(weights, one) / timely for one in (apart, apart**2))
+            mean = np.maximum(self.centre + first, LEAST_SD)
+            square = np.maximum(second - first**2, LEAST_SD**2)
+            odds = logit(np.clip(engaged / every, 0.01, 0.99))
+            late = 1.0 - timely / engaged
+            return np.stack([np.log(mean), 0.5 * np.log(square), late, odds], axis=-1)
+
+        count = sums(weights, known) ** 2 / np.maximum(sums(weights**2, known), TINY)
+        return moments(weights) - moments(np.ones((1, *weights.shape[1:]))), count
 
 
-def moments_of(times: Array, kept: np.ndarray, late: np.ndarray, weights: Array) -> Moments:
-    """Compute moments of ascending times (C, n), of which some are timely and some late.
+def modes_of(times: Array, kept: np.ndarray, weights: Array) -> Array:
+    """Part ascending times (C, A), of which some are timely, into two modes by weights (m, C, A).
 
-    ``weights`` are (m, C, n).
+    Share of the smaller mode, mean and deviation of the larger one over those of all, and excess
+    kurtosis of all, (4, m, C).
     """
-    found = np.empty((*weights.shape[:2], len(Moments._fields)))
-    _fill(times, kept, late, np.ascontiguousarray(weights), found)
-    return Moments(*np.moveaxis(found, -1, 0))
+    found = np.empty((*weights.shape[:2], 4))
+    _fill(times, kept, np.ascontiguousarray(weights), found)
+    return np.moveaxis(found, -1, 0)
 
 
 @compiled
-def _fill(times, kept, late, weights, found):
+def _fill(times, kept, weights, found):
     for row in range(weights.shape[0]):
         for cell in range(weights.shape[1]):
-            own = weights[row, cell], times[cell], kept[cell]
-            _weigh(*own, late[cell], found[row, cell])
-            _part(*own, found[row, cell])
-
-
-@compiled
-def _weigh(weights, times, kept, late, out):
-    """Compute moments and number of angles."""
-    every = squares = whole = first = behind = second = 0.0
-    for k in range(len(times)):
-        every += weights[k]
-        squares += weights[k] * weights[k]
-        behind += weights[k] * late[k]
-        if kept[k]:
-            whole += weights[k]
-            first += weights[k] * times[k]
-    mean, engaged = first / max(whole, TINY), whole + behind
-    for k in range(len(times)):
-        if kept[k]:
-            second += weights[k] * (times[k] - mean) ** 2
-    out[0], out[1] = mean, second / max(whole, TINY)
-    out[2], out[3] = behind / max(engaged, TINY), engaged / every
-    out[4], out[5] = every * every / squares, whole
+            _part(weights[row, cell], times[cell], kept[cell], found[row, cell])
 
 
 @compiled
 def _part(weights, times, kept, out):
-    """Compute the modes; ``out`` has mean, variance and weight of all."""
-    mean, whole = out[0], out[5]
+    whole = first = 0.0
+    for k in range(len(times)):
+        if kept[k]:
+            whole += weights[k]
+            first += weights[k] * times[k]
+    whole = max(whole, TINY)
+    mean = first / whole
     # Sums of the lower mode about the mean of all.
-    share = moved = spread = below = first = second = most = 0.0
+    share = moved = spread = below = first = second = fourth = most = 0.0
     for k in range(len(times)):
         if kept[k]:
             apart = times[k] - mean
             below += weights[k]
             first += weights[k] * apart
-            second += weights[k] * apart * apart
+            second += weights[k] * apart**2
+            fourth += weights[k] * apart**4
             between = first * first * (1.0 / max(below, TINY) + 1.0 / max(whole - below, TINY))
             if between > most:
                 most, share, moved, spread = between, below, first, second
     if share < 0.5 * whole:
-        share, moved, spread = whole - share, -moved, out[1] * whole - spread
-    share = max(share, TINY)
-    out[5] = max(1.0 - share / max(whole, TINY), 0.0)
-    out[6], out[7] = mean + moved / share, max(spread / share - (moved / share) ** 2, 0.0)
+        share, moved, spread = whole - share, -moved, second - spread
+    share, square = max(share, TINY), max(second / whole, LEAST_SD**2)
+    narrow = max(spread / share - (moved / share) ** 2, 0.0)
+    out[0] = max(1.0 - share / whole, 0.0)
+    out[1] = 1.0 + moved / share / max(mean, LEAST_SD)
+    out[2] = (narrow / square) ** 0.5
+    out[3] = fourth / whole / square**2 - 3.0

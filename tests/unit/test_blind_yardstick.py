@@ -51,7 +51,7 @@ class _Model:
                 mean = mean + BASE * 0.5 * share * (TILT if name == "tilt" else 1.0)
         nothing, one = 0.0 * mean, np.ones_like(mean)
         parts = mean + delay, SD * one, nothing, nothing, nothing, 1e-3 * one, one, delay + nothing
-        return Predicted(*parts, one, nothing, SD * one)
+        return Predicted(*parts, one, nothing, SD * one, nothing, nothing)
 
 
 def _stick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) -> Yardstick:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import logit
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
@@ -15,8 +16,8 @@ from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.emulator import AMPLITUDES, LENGTHS, Emulator, Kernel
 from dogshape.diagnosis.prediction.model import Model, build_models, timely
-from dogshape.diagnosis.prediction.simulations import Level, simulate
-from dogshape.diagnosis.prediction.weighted import moments_of
+from dogshape.diagnosis.prediction.simulations import Level, simulate_bench
+from dogshape.diagnosis.prediction.weighted import Angles, modes_of
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
 from dogshape.sim.effects import load
@@ -35,7 +36,7 @@ NOWHERE = np.zeros((0, 1))
 
 def _fitted(values: Array, plain: Array = NOWHERE, common: float = 1e-9) -> Emulator:
     found = np.append(values, 0.0)[None]
-    return Emulator.fitted(X, (plain,), found, np.array([NOISE]), np.array([common]))
+    return Emulator.fitted(X, (plain,), found, np.array([[NOISE]]), np.array([common]))
 
 
 def test_the_process_is_that_of_scikit_learn() -> None:
@@ -43,7 +44,7 @@ def test_the_process_is_that_of_scikit_learn() -> None:
     values = np.sin(3.0 * X[:, 0]) + NOISE * np.random.default_rng(1).standard_normal(9)
     places = np.array([[0.03], [0.41], [0.77]])
     mine = _fitted(values)
-    mean, error, _ = replace(mine, misfit=np.ones((1, 9))).at(places, np.zeros((9, 0)), 1)
+    mean, error = replace(mine, misfit=np.ones((1, 9))).at(places, 1)
     kernels = [
         ConstantKernel((a * NOISE) ** 2, "fixed") * Matern(length, "fixed", nu=1.5)
         for a in AMPLITUDES
@@ -68,7 +69,7 @@ def test_the_process_is_that_of_scikit_learn() -> None:
 
 def test_a_change_is_zero_and_certain_at_neutral_values() -> None:
     plain = np.array([[0.25]])
-    mean, error, _ = _fitted(X[:, 0] - 0.25, plain).at(plain, np.zeros((9, 0)), 1)
+    mean, error = _fitted(X[:, 0] - 0.25, plain).at(plain, 1)
     assert abs(mean[0, 0]) < 1e-6
     assert error[0, 0] < 1e-4
     both = Kernel((plain, plain), 0.5)
@@ -82,7 +83,7 @@ def test_one_chaotic_level_does_not_bend_the_others() -> None:
     line = 0.3 * X[:, 0]
     off = line.copy()
     off[4] += 4.0 * NOISE
-    mean, _, _ = _fitted(off, X[:1]).at(X, np.zeros((9, 0)), 1)
+    mean, _ = _fitted(off, X[:1]).at(X, 1)
     assert abs(mean[:, 0] - line).max() < 1.3 * NOISE
 
 
@@ -117,14 +118,17 @@ def test_the_gap_closes_as_in_closed_form(simulated: Model, force: float) -> Non
 
 @pytest.mark.parametrize(("effect", "share"), [("sleeve_friction", 0.5), ("actuation_lag", 0.7)])
 @pytest.mark.parametrize("centre", [0.2, 0.7])
-def test_uneven_angles_move_by_the_turn_before_the_touch(
+def test_uneven_angles_weigh_the_times_with_the_other_effect(
     simulated: Model, effect: str, share: float, centre: float
 ) -> None:
     """A longer flight and uneven angles together, against 48 shifts with both at each point."""
     hypothesis = effect, "relative_angle"
     space = simulated.space(hypothesis)
     own, concentration, _ = space.parameters
-    p = simulated.predict(hypothesis, np.array([[share, concentration.share(6.0), centre]]))
+    shares = np.array([[share, concentration.share(6.0), centre]])
+    p, further = simulated.predict(hypothesis, shares), simulated.simulate(hypothesis, shares)
+    assert further is not None
+    there = further.predict(hypothesis, shares)
     for k, setting in enumerate(simulated.settings):
         changed = space.effects[0].apply(setting, {own.name: own.at(share)})
         angles = simulated.simulated.angles[k]
@@ -135,7 +139,8 @@ def test_uneven_angles_move_by_the_turn_before_the_touch(
         ]
         (soon,) = timely(np.array([times], dtype=float), simulated.far[k : k + 1])
         exact = np.average(soon[known := np.isfinite(soon)], weights=weights[known])
-        assert p.mean[0, k] == pytest.approx(exact, abs=2.5 * np.hypot(p.error, p.common)[0, k])
+        assert p.mean[0, k] == pytest.approx(exact, abs=2.5 * p.error[0, k])
+        assert there.mean[0, k] == pytest.approx(exact, rel=0.02)
 
 
 def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> None:
@@ -143,16 +148,18 @@ def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> No
     pair = "actuation_lag", "sleeve_friction"
     shares = np.array([[0.8, 0.6], [0.6, 0.6], [0.7, 0.7]])
     rows = [Level(pair, tuple(v)) for v in simulated.space(pair).values(shares).tolist()]
-    times = simulate(simulated.effects, simulated.settings, _compiled, rows).times
+    settings, given = simulated.settings, simulated.effects
+    benches = [[level.setting(given, one) for one in settings] for level in rows]
+    times = np.array([simulate_bench(bench, settings, _compiled) for bench in benches])
     exact = np.nanmean(timely(times, simulated.far), axis=2)
     model = simulated
     for share in shares[:2]:
-        model = model.simulate_pair(pair, share[None]) or model
+        model = model.simulate(pair, share[None]) or model
     ruled, p = simulated.predict(pair, shares), model.predict(pair, shares)
     assert abs(ruled.mean / exact - 1.0).max() > 0.1
     assert p.mean[:2] == pytest.approx(exact[:2], rel=0.01)
     assert (abs(p.mean - exact) < 1.5 * p.common).all()
-    assert model.simulate_pair(("actuation_delay", "sleeve_friction"), shares[:1]) is None
+    assert model.simulate(("actuation_delay", "relative_angle"), np.full((1, 3), 0.5)) is None
 
 
 def test_two_modes_have_the_moments_of_all_times() -> None:
@@ -160,11 +167,16 @@ def test_two_modes_have_the_moments_of_all_times() -> None:
     times = np.array([[0.049, 0.050, 0.051, 0.150, 0.400, np.inf]])
     kept, late = np.array([[1, 1, 1, 1, 0, 0]], dtype=bool), np.array([[0, 0, 0, 0, 1, 0]], bool)
     weights = np.array([[[2.0, 5.0, 2.0, 1.0, 3.0, 7.0]]])
-    found = moments_of(times, kept, late, weights)
-    whole = 0.9 * 0.05 + 0.1 * 0.15
-    variance = 0.4 * 0.001**2 + 0.9 * (0.05 - whole) ** 2 + 0.1 * (0.15 - whole) ** 2
-    expected = whole, variance, 3.0 / 13.0, 13.0 / 20.0, 400.0 / 92.0, 0.1, 0.05, 0.4 / 0.9 * 1e-6
-    assert np.ravel(found) == pytest.approx(expected)
+    apart, share = times[0, :4] - 0.06, weights[0, 0, :4] / 10.0
+    variance, fourth = (share @ apart**k for k in (2, 4))
+    narrow = (0.4 / 0.9 * 1e-6 / variance) ** 0.5
+    expected = 0.1, 0.05 / 0.06, narrow, fourth / variance**2 - 3.0
+    assert modes_of(times, kept, weights).ravel() == pytest.approx(expected)
+    even = np.array([0.075, np.var(times[0, :4]) ** 0.5])
+    changes, count = Angles(times[None], late[None]).changes(weights)
+    given = np.log([0.06, variance**0.5] / even), [3.0 / 13.0 - 0.2, logit(0.65) - logit(5.0 / 6.0)]
+    assert changes.ravel() == pytest.approx(np.concatenate(given))
+    assert count.item() == pytest.approx(400.0 / 92.0)
 
 
 def test_shifts_with_and_without_the_rare_mode_have_the_moments_of_all() -> None:

@@ -12,7 +12,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models
-from dogshape.diagnosis.prediction.simulations import ANGLES, Level, simulate
+from dogshape.diagnosis.prediction.simulations import ANGLES, Level, simulate_bench
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, REVERSED, Sense, forward, turned
 from dogshape.sim.effect import BenchTest, Effect, Values
@@ -173,7 +173,8 @@ def test_errors_of_an_interpolation_are_its_stated_ones(name: str) -> None:
     shares = np.linspace(0.02, 0.98, 17)[:, None]
     values = model.space((name,)).values(shares)
     levels = [Level((name,), tuple(row)) for row in values.tolist()]
-    times = simulate(model.effects, model.settings, _run, levels).times
+    benches = [[level.setting(model.effects, one) for one in model.settings] for level in levels]
+    times = np.array([simulate_bench(bench, model.settings, _run) for bench in benches])
     exact = (model._moments(times) - model._moments(model.simulated.base))[..., 0]
     found, p = model.changes(name, values), model.predict((name,), shares)
     scatter = 0.5 * p.sd / (p.mean - p.delay) * (2.0 / ANGLES) ** 0.5
