@@ -21,9 +21,10 @@ from math import inf
 
 import numpy as np
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.shift_records import DEFAULTS
-from dogshape.surrogate.covariance import Array, Term, distance, matern
+from dogshape.surrogate.covariance import Term, distance, matern
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
 from dogshape.surrogate.process import Effort, Process, fit_process
 
