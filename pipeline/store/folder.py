@@ -52,10 +52,6 @@ class ShiftJournal:
         self.rows.update(new)
         return list(new.values())
 
-    def add(self, rows: Iterable[Record]) -> None:
-        """Take up rows that a worker has already written."""
-        self.rows.update((row["key"], row) for row in rows)
-
     def sync(self) -> None:
         """Put what is written on the disk; from now on a power cut leaves it."""
         if self.path.exists():
