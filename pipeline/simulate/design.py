@@ -253,11 +253,6 @@ OBJECTIVES = {
 }  # fmt: skip
 
 
-def is_time(name: str) -> bool:
-    """Check whether an objective is a time of shifts, retries included."""
-    return OBJECTIVES[name].unit == "s"
-
-
 def objectives_of(study: Setup) -> list[Objective]:
     """Return the study's objectives; an unknown name raises InputError."""
     names = study.file.search.objectives
