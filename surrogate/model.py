@@ -286,16 +286,15 @@ def logarithms_of(grid: Grid, mix: Mix) -> tuple[Array, Array]:
     return np.log(times) + 0.5 * noise, noise
 
 
-Parameters = tuple[Array, Array, float, float]  #: of both processes; length, strength of the share
-
-
 def fit(
     data: Dataset,
     effort: Effort = Effort(),  # noqa: B008  a frozen value
     point_effort: Effort = POINT_EFFORT,
-    known: Parameters | None = None,
+    known: tuple[Array, Array, float, float] | None = None,
 ) -> Surrogate:
     """Fit the surrogate to a data set, unless its parameters are known.
+
+    These are those of both processes, length and strength of the share.
 
     InputError for fewer than ``MIN_DESIGNS`` designs that engage at every point.
     """

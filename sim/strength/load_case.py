@@ -32,8 +32,6 @@ SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its toleranc
 MICRON = 1e-6
 LEAST_ERROR, MOST_ERROR = 1e-2, 1e3  #: of tabled errors, over the approach of perfect dogs
 
-Share = Callable[[int, float, float, float], float]  #: arguments as for ``tabled_share``
-
 
 def pitch_tolerance(accuracy: int, diameter: float, count: int) -> float:
     """Return the single pitch tolerance of ISO 1328-1:2013, m; ``diameter`` in m."""
@@ -226,7 +224,7 @@ class LoadCase:
         """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
         return self._share(tabled_share, dog, force, 0.5 * self.run_out)
 
-    def _share(self, share: Share, dog: Dog, force: float, wave: float) -> float:
+    def _share(self, share: Callable[..., float], dog: Dog, force: float, wave: float) -> float:
         """Compute a share of the dogs; ``load_sharing`` where nothing is said of their errors."""
         scatter = self.scatter(dog)
         if scatter is None and wave == 0.0:
