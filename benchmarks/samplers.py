@@ -49,7 +49,7 @@ from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder
-from dogshape.surrogate.covariance import Array
+from dogshape.sim.elementwise import Array
 
 START = 10  #: designs that every sampler begins with, the prototype among them
 PARTS = (0.25, 0.5, 1.0)  #: of the minutes, at which fronts are compared

@@ -22,13 +22,13 @@ from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.simulate.design import Design, design_of, dogs_of, limits_of
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.sim.clutch_tables import DogSection
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, number_rule
 from dogshape.sim.files import write_frame
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.texts import TextTable, file_of, is_plain, listed, read_table
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
 

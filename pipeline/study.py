@@ -14,9 +14,9 @@ from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import PROTOTYPE, SearchState, Trial
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
+    OBJECTIVES,
     SIMULATED,
     exact_values,
-    is_time,
     leading,
     limits_of,
     objectives_of,
@@ -124,8 +124,7 @@ def _searched(search: Search, how: Run) -> Row:
         for journal in journals:
             journal.say_unfinished(counter.say)
         executors.search.forget()
-    if search.sharing is not None:
-        searched = search.read()  # with what the others told meanwhile
+    searched = search.read()  # with what others that share the search told meanwhile
     confirmed = searched.renew(trial for trial in state.trials if trial.confirmed)
     write_json(folder.rows, {"rows": [row for trial in confirmed.simulated for row in trial.rows]})
     result = collect(searched, journals[1])
@@ -212,7 +211,7 @@ def row_of(state: SearchState, trial: Trial) -> Row:
     study, design = state.study, state.designs[trial.number]
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
     known, late = trial.estimates or {}, ENGAGEMENT.name in design.failed
-    found = {name: None if late and is_time(name) else known.get(name) for name in names}
+    found = {n: None if late and OBJECTIVES[n].unit == "s" else known.get(n) for n in names}
     errors = {n: None if one is None else one.standard_error for n, one in found.items()}
     exact, failed = exact_values(study, design), list(design.failed)
     weakest = smallest_margin(design.checks) if design.checks else None

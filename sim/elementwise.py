@@ -12,7 +12,10 @@ from functools import reduce
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 ARRAY: Any = np.ndarray
 Value = TypeVar("Value", float, str)
 

@@ -14,8 +14,8 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import GeometryError, refusal
 from dogshape.sim.shift.geometry import LAND, Dog, root_radius_room, tip_radius
 from dogshape.sim.shift.mesh import (
@@ -81,7 +81,7 @@ def between(here: Lines, there: Lines, radii: tuple[float, float], step: float) 
     return Lines(inner, outer - inner)
 
 
-def lands(dog: Dog, root_radius: float) -> NDArray[np.float64]:
+def lands(dog: Dog, root_radius: float) -> Array:
     """Compute what is left of braking flank, face, traction flank and floor, m, (2, 4).
 
     A back stands between face and traction flank, (2, 5). At inner and outer radius; negative where
@@ -124,7 +124,7 @@ def require_room(dog: Dog, root_radius: float) -> None:
     raise GeometryError(refusal("root_radius_mm", root_radius * 1e3, "mm", rule, remedy))
 
 
-def waist(ends: list[NDArray[np.float64]], level: float) -> NDArray[np.float64]:
+def waist(ends: list[Array], level: float) -> Array:
     """Compute growing angles, rad, at which the row at height ``level`` (m) joins a pitch.
 
     ``ends`` are those of ``profile``'s pieces at one radius, m. Below a root the angle is its own

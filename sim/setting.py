@@ -15,15 +15,14 @@ from functools import partialmethod
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import EffectError, did_you_mean, require_ranges, within
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 
 Sensor = Literal["sleeve", "actuator"]
-Weights = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -73,9 +72,7 @@ class Setting:
     with_point = partialmethod(_with, "point")  #: of its operating point
 
 
-def angle_weights(
-    turns: Weights, concentration: float | Weights, centre: float | Weights
-) -> Weights:
+def angle_weights(turns: Array, concentration: float | Array, centre: float | Array) -> Array:
     """Return the weights of angles (n,) in pitches, (..., n), 1 on average.
 
     Concentration and centre are numbers or (..., 1).

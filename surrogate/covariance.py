@@ -13,10 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from dogshape.sim.elementwise import Array
+
 ROOT5 = 5.0**0.5
 LEAST_POWER = 7  #: of Wendland's function
 

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.statistics.shift_records import DEFAULTS, Record, result_of
-from dogshape.surrogate.covariance import Array, Mask
 
 if TYPE_CHECKING:
     import pandas as pd

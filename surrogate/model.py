@@ -21,9 +21,10 @@ from math import inf
 
 import numpy as np
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.shift_records import DEFAULTS
-from dogshape.surrogate.covariance import Array, Term, distance, matern
+from dogshape.surrogate.covariance import Term, distance, matern
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
 from dogshape.surrogate.process import Effort, Process, fit_process
 
@@ -285,16 +286,15 @@ def logarithms_of(grid: Grid, mix: Mix) -> tuple[Array, Array]:
     return np.log(times) + 0.5 * noise, noise
 
 
-Parameters = tuple[Array, Array, float, float]  #: of both processes; length, strength of the share
-
-
 def fit(
     data: Dataset,
     effort: Effort = Effort(),  # noqa: B008  a frozen value
     point_effort: Effort = POINT_EFFORT,
-    known: Parameters | None = None,
+    known: tuple[Array, Array, float, float] | None = None,
 ) -> Surrogate:
     """Fit the surrogate to a data set, unless its parameters are known.
+
+    These are those of both processes, length and strength of the share.
 
     InputError for fewer than ``MIN_DESIGNS`` designs that engage at every point.
     """

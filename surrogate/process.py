@@ -17,7 +17,8 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.surrogate.covariance import Array, Covariance, Term, first_parameters
+from dogshape.sim.elementwise import Array
+from dogshape.surrogate.covariance import Covariance, Term, first_parameters
 
 
 @dataclass(frozen=True)

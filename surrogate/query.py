@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.shift_records import Record, content_key
-from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Dataset, Mix
 from dogshape.surrogate.model import Expected, Surrogate
 

@@ -9,7 +9,8 @@ from scipy.optimize import fmin_l_bfgs_b
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Kernel, StationaryKernelMixin
 
-from dogshape.surrogate.covariance import Array, Covariance
+from dogshape.sim.elementwise import Array
+from dogshape.surrogate.covariance import Covariance
 
 
 class DesignKernel(StationaryKernelMixin, Kernel):  # type: ignore[misc]

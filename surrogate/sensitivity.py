@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.surrogate.covariance import Array
+from dogshape.sim.elementwise import Array
 from dogshape.surrogate.model import Surrogate
 
 INTERVALS = 12  #: of each variable, at most

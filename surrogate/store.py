@@ -16,10 +16,10 @@ import numpy as np
 from pydantic import Field
 
 from dogshape.sim.clutch_tables import Section
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.files import write_whole
 from dogshape.sim.versions import versions
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
 from dogshape.surrogate.model import Surrogate, fit
 

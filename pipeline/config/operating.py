@@ -21,12 +21,12 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import MechanismSection, Section, later
 from dogshape.sim.effect import Effect
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
     DogshapeError,
     InputError,
@@ -182,7 +182,7 @@ class OperatingSection(Section):
             return [(m, f, 1.0) for (m, _), (f, _) in zip(speeds, forces, strict=True)]
         return [(speed, force, v * w) for speed, v in speeds for force, w in forces]
 
-    def _axis(self, name: str, shares: Iterator[NDArray[np.float64]]) -> list[tuple[float, float]]:
+    def _axis(self, name: str, shares: Iterator[Array]) -> list[tuple[float, float]]:
         """Return the values of an axis with their weights, drawn at the next of the shares."""
         values, key = getattr(self, name), AXES[name]
         if values is None:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dogshape.pipeline.config.operating import (
     ACTUATION,
@@ -30,6 +29,7 @@ from dogshape.pipeline.config.operating import (
 )
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, refusal
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
@@ -185,7 +185,7 @@ class Setup:
         pairs = zip(self.variables, values, strict=True)
         return {key: round(v) if key == "count" else float(v) for key, v in pairs}
 
-    def rows(self, designs: Iterable[Mapping[str, Any]]) -> NDArray[np.float64]:
+    def rows(self, designs: Iterable[Mapping[str, Any]]) -> Array:
         """Return designs by name as rows in edge units, (m, d); ``named`` goes the other way."""
         rows = [[design[key] for key in self.variables] for design in designs]
         return np.array(rows, dtype=float).reshape(-1, len(self.variables))

@@ -31,7 +31,7 @@ from dogshape.pipeline.config.study_file import (
     load_study,
 )
 from dogshape.pipeline.config.toml_text import sources_of, toml_value, with_values
-from dogshape.pipeline.diagnose.study_keys import clutch_tables, rounded, study_of
+from dogshape.pipeline.diagnose.study_keys import Data, clutch_tables, rounded, study_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import validate
@@ -43,7 +43,6 @@ from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
 from dogshape.sim.units import RPM
 
-Values = dict[str, Any]  #: values by dotted key
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 HEAD = """\
@@ -141,7 +140,7 @@ class Source:
     table: RiseTable
     points: tuple[OperatingPoint, ...]
     file: Path
-    taken: Values
+    taken: Data
 
     @property
     def mismatches(self) -> list[float]:
@@ -154,7 +153,7 @@ class Source:
         return sorted({rounded(point.profile.force) for point in self.points})
 
     @property
-    def dog_values(self) -> Values:
+    def dog_values(self) -> Data:
         """Values of ``[dog]``, ``[sliding]`` (with all that moves along) and ``[output]``."""
         tables, rings = clutch_tables(self.clutch), self.clutch.rings
         tables["sliding"]["mass_kg"] = rounded(rings.mass + self.clutch.mechanism.added_mass)
@@ -228,7 +227,7 @@ def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
 def write_study(
     out: Path, origin: str = COMMENTED, values: Mapping[str, Any] | None = None,
     *, force: bool = False,
-) -> Values:  # fmt: skip
+) -> Data:  # fmt: skip
     """Write a folder with a commented ``study.toml``; tell what was taken over and assumed.
 
     ``origin`` is the study whose file is copied, or the bench whose clutch and operating points are
@@ -261,7 +260,7 @@ def check_draft(origin: str, values: Mapping[str, Any]) -> None:
 
 def questions_of(
     origin: str, values: Mapping[str, Any], part: Mapping[str, str]
-) -> tuple[Values, dict[str, str]]:
+) -> tuple[Data, dict[str, str]]:
     """List defaults, and words with their sources, of what a draft with ``values`` asks for.
 
     ``part`` is one of the tables of words. Points that are no lists are asked for as lists.
@@ -299,9 +298,9 @@ def value_at(tables: Mapping[str, Any], key: str) -> Any:
     return found
 
 
-def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Values, str, list[str]]:
+def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Data, str, list[str]]:
     """Return the text of a draft, the values put into it, its origin, and what was assumed."""
-    source, taken, whence = source_of(origin), Values(), f"the study '{origin}'"
+    source, taken, whence = source_of(origin), Data(), f"the study '{origin}'"
     if source.taken:
         taken, whence = source.dog_values | source.taken, f"the bench data of '{source.name}'"
     given, text = {**taken, **values}, text_of(source.file)
@@ -354,7 +353,7 @@ def _doubts(study: Setup) -> list[str]:
     return [*faults, *outside, *notes_of(study)]
 
 
-def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
+def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
     """Compute what follows from given values: values, None to leave out; and sentences.
 
     Given values stay. Nothing follows from values that are none; the study refuses them.
@@ -369,7 +368,7 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
         return {}, []
     changed = {key for key in ANY if old(key) != new(key)}
     changed |= {MASS} & set(given)  # also where all that moves is what the ring alone was
-    found: Values = {}
+    found: Data = {}
     if changed & set(DIAMETERS):
         ring = sum(map(new, DIAMETERS)) / sum(map(old, DIAMETERS))
         found[HEIGHT] = rounded(new(HEIGHT) * ring * old(COUNT) / new(COUNT), 3)

@@ -23,11 +23,11 @@ from dogshape.pipeline.reports.text import check_name, in_ms
 from dogshape.pipeline.simulate.design import WORST, check_dog, dogs_of, limits_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import first_designs
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, StorageError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import RULES, Check
 from dogshape.sim.strength.dog_strength import margin_losses
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range, require_same_physics
 from dogshape.surrogate.sensitivity import effects

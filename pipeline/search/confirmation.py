@@ -24,9 +24,9 @@ from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Record, key
 from dogshape.pipeline.search.state import SearchState, Trial
 from dogshape.pipeline.simulate.design import (
+    OBJECTIVES,
     SIMULATED,
     design_of,
-    is_time,
     leading,
     objectives_of,
     values_of,
@@ -276,7 +276,7 @@ def _estimates(found: Simulated) -> Estimates:
     return {
         name: vars(one)
         for name, one in found.estimates.items()
-        if found.expectation.engages or not is_time(name)
+        if found.expectation.engages or OBJECTIVES[name].unit != "s"
     }
 
 

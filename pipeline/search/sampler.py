@@ -39,9 +39,10 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.train.training_rows import with_rows
+from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.errors import InputError
 from dogshape.sim.strength.landing import LANDING_RULES
-from dogshape.surrogate.covariance import Array, Mask, Term, first_parameters
+from dogshape.surrogate.covariance import Term, first_parameters
 from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort, Process, draw_jointly, fit_process
 

@@ -14,9 +14,9 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import Design, Measured, design_of, leading, objectives_of
 from dogshape.pipeline.simulate.evaluation import Params, Simulated
 from dogshape.pipeline.train.training_rows import row_record
+from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.statistics.expectation import Estimate
 from dogshape.sim.strength.landing import Demand
-from dogshape.surrogate.covariance import Array, Mask
 
 SIMULATION = "simulation"  #: attribute of a trial: what the shifts of its design gave
 FAILED = "failed_shifts"  #: attribute of a trial: how many shifts failed, by reason

@@ -20,7 +20,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Record, key, number_or_none
 from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.clutch_tables import si_fields
-from dogshape.sim.elementwise import largest, smallest
+from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, refusal, require_known
 from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
@@ -31,7 +31,6 @@ from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
 from dogshape.sim.strength.manufacture import Spread
 from dogshape.sim.units import MM, suffix_of, to_si
-from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
 
@@ -252,11 +251,6 @@ OBJECTIVES = {
                   lambda _study, design, _dog: largest(*(c.utilisation for c in design.checks))),
     ]
 }  # fmt: skip
-
-
-def is_time(name: str) -> bool:
-    """Check whether an objective is a time of shifts, retries included."""
-    return OBJECTIVES[name].unit == "s"
 
 
 def objectives_of(study: Setup) -> list[Objective]:

@@ -31,6 +31,7 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.result_records import EngineAgreement
+from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import MESSAGES, Outcome
 from dogshape.sim.shift.geometry import Dog
@@ -59,7 +60,6 @@ from dogshape.sim.strength.landing import (
 )
 from dogshape.sim.strength.manufacture import CONTACT_RULE
 from dogshape.sim.units import DEG, MM, RPM
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import rows_of
 
 Points = Sequence[OperatingPoint]

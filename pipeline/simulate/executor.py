@@ -92,7 +92,7 @@ class Executor:
         else:
             found = (_work(block, self.journal.path) for block in left)
         for rows in found:
-            self.journal.add(rows)
+            self.journal.rows.update((row["key"], row) for row in rows)
             self.progress(len(rows), 0)
         if left:  # once: the disk takes longer for a block than its shifts
             self.journal.sync()

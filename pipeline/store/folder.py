@@ -14,7 +14,7 @@ import fcntl
 import json
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -51,10 +51,6 @@ class ShiftJournal:
         new = {row["key"]: row for row in rows if row["key"] not in self.rows}
         self.rows.update(new)
         return list(new.values())
-
-    def add(self, rows: Iterable[Record]) -> None:
-        """Take up rows that a worker has already written."""
-        self.rows.update((row["key"], row) for row in rows)
 
     def sync(self) -> None:
         """Put what is written on the disk; from now on a power cut leaves it."""

@@ -36,6 +36,7 @@ from dogshape.pipeline.store.folder import (
     write_json,
 )
 from dogshape.pipeline.train.training_rows import row_record, with_rows
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.files import naming, writing
 from dogshape.sim.shift.conclusion import Outcome
@@ -47,7 +48,6 @@ from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.locking import face_angle
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.versions import engine
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import COLUMNS, Dataset, row_of
 from dogshape.surrogate.model import MIN_DESIGNS, fit
 from dogshape.surrogate.process import Effort

@@ -10,10 +10,10 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.store.folder import StudyFolder, default_out
+from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root, engine
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import COLUMNS, Dataset, Mix, grid_of
 from dogshape.surrogate.query import other_physics
 from dogshape.surrogate.store import MissingError, Stored, load

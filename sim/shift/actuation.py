@@ -19,8 +19,8 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
     InputError,
     ranged_record,
@@ -31,8 +31,7 @@ from dogshape.sim.errors import (
     within,
 )
 
-Series = NDArray[np.float64]
-Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
+Times = TypeVar("Times", float, Array)  #: one time, or (n,)
 SMALLEST_FORCE = 1.0  #: N, of a shift force and of what reaches the sleeve of it
 SMALLEST_LAG = 1e-5  #: s
 
@@ -86,7 +85,7 @@ class ForceProfile:
         return self.net_force - (self.net_force - rising) * np.exp(-beyond)
 
     @cached_property
-    def knots(self) -> Series:
+    def knots(self) -> Array:
         """Times in s, forces in N and their slopes in N/s, cubic in between, (3, n).
 
         The force keeps its last value, with a lag that 30 lags after the rise.

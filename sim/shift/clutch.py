@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
     InputError,
     ranges_of,
@@ -232,7 +232,7 @@ class Clutch:
         )
 
     @cached_property
-    def numbers(self) -> NDArray[np.float64]:
+    def numbers(self) -> Array:
         """Masses, mechanism, stop and faces, in the places of ``sim.kernel``, (NUMBERS,)."""
         from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and few verbs simulate
 

@@ -16,13 +16,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dogshape.sim.elementwise import bisect
+from dogshape.sim.elementwise import Array, bisect
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
-from dogshape.sim.shift.trace import OVERLAPS, PHASES, Events, Loads, Phase, Series, Trace, trace_of
+from dogshape.sim.shift.trace import OVERLAPS, PHASES, Events, Loads, Phase, Trace, trace_of
 from dogshape.sim.units import MM
 
 
@@ -55,7 +55,7 @@ LATEST_RELEASE = 0.99  #: of the time-out, from which on a ring that was never l
 
 
 @lru_cache(maxsize=4)  # shifts of a design have one dog
-def section_planes(dog: Dog) -> Series:
+def section_planes(dog: Dog) -> Array:
     r"""Compute normals of a dog's planes across and along the shaft, and 2 p_n in m, (p, 3).
 
     At the mean radius, for ``sim.kernel.penetration``: flanks, face and back.
@@ -158,14 +158,14 @@ class Run:
     mechanism does not move apart has no meaning.
     """
 
-    times: Series  #: s, (n,), each later than the one before
-    states: Series  #: (n, 12)
+    times: Array  #: s, (n,), each later than the one before
+    states: Array  #: (n, 12)
     blocked: bool  #: whether the rings stood still on each other
     failure: str  #: why the integration was lost; empty where it was not
     evaluations: int  #: derivatives that the integrator asked for
 
 
-def failure_of(clutch: Clutch, now: float, state: Series, steps: int, deadline: float) -> str:
+def failure_of(clutch: Clutch, now: float, state: Array, steps: int, deadline: float) -> str:
     """Describe why a run cannot go on; empty where it can.
 
     ``now`` in s of the shift, ``deadline`` by the clock of ``time.monotonic``, s.
@@ -256,7 +256,7 @@ def engage(plant: Engine, point: OperatingPoint, relative_angle: float) -> Engag
     return replace(again, evaluations=first.evaluations + more.evaluations)
 
 
-def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Series, Series]:
+def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Array, Array]:
     """Return times in s, (n,), and states, (n, 12), up to where friction lets the ring go.
 
     The last state is where the motion of both rings begins; ``angle`` as for ``Engagement``.
@@ -271,7 +271,7 @@ def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Se
 
 
 @lru_cache(maxsize=64)  # shifts differ by their angle alone
-def release(clutch: Clutch, profile: ForceProfile) -> Series:
+def release(clutch: Clutch, profile: ForceProfile) -> Array:
     r"""Find the time at which friction lets the ring go; at once where it need not hold.
 
     Returns times in s with displacement in m and speed of the actuator up to there, (3, n).
@@ -294,13 +294,13 @@ def release(clutch: Clutch, profile: ForceProfile) -> Series:
 
     linkage, far = mechanism.linkage(mass), mechanism.actuator_mass(mass)
 
-    def pulled(state: Series) -> float:
+    def pulled(state: Array) -> float:
         return float(mechanism.pull(float(state[0]), float(state[1]), *linkage))
 
-    def motion(time: float, state: Series) -> list[float]:
+    def motion(time: float, state: Array) -> list[float]:
         return [float(state[1]), (float(profile.at(time)) - pulled(state)) / far]
 
-    def loose(_: float, state: Series) -> float:
+    def loose(_: float, state: Array) -> float:
         return pulled(state) - mechanism.friction
 
     loose.terminal = True  # type: ignore[attr-defined]

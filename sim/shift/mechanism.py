@@ -19,9 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
     InputError,
     ranged_record,
@@ -32,7 +30,7 @@ from dogshape.sim.errors import (
 )
 from dogshape.sim.units import MM
 
-Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
+Number = TypeVar("Number", float, Array)  #: a number or (n,)
 
 SLIP = 1e-3  #: m/s below which friction along the shaft is smooth
 TURN = 0.05  #: rad/s below which the drag torque is smooth

@@ -14,17 +14,16 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dogshape.sim import kernel
+from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import LATEST_RELEASE, Run, failure_of, states_held
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import rigid_dog, stacked, touching_planes, touching_quads
 
-Floats = NDArray[np.float64]
-Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]
+Surfaces = tuple[Array, Array, Array, Array, float, float, float]
 PLACE_ERROR = 1e-4  #: s, error of a place over that of a speed
 FIRST_STEP = 1e-5  #: s, first step
 RECORD_SIZE = 4096  #: steps that are recorded at once
@@ -64,7 +63,7 @@ class PlanarClutch:
         return surfaces_of(self.clutch.dog)
 
     @cached_property
-    def law(self) -> Floats:
+    def law(self) -> Array:
         """Law of the contact, (5,): stiffness, dissipation, dynamic friction, stiction, static.
 
         Or of IMPACT, (7,): stiffness, damping, the same three, depth, transition velocity. As in
@@ -104,7 +103,7 @@ class PlanarClutch:
         return Run(whole, there, why == kernel.HELD, failure, spent)
 
 
-def free_flight(clutch: Clutch, profile: ForceProfile, way: float) -> tuple[Floats, Floats, float]:
+def free_flight(clutch: Clutch, profile: ForceProfile, way: float) -> tuple[Array, Array, float]:
     """Integrate the motion of the ring over a way in m without dogs, to the time-out at most.
 
     Times in s, (n,), states, (n, 12), and the time for which friction holds the ring, s: 0 where

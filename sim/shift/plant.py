@@ -23,7 +23,6 @@ from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake import geometry as geo
 from pydrake.common import MemoryFile
 from pydrake.common.value import Value
@@ -36,6 +35,7 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim import kernel
+from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, require_engine
 from dogshape.sim.shift.conclusion import Run, failure_of, states_held
@@ -260,7 +260,7 @@ class ClutchPlant:
         grown = np.diff(times, prepend=-1.0) > 0.0
         return Run(np.array(times)[grown], np.array(states)[grown], blocked, failure, spent)
 
-    def state(self) -> NDArray[np.float64]:
+    def state(self) -> Array:
         """Return the state as ``sim.shift.conclusion.Run`` has it, (12,)."""
         return self.plant.GetPositionsAndVelocities(self.plant_context)[self.order]
 

@@ -23,14 +23,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.geometry import crest_loss, crest_setback
 
-Series = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 CREST_DEPTH = 1e-4  #: m about the crests' height within which crests can stand on each other
 #: Lower ends of the classes of overlap, m; the last has no upper end.
 OVERLAPS = (*(i * 1e-4 for i in range(20)), 2e-3, 3e-3)
@@ -81,7 +79,7 @@ class Loads:
     landing_loads: tuple[float, ...]
 
 
-def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
+def crests_cross(clutch: Clutch, relative_angle: Array, displacement: Array) -> Mask:
     """Mark positions in which two crests cross within both dogs, at their depth, (n,).
 
     Straight crests stand twice their ``ridge_offset`` over the radius out of parallel where their
@@ -104,20 +102,20 @@ def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -
 class Trace:
     """Time series of a shift, each (n,), SI units; forces are of the whole ring."""
 
-    time: Series
-    displacement: Series
-    axial_speed: Series
-    sliding_speed: Series
-    output_speed: Series
-    relative_angle: Series
-    shift_force: Series
-    contact_force: Series  #: axial, positive against the shift
-    tangential_force: Series  #: at the mean radius, positive where the output drives
-    actuator_displacement: Series  #: that of the ring unless there is a linkage, as is its rate
-    actuator_speed: Series
+    time: Array
+    displacement: Array
+    axial_speed: Array
+    sliding_speed: Array
+    output_speed: Array
+    relative_angle: Array
+    shift_force: Array
+    contact_force: Array  #: axial, positive against the shift
+    tangential_force: Array  #: at the mean radius, positive where the output drives
+    actuator_displacement: Array  #: that of the ring unless there is a linkage, as is its rate
+    actuator_speed: Array
 
     @property
-    def relative_speed(self) -> Series:
+    def relative_speed(self) -> Array:
         """Output less sliding speed, rad/s, (n,); at the start it is the mismatch."""
         return self.output_speed - self.sliding_speed
 
@@ -125,7 +123,7 @@ class Trace:
 _COLUMNS = {"displacement": 1, "axial_speed": 4, "sliding_speed": 5, "output_speed": 3}
 
 
-def trace_of(clutch: Clutch, profile: ForceProfile, time: Series, state: Series) -> Trace:
+def trace_of(clutch: Clutch, profile: ForceProfile, time: Array, state: Array) -> Trace:
     """Return the trace of a run, times and states as ``sim.shift.conclusion.Run`` has them."""
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 

@@ -21,13 +21,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dogshape.sim.elementwise import by_weight
+from dogshape.sim.elementwise import Array, by_weight
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
-
-Values = NDArray[np.float64]
 
 LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
 NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
@@ -69,7 +66,7 @@ class SetPoint:
     period: float = 1.0  #: s
     start: float = 0.0  #: s from the command
 
-    def passages(self, overlaps: Values) -> Values:
+    def passages(self, overlaps: Array) -> Array:
         """Compute the times from the command to the passage of overlaps in rad, (n,), s or NaN."""
         swing = self.amplitude * self.period / math.pi
         shares = np.where(overlaps <= swing, overlaps / (swing or 1.0), np.nan)
@@ -192,7 +189,7 @@ class Expectation:
         return min(p.engaged for p in self.points)
 
 
-def even_phases(count: int, seed: int, index: int, base: int | None = None) -> Values:
+def even_phases(count: int, seed: int, index: int, base: int | None = None) -> Array:
     """Return ``count`` fractions of a pitch in [0, 1), evenly spaced from a random start, (count,).
 
     Each operating point has an ``index``, and so angles of its own and an independent error. Where
@@ -235,7 +232,7 @@ def expect_point(
     return PointExpectation(point, mean + retry, bare, error, sd, share, n, blocked, freed)
 
 
-def variance_of_mean(times: Values, *, even: bool = True) -> float:
+def variance_of_mean(times: Array, *, even: bool = True) -> float:
     """Return the variance of the mean of times (n,) in the order of their angles, s2."""
     n = times.size
     if n < 3:
@@ -298,7 +295,7 @@ def time_quantile(
     def at(wanted: float) -> float:
         return float(np.interp(wanted, places, times))
 
-    def variance_below(times: Values, sizes: Values) -> float:
+    def variance_below(times: Array, sizes: Array) -> float:
         each = np.where(times <= value, sizes, 0.0).sum(axis=0)
         return variance_of_mean(each) if each.size > 2 else 0.25 / each.size
 
@@ -315,7 +312,7 @@ def time_quantile(
 
 def _with_retries(
     shifts: Sequence[ShiftResult], timeout: float, retraction: float
-) -> tuple[Values, Values]:
+) -> tuple[Array, Array]:
     """Return times, s, of each try and shift, and their sizes, (tries, shifts).
 
     Sizes add up to the number of shifts, 0 for those that did not engage. Where none did, each has
@@ -329,13 +326,13 @@ def _with_retries(
         count = max(1, len(shifts))
         times, engaged, share = np.full(count, timeout), np.ones(count, bool), 1.0 / (count + 1)
     tries = 1 if share == 1.0 else math.ceil(math.log(TAIL) / math.log1p(-share))
-    again: Values = np.arange(float(tries))[:, None]
-    sizes: Values = (1.0 - share) ** again * (share * times.size / engaged.sum()) * engaged
-    tried: Values = again * (timeout + retraction) + np.where(engaged, times, 0.0)
+    again: Array = np.arange(float(tries))[:, None]
+    sizes: Array = (1.0 - share) ** again * (share * times.size / engaged.sum()) * engaged
+    tried: Array = again * (timeout + retraction) + np.where(engaged, times, 0.0)
     return tried, sizes
 
 
-def halves(phases: Values, times: Values, count: int) -> Values:
+def halves(phases: Array, times: Array, count: int) -> Array:
     r"""Return the middles of the ``count`` intervals in which the time most likely jumps, (count,).
 
     With neighbours that go on as their slopes do, the jump in an interval of width :math:`h_k` and
@@ -349,7 +346,7 @@ def halves(phases: Values, times: Values, count: int) -> Values:
     return (places[chosen] + 0.5 * widths[chosen]) % 1.0
 
 
-def mean_round_the_pitch(phases: Values, times: Values) -> tuple[float, float]:
+def mean_round_the_pitch(phases: Array, times: Array) -> tuple[float, float]:
     r"""Return the mean of the times over one pitch, s, and its variance, s2.
 
     By the trapezoidal rule (Davis & Rabinowitz 1984, ch. 6); a jump anywhere in its interval leaves
@@ -363,7 +360,7 @@ def mean_round_the_pitch(phases: Values, times: Values) -> tuple[float, float]:
     return mean, float(widths**2 @ np.minimum(below, above) ** 2) / 12.0
 
 
-def _round_the_pitch(phases: Values, times: Values) -> tuple[Values, Values, Values]:
+def _round_the_pitch(phases: Array, times: Array) -> tuple[Array, Array, Array]:
     """Return the phases in their order (n,), the intervals' widths (n,) and times (n + 1,)."""
     order = np.argsort(phases, kind="stable")
     places, values = phases[order], times[order]
@@ -374,7 +371,7 @@ def _round_the_pitch(phases: Values, times: Values) -> tuple[Values, Values, Val
     return places, np.diff(places, append=places[:1] + 1.0), np.append(values, values[0])
 
 
-def _jumps(widths: Values, values: Values) -> tuple[Values, Values]:
+def _jumps(widths: Array, values: Array) -> tuple[Array, Array]:
     differences = np.diff(values)
     slopes = differences / widths
     below = np.abs(differences - widths * np.roll(slopes, 1))

@@ -22,11 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.clutch_tables import Section
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-
-Values = NDArray[np.float64]
 
 #: What each distribution needs; a normal and a lognormal may have low and high besides.
 NEEDS = {
@@ -108,7 +107,7 @@ class Distribution(Section):
         return ", ".join([self.distribution, *(f"{k} {v:.12g}" for k, v in self.given.items())])
 
     @property
-    def _ends(self) -> Values:
+    def _ends(self) -> Array:
         """Bounds of a normal or lognormal as deviates of the standard normal distribution, (2,)."""
         given, ends = self.given, np.array(self.bounds)
         if self.distribution == "normal":
@@ -116,7 +115,7 @@ class Distribution(Section):
         ends = np.log(np.maximum(ends / given["median"], 1e-300))  # the least bound is 0
         return np.array(ends / math.log(given["factor"]))
 
-    def at(self, shares: Values) -> Values:
+    def at(self, shares: Array) -> Array:
         """Return the values below which so large ``shares`` of the distribution lie, (n,)."""
         from scipy.special import ndtr, ndtri  # noqa: PLC0415  slow to load, and only draws need it
 
@@ -135,7 +134,7 @@ class Distribution(Section):
         return np.clip(u, least, most)
 
 
-def sobol_shares(count: int, dimensions: int, seed: int) -> Values:
+def sobol_shares(count: int, dimensions: int, seed: int) -> Array:
     """Return the first ``count`` places of a scrambled Sobol sequence in (0, 1), (count, dims)."""
     from scipy.stats import qmc  # noqa: PLC0415  slow to load, and a certain study does without
 

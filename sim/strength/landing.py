@@ -29,9 +29,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dogshape.sim.elementwise import by_weight, sqrt
+from dogshape.sim.elementwise import Array, by_weight, sqrt
 from dogshape.sim.errors import InputError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.trace import OVERLAPS
@@ -48,7 +47,6 @@ def edge_pressure(line_load: float, radius: float) -> float:
     return sqrt(line_load * MODULUS / (math.pi * 0.5 * radius))
 
 
-Values = NDArray[np.float64]
 Landing = tuple[float, ...]  #: load in N/m for each class of ``OVERLAPS``
 NO_LANDING = (0.0,) * len(OVERLAPS)
 
@@ -69,7 +67,7 @@ class Demand(NamedTuple):
     edge: float = 0.0
 
 
-def exceeded(demands: Values, weights: Sequence[float], share: float) -> Demand:
+def exceeded(demands: Array, weights: Sequence[float], share: float) -> Demand:
     """Compute what the ``share`` in (0, 1) of all shifts exceeds, of each pressure for itself.
 
     ``demands`` as of ``demands_of``, ``weights`` of the shifts need not add up to one. A value
@@ -85,7 +83,7 @@ def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     return Demand(*demands_of(dog, np.array([landing]), limits)[0].tolist())
 
 
-def demands_of(dog: Dog, landings: Any, limits: Limits) -> Values:
+def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
     """Compute what landings in N/m, (n, k), make faces, core and edges bear, (n, 3)."""
     radius = tip_radius(dog, limits.root_radius)
     flats = np.array(OVERLAPS) - 2.0 * radius * dog.crest_cut

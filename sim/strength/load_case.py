@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dogshape.sim.elementwise import ARRAY, each, largest, where
+from dogshape.sim.elementwise import ARRAY, Array, each, largest, where
 from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
@@ -32,9 +31,6 @@ STIFFNESS = 25e9  #: N/m of a pair of dogs per m of their radial width
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
 MICRON = 1e-6
 LEAST_ERROR, MOST_ERROR = 1e-2, 1e3  #: of tabled errors, over the approach of perfect dogs
-
-Floats = NDArray[np.float64]
-Share = Callable[[int, float, float, float], float]  #: arguments as for ``tabled_share``
 
 
 def pitch_tolerance(accuracy: int, diameter: float, count: int) -> float:
@@ -51,7 +47,7 @@ def load_share(count: int, scatter: float, wave: float = 0.0) -> float:
     both over the approach of perfect dogs: sigma c N/F and a c N/F.
     """
 
-    def approach(touching: int, total: Floats, _: Floats) -> Floats:
+    def approach(touching: int, total: Array, _: Array) -> Array:
         return (count + total) / touching
 
     return float(1.0 / _approaches(count, scatter, wave, approach).mean())
@@ -65,10 +61,10 @@ def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
     both over the approach of perfect ones: sigma c/F_0 and a c/F_0.
     """
 
-    def peak(touching: int, total: Floats, squares: Floats) -> Floats:
+    def peak(touching: int, total: Array, squares: Array) -> Array:
         mean = total / touching
         # The root is real up to the first number of dogs that fits; none is looked at beyond.
-        root: Floats = np.sqrt(np.maximum(count / touching - (squares / touching - mean**2), 0.0))
+        root: Array = np.sqrt(np.maximum(count / touching - (squares / touching - mean**2), 0.0))
         return mean + root
 
     return float(1.0 / _approaches(count, scatter, wave, peak).mean() ** 2)
@@ -94,7 +90,7 @@ def tabled_share(count: int, size: float, scatter: float, wave: float) -> float:
 
 
 @lru_cache(maxsize=256)
-def _share_table(count: int, scatter: float, wave: float) -> tuple[Floats, Floats]:
+def _share_table(count: int, scatter: float, wave: float) -> tuple[Array, Array]:
     """Tabulate ``landing_share`` over the log of the size of errors in a fixed proportion, (n,)."""
     sizes = np.geomspace(LEAST_ERROR, MOST_ERROR, 201)
     shares = [landing_share(count, size * scatter, size * wave) for size in sizes.tolist()]
@@ -102,7 +98,7 @@ def _share_table(count: int, scatter: float, wave: float) -> tuple[Floats, Float
 
 
 @lru_cache(maxsize=64)
-def _gaps(count: int, scatter: float, wave: float) -> Floats:
+def _gaps(count: int, scatter: float, wave: float) -> Array:
     """Draw gaps beyond the smallest, in their order, (count, samples)."""
     rng = np.random.default_rng(SEED)
     drawn, phase = rng.standard_normal((SAMPLES, count)), rng.random(SAMPLES)
@@ -112,8 +108,8 @@ def _gaps(count: int, scatter: float, wave: float) -> Floats:
 
 
 def _approaches(
-    count: int, scatter: float, wave: float, approach_of: Callable[[int, Floats, Floats], Floats]
-) -> Floats:
+    count: int, scatter: float, wave: float, approach_of: Callable[[int, Array, Array], Array]
+) -> Array:
     """Return the approach of each sample, with the fewest dogs that do not reach the next gap.
 
     ``approach_of`` gives it from a number of foremost dogs and the sums of their gaps and squares.
@@ -228,7 +224,7 @@ class LoadCase:
         """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
         return self._share(tabled_share, dog, force, 0.5 * self.run_out)
 
-    def _share(self, share: Share, dog: Dog, force: float, wave: float) -> float:
+    def _share(self, share: Callable[..., float], dog: Dog, force: float, wave: float) -> float:
         """Compute a share of the dogs; ``load_sharing`` where nothing is said of their errors."""
         scatter = self.scatter(dog)
         if scatter is None and wave == 0.0:

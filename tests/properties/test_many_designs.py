@@ -10,12 +10,12 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.design import Design, design_of
 from dogshape.predictions import judged_together, verdicts
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dogs
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.units import DEG, MM
-from dogshape.surrogate.covariance import Array
 
 NAMES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 DESIGNS = 120

@@ -7,23 +7,24 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dogshape.sim.statistics.expectation import Values, even_phases, halves, mean_round_the_pitch
+from dogshape.sim.elementwise import Array
+from dogshape.sim.statistics.expectation import even_phases, halves, mean_round_the_pitch
 
-Time = Callable[[Values], Values]
+Time = Callable[[Array], Array]
 
 
-def saw(phases: Values) -> Values:
+def saw(phases: Array) -> Array:
     """A slope with one jump at 0.3; its mean is 0.15."""
     return np.asarray(0.1 + 0.1 * ((phases - 0.3) % 1.0))
 
 
-def missed(phases: Values) -> Values:
+def missed(phases: Array) -> Array:
     """A slope that turns, with two jumps, one of which cancels it."""
     fall = 0.15 - 0.12 * phases
     return np.asarray(np.where(phases < 0.62, fall, fall + 0.1) - 0.06 * (phases > 0.9))
 
 
-def sampled(time: Time, start: int, rounds: tuple[int, ...] = (3, 3, 2)) -> tuple[Values, Values]:
+def sampled(time: Time, start: int, rounds: tuple[int, ...] = (3, 3, 2)) -> tuple[Array, Array]:
     phases = even_phases(8, start, 0)
     for count in rounds:
         phases = np.append(phases, halves(phases, time(phases), count))

@@ -30,8 +30,8 @@ from dogshape.pipeline.reports.surrogate_findings import (
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training_rows import stored_surrogate
+from dogshape.sim.elementwise import Array
 from dogshape.sim.strength.locking import locking_checks, locking_friction
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.store import save
 from tests.found import LENGTH, TIME, VARIABLES, Row, kept_result, shift
 

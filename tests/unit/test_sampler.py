@@ -21,7 +21,7 @@ from dogshape.pipeline.search.sampler import (
     directions,
     fit_response,
 )
-from dogshape.surrogate.covariance import Array
+from dogshape.sim.elementwise import Array
 
 RANGES = {"height_mm": (2.0, 4.0), "count": (6, 36)}
 

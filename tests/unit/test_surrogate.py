@@ -13,8 +13,8 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.train.training_rows import with_rows
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset, Grid, Mix, grid_of
 from dogshape.surrogate.model import Surrogate, fit, shape_of
 from dogshape.surrogate.process import Effort

@@ -22,11 +22,11 @@ from benchmarks.second_engine import (
     measure_second,
     narrow_stiff,
 )
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.shift.trace import Series
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.units import DEG
 from dogshape.validation.blind.mujoco_model import restitution_of
@@ -122,7 +122,7 @@ def test_ridge_backlash_and_undercut_agree(clutch: Clutch, point: Point, name: s
     assert [pair.kept for pair in pairs] == pytest.approx([0.0] * 3, abs=0.03)
 
 
-def _motion(engine: SecondEngine, point: OperatingPoint, angle: float) -> Series:
+def _motion(engine: SecondEngine, point: OperatingPoint, angle: float) -> Array:
     """Return the motion (6, n) from the end of the free flight on."""
     motion = engine.engage(point, angle, keep=True).motion
     assert motion is not None
@@ -151,7 +151,7 @@ def _struck(clutch: Clutch, u: float, v: float, restitution: float) -> tuple[flo
     return u - outwards * du, v - outwards * dv
 
 
-def _first_hit(time: Series, u: Series, v: Series) -> tuple[float, float, float, float]:
+def _first_hit(time: Array, u: Array, v: Array) -> tuple[float, float, float, float]:
     """Return mismatch along the circumference and axial speed before and after, m/s."""
     before = int(np.argmax(np.abs(u - u[0]) > 1e-3 * u[0])) - 1
     soon = int(np.searchsorted(time, time[before] + 1e-3))

@@ -8,7 +8,7 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.train.training import first_designs
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
-from dogshape.surrogate.covariance import Array
+from dogshape.sim.elementwise import Array
 from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort
 from dogshape.surrogate.sensitivity import accumulate, effects

@@ -10,8 +10,8 @@ from scipy.special import jv
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
+from dogshape.sim.elementwise import Array
 from dogshape.surrogate.covariance import (
-    Array,
     Covariance,
     Term,
     distance,
