@@ -19,7 +19,7 @@ Plausible pairs get further benches at their best draws, at all angles of the ba
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -161,21 +161,33 @@ class Changes(NamedTuple):
     blur: Array | float = 0.0
 
 
-class Cube(NamedTuple):
-    """Coordinates of an effect's values in the unit cube of its levels."""
+class Curve(NamedTuple):
+    """Changes by an effect between its benches, in the unit cube of their coordinates."""
 
     effect: Effect
     setting: Setting
     low: Array  #: least coordinates, and ranges, (p,)
     wide: Array
-    emulator: Emulator  #: of moments over these levels
-    angles: Angles  #: times of these
+    free: Array  #: time until the gap is closed of the baseline, s, (C,)
+    emulator: Emulator  #: of their moments
+    angles: Angles  #: their times
     dense: np.ndarray  #: which of them have all angles of the baseline, (n,)
+    exact: Array  #: changes of delay, root of 1 / ``free``, and mismatch, (n, 3 C)
 
     def places(self, values: Array) -> Array:
         """Compute coordinates of values (m, p), (m, p)."""
         at = (coordinates(self.effect, values, self.setting) - self.low) / self.wide
         return np.clip(at, 0.0, 1.0)
+
+    def changes(self, values: Array) -> Changes:
+        """Compute the changes at values (m, p)."""
+        at, cells = self.places(values), len(self.free)
+        moments, error = self.emulator.at(at, MOMENTS)
+        found = self.emulator.weights(at) @ self.exact
+        delay, root, slip = found.reshape(-1, 3, cells).swapaxes(0, 1)
+        flight = -2.0 * np.log(np.maximum(1.0 + root * self.free**0.5, LEAST_PART))
+        moments = moments.reshape(-1, cells, MOMENTS)
+        return Changes(moments, delay, error, flight=flight, slip=slip)
 
 
 @dataclass(frozen=True)
@@ -191,8 +203,7 @@ class Model:
     joint: Mapping[Hypothesis, Joint] = field(default_factory=dict)
     #: Benches beside an effect's levels: their times at all angles of the baseline, (C, A).
     further: Mapping[str, tuple[tuple[Level, Array], ...]] = field(default_factory=dict)
-    _curves: dict[str, Callable[[Array], Changes]] = field(default_factory=dict)
-    _cubes: dict[str, Cube] = field(default_factory=dict)
+    _curves: dict[str, Curve] = field(default_factory=dict)
     _limits: dict[str, list[Setting]] = field(default_factory=dict)
     _recent: dict[object, Changes] = field(default_factory=dict)
 
@@ -230,10 +241,8 @@ class Model:
     @cached_property
     def shape(self) -> Array:
         """Excess kurtosis of timely shifts of the baseline, (C,)."""
-        times = timely(self.simulated.baseline, self.far)
-        parts = times - np.nanmean(times, axis=1, keepdims=True)
-        second, fourth = (np.nan_to_num(np.nanmean(parts**k, axis=1)) for k in (2, 4))
-        return np.clip(fourth / np.maximum(second, LEAST_SD**2) ** 2 - 3.0, *TAILS)
+        _, times, kept = self._ordered
+        return np.clip(modes_of(times, kept, np.ones((1, *times.shape)))[3, 0], *TAILS)
 
     @cached_property
     def _every(self) -> tuple[Array, Array]:
@@ -291,7 +300,7 @@ class Model:
             change = self.changes(name, values[:, space.columns(name)])
             if change.uneven is not None:
                 turn = (pace + slip) * free * np.exp(flight) - pace * free
-                where = {n: self._cubes[n].places(values[:, space.columns(n)]) for n in others}
+                where = {n: self._curves[n].places(values[:, space.columns(n)]) for n in others}
                 change = self._uneven(change, turn, where)
             log = change.moments[..., 0]
             if name in self.readings:
@@ -336,7 +345,7 @@ class Model:
 
     def _places(self, names: Hypothesis, space: Space, values: Array) -> Array:
         """Compute coordinates of effects in their unit cubes, (m, p)."""
-        cubes = (self._cubes[name].places(values[:, space.columns(name)]) for name in names)
+        cubes = (self._curves[name].places(values[:, space.columns(name)]) for name in names)
         return np.hstack([*cubes])
 
     def simulate(self, hypothesis: Hypothesis, share: Array) -> Model | None:
@@ -363,9 +372,7 @@ class Model:
             bench = level, simulate_bench(changed, self.settings, self.run, DENSE)
             further = {**self.further, names[0]: (*self.further.get(names[0], ()), bench)}
             curves = {name: one for name, one in self._curves.items() if name != names[0]}
-            return replace(
-                self, further=further, _curves=curves, _cubes={**self._cubes}, _recent={}
-            )
+            return replace(self, further=further, _curves=curves, _recent={})
         times = simulate_bench(changed, self.settings, self.run)[None]
         if known := joint.pop(names, None):
             share, times = np.vstack([known.shares, share]), np.vstack([known.times, times])
@@ -375,7 +382,7 @@ class Model:
         found = np.vstack([self._moments(times)[..., :2] - ruled, angles])
         x = self._places(names, space, space.values(share))
         own, common = self._noise.reshape(2, -1, MOMENTS)[..., :2].reshape(2, -1)
-        plain = tuple(self._cubes[name].emulator.kernel.plain[0] for name in names)
+        plain = tuple(self._curves[name].emulator.kernel.plain[0] for name in names)
         found = found.reshape(len(found), -1).T
         missed = Emulator.fitted(x, plain, found, own[:, None], common)
         return replace(self, joint={**joint, names: Joint(share, times, missed)})
@@ -418,11 +425,11 @@ class Model:
             effect = self.effects.get(name) or self.nuisances[name]
             if not reads and name not in self._curves:
                 self._curves[name] = self._curve(effect)
-            found = self._read(effect, values) if reads else self._curves[name](values)
+            found = self._read(effect, values) if reads else self._curves[name].changes(values)
             self._recent[key] = found
         return self._recent[key]
 
-    def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
+    def _curve(self, effect: Effect) -> Curve:
         """Fit the changes by an effect over its levels, moment by moment."""
         places, further = self.simulated.of((effect.name,)), self.further.get(effect.name, ())
         levels = [*(self.simulated.levels[k] for k in places), *(level for level, _ in further)]
@@ -442,25 +449,13 @@ class Model:
         own, common = self._noise
         own = own[:, None] * np.append(np.where(dense, DENSE**-0.8, 1.0), 1.0)
         fitted = Emulator.fitted(x, (plain,), found.reshape(len(found), -1).T, own, common)
-        cube = Cube(effect, self.setting, low, wide, fitted, angles, dense)
-        self._cubes[effect.name] = cube
         given, (free, pace), added = {effect.name: effect}, self._free, []
         for level in levels:
             rows = [level.setting(given, one) for one in self.settings]
             time, slip = _free(rows)
             added.append(([one.delay for one in rows], time**-0.5 - free**-0.5, slip - pace))
         exact = np.array(added).reshape(len(levels), -1)
-
-        def changes(values: Array) -> Changes:
-            at = cube.places(values)
-            moments, error = fitted.at(at, MOMENTS)
-            found = fitted.weights(at) @ exact
-            delay, root, slip = found.reshape(-1, 3, self.cells).swapaxes(0, 1)
-            flight = -2.0 * np.log(np.maximum(1.0 + root * free**0.5, LEAST_PART))
-            moments = moments.reshape(-1, self.cells, MOMENTS)
-            return Changes(moments, delay, error, flight=flight, slip=slip)
-
-        return changes
+        return Curve(effect, self.setting, low, wide, free, fitted, angles, dense, exact)
 
     @cached_property
     def _free(self) -> Array:
@@ -520,10 +515,10 @@ class Model:
         plain, count = self._angles.changes(given)
         moments, left, even = plain[:, 0], _angle_error(count[:, 0]) ** 2, count[:, 0] ** -2.0
         for name, at in where.items():
-            cube = self._cubes[name]
-            weights = cube.emulator.weights(at, np.where(cube.dense, *CHAOS))
-            found, count = cube.angles.changes(given)
-            found = found - plain[:, np.where(cube.dense, 0, 1)]
+            curve = self._curves[name]
+            weights = curve.emulator.weights(at, np.where(curve.dense, *CHAOS))
+            found, count = curve.angles.changes(given)
+            found = found - plain[:, np.where(curve.dense, 0, 1)]
             moments = moments + np.einsum("mn,mnck->mck", weights, found)
             left = left + np.einsum("mn,mnc->mc", weights**2, _angle_error(count) ** 2)
             even = even + np.einsum("mn,mnc->mc", weights**2, count**-2.0)
