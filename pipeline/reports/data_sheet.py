@@ -39,12 +39,7 @@ from dogshape.pipeline.reports.text import (
     ms_with_error,
     place_name,
 )
-from dogshape.pipeline.simulate.design import (
-    SIMULATED,
-    SUMMARIES,
-    checks_within,
-    design_of,
-)
+from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES, checks_within, design_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import DogSection
