@@ -163,8 +163,7 @@ def _numbers(config: Setup) -> list[Number]:
 def _number(key: str, texts: Texts) -> float:
     """Read a number that is no key of the study file."""
     if not is_plain(texts[key]):
-        rule = "it must be a number; write the number alone"
-        raise InputError(f"{key} is '{texts[key]}', but {rule}")
+        raise InputError(f"{key} is '{texts[key]}', but it must be a number; write the number alone")
     return float(texts[key])
 
 
