@@ -295,12 +295,9 @@ def time_quantile(
     def at(wanted: float) -> float:
         return float(np.interp(wanted, places, times))
 
-    def variance_below(times: Array, sizes: Array) -> float:
-        each = np.where(times <= value, sizes, 0.0).sum(axis=0)
-        return variance_of_mean(each) if each.size > 2 else 0.25 / each.size
-
     value = at(share)
-    variances = [variance_below(*point) for point in points]
+    below = [np.where(tries <= value, sizes, 0.0).sum(axis=0) for tries, sizes in points]
+    variances = [variance_of_mean(one) if one.size > 2 else 0.25 / one.size for one in below]
     if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
         variances = [share * (1.0 - share) / len(mine) for mine in shifts]
     error = math.sqrt(sum(w**2 * v for w, v in zip(parts.tolist(), variances, strict=True)))
