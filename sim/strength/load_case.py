@@ -29,14 +29,13 @@ SAMPLES = 4096  #: pairs of rings; the mean is known to half a percent
 SEED = 20261123
 STIFFNESS = 25e9  #: N/m of a pair of dogs per m of their radial width
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
-MICRON = 1e-6
 LEAST_ERROR, MOST_ERROR = 1e-2, 1e3  #: of tabled errors, over the approach of perfect dogs
 
 
 def pitch_tolerance(accuracy: int, diameter: float, count: int) -> float:
     """Return the single pitch tolerance of ISO 1328-1:2013, m; ``diameter`` in m."""
     size = diameter / MM
-    return (0.001 * size + 0.4 * size / count + 5.0) * 2.0 ** (0.5 * (accuracy - 5)) * MICRON
+    return (0.001 * size + 0.4 * size / count + 5.0) * 2.0 ** (0.5 * (accuracy - 5)) * 1e-6
 
 
 @lru_cache(maxsize=4096)
