@@ -45,11 +45,8 @@ def load_share(count: int, scatter: float, wave: float = 0.0) -> float:
     ``scatter`` is the standard deviation of the gaps, ``wave`` the amplitude of their slow error,
     both over the approach of perfect dogs: sigma c N/F and a c N/F.
     """
-
-    def approach(touching: int, total: Array, _: Array) -> Array:
-        return (count + total) / touching
-
-    return float(1.0 / _approaches(count, scatter, wave, approach).mean())
+    found = _approaches(count, scatter, wave, lambda touching, total, _: (count + total) / touching)
+    return float(1.0 / found.mean())
 
 
 @lru_cache(maxsize=2**16)  # designs of a search have thousands of landings, many of them alike
