@@ -162,9 +162,9 @@ def _numbers(config: Setup) -> list[Number]:
 
 def _number(key: str, texts: Texts) -> float:
     """Read a number that is no key of the study file."""
-    if not is_plain(texts[key]):
-        raise InputError(f"{key} is '{texts[key]}', but it must be a number; write the number alone")
-    return float(texts[key])
+    if not is_plain(text := texts[key]):
+        raise InputError(f"{key} is '{text}', but it must be a number; write the number alone")
+    return float(text)
 
 
 def _point(texts: Texts, where: str) -> Row:
