@@ -93,12 +93,7 @@ def draws_beside(path: Path) -> Path:
 
 
 def calibrated_study(
-    found: Diagnosis,
-    path: Path,
-    base: str | None = None,
-    draws: int = DRAWS,
-    *,
-    causes: Sequence[str] | None = None,
+    found: Diagnosis, path: Path, base: str | None, draws: int, causes: Sequence[str] | None
 ) -> CalibratedStudy:
     """Put the effects of a diagnosis into a study.
 
