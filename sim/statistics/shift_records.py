@@ -56,21 +56,6 @@ def clutch_record(clutch: Clutch) -> Record:
     }
 
 
-def inputs(
-    clutch: Clutch, point: OperatingPoint, angles: Iterable[float], draws: Iterable[Variant | None]
-) -> list[Record]:
-    """Return the nominal inputs of shifts as flat records, and their draws where uncertain."""
-    same = {**clutch_record(clutch), "mismatch_rpm": point.mismatch / RPM, **point.profile.record}
-    return [
-        {
-            **same,
-            "relative_angle_deg": angle / DEG,
-            **({} if variant is None else variant_record(clutch, point, variant)),
-        }
-        for angle, variant in zip(angles, draws, strict=True)
-    ]
-
-
 def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
     """Return distributions in words as a flat record; a certain shift has none."""
     return {f"uncertain_{name}": text for name, text in source}
