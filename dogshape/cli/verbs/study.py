@@ -117,8 +117,7 @@ def expect(
         )
     if isinstance(listed, tuple):
         raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
-    how: dict[str, Any] = {"jobs": jobs, "progress": True}
-    show(ds.expect_draws(study, draws, settings, angles=listed, **how), json)
+    show(ds.expect_draws(study, draws, settings, angles=listed, jobs=jobs, progress=True), json)
 
 
 def validate(
