@@ -311,10 +311,9 @@ def _read_csv(path: Path) -> dict[str, Channel]:
     return found
 
 
-def _open(path: Path, module: str, reader: str, kind: str) -> Any:
-    library, extra = {"asammdf": ("asammdf", "mdf"), "nptdms": ("npTDMS", "tdms")}[module]
+def _open(path: Path, library: str, reader: str, kind: str, extra: str) -> Any:
     try:
-        read: Any = attrgetter(reader)(import_module(module))
+        read: Any = attrgetter(reader)(import_module(library.lower()))
     except ImportError as error:
         raise InputError(
             f"{library} cannot be loaded ({error}), but {kind} trace needs it; install it with: "
@@ -352,7 +351,7 @@ def _as_numbers(path: Path, name: str, samples: Any) -> Array:
 
 def _read_mdf(path: Path) -> dict[str, Channel]:
     found = {}
-    with _open(path, "asammdf", "MDF", "an MDF") as file:
+    with _open(path, "asammdf", "MDF", "an MDF", "mdf") as file:
         for name in COLUMNS[1:]:
             group, index = _only(path, name, file.channels_db.get(name, ()), file.channels_db)
             signal = file.get(name, group=group, index=index).validate()
@@ -368,7 +367,7 @@ def _read_mdf(path: Path) -> dict[str, Channel]:
 
 
 def _read_tdms(path: Path) -> dict[str, Channel]:
-    file = _open(path, "nptdms", "TdmsFile.read", "a TDMS")
+    file = _open(path, "npTDMS", "TdmsFile.read", "a TDMS", "tdms")
     known = [channel.name for group in file.groups() for channel in group.channels()]
     found, lead = {}, None
     for name in COLUMNS[1:]:
