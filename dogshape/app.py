@@ -29,7 +29,7 @@ from werkzeug.serving import BaseWSGIServer, make_server
 from dogshape import app_page as page
 from dogshape.app_page import Number
 from dogshape.check import Checked
-from dogshape.pipeline.config.study_file import Setup, settings_of
+from dogshape.pipeline.config.study_file import settings_of
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Progress
@@ -89,7 +89,7 @@ class Desk:
         """All numbers of the page with what stands in them at the start."""
         config = self.study.config
         points = [(point.mismatch / RPM, point.profile.force) for point in config.points]
-        given = config.file.dog.model_dump() | {key: config.prototype[key] for key in config.shape_keys}
+        given = config.file.dog.model_dump() | {k: config.prototype[k] for k in config.shape_keys}
         dog = {key: value for key, value in given.items() if value is not None}
         ranges = {key: config.variables.get(key, (value, value)) for key, value in dog.items()}
         order = sorted(dog, key=[*config.variables, *dog].index)

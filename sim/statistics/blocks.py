@@ -59,7 +59,7 @@ class Block:
 
     @property
     def inputs(self) -> list[Record]:
-        """Nominal inputs of the shifts by angle as flat records, and their draws where uncertain."""
+        """Nominal inputs of its shifts by angle as flat records, and draws where uncertain."""
         clutch, point = self.clutch, self.point
         same = clutch_record(clutch) | {"mismatch_rpm": point.mismatch / RPM} | point.profile.record
         return [

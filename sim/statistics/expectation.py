@@ -356,7 +356,7 @@ def mean_round_the_pitch(phases: Array, times: Array) -> tuple[float, float]:
 
 
 def _round_the_pitch(phases: Array, times: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Return ordered phases (n,), widths (n,), times (n + 1,) and factors of the jumps (n,) each."""
+    """Return phases in order and widths (n,), times (n + 1,), both factors of the jumps (n,)."""
     order = np.argsort(phases, kind="stable")
     places, values = phases[order], times[order]
     engaged = np.isfinite(values)

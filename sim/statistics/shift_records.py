@@ -13,7 +13,7 @@ from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
-from dogshape.sim.units import DEG, MM, RPM, from_si, suffix_of
+from dogshape.sim.units import DEG, MM, from_si, suffix_of
 
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
