@@ -11,13 +11,8 @@ force. So a curve is fitted to the samples up to a share of the rise: a level at
 Another shape than the nominal one is taken where the Bayesian information criterion prefers it
 clearly. The scale of the force is free, so its unit does not matter.
 
-*Files* are CSV, LabVIEW's TDMS and ASAM's MDF, brought to one time axis. Time zero is the start of
-the force. Other columns or channels than those of ``COLUMNS`` are not read. In TDMS the times of a
-channel are the channel ``t_s`` of its group, or else its waveform properties ``wf_start_time``,
-``wf_start_offset`` and ``wf_increment``. In MDF each channel has the times of its master, and a
-unit that it gives must be that of its name.
-
-All channels are brought to the times of the displacement by linear interpolation where every
+*Files* are CSV, LabVIEW's TDMS and ASAM's MDF (``docs/bench.md``); time zero is the start of the
+force. All channels are brought to the times of the displacement by linear interpolation where every
 channel has samples. What was interpolated, cut or lost is said.
 """
 

@@ -1,8 +1,4 @@
-"""A calibrated study: a study file with the effects of a diagnosis, and draws of their sizes.
-
-The file has the most probable hypothesis that contains every named effect, at its posterior means.
-The draws are of this hypothesis; their columns are keys of the study, as ``--set`` takes them.
-"""
+"""A calibrated study (``docs/gap.md``): a study file with the effects of a diagnosis, and draws."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Verbs that ask a study, its results or a bench: from one shift to the search.
-
-They load what they need when they are called: simulation, search and report take seconds.
-"""
+"""Verbs that ask a study, its results or a bench; each loads what it needs when it is called."""
 
 from __future__ import annotations
 
