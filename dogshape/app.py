@@ -29,7 +29,7 @@ from werkzeug.serving import BaseWSGIServer, make_server
 from dogshape import app_page as page
 from dogshape.app_page import Number
 from dogshape.check import Checked
-from dogshape.pipeline.config.study_file import Setup, settings_of
+from dogshape.pipeline.config.study_file import settings_of
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Progress
@@ -86,8 +86,25 @@ class Desk:
 
     @cached_property
     def numbers(self) -> list[Number]:
-        """All numbers of the page."""
-        return _numbers(self.study.config)
+        """All numbers of the page with what stands in them at the start."""
+        config = self.study.config
+        points = [(point.mismatch / RPM, point.profile.force) for point in config.points]
+        given = config.file.dog.model_dump() | {k: config.prototype[k] for k in config.shape_keys}
+        dog = {key: value for key, value in given.items() if value is not None}
+        ranges = {key: config.variables.get(key, (value, value)) for key, value in dog.items()}
+        order = sorted(dog, key=[*config.variables, *dog].index)
+        middle, ends = sorted(points)[len(points) // 2], zip(*points, strict=True)
+        friction = {f"contact.{k}": v for k, v in vars(config.file.contact.value).items()}
+        friction |= {f"load.{k}": v for k, v in config.file.load}
+        turn = round(360.0 / config.clutch.dog.count, 2)
+        return [
+            *(Number(f"dog.{key}", "dog", dog[key], ranges[key]) for key in order),
+            *(Number(key, "point", value, (min(every), max(every)))
+              for key, value, every in zip(PLACE, middle, ends, strict=True)),
+            *(Number(key, "friction", friction[key], (0.0, end), words)
+              for key, (words, end) in FRICTION.items()),
+            Number(ANGLE, "shift", 0.4 * turn, (0.0, turn), "relative angle"),
+        ]  # fmt: skip
 
     @cached_property
     def searched(self) -> dict[str, Row]:
@@ -139,33 +156,11 @@ class Desk:
             write_step(dog, limits.root_radius, BODY, path)
 
 
-def _numbers(config: Setup) -> list[Number]:
-    """List the numbers of a study's page with what stands in them at the start."""
-    points = [(point.mismatch / RPM, point.profile.force) for point in config.points]
-    given = config.file.dog.model_dump() | {key: config.prototype[key] for key in config.shape_keys}
-    dog = {key: value for key, value in given.items() if value is not None}
-    ranges = {key: config.variables.get(key, (value, value)) for key, value in dog.items()}
-    order = sorted(dog, key=[*config.variables, *dog].index)
-    middle, ends = sorted(points)[len(points) // 2], zip(*points, strict=True)
-    friction = {f"contact.{k}": v for k, v in vars(config.file.contact.value).items()}
-    friction |= {f"load.{k}": v for k, v in config.file.load}
-    turn = round(360.0 / config.clutch.dog.count, 2)
-    return [
-        *(Number(f"dog.{key}", "dog", dog[key], ranges[key]) for key in order),
-        *(Number(key, "point", value, (min(every), max(every)))
-          for key, value, every in zip(PLACE, middle, ends, strict=True)),
-        *(Number(key, "friction", friction[key], (0.0, end), words)
-          for key, (words, end) in FRICTION.items()),
-        Number(ANGLE, "shift", 0.4 * turn, (0.0, turn), "relative angle"),
-    ]  # fmt: skip
-
-
 def _number(key: str, texts: Texts) -> float:
     """Read a number that is no key of the study file."""
-    if not is_plain(texts[key]):
-        rule = "it must be a number; write the number alone"
-        raise InputError(f"{key} is '{texts[key]}', but {rule}")
-    return float(texts[key])
+    if not is_plain(text := texts[key]):
+        raise InputError(f"{key} is '{text}', but it must be a number; write the number alone")
+    return float(text)
 
 
 def _point(texts: Texts, where: str) -> Row:

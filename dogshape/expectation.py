@@ -32,6 +32,7 @@ from dogshape.pipeline.record import (
     tabulate,
 )
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
+from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
@@ -44,7 +45,6 @@ from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG, RPM
 
-TIME = "expected_shift_time_s"
 LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
 TAILS = 0.05, 0.95  #: of the interval over draws
 MIN_ANGLES = 3  #: at an operating point of a draw, of which fewer tell no error
@@ -223,7 +223,7 @@ class DrawnExpectation(Result):
         """Give mean, interval, and the time of each draw."""
         low, high = self.interval_s
         sd = float(self.times.std(ddof=1)) if len(self.times) > 1 else 0.0
-        times = {TIME: float(self.times.mean()), "low_s": low, "high_s": high, "sd_s": sd}
+        times = {SIMULATED: float(self.times.mean()), "low_s": low, "high_s": high, "sd_s": sd}
         return {
             "engine": self.studies[0].clutch.solver.engine,
             "draws": len(self.times),
@@ -236,7 +236,7 @@ class DrawnExpectation(Result):
         """Give a row for each draw: time and standard error."""
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-        return pd.DataFrame({TIME: self.times, "standard_error_s": self.errors})
+        return pd.DataFrame({SIMULATED: self.times, "standard_error_s": self.errors})
 
 
 def expect_draws(

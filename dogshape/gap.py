@@ -121,7 +121,7 @@ class Diagnosis(Result):
         """
         target = Path(path)
         calibrated_study.require_new_study(target)
-        made = calibrated_study.calibrated_study(self.inference, target, base, draws, causes=causes)
+        made = calibrated_study.calibrated_study(self.inference, target, base, draws, causes)
         made.write(target)
         return made
 

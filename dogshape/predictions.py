@@ -1,7 +1,6 @@
 """Many designs without simulation: a table in, the surrogate's answers and closed forms beside it.
 
-A design that cannot be has no time, and a reason; a variable without a column has the study's
-value.
+A design that cannot be has no time, and a reason.
 """
 
 from __future__ import annotations

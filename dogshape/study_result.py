@@ -60,8 +60,7 @@ class StudyResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give chosen design, front, confirmation, and how much was simulated."""
-        report = None if self.page is None else str(self.page)
-        own = {"seconds_cpu": self.seconds_cpu, "report": report}
+        own = {"seconds_cpu": self.seconds_cpu, "report": self.page and str(self.page)}
         return {key: self.record[key] for key in PRINTED_KEYS} | own
 
     def to_frame(self) -> Frame:

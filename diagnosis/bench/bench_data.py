@@ -2,7 +2,6 @@
 
 A folder with ``bench.toml`` (clutch, stand), ``shifts.csv``, one row a shift or the mean of
 ``n_shifts`` shifts at one operating point, and time series of single shifts in ``traces``.
-Before anything is made of the numbers they are examined for slips of units and axes.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """Table that a stand has written: its cells, head, units, rows of shifts, and rows left out.
 
 A file has one decimal sign. ``1,200`` is 1200 or 1.2, which other numbers of the file decide, or a
-statement of the file or of the user; otherwise it is a question.
-
-Rows that begin with the name of a statistic are left out, at the foot also rows with another word
-in place of a number, and sums or means of all rows above without a word. Elsewhere a word or
-nothing in place of a number is a question.
+statement of the file or of the user; otherwise it is a question. ``docs/bench.md`` lists the rows
+that are left out.
 """
 
 from __future__ import annotations
@@ -209,7 +206,6 @@ NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "fa
       "non", "ne", "nie", "✗", "✘")  # fmt: skip
 ANSWERS = {**dict.fromkeys((*NOTHING, "empty", "unknown")), **dict.fromkeys(YES, True),
            **dict.fromkeys(NO, False)}  # fmt: skip
-
 
 Cells = Sequence[str]
 Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why

@@ -11,13 +11,8 @@ force. So a curve is fitted to the samples up to a share of the rise: a level at
 Another shape than the nominal one is taken where the Bayesian information criterion prefers it
 clearly. The scale of the force is free, so its unit does not matter.
 
-*Files* are CSV, LabVIEW's TDMS and ASAM's MDF, brought to one time axis. Time zero is the start of
-the force. Other columns or channels than those of ``COLUMNS`` are not read. In TDMS the times of a
-channel are the channel ``t_s`` of its group, or else its waveform properties ``wf_start_time``,
-``wf_start_offset`` and ``wf_increment``. In MDF each channel has the times of its master, and a
-unit that it gives must be that of its name.
-
-All channels are brought to the times of the displacement by linear interpolation where every
+*Files* are CSV, LabVIEW's TDMS and ASAM's MDF (``docs/bench.md``); time zero is the start of the
+force. All channels are brought to the times of the displacement by linear interpolation where every
 channel has samples. What was interpolated, cut or lost is said.
 """
 
@@ -311,10 +306,9 @@ def _read_csv(path: Path) -> dict[str, Channel]:
     return found
 
 
-def _open(path: Path, module: str, reader: str, kind: str) -> Any:
-    library, extra = {"asammdf": ("asammdf", "mdf"), "nptdms": ("npTDMS", "tdms")}[module]
+def _open(path: Path, library: str, reader: str, kind: str, extra: str) -> Any:
     try:
-        read: Any = attrgetter(reader)(import_module(module))
+        read: Any = attrgetter(reader)(import_module(library.lower()))
     except ImportError as error:
         raise InputError(
             f"{library} cannot be loaded ({error}), but {kind} trace needs it; install it with: "
@@ -352,7 +346,7 @@ def _as_numbers(path: Path, name: str, samples: Any) -> Array:
 
 def _read_mdf(path: Path) -> dict[str, Channel]:
     found = {}
-    with _open(path, "asammdf", "MDF", "an MDF") as file:
+    with _open(path, "asammdf", "MDF", "an MDF", "mdf") as file:
         for name in COLUMNS[1:]:
             group, index = _only(path, name, file.channels_db.get(name, ()), file.channels_db)
             signal = file.get(name, group=group, index=index).validate()
@@ -368,7 +362,7 @@ def _read_mdf(path: Path) -> dict[str, Channel]:
 
 
 def _read_tdms(path: Path) -> dict[str, Channel]:
-    file = _open(path, "nptdms", "TdmsFile.read", "a TDMS")
+    file = _open(path, "npTDMS", "TdmsFile.read", "a TDMS", "tdms")
     known = [channel.name for group in file.groups() for channel in group.channels()]
     found, lead = {}, None
     for name in COLUMNS[1:]:

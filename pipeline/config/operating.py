@@ -152,8 +152,7 @@ class OperatingSection(Section):
         (place, count), *_ = Counter(row[:2] for row in rows).most_common(1)
         if count > 1:
             fault = f"[operating] has {place[0]:.6g} 1/min with {place[1]:.6g} N {count} times"
-            remedy = "give it once with the sum of the weights"
-            raise InputError(f"{fault}; {remedy}")
+            raise InputError(f"{fault}; give it once with the sum of the weights")
         return tuple(OperatingPoint(m * RPM, profile(force), w) for m, force, w in rows)
 
     def rows(self) -> Sequence[tuple[float, float, float]]:

@@ -146,8 +146,7 @@ class StrikeSection(
         given = self.model_dump(exclude={"mismatch_rpm"}, exclude_none=True)
         if ("wheel_inertia_kgm2" in given) != ("output_stiffness_Nm_rad" in given):
             fault = "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together"
-            remedy = "give both, or none for a rigid output side"
-            raise InputError(f"{fault}; {remedy}")
+            raise InputError(f"{fault}; give both, or none for a rigid output side")
         whole = {"sliding_inertia": rings.sliding_inertia, "output_inertia": rings.output_inertia}
         own = self.mismatch_rpm
         speeds = [p.mismatch for p in points] if own is None else [v * RPM for v in own]

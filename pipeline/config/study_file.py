@@ -308,8 +308,7 @@ def build_study(file: StudyFile) -> Setup:
     """Build the values of ``sim`` from a validated study file."""
     if file.format != FORMAT:
         fault = f"format is {file.format}, but this version reads format {FORMAT}"
-        remedy = "convert the file or use the version that wrote it"
-        raise InputError(f"{fault}; {remedy}")
+        raise InputError(f"{fault}; convert the file or use the version that wrote it")
     _require_parts(file)
     contact, shift = file.contact.value, file.shift
     clutch = Clutch(

@@ -1,8 +1,4 @@
-"""A calibrated study: a study file with the effects of a diagnosis, and draws of their sizes.
-
-The file has the most probable hypothesis that contains every named effect, at its posterior means.
-The draws are of this hypothesis; their columns are keys of the study, as ``--set`` takes them.
-"""
+"""A calibrated study (``docs/gap.md``): a study file with the effects of a diagnosis, and draws."""
 
 from __future__ import annotations
 
@@ -93,12 +89,7 @@ def draws_beside(path: Path) -> Path:
 
 
 def calibrated_study(
-    found: Diagnosis,
-    path: Path,
-    base: str | None = None,
-    draws: int = DRAWS,
-    *,
-    causes: Sequence[str] | None = None,
+    found: Diagnosis, path: Path, base: str | None, draws: int, causes: Sequence[str] | None
 ) -> CalibratedStudy:
     """Put the effects of a diagnosis into a study.
 

@@ -19,12 +19,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
-from dogshape.pipeline.simulate.evaluation import (
-    NEW_ANGLES,
-    Params,
-    demand_over,
-    expectation_of,
-)
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Params, demand_over, expectation_of
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values

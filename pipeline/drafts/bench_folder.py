@@ -1,7 +1,6 @@
 """A bench folder from foreign tables: rows in the project's units, and a commented ``bench.toml``.
 
 Values that a table lacks are those of a known clutch, or defaults, and are listed as assumptions.
-The folder is examined as every data set is before it is written; all faults are listed at once.
 """
 
 from __future__ import annotations

@@ -39,12 +39,7 @@ from dogshape.pipeline.reports.text import (
     ms_with_error,
     place_name,
 )
-from dogshape.pipeline.simulate.design import (
-    SIMULATED,
-    SUMMARIES,
-    checks_within,
-    design_of,
-)
+from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES, checks_within, design_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import DogSection
@@ -116,8 +111,7 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
         return NamedDesign(name, load_study(name, settings))
     if settings:
         fault = f"'{name}' is a design as it was simulated, which --set would change"
-        remedy = f"give '{where}' and the keys of the dog"
-        raise InputError(f"{fault}; {remedy}")
+        raise InputError(f"{fault}; give '{where}' and the keys of the dog")
     if sign and not number.isdecimal():
         remedy = "write for instance results/mq200#43"
         raise InputError(f"'{name}' must end in the number of a design after '#'; {remedy}")

@@ -1,7 +1,4 @@
-"""Designs and objectives of a study's result, as frames, tables and figures name them.
-
-Times are shown in ms, margins and shares in percent, forces in kN.
-"""
+"""Designs and objectives of a study's result, as frames, tables and figures name them."""
 
 from __future__ import annotations
 

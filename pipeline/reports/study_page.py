@@ -1,7 +1,4 @@
-"""The report of a study: sections of tables and figures, and the files that it is written with.
-
-Page one has headline, gain, alternatives to the chosen design, and facts, those against it marked.
-"""
+"""The report of a study: sections of tables and figures, and the files that it is written with."""
 
 from __future__ import annotations
 

@@ -26,8 +26,6 @@ LABELS = {
     "force_factor": "factor on the shift force",
     "rise_factor": "factor on its rise time",
 }
-
-
 #: Blanks of quantities: beside a ±, before a unit, and behind the S of a safety factor.
 UNIT = "|".join(map(re.escape, ("±", "%", "dogs", *(one for _, one in UNITS.values() if one))))
 BLANK = re.compile(rf"(?<=\d) (?=(?:{UNIT})(?![\w/]))|(?<=±) |(?<=\bS) (?=\d)|(?<=\d N) (?=[ms]\b)")

@@ -206,8 +206,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     elif known != here:
         apart = ", ".join(f"{n} {known.get(n)} there and {here[n]} here" for n in here)
         fault = f"the storage holds a study that other versions simulate ({apart})"
-        remedy = "install the same or give the study another name"
-        raise StorageError(f"{fault}; {remedy}")
+        raise StorageError(f"{fault}; install the same or give the study another name")
     return Search(study, opened, sampler, Sharing(backend, study.name))
 
 

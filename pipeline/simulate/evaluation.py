@@ -58,7 +58,6 @@ from dogshape.sim.strength.landing import (
     hardest,
     worn,
 )
-from dogshape.sim.strength.manufacture import CONTACT_RULE
 from dogshape.sim.units import DEG, MM, RPM
 from dogshape.surrogate.dataset import rows_of
 
@@ -352,7 +351,7 @@ def life_checks(study: Setup, new: Dog, dog: Dog) -> tuple[Check, ...]:
     for check in strength_checks(dog, study.limits):
         if check.rule.group == "load":
             found.append(min(check, fresh[check.name], key=lambda one: one.margin))
-        elif check.rule is CONTACT_RULE:
+        elif check.name == "contact_ratio":
             found.append(replace(check, value=check.value * dog.height / new.height))
         elif check.rule.group != "make":
             found.append(check)

@@ -101,8 +101,7 @@ def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
         raise StorageError(f"the storage {address} needs {name or 'a driver'}; {remedy}") from error
     except (SQLAlchemyError, StorageInternalError, RuntimeError, OSError) as error:
         fault = f"the storage {address} cannot be opened ({_reason(error)})"
-        remedy = "check the address and that its server runs"
-        raise StorageError(f"{fault}; {remedy}") from error
+        raise StorageError(f"{fault}; check the address and that its server runs") from error
 
 
 def _journal(path: Path) -> BaseStorage:

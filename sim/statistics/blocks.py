@@ -18,9 +18,15 @@ from dogshape.sim.shift import conclusion
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
 from dogshape.sim.statistics.expectation import even_phases
-from dogshape.sim.statistics.shift_records import Record, content_key, edge_record, inputs
+from dogshape.sim.statistics.shift_records import (
+    Record,
+    clutch_record,
+    content_key,
+    edge_record,
+    variant_record,
+)
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.units import DEG, MM, RPM
 from dogshape.sim.versions import engine
 
 
@@ -53,8 +59,17 @@ class Block:
 
     @property
     def inputs(self) -> list[Record]:
-        """Inputs of the block's shifts, in the order of the angles."""
-        return inputs(self.clutch, self.point, self.angles, self.each_variant)
+        """Nominal inputs of its shifts by angle as flat records, and draws where uncertain."""
+        clutch, point = self.clutch, self.point
+        same = clutch_record(clutch) | {"mismatch_rpm": point.mismatch / RPM} | point.profile.record
+        return [
+            {
+                **same,
+                "relative_angle_deg": angle / DEG,
+                **({} if variant is None else variant_record(clutch, point, variant)),
+            }
+            for angle, variant in zip(self.angles, self.each_variant, strict=True)
+        ]
 
     @cached_property
     def keys(self) -> list[str]:

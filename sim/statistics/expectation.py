@@ -295,12 +295,9 @@ def time_quantile(
     def at(wanted: float) -> float:
         return float(np.interp(wanted, places, times))
 
-    def variance_below(times: Array, sizes: Array) -> float:
-        each = np.where(times <= value, sizes, 0.0).sum(axis=0)
-        return variance_of_mean(each) if each.size > 2 else 0.25 / each.size
-
     value = at(share)
-    variances = [variance_below(*point) for point in points]
+    below = [np.where(tries <= value, sizes, 0.0).sum(axis=0) for tries, sizes in points]
+    variances = [variance_of_mean(one) if one.size > 2 else 0.25 / one.size for one in below]
     if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
         variances = [share * (1.0 - share) / len(mine) for mine in shifts]
     error = math.sqrt(sum(w**2 * v for w, v in zip(parts.tolist(), variances, strict=True)))
@@ -340,8 +337,7 @@ def halves(phases: Array, times: Array, count: int) -> Array:
     d_{k+1}/h_{k+1}|}`; the largest :math:`h_k r_k` count. ``phases`` (n,) are fractions of a
     pitch in any order, ``times`` (n,) in s, NaN of shifts that did not engage.
     """
-    places, widths, values = _round_the_pitch(phases, times)
-    below, above = _jumps(widths, values)
+    places, widths, _, below, above = _round_the_pitch(phases, times)
     chosen = np.sort(np.argsort(-(widths * np.sqrt(below * above)), kind="stable")[:count])
     return (places[chosen] + 0.5 * widths[chosen]) % 1.0
 
@@ -354,25 +350,21 @@ def mean_round_the_pitch(phases: Array, times: Array) -> tuple[float, float]:
     shift that does not engage stands for the next one below it that does. Arguments as for
     ``halves``; NaN both where no shift engaged.
     """
-    _, widths, values = _round_the_pitch(phases, times)
-    below, above = _jumps(widths, values)
+    _, widths, values, below, above = _round_the_pitch(phases, times)
     mean = float(widths @ (values[:-1] + values[1:])) / 2.0
     return mean, float(widths**2 @ np.minimum(below, above) ** 2) / 12.0
 
 
-def _round_the_pitch(phases: Array, times: Array) -> tuple[Array, Array, Array]:
-    """Return the phases in their order (n,), the intervals' widths (n,) and times (n + 1,)."""
+def _round_the_pitch(phases: Array, times: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Return phases in order and widths (n,), times (n + 1,), both factors of the jumps (n,)."""
     order = np.argsort(phases, kind="stable")
     places, values = phases[order], times[order]
     engaged = np.isfinite(values)
     if engaged.any():
         last = np.maximum.accumulate(np.where(engaged, np.arange(len(values)), -1))
         values = values[np.where(last < 0, np.flatnonzero(engaged)[-1], last)]
-    return places, np.diff(places, append=places[:1] + 1.0), np.append(values, values[0])
-
-
-def _jumps(widths: Array, values: Array) -> tuple[Array, Array]:
+    widths, values = np.diff(places, append=places[:1] + 1.0), np.append(values, values[0])
     differences = np.diff(values)
     slopes = differences / widths
-    below = np.abs(differences - widths * np.roll(slopes, 1))
-    return below, np.abs(differences - widths * np.roll(slopes, -1))
+    below, above = (abs(differences - widths * np.roll(slopes, way)) for way in (1, -1))
+    return places, widths, values, below, above

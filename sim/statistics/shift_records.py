@@ -13,7 +13,7 @@ from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
-from dogshape.sim.units import DEG, MM, RPM, from_si, suffix_of
+from dogshape.sim.units import DEG, MM, from_si, suffix_of
 
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
@@ -54,21 +54,6 @@ def clutch_record(clutch: Clutch) -> Record:
         **({} if solver.max_steps == MAX_STEPS else {"max_steps": solver.max_steps}),
         **clutch.mechanism.record,
     }
-
-
-def inputs(
-    clutch: Clutch, point: OperatingPoint, angles: Iterable[float], draws: Iterable[Variant | None]
-) -> list[Record]:
-    """Return the nominal inputs of shifts as flat records, and their draws where uncertain."""
-    same = {**clutch_record(clutch), "mismatch_rpm": point.mismatch / RPM, **point.profile.record}
-    return [
-        {
-            **same,
-            "relative_angle_deg": angle / DEG,
-            **({} if variant is None else variant_record(clutch, point, variant)),
-        }
-        for angle, variant in zip(angles, draws, strict=True)
-    ]
 
 
 def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:

@@ -234,19 +234,16 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
     if not case.spectrum:
         worst = largest(*(tension(flank, case.share_of(flank)) for flank in FLANKS))
         return worst, limits.endurance(case.shifts)
-    found, endurance = [], limits.endurance(ENDURANCE_CYCLES)
+    least, worst, endurance = math.inf, 0.0, limits.endurance(ENDURANCE_CYCLES)
     for flank, sign in zip(FLANKS, (1.0, -1.0), strict=True):
         loads = [(sign * share, cycles) for share, cycles in case.spectrum if sign * share > 0.0]
         if loads:
             stresses = [tension(flank, share) for share, _ in loads]
             bears = partial(reserve, limits.material, [cycles for _, cycles in loads])
             factor = each(bears, *(stress / endurance for stress in stresses))
-            found.append((factor, largest(*stresses)))
-    (factor, worst), *others = found
-    for second, stress in others:
-        worse = second < factor
-        factor, worst = where(worse, second, factor), where(worse, stress, worst)
-    return worst, factor * worst
+            worst = where(factor < least, largest(*stresses), worst)
+            least = smallest(factor, least)
+    return worst, least * worst
 
 
 #: Dogs of one number and size are alike stiff: designs of a search have few torques of a strike.

@@ -29,14 +29,13 @@ SAMPLES = 4096  #: pairs of rings; the mean is known to half a percent
 SEED = 20261123
 STIFFNESS = 25e9  #: N/m of a pair of dogs per m of their radial width
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
-MICRON = 1e-6
 LEAST_ERROR, MOST_ERROR = 1e-2, 1e3  #: of tabled errors, over the approach of perfect dogs
 
 
 def pitch_tolerance(accuracy: int, diameter: float, count: int) -> float:
     """Return the single pitch tolerance of ISO 1328-1:2013, m; ``diameter`` in m."""
     size = diameter / MM
-    return (0.001 * size + 0.4 * size / count + 5.0) * 2.0 ** (0.5 * (accuracy - 5)) * MICRON
+    return (0.001 * size + 0.4 * size / count + 5.0) * 2.0 ** (0.5 * (accuracy - 5)) * 1e-6
 
 
 @lru_cache(maxsize=4096)
@@ -46,11 +45,8 @@ def load_share(count: int, scatter: float, wave: float = 0.0) -> float:
     ``scatter`` is the standard deviation of the gaps, ``wave`` the amplitude of their slow error,
     both over the approach of perfect dogs: sigma c N/F and a c N/F.
     """
-
-    def approach(touching: int, total: Array, _: Array) -> Array:
-        return (count + total) / touching
-
-    return float(1.0 / _approaches(count, scatter, wave, approach).mean())
+    found = _approaches(count, scatter, wave, lambda touching, total, _: (count + total) / touching)
+    return float(1.0 / found.mean())
 
 
 @lru_cache(maxsize=2**16)  # designs of a search have thousands of landings, many of them alike

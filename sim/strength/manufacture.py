@@ -182,9 +182,6 @@ def _contact(dog: Dog, root_radius: float) -> dict[str, float]:
     return {f: flank_contact(dog, root_radius, f).height / dog.height for f in FLANKS}
 
 
-CONTACT_RULE = RULES["contact_ratio"]
-
-
 def tolerance_checks(
     dog: Dog, root_radius: float, tolerances: Tolerances, seated: float
 ) -> tuple[Check, ...]:

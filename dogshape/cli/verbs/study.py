@@ -1,7 +1,4 @@
-"""Verbs that ask a study, its results or a bench: from one shift to the search.
-
-They load what they need when they are called: simulation, search and report take seconds.
-"""
+"""Verbs that ask a study, its results or a bench; each loads what it needs when it is called."""
 
 from __future__ import annotations
 
@@ -117,8 +114,7 @@ def expect(
         )
     if isinstance(listed, tuple):
         raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
-    how: dict[str, Any] = {"jobs": jobs, "progress": True}
-    show(ds.expect_draws(study, draws, settings, angles=listed, **how), json)
+    show(ds.expect_draws(study, draws, settings, angles=listed, jobs=jobs, progress=True), json)
 
 
 def validate(
