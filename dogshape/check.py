@@ -130,6 +130,7 @@ class Checked(Result):
 #: Standard error of the compiled engine's expected time against Drake's, over the time. Medians are
 #: 0.01 % with the design set and up to 0.8 % with the published one (docs/evidence/engines.txt).
 ENGINE_ERROR = 0.01
+NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -176,7 +177,7 @@ class Check(Checked):
         if not self.shifts or self.expected is None or predicted is None:
             return False
         both = math.hypot(self.expected.error, predicted.error)
-        return abs(self.expected.time - predicted.time) > 1.96 * both
+        return abs(self.expected.time - predicted.time) > NORMAL_95 * both
 
     def to_parts(self) -> list[str | Table]:
         """Give expected time, the surrogate's prediction beside it, and the checks."""

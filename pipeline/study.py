@@ -124,7 +124,8 @@ def _searched(search: Search, how: Run) -> Row:
         for journal in journals:
             journal.say_unfinished(counter.say)
         executors.search.forget()
-    searched = search.read()  # with the trials of all who share the search
+    if search.sharing is not None:
+        searched = search.read()  # with the trials of all who share the search
     confirmed = searched.renew(trial for trial in state.trials if trial.confirmed)
     write_json(folder.rows, {"rows": [row for trial in confirmed.simulated for row in trial.rows]})
     result = collect(searched, journals[1])
