@@ -1,7 +1,7 @@
 """Moments of shift times at even relative angles that count by weights.
 
 The times also part into two modes where the variance within both is least (Otsu 1979, IEEE Trans.
-Syst. Man Cybern. 9). Compiled: a diagnosis weighs the angles of a million means.
+Syst. Man Cybern. 9). That is compiled: a diagnosis parts the angles of a million means.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -29,39 +29,46 @@ class Angles:
     late: np.ndarray  #: which are late, (n, C, A)
 
     @cached_property
-    def centre(self) -> Array:
-        """Mean of the timely shifts, s, (n, C)."""
-        kept = self._parts[0]
-        return np.where(kept, self.times, 0.0).sum(axis=-1) / np.maximum(kept.sum(axis=-1), 1.0)
-
-    @cached_property
     def _parts(self) -> tuple[Array, Array, Array]:
         """Which shifts are timely, engage, and were simulated, (n, C, A) each."""
         ended = np.isfinite(self.times)
         return 1.0 * (ended & ~self.late), 1.0 * ended, 1.0 * ~np.isnan(self.times)
+
+    @cached_property
+    def _centred(self) -> tuple[Array, Array]:
+        """Mean of the timely shifts, s, (n, C), and how far each is from it, (n, C, A)."""
+        kept = self._parts[0]
+        whole = np.where(kept, self.times, 0.0).sum(axis=-1)
+        centre = whole / np.maximum(kept.sum(axis=-1), 1.0)
+        return centre, np.where(kept > 0.0, self.times - centre[..., None], 0.0)
+
+    @cached_property
+    def _even(self) -> Array:
+        """Moments at even angles, (1, n, C, 4)."""
+        return self._moments(np.ones((1, *self.times.shape[1:])))
+
+    def _moments(self, weights: Array) -> Array:
+        centre, apart = self._centred
+        timely, engaged, every = (np.maximum(_sums(weights, one), TINY) for one in self._parts)
+        first, second = (_sums(weights, one) / timely for one in (apart, apart**2))
+        mean = np.maximum(centre + first, LEAST_SD)
+        square = np.maximum(second - first**2, LEAST_SD**2)
+        odds, late = logit(np.clip(engaged / every, 0.01, 0.99)), 1.0 - timely / engaged
+        return np.stack([np.log(mean), 0.5 * np.log(square), late, odds], axis=-1)
 
     def changes(self, weights: Array) -> tuple[Array, Array]:
         """Compute changes of moments by weights (m, C, A): of ln mean, ln deviation, share of late
         shifts and logit of those that engage, (m, n, C, 4); and the number of even angles that tell
         as much, (m, n, C).
         """
-        kept, _, known = self._parts
-        apart = np.where(kept > 0.0, self.times - self.centre[..., None], 0.0)
+        known = self._parts[2]
+        count = _sums(weights, known) ** 2 / np.maximum(_sums(weights**2, known), TINY)
+        return self._moments(weights) - self._even, count
 
-        def sums(weights: Array, one: Array) -> Array:
-            return np.moveaxis(weights.swapaxes(0, 1) @ one.transpose(1, 2, 0), 0, -1)
 
-        def moments(weights: Array) -> Array:
-            timely, engaged, every = (np.maximum(sums(weights, one), TINY) for one in self._parts)
-            first, second = (sums(weights, one) / timely for one in (apart, apart**2))
-            mean = np.maximum(self.centre + first, LEAST_SD)
-            square = np.maximum(second - first**2, LEAST_SD**2)
-            odds = logit(np.clip(engaged / every, 0.01, 0.99))
-            late = 1.0 - timely / engaged
-            return np.stack([np.log(mean), 0.5 * np.log(square), late, odds], axis=-1)
-
-        count = sums(weights, known) ** 2 / np.maximum(sums(weights**2, known), TINY)
-        return moments(weights) - moments(np.ones((1, *weights.shape[1:]))), count
+def _sums(weights: Array, values: Array) -> Array:
+    """Sum values (n, C, A) by weights (m, C, A) over the angles, (m, n, C)."""
+    return np.moveaxis(weights.swapaxes(0, 1) @ values.transpose(1, 2, 0), 0, -1)
 
 
 def modes_of(times: Array, kept: np.ndarray, weights: Array) -> Array:
