@@ -206,9 +206,8 @@ def widened(
 
 def repeated(likelihood: Likelihood, sample: Sample, more: More) -> Sample:
     """Weigh the draws of a hypothesis again by another likelihood."""
-    one = sample
-    (again,) = _batched(likelihood, [(one.hypothesis, one.shares, one.drawn, one.proposals)], more)
-    return again
+    drawn = sample.hypothesis, sample.shares, sample.drawn, sample.proposals
+    return next(_batched(likelihood, [drawn], more))
 
 
 def refined(

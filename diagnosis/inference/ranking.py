@@ -36,8 +36,8 @@ STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 12, 5))
 SLACK = 0.05  #: of the predicted time, gap that errors of emulation may explain in the screening
 ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
-#: Further simulations: nats below the best from which a hypothesis is plausible, error of its
-#: prediction from which it is simulated, how often, and how often all of them.
+#: Further simulations: nats below the best from which a pair is plausible, error of its prediction
+#: from which it is simulated, how often, and how often all of them.
 PLAUSIBLE, UNCERTAIN, LEVELS, SIMULATED = 5.0, 0.03, 5, 15
 KNOWN = 9.0  #: further nats, within which others are predicted again
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
@@ -152,9 +152,9 @@ class _Search:
             if model:
                 self.likelihood = replace(self.likelihood, model=model)
                 names = set(h) - old.readings
-                near = [k for k in self.samples if set(k) >= names]
-                for k in [k for k in near if self.promise(k) > least - KNOWN]:
-                    self.samples[k] = repeated(self.likelihood, self.samples[k], self.more)
+                for k, sample in self.samples.items():
+                    if names <= set(k) and self.promise(k) > least - KNOWN:
+                        self.samples[k] = repeated(self.likelihood, sample, self.more)
                 again = refined(self.likelihood, self.samples[h], self.more, 3, self.generator)
                 self.samples[h] = again
 

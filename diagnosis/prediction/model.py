@@ -360,7 +360,7 @@ class Model:
         names = tuple(name for name in hypothesis if name not in self.readings)
         if self.run is None or len(names) not in (1, 2):
             return None
-        space, joint = self.space(hypothesis), dict(self.joint)
+        space = self.space(hypothesis)
         share = np.hstack([share[:, space.columns(name)] for name in names])
         space = self.space(names)
         level = Level(names, tuple(space.values(share)[0].tolist()))
@@ -373,7 +373,7 @@ class Model:
             further = {**self.further, names[0]: (*self.further.get(names[0], ()), bench)}
             curves = {name: one for name, one in self._curves.items() if name != names[0]}
             return replace(self, further=further, _curves=curves, _recent={})
-        times = simulate_bench(changed, self.settings, self.run)[None]
+        joint, times = dict(self.joint), simulate_bench(changed, self.settings, self.run)[None]
         if known := joint.pop(names, None):
             share, times = np.vstack([known.shares, share]), np.vstack([known.times, times])
         p = replace(self, joint=joint).predict(names, share)
