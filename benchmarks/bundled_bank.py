@@ -2,7 +2,7 @@
 
     python -m benchmarks.bundled_bank [--bank FOLDER] [--jobs N]
 
-What ``studies/bench/bank.json`` lacks is simulated by the compiled engine and kept in FOLDER. The
+What ``studies/bench/bank.jsonl`` lacks is simulated by the compiled engine and kept in FOLDER. The
 file is written again with what ``build_models`` asks for and nothing else. From nothing it takes
 150 000 shifts, some minutes.
 """
@@ -10,15 +10,17 @@ file is written again with what ``build_models`` asks for and nothing else. From
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
-from dogshape.diagnosis.prediction.simulations import BankStore, series_key
+from dogshape.pipeline.diagnose.bank import Bank, series_key
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, BROUGHT, TIMES, Means, shifts_of
 from dogshape.sim.effects import load
+from dogshape.sim.files import write_whole
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.terminal import ProgressBar
@@ -33,7 +35,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=0)
     given = parser.parse_args()
     means, keys = Means(bank=given.bank, jobs=given.jobs, progress=ProgressBar()), list[str]()
-    known = BankStore((BROUGHT, given.bank / TIMES))
+    known = Bank((BROUGHT, given.bank / TIMES))
 
     def run(blocks: Sequence[Block]) -> list[list[Record]]:
         keys.extend(map(series_key, blocks))
@@ -43,8 +45,9 @@ def main() -> None:
         bench = load_bench(name)
         bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
         build_models(bench, load(None), means.settings, run)
-    known.save(BROUGHT, dict.fromkeys(keys))
-    print(f"{BROUGHT}: {len(dict.fromkeys(keys))} series")
+    rows = [json.dumps(known.series[key]) + "\n" for key in dict.fromkeys(keys)]
+    write_whole(BROUGHT, "".join(rows))
+    print(f"{BROUGHT}: {len(rows)} series")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Diagnosis of a bench data set, and plan of its shifts: the bank of simulations first.
 
 The package brings the bank of the published clutch at the operating points of its tables
-(``studies/bench``). What it lacks is simulated once and kept in a folder: ``bank.json`` has the
+(``studies/bench``). What it lacks is simulated once and kept in a folder: ``bank.jsonl`` has the
 times of all clutches, ``shifts.jsonl`` finished shifts of an unfinished bank.
 """
 
@@ -29,9 +29,9 @@ from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import choose, require_terms
 from dogshape.diagnosis.prediction.model import Model, build_models
-from dogshape.diagnosis.prediction.simulations import BankStore
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
+from dogshape.pipeline.diagnose.bank import Bank
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import ShiftJournal
@@ -45,7 +45,7 @@ from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.versions import bundled_root
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
-TIMES, SHIFTS = "bank.json", "shifts.jsonl"
+TIMES, SHIFTS = "bank.jsonl", "shifts.jsonl"
 BROUGHT = bundled_root() / "bench" / TIMES  #: file of the bank that the package brings
 
 
@@ -79,20 +79,20 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
     """Build the predictions of a data set, by the place where displacement may be read."""
-    notes, known = list[str](), BankStore((BROUGHT, means.bank / TIMES))
+    notes, known = list[str](), Bank((BROUGHT, means.bank / TIMES))
     run = partial(shifts_of, means=means, notes=notes, known=known)
     return build_models(bench, effects, means.settings, run)
 
 
 def shifts_of(
-    blocks: Sequence[Block], means: Means, notes: list[str], known: BankStore
+    blocks: Sequence[Block], means: Means, notes: list[str], known: Bank
 ) -> list[list[Record]]:
     """Take ``known`` shifts; simulate and keep what no file has; ``notes`` were said before."""
     if not known.missing(blocks):
         return known.times(blocks, lambda _: [])
     with writing(means.bank, means.patience):
-        store = BankStore(known.paths)  # another run may have written since
-        lacking = store.missing(blocks)
+        known.read()  # another run may have written since
+        lacking = known.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
         notes.append(f"{left} more shifts" if notes else (
@@ -102,11 +102,10 @@ def shifts_of(
         means.progress.say(notes[-1])
         kept = f"{means.bank}; the same command goes on from there"
         with WorkCounter(means.progress, left, kept=kept) as counter:
-            rows = store.times(blocks, Executor(journal, means.jobs, counter.advance).run)
+            rows = known.times(blocks, Executor(journal, means.jobs, counter.advance).run)
         journal.say_unfinished(means.progress.say)
         with suppress(StorageError):  # the file of banks has them
             journal.drop({key for block in lacking for key in block.keys})
-        known.series.update(store.series)
         return rows
 
 

@@ -92,7 +92,7 @@ def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Itera
                 row = json.loads(line, object_pairs_hook=lambda p: {intern(k): v for k, v in p})
                 require(row)
             except (ValueError, KeyError, TypeError) as error:
-                remedy = "remove the line or start the study in another folder"
+                remedy = "remove the line or give another folder"
                 raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error
             yield row
 

@@ -17,8 +17,6 @@ from dogshape.diagnosis.prediction.simulations import (
     ALONG,
     ANGLES,
     DENSE,
-    TICK,
-    BankStore,
     Simulated,
     levels_of,
     settings_of,
@@ -26,6 +24,7 @@ from dogshape.diagnosis.prediction.simulations import (
 )
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import bank_diagnosis
+from dogshape.pipeline.diagnose.bank import TICK, Bank
 from dogshape.pipeline.diagnose.bank_diagnosis import BROUGHT, TIMES, Means, models_of
 from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effects import load
@@ -41,7 +40,7 @@ BENCH = few_cells(load_bench("mq200_adams"), POINTS)
 
 
 def _simulated(
-    store: BankStore | None, *names: str, bench: Bench = BENCH, run: Runner = made_up
+    store: Bank | None, *names: str, bench: Bench = BENCH, run: Runner = made_up
 ) -> Simulated:
     few = {name: EFFECTS[name] for name in names}
     settings = settings_of(bench, "sleeve")
@@ -56,25 +55,25 @@ def _never(blocks: Sequence[Block]) -> list[list[Record]]:
 
 
 def test_a_bank_is_read_back_as_it_was_and_only_for_what_it_is_of(tmp_path: Path) -> None:
-    path, names = tmp_path / "deep" / TIMES, ("moving_mass", "sleeve_friction")
+    path, names = tmp_path / TIMES, ("moving_mass", "sleeve_friction")
     late = replace(BENCH, clutch=replace(BENCH.clutch, timeout=0.15))
-    first = _simulated(BankStore([path]), *names, bench=late)
+    first = _simulated(Bank([path]), *names, bench=late)
     assert np.isinf(first.times).any()
-    again = _simulated(BankStore([path]), *names, bench=late, run=_never)
+    again = _simulated(Bank([path]), *names, bench=late, run=_never)
     assert again.levels == first.levels
     for name in ("angles", "common"):
         assert np.array_equal(getattr(first, name), getattr(again, name))
     for name in ("baseline", "times"):
         assert getattr(again, name) == pytest.approx(getattr(first, name), abs=TICK)
     with pytest.raises(AssertionError):
-        _simulated(BankStore([path]), *names, run=_never)
+        _simulated(Bank([path]), *names, run=_never)
 
 
 def test_a_bank_takes_what_is_there_and_simulates_the_rest(tmp_path: Path) -> None:
-    path, mine = tmp_path / TIMES, tmp_path / "mine.json"
-    _simulated(BankStore([path]), "moving_mass")
+    path, mine = tmp_path / TIMES, tmp_path / "mine.jsonl"
+    _simulated(Bank([path]), "moving_mass")
     one = replace(BENCH, cells=BENCH.cells[1:])
-    fewer = _simulated(BankStore([path]), "moving_mass", bench=one, run=_never)
+    fewer = _simulated(Bank([path]), "moving_mass", bench=one, run=_never)
     assert fewer.times.shape == (ALONG, 1, ANGLES)
     asked: list[Block] = []
 
@@ -83,21 +82,20 @@ def test_a_bank_takes_what_is_there_and_simulates_the_rest(tmp_path: Path) -> No
         return made_up(blocks)
 
     names = ("moving_mass", "sleeve_friction")
-    found = _simulated(BankStore([path, mine]), *names, run=counted)
+    found = _simulated(Bank([path, mine]), *names, run=counted)
     assert {block.clutch.mechanism.friction > 0.0 for block in asked} <= {True, False}
-    assert len(asked) == len(BankStore([mine]).series)
+    assert len(asked) == len(Bank([mine]).series)
     assert found.times == pytest.approx(_simulated(None, *names).times, abs=TICK)
 
 
 def test_a_broken_bank_is_named(tmp_path: Path) -> None:
     path = tmp_path / TIMES
-    for text in ("{", "[]", json.dumps({"bank": 1, "series": {"a": 1}})):
-        path.write_text(text)
-        with pytest.raises(StorageError, match=r"bank\.json is not a bank"):
-            _simulated(BankStore([path]), "moving_mass")
-    (tmp_path / "file").write_text("")
+    for text in ("{", "[]", json.dumps({"key": "a", "t": 1})):
+        path.write_text(text + "\n")
+        with pytest.raises(StorageError, match=r"bank\.jsonl, line 1 is not a series of shifts"):
+            Bank([path])
     with pytest.raises(StorageError, match="cannot be written"):
-        _simulated(BankStore([tmp_path / "file" / TIMES]), "moving_mass")
+        _simulated(Bank([tmp_path / "none" / TIMES]), "moving_mass")
 
 
 def test_all_levels_share_the_angles_of_their_point_and_span_the_range() -> None:
@@ -119,7 +117,7 @@ def test_the_bundled_bank_has_every_series_of_the_compiled_engine(name: str, pla
     bench = load_bench(name)
     record = bench.record.model_copy(update={"displacement_at": place})
     quick = replace(bench, clutch=bench.clutch.with_engine("planar"), record=record)
-    store = BankStore([BROUGHT])
+    store = Bank([BROUGHT])
     build_models(quick, EFFECTS, USUAL, lambda blocks: store.times(blocks, _never))
 
 
