@@ -77,5 +77,7 @@ def angle_weights(turns: Array, concentration: float | Array, centre: float | Ar
 
     Concentration and centre are numbers or (..., 1).
     """
-    raw = np.exp(concentration * (np.cos(2.0 * np.pi * (turns - centre)) - 1.0))
+    at, middle = 2.0 * np.pi * turns, 2.0 * np.pi * np.asarray(centre)
+    near = np.cos(at) * np.cos(middle) + np.sin(at) * np.sin(middle)
+    raw = np.exp(concentration * (near - 1.0))
     return raw / raw.mean(axis=-1, keepdims=True)
