@@ -137,15 +137,18 @@ class _Search:
             )
 
     def simulate(self) -> None:
-        """Simulate plausible pairs at their best draws until they are known there."""
+        """Simulate plausible pairs at their best draws, each once before any falls behind."""
         pairs = [h for h in self.samples if len(forward(h)) == 2 and DELAY not in h]
-        left = dict.fromkeys(pairs, LEVELS)
+        left = dict[Hypothesis, int]()
         for _ in range(SIMULATED):
             least = max(map(self.value, self.samples)) - PLAUSIBLE
-            some = [h for h, n in left.items() if n and self.value(h) > least and self.uncertain(h)]
+            near = [h for h in pairs if self.value(h) > least]
+            left = dict.fromkeys(near, LEVELS) | left
+            some = [h for h, n in left.items() if n and (n == LEVELS or h in near)]
+            some = [h for h in some if self.uncertain(h)]
             if not some:
                 return
-            h = max(some, key=self.value)
+            h = max(some, key=lambda h: (left[h], self.value(h)))
             one, old = self.samples[h], self.likelihood.model
             model = old.simulate(h, one.shares[[one.log.argmax()]])
             left[h] = left[h] - 1 if model else 0

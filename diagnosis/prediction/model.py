@@ -61,6 +61,7 @@ COMBINED = 0.7  #: error of two effects over the product of their changes (measu
 #: error of ln deviation by uneven angles over the inverse of the number of those that count
 #: (measured).
 CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
+NEAR = 0.1  #: of the range of each parameter, within which one bench at all angles is enough
 LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least
 MOMENTS = 4
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
@@ -206,6 +207,7 @@ class Model:
     _curves: dict[str, Curve] = field(default_factory=dict)
     _limits: dict[str, list[Setting]] = field(default_factory=dict)
     _recent: dict[object, Changes] = field(default_factory=dict)
+    _benches: dict[tuple[object, ...], bool] = field(default_factory=dict)
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -300,7 +302,7 @@ class Model:
             change = self.changes(name, values[:, space.columns(name)])
             if change.uneven is not None:
                 turn = (pace + slip) * free * np.exp(flight) - pace * free
-                where = {n: self._curves[n].places(values[:, space.columns(n)]) for n in others}
+                where = {n: self._curve(n).places(values[:, space.columns(n)]) for n in others}
                 change = self._uneven(change, turn, where)
             log = change.moments[..., 0]
             if name in self.readings:
@@ -345,14 +347,14 @@ class Model:
 
     def _places(self, names: Hypothesis, space: Space, values: Array) -> Array:
         """Compute coordinates of effects in their unit cubes, (m, p)."""
-        cubes = (self._curves[name].places(values[:, space.columns(name)]) for name in names)
+        cubes = (self._curve(name).places(values[:, space.columns(name)]) for name in names)
         return np.hstack([*cubes])
 
     def simulate(self, hypothesis: Hypothesis, share: Array) -> Model | None:
         """Simulate one or two effects at a share (1, p) of their ranges, for all predictions.
 
-        None where there is no such bench, or there are other numbers of effects that are no reading
-        of a shift. One effect is simulated at all angles of the baseline.
+        One is simulated at all angles of the baseline. None where there is no such bench, one near
+        is known, or none or three effects are no reading of a shift.
         """
         if REVERSED in hypothesis:
             other = self.turned and self.turned.simulate(forward(hypothesis), share)
@@ -369,31 +371,44 @@ class Model:
         except DogshapeError:
             return None
         if len(names) == 1:
+            curve = self._curve(names[0])
+            far = abs(curve.emulator.x[curve.dense] - curve.places(space.values(share)))
+            if (far < NEAR).all(axis=1).any():
+                return None
             bench = level, simulate_bench(changed, self.settings, self.run, DENSE)
             further = {**self.further, names[0]: (*self.further.get(names[0], ()), bench)}
             curves = {name: one for name, one in self._curves.items() if name != names[0]}
-            return replace(self, further=further, _curves=curves, _recent={})
-        joint, times = dict(self.joint), simulate_bench(changed, self.settings, self.run)[None]
-        if known := joint.pop(names, None):
-            share, times = np.vstack([known.shares, share]), np.vstack([known.times, times])
-        p = replace(self, joint=joint).predict(names, share)
+            model = replace(self, further=further, _curves=curves, _recent={})
+            both = {k: one for k, one in self.joint.items() if names[0] in k}
+            again = {k: model._missed(k, one.shares, one.times) for k, one in both.items()}
+            return replace(model, joint={**self.joint, **again})
+        times = simulate_bench(changed, self.settings, self.run)[None]
+        if joint := self.joint.get(names):
+            share, times = np.vstack([joint.shares, share]), np.vstack([joint.times, times])
+        return replace(self, joint={**self.joint, names: self._missed(names, share, times)})
+
+    def _missed(self, names: Hypothesis, shares: Array, times: Array) -> Joint:
+        """Fit what the changes of two effects miss at benches with both."""
+        p, space = replace(self, joint={}).predict(names, shares), self.space(names)
         ruled = np.stack([np.log(p.mean - p.delay), np.log(p.sd)], axis=-1)
-        angles = (self._moments(self.simulated.base) - self.base)[None, :, :2]
+        angles = (self._moments(self._angles.times[1:]) - self.base)[..., :2]
         found = np.vstack([self._moments(times)[..., :2] - ruled, angles])
-        x = self._places(names, space, space.values(share))
+        x = self._places(names, space, space.values(shares))
         own, common = self._noise.reshape(2, -1, MOMENTS)[..., :2].reshape(2, -1)
-        plain = tuple(self._curves[name].emulator.kernel.plain[0] for name in names)
+        plain = tuple(self._curve(name).emulator.kernel.plain[0] for name in names)
         found = found.reshape(len(found), -1).T
-        missed = Emulator.fitted(x, plain, found, own[:, None], common)
-        return replace(self, joint={**joint, names: Joint(share, times, missed)})
+        return Joint(shares, times, Emulator.fitted(x, plain, found, own[:, None], common))
 
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
         space, found = self.space(hypothesis), np.ones(len(shares), dtype=bool)
         for effect in space.effects:
             if ends := self._ends(effect):
-                mine = shares[:, space.columns(effect.name)].tolist()
-                found &= [all(_exists(effect, row, one) for one in ends) for row in mine]
+                for k, row in enumerate(shares[:, space.columns(effect.name)].tolist()):
+                    key = effect.name, *row
+                    if key not in self._benches:
+                        self._benches[key] = all(_exists(effect, row, one) for one in ends)
+                    found[k] &= self._benches[key]
         return found
 
     def _ends(self, effect: Effect) -> list[Setting]:
@@ -417,19 +432,21 @@ class Model:
 
     def changes(self, name: str, values: Array) -> Changes:
         """Compute the changes by an effect at values (m, p); recent results are kept."""
-        reads = name in self.readings
         key = name, values.shape, values.tobytes()
         if key not in self._recent:
             if len(self._recent) >= RECENT:
                 self._recent.clear()
-            effect = self.effects.get(name) or self.nuisances[name]
-            if not reads and name not in self._curves:
-                self._curves[name] = self._curve(effect)
-            found = self._read(effect, values) if reads else self._curves[name].changes(values)
-            self._recent[key] = found
+            read = self._read(self.effects[name], values) if name in self.readings else None
+            self._recent[key] = read or self._curve(name).changes(values)
         return self._recent[key]
 
-    def _curve(self, effect: Effect) -> Curve:
+    def _curve(self, name: str) -> Curve:
+        """Find the changes by an effect, fitted once."""
+        if name not in self._curves:
+            self._curves[name] = self._fitted(self.effects.get(name) or self.nuisances[name])
+        return self._curves[name]
+
+    def _fitted(self, effect: Effect) -> Curve:
         """Fit the changes by an effect over its levels, moment by moment."""
         places, further = self.simulated.of((effect.name,)), self.further.get(effect.name, ())
         levels = [*(self.simulated.levels[k] for k in places), *(level for level, _ in further)]
@@ -515,7 +532,7 @@ class Model:
         plain, count = self._angles.changes(given)
         moments, left, even = plain[:, 0], _angle_error(count[:, 0]) ** 2, count[:, 0] ** -2.0
         for name, at in where.items():
-            curve = self._curves[name]
+            curve = self._curve(name)
             weights = curve.emulator.weights(at, np.where(curve.dense, *CHAOS))
             found, count = curve.angles.changes(given)
             found = found - plain[:, np.where(curve.dense, 0, 1)]
@@ -532,7 +549,9 @@ class Model:
     @cached_property
     def _angles(self) -> Angles:
         """Baseline at all angles, and at those of the levels."""
-        times = np.stack([self.simulated.baseline, self.simulated.spread(self.simulated.base)])
+        simulated, every = self.simulated, self.simulated.baseline
+        few = simulated.spread(np.take_along_axis(every, simulated.common, axis=1))
+        times = np.stack([every, few])
         return Angles(times, late_times(times, self.far))
 
     def _moments(self, times: Array) -> Array:

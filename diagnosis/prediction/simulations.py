@@ -61,11 +61,6 @@ class Simulated:
     levels: tuple[Level, ...]  #: in the order of ``times``
     times: Array  #: without delays of the reading, (L, C, ANGLES)
 
-    @property
-    def base(self) -> Array:
-        """Times of the baseline at the angles of the levels, (C, ANGLES)."""
-        return np.take_along_axis(self.baseline, self.common, axis=1)
-
     def spread(self, times: Array) -> Array:
         """Place times (..., C, ANGLES) among the baseline's angles, NaN between them."""
         found = np.full((*times.shape[:-1], self.angles.shape[1]), np.nan)

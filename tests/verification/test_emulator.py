@@ -128,6 +128,7 @@ def test_uneven_angles_weigh_the_times_with_the_other_effect(
     shares = np.array([[share, concentration.share(6.0), centre]])
     p, further = simulated.predict(hypothesis, shares), simulated.simulate(hypothesis, shares)
     assert further is not None
+    assert further.simulate(hypothesis, shares) is None
     there = further.predict(hypothesis, shares)
     for k, setting in enumerate(simulated.settings):
         changed = space.effects[0].apply(setting, {own.name: own.at(share)})
@@ -159,6 +160,10 @@ def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> No
     assert abs(ruled.mean / exact - 1.0).max() > 0.1
     assert p.mean[:2] == pytest.approx(exact[:2], rel=0.01)
     assert (abs(p.mean - exact) < 1.5 * p.common).all()
+    # A further bench of one of them changes the rule, so what it misses too.
+    denser = model.simulate(("actuation_lag", "relative_angle"), np.array([[0.8, 0.5, 0.5]]))
+    assert denser is not None
+    assert denser.predict(pair, shares[:2]).mean == pytest.approx(exact[:2], rel=0.01)
     assert model.simulate(("actuation_delay", "relative_angle"), np.full((1, 3), 0.5)) is None
 
 

@@ -6,7 +6,7 @@ import itertools
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,8 +14,16 @@ from scipy.special import logsumexp
 from scipy.stats import kstest
 
 from benchmarks.self_consistency import answer, cause_of, in_set
+from dogshape.diagnosis.inference import ranking
 from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
-from dogshape.diagnosis.inference.ranking import Ranking, _Search, _unlisted, log_prior, rank
+from dogshape.diagnosis.inference.ranking import (
+    LEVELS,
+    Ranking,
+    _Search,
+    _unlisted,
+    log_prior,
+    rank,
+)
 from dogshape.diagnosis.inference.verdict import Within, decide, unseen
 from dogshape.diagnosis.likelihood.likelihood import NODES, WEIGHTS, Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
@@ -209,6 +217,36 @@ def test_a_plausible_pair_is_simulated_together() -> None:
     assert error > 0.4
     assert less < 0.15
     assert both.samples[BOTH].log_evidence > alone.samples[BOTH].log_evidence + 1.0
+
+
+def test_a_rival_is_simulated_before_it_falls_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first bench of the leading pair is worth 10 nats, the others nothing."""
+    asked = list[Hypothesis]()
+
+    class Asked:
+        readings = frozenset[str]()
+
+        def simulate(self, hypothesis: Hypothesis, _: Array) -> Asked:
+            asked.append(hypothesis)
+            return self
+
+    def refined(_: Any, one: SimpleNamespace, *__: Any) -> SimpleNamespace:
+        gain = 10.0 if len(asked) == 1 else 0.0
+        return SimpleNamespace(**{**vars(one), "log_evidence": one.log_evidence + gain})
+
+    monkeypatch.setattr(ranking, "refined", refined)
+    monkeypatch.setattr(ranking, "repeated", lambda _, one, __: one)
+    monkeypatch.setattr(_Search, "uncertain", lambda *_: True)
+    likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, Asked()))
+    search = _Search(likelihood, nothing, 0.0, np.random.default_rng(1))
+    first, second, far = ("a", "b"), ("a", "c"), ("b", "c")
+    for h, log in {first: 0.0, second: -4.0, far: -6.0}.items():
+        one: Any = SimpleNamespace(
+            hypothesis=h, log_evidence=log, shares=np.zeros((1, 2)), log=np.zeros(1)
+        )
+        search.samples[h], search.priors[h] = one, 0.0
+    search.simulate()
+    assert asked == [first, second, *[first] * (LEVELS - 1)]
 
 
 def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
