@@ -57,9 +57,8 @@ SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are
 ENOUGH_LATE = 8  #: late shifts from which their delays are known
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
 COMBINED = 0.7  #: error of two effects over the product of their changes (measured)
-#: Variances of a change by angles of benches at all of them and at few, over that of all changes;
-#: error of ln deviation by uneven angles over the inverse of the number of those that count
-#: (measured).
+#: Measured: variances of a change by angles of benches at all of them and at few, over that of all
+#: changes; errors of ln deviation and of the mean by uneven angles over 1 / number that counts.
 CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
 NEAR = 0.1  #: of the range of each parameter, within which one bench at all angles is enough
 LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least

@@ -46,6 +46,7 @@ from dogshape.sim.versions import bundled_root
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 TIMES, SHIFTS = "bank.jsonl", "shifts.jsonl"
+WAIT = 60.0  #: s, for another diagnosis that simulates its further shifts
 BROUGHT = bundled_root() / "bench" / TIMES  #: file of the bank that the package brings
 
 
@@ -90,7 +91,7 @@ def shifts_of(
     """Take ``known`` shifts; simulate and keep what no file has; ``notes`` were said before."""
     if not known.missing(blocks):
         return known.times(blocks, lambda _: [])
-    with writing(means.bank, means.patience):
+    with writing(means.bank, means.patience or WAIT * len(notes[:1])):
         known.read()  # another run may have written since
         lacking = known.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)
