@@ -28,7 +28,7 @@ from dogshape.diagnosis.inference.fit import (
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import DELAY, REVERSED, UNKNOWN, Array, Hypothesis, forward, turned
+from dogshape.diagnosis.terms import REVERSED, UNKNOWN, Array, Hypothesis, forward, turned
 
 #: Steps of refinement: nats below the best, hypotheses at most, and rounds of each. Prior draws
 #: miss narrow posteriors by many nats, so the first step takes many hypotheses.
@@ -36,8 +36,8 @@ STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 12, 5))
 SLACK = 0.05  #: of the predicted time, gap that errors of emulation may explain in the screening
 ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
-#: Further simulations: nats below the best from which a pair is plausible, error of its prediction
-#: from which it is simulated, how often, and how often all of them.
+#: Further simulations: nats below the best from which a hypothesis is plausible, error of its
+#: prediction from which it is simulated, how often, and how often all of them.
 PLAUSIBLE, UNCERTAIN, LEVELS, SIMULATED = 5.0, 0.03, 5, 15
 KNOWN = 9.0  #: further nats, within which others are predicted again
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
@@ -137,12 +137,11 @@ class _Search:
             )
 
     def simulate(self) -> None:
-        """Simulate plausible pairs at their best draws, each once before any falls behind."""
-        pairs = [h for h in self.samples if len(forward(h)) == 2 and DELAY not in h]
+        """Simulate the plausible at their best draws, each once before any falls behind."""
         left = dict[Hypothesis, int]()
         for _ in range(SIMULATED):
             least = max(map(self.value, self.samples)) - PLAUSIBLE
-            near = [h for h in pairs if self.value(h) > least]
+            near = [h for h in self.samples if self.value(h) > least]
             left = dict.fromkeys(near, LEVELS) | left
             some = [h for h, n in left.items() if n and (n == LEVELS or h in near)]
             some = [h for h in some if self.uncertain(h)]
@@ -162,10 +161,10 @@ class _Search:
                 self.samples[h] = again
 
     def uncertain(self, h: Hypothesis) -> bool:
-        """Check that the best draw may be predicted wrong since two effects act together."""
+        """Check that the best draw may be predicted wrong, between levels or by two effects."""
         one = self.samples[h].predicted.only([self.samples[h].log.argmax()])
-        uneven = not self.likelihood.model.readings.isdisjoint(h)
-        error = one.emulated if uneven else one.common
+        alone = len(set(forward(h)) - self.likelihood.model.readings) == 1
+        error = one.emulated if alone else one.common
         return float(((error / one.mean) ** 2).mean()) > UNCERTAIN**2
 
     def widen(self) -> list[Hypothesis]:

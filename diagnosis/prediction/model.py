@@ -13,7 +13,7 @@ that decides, two effects are simulated together: a Gaussian process of what the
 where either is neutral, corrects mean and deviation, and its error replaces :math:`\Delta`. A dead
 time adds itself exactly. Relative angles that are not uniform are weights on the angles of the
 baseline and of the other effects' benches; what they change is interpolated between these.
-Plausible pairs get further benches at their best draws, at all angles of the baseline.
+Plausible effects get further benches at their best draws, at all angles of the baseline.
 """
 
 from __future__ import annotations
