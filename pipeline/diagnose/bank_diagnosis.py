@@ -96,11 +96,12 @@ def shifts_of(
         lacking = known.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
-        notes.append(f"{left} more shifts" if notes else (
-            f"the bank of this clutch lacks {left} shifts; they are simulated once and kept in "
-            f"{means.bank} for this and later diagnoses"
-        ))  # fmt: skip
-        means.progress.say(notes[-1])
+        if not notes:
+            notes.append(
+                f"the bank of this clutch lacks {left} shifts; they are simulated once and kept in "
+                f"{means.bank} for this and later diagnoses"
+            )
+            means.progress.say(notes[0])
         kept = f"{means.bank}; the same command goes on from there"
         with WorkCounter(means.progress, left, kept=kept) as counter:
             rows = known.times(blocks, Executor(journal, means.jobs, counter.advance).run)
