@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dogshape.pipeline.store.folder import append, read_lines
+from dogshape.pipeline.store.folder import append, read_lines, sync
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, Runner
 from dogshape.sim.statistics.shift_records import Record, content_key, unfinished
@@ -35,9 +35,7 @@ class Bank:
         """Read what other runs may have written; StorageError for a line that is no series."""
         for path in filter(Path.exists, self.paths):
             if (size := path.stat().st_size) != self._sizes.get(path):
-                rows = read_lines(
-                    path, lambda row: (row["key"], len(row["t"])), "a series of shifts"
-                )
+                rows = read_lines(path, lambda s: (s["key"], len(s["t"])), "a series of shifts")
                 self.series.update((row["key"], row) for row in rows)
                 self._sizes[path] = size
 
@@ -56,11 +54,10 @@ class Bank:
         done = run(list(left.values())) if left else []
         fresh = {key: _kept(key, rows) for key, rows in zip(left, done, strict=True)}
         self.series |= fresh
-        whole = [
-            key for key, rows in zip(left, done, strict=True) if not any(map(unfinished, rows))
-        ]
-        if whole:
-            append(self.paths[-1], *(fresh[key] for key in whole))
+        pairs = zip(fresh.values(), done, strict=True)
+        if whole := [row for row, rows in pairs if not any(map(unfinished, rows))]:
+            append(self.paths[-1], *whole)
+            sync(self.paths[-1])  # before the shifts leave their journal
             self._sizes[self.paths[-1]] = self.paths[-1].stat().st_size
         return [_rows(self.series[key]) for key in keys]
 

@@ -91,16 +91,14 @@ def shifts_of(
     """Take ``known`` shifts; simulate and keep what no file has; ``notes`` were said before."""
     if not known.missing(blocks):
         return known.times(blocks, lambda _: [])
-    with writing(means.bank, means.patience or WAIT * len(notes[:1])):
+    with writing(means.bank, means.patience or (WAIT if notes else 0.0)):
         known.read()  # another run may have written since
         lacking = known.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
         if not notes:
-            notes.append(
-                f"the bank of this clutch lacks {left} shifts; they are simulated once and kept in "
-                f"{means.bank} for this and later diagnoses"
-            )
+            notes.append(f"the bank of this clutch lacks {left} shifts; they are simulated once "
+                         f"and kept in {means.bank} for this and later diagnoses")  # fmt: skip
             means.progress.say(notes[0])
         kept = f"{means.bank}; the same command goes on from there"
         with WorkCounter(means.progress, left, kept=kept) as counter:

@@ -55,9 +55,7 @@ class ShiftJournal:
     def sync(self) -> None:
         """Put what is written on the disk; from now on a power cut leaves it."""
         if self.path.exists():
-            with _alone_in(self.path) as descriptor:
-                os.fsync(descriptor)
-                sync_folder(self.path.parent)
+            sync(self.path)
 
     def drop(self, keys: Collection[str]) -> None:
         """Remove shifts whose results are stored elsewhere; StorageError as ``append``.
@@ -115,6 +113,13 @@ def append(path: Path, *rows: Record) -> None:
         except OSError:
             os.ftruncate(descriptor, end)
             raise
+
+
+def sync(path: Path) -> None:
+    """Put what is written to a file on the disk; StorageError as ``append``."""
+    with _alone_in(path) as descriptor:
+        os.fsync(descriptor)
+        sync_folder(path.parent)
 
 
 @contextmanager

@@ -207,19 +207,17 @@ def _silent(force: float, meaning: EmptyCells, **cause: Mapping[str, float]) -> 
 
 
 def test_a_meaning_of_empty_cells_that_decides_is_stated_beside_the_answer() -> None:
-    """Shifts at 60 N fail by 90 N of friction, which times from 235 N on hardly show."""
-    found = _silent(60.0, "unknown", sleeve_friction={"friction_N": 90.0})
-    left, tried = found.readings
-    assert (left.verdict.causes, tried.verdict.causes) == ((), ("sleeve_friction",))
+    """Shifts at 60 N fail by 100 N of friction, which times from 235 N on hardly show."""
+    found = _silent(60.0, "unknown", sleeve_friction={"friction_N": 100.0})
+    one, other = found.readings
+    assert (one.verdict.causes, other.verdict.causes) == ((), ("sleeve_friction",))
     assert found.verdict.causes == ()
-    assert f"If shifts without a time failed ({chance(tried.probability)})" in summary(found)
-    for meaning, reading in (("not_made", left), ("failed", tried)):
-        stated = _silent(60.0, meaning, sleeve_friction={"friction_N": 90.0})
-        assert stated.readings == ()
-        one, other = stated.verdict, reading.verdict
-        assert (one.kind, one.causes) == (other.kind, other.causes)
-        every = {h: stated.posterior.get(h, 0.0) for h in reading.posterior}
-        assert reading.posterior == pytest.approx(every, abs=0.005)
+    assert f"If shifts without a time failed ({chance(other.probability)})" in summary(found)
+    for meaning, reading in (("not_made", one), ("failed", other)):
+        stated = _silent(60.0, meaning, sleeve_friction={"friction_N": 100.0})
+        assert (stated.readings, stated.verdict) == ((), reading.verdict)
+        most = max(stated.posterior.values())
+        assert max(reading.posterior.values()) == pytest.approx(most, rel=0.01)
 
 
 def test_failures_that_nothing_explains_decide_nothing() -> None:
