@@ -69,18 +69,27 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
     require_same_physics(data, physics)
     x = np.array([design[name] for name in data.variables], dtype=float)
     distance = float(surrogate.distance(x[None, :])[0])
-    warnings = _warnings(data, x, mix.points, distance)
+    low, high = data.grid.x.min(axis=0), data.grid.x.max(axis=0)
+    warnings = [
+        f"{name} = {x[k]:.4g} is outside the simulated designs ({low[k]:.4g} to {high[k]:.4g})"
+        for k, name in enumerate(data.variables)
+        if not _within(x, low, high)[k]
+    ]
+    warnings += _point_warnings(data, mix.points)
     if faces_hold(data, x[None, :])[0]:
+        chamfer = f"chamfer {x[_chamfers(data)].min():.4g} deg"
         friction = np.degrees(np.arctan(float(data.physics["static_friction"])))
-        return Answer(None, distance, warnings, (
-            f"{HOLDS} (chamfer {_least_chamfer(data, x):.4g} deg, below the friction angle "
-            f"{friction:.3g} deg; 'dogshape expect' simulates it)"
-        ))  # fmt: skip
+        why = f"{chamfer}, below the friction angle {friction:.3g} deg"
+        refusal = f"{HOLDS} ({why}; 'dogshape expect' simulates it)"
+        held = warnings or [f"{chamfer}: faces hold by friction"]
+        return Answer(None, distance, tuple(held), refusal)
+    if distance > FAR and not warnings:
+        warnings.append(f"the nearest simulated design is {distance:.1f} median spacings away")
     expected = surrogate.expected(x, mix)
     if expected.engaged < LEAST_ENGAGED:
         few = f"about {100 * expected.engaged:.0f} % engage at the worst point: no time"
-        return Answer(None, distance, warnings, few)
-    return Answer(expected, distance, warnings)
+        return Answer(None, distance, tuple(warnings), few)
+    return Answer(expected, distance, tuple(warnings))
 
 
 def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
@@ -104,25 +113,6 @@ def faces_hold(data: Dataset, x: Array) -> Mask:
 
 def _chamfers(data: Dataset) -> list[int]:
     return [k for k, name in enumerate(data.variables) if name in CHAMFERS]
-
-
-def _least_chamfer(data: Dataset, x: Array) -> float:
-    return float(x[_chamfers(data)].min())
-
-
-def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> tuple[str, ...]:
-    low, high = data.grid.x.min(axis=0), data.grid.x.max(axis=0)
-    found = [
-        f"{name} = {x[k]:.4g} is outside the simulated designs ({low[k]:.4g} to {high[k]:.4g})"
-        for k, name in enumerate(data.variables)
-        if not _within(x, low, high)[k]
-    ]
-    found += _point_warnings(data, points)
-    if not found and faces_hold(data, x[None, :])[0]:
-        found.append(f"chamfer {_least_chamfer(data, x):.4g} deg: faces hold by friction")
-    if distance > FAR and not found:
-        found.append(f"the nearest simulated design is {distance:.1f} median spacings away")
-    return tuple(found)
 
 
 def _point_warnings(data: Dataset, points: Array) -> list[str]:
