@@ -26,12 +26,9 @@ def toml_value(value: Any, *, lines: bool = False) -> str:
 
 
 def toml_text(data: Mapping[str, Any], comments: Mapping[str, Sequence[str]]) -> str:
-    """Write a file of tables, with comments.
+    """Write a file of tables, those within tables in one line, with comments.
 
-    Parameters
-    ----------
-    data : values and tables by name; tables within tables are written in one line.
-    comments : sentences by the dotted key that they stand before, ``""`` for the top.
+    ``comments`` are sentences by the dotted key that they stand before, ``""`` for the top.
     """
     tables = {key: value for key, value in data.items() if isinstance(value, Mapping)}
     text = []

@@ -91,17 +91,10 @@ def draws_beside(path: Path) -> Path:
 def calibrated_study(
     found: Diagnosis, path: Path, base: str | None, draws: int, causes: Sequence[str] | None
 ) -> CalibratedStudy:
-    """Put the effects of a diagnosis into a study.
+    """Put the effects of a diagnosis into a study, as ``dogshape.Diagnosis.calibrated`` writes it.
 
-    Parameters
-    ----------
-    path : of the study file, whose stem becomes the study's name.
-    base : study that takes the effects; None for one of the bench's own clutch and points.
-    draws : number of draws from the posterior.
-    causes : effects of the file, those of the verdict among them; None for the most probable set.
-
-    Raises InputError, with the remedy, where no effect is named, a study takes none, or ``causes``
-    has no fit.
+    ``causes`` has those of the verdict. Raises InputError, with the remedy, where no effect is
+    named, a study takes none, or ``causes`` has no fit.
     """
     hypothesis = _chosen(found, path, causes)
     fit, effects, bench = found.fits[hypothesis], found.effects, found.bench

@@ -38,26 +38,16 @@ TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, amo
 
 @dataclass(frozen=True)
 class BenchDraft:
-    """Content of a bench folder before it is written.
+    """Content of a bench folder before it is written; without ``tables`` it has one to fill."""
 
-    Parameters
-    ----------
-    tables : CSV or .xlsx files of the stand (``FILE.xlsx#SHEET``); none gives a table to fill.
-    origin : study or bench whose clutch, contact, set values and rise of the force are taken.
-    columns : quantity to column, unit or formula (``foreign_columns.said_match``).
-    rise_s : rise time of the force for all rows that have none; None takes the origin's.
-    values : values of ``bench.toml`` by dotted key.
-    decimal : decimal sign of the tables, None to find it.
-    rows : rows of the file that are shifts, such as ``2-41,45``; empty to find them.
-    """
-
-    tables: tuple[Path, ...] = ()
-    origin: str = PUBLISHED
+    tables: tuple[Path, ...] = ()  #: CSV or .xlsx files of the stand (``FILE.xlsx#SHEET``)
+    origin: str = PUBLISHED  #: study or bench with clutch, contact, set values, rise of the force
+    #: quantity to column, unit or formula (``foreign_columns.said_match``)
     columns: Mapping[str, str] = field(default_factory=dict)
-    rise_s: float | None = None
-    values: Mapping[str, Any] = field(default_factory=dict)
-    decimal: str | None = None
-    rows: str = ""
+    rise_s: float | None = None  #: of the force for rows that have none; None takes the origin's
+    values: Mapping[str, Any] = field(default_factory=dict)  #: of ``bench.toml`` by dotted key
+    decimal: str | None = None  #: decimal sign of the tables, None to find it
+    rows: str = ""  #: rows of the file that are shifts, such as ``2-41,45``; empty to find them
 
     @property
     def ranges(self) -> list[range]:

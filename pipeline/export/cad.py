@@ -49,17 +49,9 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
     axial gap apart; dogs face slots, so that an axial move alone leads to full depth.
     The gap is between the sharp crests: with a chamfer, rounded ones stand a little lower.
 
-    Parameters
-    ----------
-    root_radius : of fillets and rounded tips, m.
-    body : thickness of either ring below the floors of its slots, m.
-
-    Raises
-    ------
-    InputError
-        build123d is not installed.
-    GeometryError
-        Fillets or roundings do not fit, or the body has no thickness.
+    ``root_radius`` is that of fillets and rounded tips, ``body`` the thickness of either ring below
+    the floors of its slots, m. InputError without build123d; GeometryError where fillets or
+    roundings do not fit, or the body has no thickness.
     """
     cad = load_cad()
     ring = ring_solid(dog, root_radius, body)

@@ -97,14 +97,9 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result, or what ``load_study`` takes.
 
     ``settings`` are keys of a study with their values. A name without ``#N`` is the chosen design
-    of its result, where it has one; unless ``chosen``, it is the study's own dog.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, a design that is not there, and for settings of a design with a number.
-    StorageError
-        For a folder with damaged files.
+    of its result, where it has one; unless ``chosen``, it is the study's own dog. InputError for an
+    unknown name, a design that is not there, and for settings of a design with a number;
+    StorageError for a folder with damaged files.
     """
     where, sign, number = name.rpartition("#") if "#" in name else (name, "", "")
     if not chosen and (not sign or Path(name).exists()):
