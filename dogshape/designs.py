@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.check import check_design
-from dogshape.pipeline.record import Frame, Result, Table
+from dogshape.pipeline.record import Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.data_sheet import (
     NamedDesign,
     design_record,
@@ -86,9 +86,7 @@ class SideBySide(Result):
 
     def to_frame(self) -> Frame:
         """Give a column for each item and a row for each quantity, dotted where keys are nested."""
-        import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
-
-        return pd.DataFrame([flat_keys(item) for item in self.items]).set_index("label").T
+        return frame_of([flat_keys(item) for item in self.items]).set_index("label").T
 
 
 def compare(*names: str) -> SideBySide:

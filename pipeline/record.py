@@ -49,18 +49,13 @@ def key(
 
 @dataclass(frozen=True)
 class Table:
-    """A table for console and pages.
-
-    Parameters
-    ----------
-    looks : look of a row by its place, ``best``, ``prototype`` or ``group`` (a row of one cell).
-    words : columns of text, beside the first one.
-    """
+    """A table for console and pages."""
 
     heads: Sequence[str]
     rows: Sequence[Sequence[str]]
+    #: look of a row by its place, ``best``, ``prototype`` or ``group`` (a row of one cell)
     looks: Mapping[int, str] = field(default_factory=dict)
-    words: Sequence[int] = ()
+    words: Sequence[int] = ()  #: columns of text, beside the first one
     note: str = ""
 
 
@@ -108,11 +103,11 @@ def tabulate(kind: type[Record], rows: Sequence[Record], *names: str) -> Table:
     return Table(heads, [[row.cell(name) for name in columns] for row in rows])
 
 
-def frame_of(rows: Sequence[Record]) -> pd.DataFrame:
-    """Give records as a frame, a column for each key."""
+def frame_of(rows: Sequence[Record | dict[str, Any]]) -> pd.DataFrame:
+    """Give records, or rows of values by their keys, as a frame, a column for each key."""
     import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
 
-    return pd.DataFrame([row.to_dict() for row in rows])
+    return pd.DataFrame([row.to_dict() if isinstance(row, Record) else row for row in rows])
 
 
 def number_or_none(value: float | None) -> float | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dogshape.pipeline.config.schema import QUANTILE
-from dogshape.pipeline.record import Frame, percent
+from dogshape.pipeline.record import Frame, frame_of, percent
 from dogshape.pipeline.reports.text import check_name, minus, with_error
 from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
 
@@ -157,8 +157,6 @@ def designs_shown(result: Row) -> list[Row]:
 
 def designs_frame(result: Row, names: Sequence[str], rows: Sequence[Row] | None = None) -> Frame:
     """Tabulate designs of a search with all that is known of them, a row each; by default all."""
-    import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
-
     front, failed = {row["trial"] for row in result["front"]}, failed_at_new_angles(result)
     best = (result["best"] or {}).get("trial")
     apart = (*names, "trial", "prototype", "failed")
@@ -178,4 +176,4 @@ def designs_frame(result: Row, names: Sequence[str], rows: Sequence[Row] | None 
             **{f"within_tolerances_{k}": v for k, v in within.items() if not isinstance(v, dict)},
             **{f"margin_of_{name}": margin for name, margin in row["margins"].items()},
         })  # fmt: skip
-    return pd.DataFrame(table)
+    return frame_of(table)
