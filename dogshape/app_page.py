@@ -131,10 +131,9 @@ def judged(found: Checked) -> dict[str, Any]:
     """Show the smallest margin, whether the landing is judged, and the table of checks."""
     weakest, failed = smallest_margin(found.design.checks), len(found.failed)
     count, open_ones = len(found.design.checks), found.design.not_checked
-    worst = found.worst_case.replace("%", " %").replace("_", " ")
     lines = (
         f"{check_name(weakest.name)}; {f'{failed} of {count} fail' if failed else 'all pass'}",
-        f"at worst-case tolerances: {worst}",
+        f"at worst-case tolerances: {found.worst_case.replace('%', ' %').replace('_', ' ')}",
         "landing not judged yet" if open_ones else "landing judged",
     )
     kind = "bad" if failed else "open" if open_ones else "good"

@@ -176,8 +176,7 @@ def _learn(study: Setup, folder: StudyFolder, result: Row, say: Say) -> None:
         say(f"no surrogate: {error}")
         return
     result["surrogate"] = stored.validation.model_dump()
-    best = [result["best"]] if result["best"] else []
-    for row in (*result["trials"], *result["front"], *best):
+    for row in filter(None, (*result["trials"], *result["front"], result["best"])):
         found = tolerance_time(study, stored.surrogate, row, study_mix(study))
         row["time_within_tolerances"] = found.to_dict()
 

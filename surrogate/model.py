@@ -186,8 +186,7 @@ class Surrogate:
 
     def medians(self, x: Array, mix: Mix) -> Array:
         """Predict expected times of designs (m, d) without their errors, at once, (m,), s."""
-        retries = self._retries(x, mix)[1]
-        where = coordinates(self.data, x)
+        where, retries = coordinates(self.data, x), self._retries(x, mix)[1]
         if mix.equals(self.data.mix):
             return np.exp(self.time.mean(where)[:, 0]) + retries
         logarithms = self.points.mean(where)

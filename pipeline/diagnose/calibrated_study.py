@@ -186,7 +186,6 @@ def _clashing(data: Data, taken: Sequence[Effect], clutch: Clutch) -> list[str]:
 def _comments(
     found: Diagnosis, hypothesis: Hypothesis, base: str | None, remarks: Sequence[str], table: str
 ) -> dict[str, list[str]]:
-    """Write the comments of the study file."""
     source = "clutch and operating points of the bench" if base is None else f"the study {base}"
     comments = {
         "": [

@@ -203,9 +203,8 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
             f"{100 * LEAST:.0f} %; leave --study out"
         )
     given, designs = studied(study)
-    sizes = found.fits[cause].intervals
     values = {
-        name: {p.name: sizes[p.name].mean for p in effect.parameters}
+        name: {p.name: found.fits[cause].intervals[p.name].mean for p in effect.parameters}
         for name, effect in found.effects.items()
         if name in cause and name not in OF_STAND
     }

@@ -142,11 +142,8 @@ def _rounded(points: Sequence[complex], radii: Sequence[float]) -> str:
 
 def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
     """Trace the profile of ``dogs`` neighbouring dogs with their slots, mm."""
-    points = []
-    for index in range(dogs):
-        shift = (index - 0.5 * (dogs - 1)) * dog.pitch
-        points += [((x + shift) / MM, z / MM) for x, z in section(dog)]
-    return points
+    shifts = [(index - 0.5 * (dogs - 1)) * dog.pitch for index in range(dogs)]
+    return [((x + shift) / MM, z / MM) for shift in shifts for x, z in section(dog)]
 
 
 def open_section_svg(dog: Dog, other: Dog, name: str = "initial design") -> str:

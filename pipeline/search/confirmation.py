@@ -299,8 +299,7 @@ def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:
     both = [(result_of(mine), result_of(drake)) for mine, drake in pairs]
     same = sum(mine.outcome is drake.outcome for mine, drake in both)
     every = [(mine.shift_time, drake.shift_time) for mine, drake in both]
-    known = [times for times in every if None not in times] or [(1.0, 1.0)]
-    times = np.array(known, dtype=float)
+    times = np.array([pair for pair in every if None not in pair] or [(1.0, 1.0)], dtype=float)
     apart, mean = times[:, 0] - times[:, 1], float(times[:, 1].mean())
     sizes, deviation = np.abs(apart) / times[:, 1], float(apart.mean()) / mean
     error = float(apart.std(ddof=1)) / len(apart) ** 0.5 / mean if len(apart) > 1 else 0.0

@@ -273,9 +273,7 @@ class SurrogateSampler:
     """
 
     def __init__(self, guide: Guide, seed: int, startup: int) -> None:
-        self._guide = guide
-        self._seed = seed
-        self._startup = startup
+        self._guide, self._seed, self._startup = guide, seed, startup
         self._pool = Pool(guide, seed, WIDE)
         self._known: tuple[list[int], Prediction | None] = ([], None)
 
@@ -326,9 +324,8 @@ class SurrogateSampler:
         draws = prediction.draws([*untaken, *there], rng, DRAWS)
         candidates, front = draws[:, : len(untaken)], draws[:, len(untaken) :]
         low, high = _ends(values, candidates.mean(axis=0))
-        ways = directions(rng, WAYS, len(signs))
         gained = added((candidates - low) / (high - low), (front - low) / (high - low),
-                       np.full(len(signs), BEYOND), ways)  # fmt: skip
+                       np.full(len(signs), BEYOND), directions(rng, WAYS, len(signs)))  # fmt: skip
         likely = gained * prediction.chances(untaken)
         if likely.max() > 0.0:
             return untaken[int(np.argmax(likely))]

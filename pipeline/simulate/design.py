@@ -152,7 +152,7 @@ def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
     names = tuple(study.variables)
     if study.shape_keys != names:
         return np.array([worth_simulating(study, params) for params in designs])
-    x = np.array([[one[name] for name in names] for one in designs], dtype=float)
+    x = study.rows(designs)
     with np.errstate(all="ignore"):  # of shapes that cannot be
         passed = np.ones(len(x), dtype=bool) & dogs_of(study, names, x).possible
         for limits in ([], limits_of(study)):  # margins within tolerances take longest
@@ -329,9 +329,8 @@ def none_passes(study: Setup, drawn: int) -> str:
     """Explain which checks designs that fill the ranges fail where none of those drawn passes."""
     whose = f"none of {drawn} designs drawn from the search ranges"
     low, high = np.array(list(study.variables.values()), dtype=float).T
-    shares = sobol_shares(FILLING, len(low), study.file.search.seed)
     made = list[tuple[Design, dict[str, float]]]()
-    for row in shares:
+    for row in sobol_shares(FILLING, len(low), study.file.search.seed):
         one = design_of(study, study.named(low + row * (high - low)))
         margins = {check.name: check.margin for check in one.checks}
         if margins.pop(WORST, None) is not None:

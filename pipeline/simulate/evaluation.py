@@ -324,7 +324,7 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
         checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
         weakest = smallest_margin(checks)
         energy = ESTIMATORS["impact_energy_J"](Shifts(own, dog, checks, expectation, rows))
-        row = LifeStage(
+        found.append(LifeStage(
             life=stage,
             crest_loss_mm=loss / MM,
             edge_radius_mm=dog.edge_radius / MM,
@@ -336,8 +336,7 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
             smallest_margin=weakest.margin,
             weakest_check=weakest.name,
             margins={check.name: check.margin for check in checks},
-        )
-        found.append(row)
+        ))  # fmt: skip
     return found
 
 

@@ -1,8 +1,8 @@
 """The folder of a study: manifest, trials, journal of shifts, surrogate, report; one writer.
 
 The journal has one JSON line for every finished simulation. Workers append one at a time, under a
-lock of the operating system's. What a kill or a full disk
-left of a line is not read, and cut off before the next one is written.
+lock of the operating system's. What a kill or a full disk left of a line is not read, and cut off
+before the next one is written.
 
 A shift that the clock ended, on a machine that was too busy, is a result of this run alone: it
 is in memory, not in the file, and the next run simulates it again.
@@ -181,14 +181,13 @@ class StudyFolder:
         if any(path.exists() for path in (self.trials, self.shifts, self.simulated)):
             remedy = "choose another --out or remove the folder"
             raise StorageError(f"{self.root} holds results without study.json; {remedy}")
-        content = {
+        write_json(self.manifest, {
             "format": FORMAT,
             "study": study.file.model_dump(exclude_none=True),
             "config_hash": study.config_hash,
             "physics_hash": study.physics_hash,
             "versions": versions(),
-        }
-        write_json(self.manifest, content)
+        })  # fmt: skip
 
     def stored_study(self) -> Setup:
         """Read the study that the folder was started with; StorageError for a bad manifest."""

@@ -182,13 +182,12 @@ def check_record(check: Check) -> dict[str, Any]:
     """Record a check as JSON takes it."""
     rule = check.rule
     ends: dict[str, Any] = {"ends": check.ends} if check.ends else {}
-    row = CheckRow(
+    return CheckRow(
         name=check.name, value=number_or_none(check.value), limit=check.limit, unit=rule.unit,
         margin=number_or_none(check.margin), passed=check.passed, group=rule.group,
         at_most=rule.at_most, meaning=rule.meaning, formula=rule.formula, source=rule.source,
         limit_key=rule.key, safety=safety_factor(rule, check.margin), **ends,
-    )  # fmt: skip
-    return row.to_dict()
+    ).to_dict()  # fmt: skip
 
 
 def check_table(rows: Sequence[CheckRow], *names: str) -> Table:

@@ -173,10 +173,9 @@ def simulate_designs(
     for batch in (left[start : start + BATCH] for start in range(0, len(left), BATCH)):
         found = _shifts(study, [keys[key] for key in batch], executor)
         for key, shifts in zip(batch, found, strict=True):
-            rows = [_row(study, keys[key], one) for one in shifts]
             if not any(unfinished(shift) for one in shifts for shift in one):
-                rows_here = row_record(np.array(rows, dtype=float))
-                append(path, {"key": key, "part": part, "rows": rows_here})
+                rows = np.array([_row(study, keys[key], one) for one in shifts], dtype=float)
+                append(path, {"key": key, "part": part, "rows": row_record(rows)})
         executor.forget()
 
 

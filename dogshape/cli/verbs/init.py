@@ -207,10 +207,9 @@ def _reading(found: dict[str, Any]) -> list[str | Table]:
     rows = []
     for row in found["columns"]:
         unit = unit_of(row["quantity"])  # of the values, whatever that of the file
-        values = (row[name] for name in ("first", "least", "largest"))
         texts = (
             f"{v:.6g} {unit}".rstrip() if isinstance(v, float) else "-" if v is None else str(v)
-            for v in values
+            for v in (row["first"], row["least"], row["largest"])
         )
         rows.append((row["quantity"], row["column"], row["unit"] or "-", row["decimals"] or "-",
                      *texts, row["why"]))  # fmt: skip
