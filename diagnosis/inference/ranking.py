@@ -39,6 +39,7 @@ FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of thre
 #: Further simulations: nats below the best from which a hypothesis is plausible, error of its
 #: prediction from which it is simulated, how often, and how often all of them.
 PLAUSIBLE, UNCERTAIN, LEVELS, SIMULATED = 5.0, 0.03, 5, 15
+WITHIN = 6.0  #: nats below its best draw, of draws at which it is simulated
 KNOWN = 9.0  #: further nats, within which others are predicted again
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
@@ -144,12 +145,12 @@ class _Search:
             near = [h for h in self.samples if self.value(h) > least]
             left = dict.fromkeys(near, LEVELS) | left
             some = [h for h, n in left.items() if n and (n == LEVELS or h in near)]
-            some = [h for h in some if self.uncertain(h)]
-            if not some:
+            rows = {h: found for h in some if len(found := self.uncertain(h))}
+            if not rows:
                 return
-            h = max(some, key=lambda h: (left[h], self.value(h)))
+            h = max(rows, key=lambda h: (left[h], self.value(h)))
             one, old = self.samples[h], self.likelihood.model
-            model = old.simulate(h, one.shares[[one.log.argmax()]])
+            model = old.simulate(h, one.shares[rows[h]])
             left[h] = left[h] - 1 if model else 0
             if model:
                 self.likelihood = replace(self.likelihood, model=model)
@@ -160,12 +161,21 @@ class _Search:
                 again = refined(self.likelihood, self.samples[h], self.more, 3, self.generator)
                 self.samples[h] = again
 
-    def uncertain(self, h: Hypothesis) -> bool:
-        """Check that the best draw may be predicted wrong, between levels or by two effects."""
-        one = self.samples[h].predicted.only([self.samples[h].log.argmax()])
+    def uncertain(self, h: Hypothesis) -> np.ndarray:
+        """List likely draws that may be predicted wrong, between levels or by two effects.
+
+        The best one first, the others by their errors.
+        """
+        one = self.samples[h]
+        far = np.where(np.isfinite(one.log), self.distance(one.predicted), np.inf)
+        best = one.log.argmax()
+        rows = np.flatnonzero(far < far.min() + 2.0 * WITHIN)
+        rows = np.append(best, rows[rows != best])
+        p = one.predicted.only(rows)
         alone = len(set(forward(h)) - self.likelihood.model.readings) == 1
-        error = one.emulated if alone else one.common
-        return float(((error / one.mean) ** 2).mean()) > UNCERTAIN**2
+        error = (((p.emulated if alone else p.common) / p.mean) ** 2).mean(axis=1) ** 0.5
+        order = np.append(0, 1 + (-error[1:]).argsort())
+        return np.asarray(rows[order][error[order] > UNCERTAIN])
 
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""

@@ -79,7 +79,8 @@ class Emulator:
     kernel: Kernel
     size: Array  #: variance of the changes, (K,)
     root: Array  #: of the inverse of the covariance of the levels, (K, n, n)
-    misfit: Array  #: square of each level's miss by the others over its variance, (K, n)
+    missed: Array  #: each level's miss by the others over its standard error, (K, n)
+    misfit: Array  #: its square, at least 1 and the mean of all levels, (K, n)
     factor: Array  #: weights of the levels, (K, n)
 
     @classmethod
@@ -107,11 +108,20 @@ class Emulator:
                 best, top = whole, (log.argmax(axis=0), np.arange(len(own)))
                 chosen, size, inverse = kernel, sizes[top], np.linalg.inv(every[top])
         weights = (inverse @ found)[..., 0]
-        left = weights**2 / np.diagonal(inverse, axis1=1, axis2=2)
-        mean = (left * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-        misfit = np.maximum(np.maximum(left, mean[:, None]), 1.0)[:, :-1]
+        left = weights / np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
+        mean = (left**2 * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+        misfit = np.maximum(np.maximum(left**2, mean[:, None]), 1.0)[:, :-1]
         root = np.linalg.cholesky(inverse[:, :-1, :-1])
-        return cls(x, chosen, size, root, misfit, size[:, None] * weights[:, :-1])
+        left = np.where(known, left, 0.0)[:, :-1]
+        return cls(x, chosen, size, root, left, misfit, size[:, None] * weights[:, :-1])
+
+    def alike(self, every: int) -> float:
+        """Estimate the correlation of misses between each ``every``-th moment, 0 to 1."""
+        missed = self.missed[::every]
+        missed = missed / np.sqrt(np.maximum((missed**2).mean(axis=1, keepdims=True), EXACT))
+        own = (missed**2).sum()
+        between = (missed.sum(axis=0) ** 2).sum() - own
+        return float(np.clip(between / max((len(missed) - 1) * own, EXACT), 0.0, 1.0))
 
     def weights(self, places: Array, noise: Array | float = EXACT) -> Array:
         """Compute weights (m, n) of the levels' changes at coordinates (m, d).
@@ -124,11 +134,12 @@ class Emulator:
     def at(self, places: Array, every: int) -> tuple[Array, Array]:
         """Compute changes (m, K) at coordinates (m, d).
 
-        Standard errors are those of each ``every``-th moment.
+        Standard errors are those of the first two of ``every`` moments, (m, 2 K / every).
         """
+        first = np.arange(len(self.size)) % every < 2
         along = self.kernel.across(places, self.x)
-        size, taken = self.size[::every], ((along @ self.root[::every]) ** 2).sum(axis=2).T
+        size, taken = self.size[first], ((along @ self.root[first]) ** 2).sum(axis=2).T
         left = self.kernel.own(places)[:, None] * size - taken * size**2
         near = np.linalg.norm(places[:, None] - self.x[None], axis=2).argmin(axis=1)
-        error = np.sqrt(np.maximum(left, 0.0) * self.misfit[::every, near].T)
+        error = np.sqrt(np.maximum(left, 0.0) * self.misfit[first][:, near].T)
         return along @ self.factor.T, error

@@ -13,7 +13,7 @@ that decides, two effects are simulated together: a Gaussian process of what the
 where either is neutral, corrects mean and deviation, and its error replaces :math:`\Delta`. A dead
 time adds itself exactly. Relative angles that are not uniform are weights on the angles of the
 baseline and of the other effects' benches; what they change is interpolated between these.
-Plausible effects get further benches at their best draws, at all angles of the baseline.
+Plausible effects get further benches at their likely draws.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ COMBINED = 0.7  #: error of two effects over the product of their changes (measu
 #: Measured: variances of a change by angles of benches at all of them and at few, over that of all
 #: changes; errors of ln deviation and of the mean by uneven angles over 1 / number that counts.
 CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
-NEAR = 0.1  #: of the range of each parameter, within which one bench at all angles is enough
+NEAR = 0.03  #: of the range of each parameter, within which one further bench is enough
 LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least
 MOMENTS = 4
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
@@ -111,9 +111,9 @@ class Predicted:
 
     mean: Array  #: of timely shifts that engage, dead time included, s
     sd: Array  #: of these, s
-    error: Array  #: standard error of ``mean`` by angles, effect laws and emulation, s
-    emulated: Array  #: the part of it by interpolation between levels, s
-    common: Array  #: error that all points share: effects together against each alone, s
+    error: Array  #: standard error of each ``mean`` by angles, effect laws and emulation, s
+    emulated: Array  #: all of it by interpolation between levels, s
+    common: Array  #: error that all points share: emulation, effects together, s
     late: Array  #: share of late shifts among those that engage
     engaged: Array  #: share that engages before the time-out
     delay: Array  #: dead time within ``mean``, s
@@ -123,7 +123,7 @@ class Predicted:
     main: Array
     narrow: Array
     shape: Array  #: excess kurtosis of the timely shifts
-    blur: Array  #: standard error of the logarithm of ``sd`` by uneven angles
+    blur: Array  #: standard error of the logarithm of ``sd`` by interpolation and uneven angles
 
     def only(self, rows: object) -> Predicted:
         """Select some of the values."""
@@ -149,7 +149,10 @@ class Changes(NamedTuple):
 
     moments: Array  #: (m, C, MOMENTS)
     delay: Array  #: dead time, s, (m, C)
-    error: Array  #: of the change of ln mean by interpolation between levels, (m, C)
+    #: errors of the changes of ln mean and ln deviation by interpolation between levels, (m, C)
+    error: Array
+    spread: Array | float = 0.0
+    alike: float = 0.0  #: share of its variance that all points have in common
     #: share of the smaller mode; mean and deviation of the larger one over those of all; excess
     #: kurtosis; (4, m, C)
     modes: Array | None = None
@@ -187,7 +190,9 @@ class Curve(NamedTuple):
         delay, root, slip = found.reshape(-1, 3, cells).swapaxes(0, 1)
         flight = -2.0 * np.log(np.maximum(1.0 + root * self.free**0.5, LEAST_PART))
         moments = moments.reshape(-1, cells, MOMENTS)
-        return Changes(moments, delay, error, flight=flight, slip=slip)
+        error, spread = error.reshape(-1, cells, 2).transpose(2, 0, 1)
+        alike = self.emulator.alike(MOMENTS)
+        return Changes(moments, delay, error, spread, alike, flight=flight, slip=slip)
 
 
 @dataclass(frozen=True)
@@ -201,7 +206,7 @@ class Model:
     turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
     run: Runner | None = None  #: simulates further benches
     joint: Mapping[Hypothesis, Joint] = field(default_factory=dict)
-    #: Benches beside an effect's levels: their times at all angles of the baseline, (C, A).
+    #: Benches beside an effect's levels, and their times, (C, A).
     further: Mapping[str, tuple[tuple[Level, Array], ...]] = field(default_factory=dict)
     _curves: dict[str, Curve] = field(default_factory=dict)
     _limits: dict[str, list[Setting]] = field(default_factory=dict)
@@ -291,7 +296,7 @@ class Model:
         space, count, base = self.space(hypothesis), len(shares), np.exp(self.base[:, 0])
         values, (free, pace) = space.values(shares), self._free
         after = np.maximum(base - free, LEAST_PART * base)
-        logs, angled, square, delay, missed, flight, slip = np.zeros((7, count, self.cells))
+        logs, angled, square, delay, missed, alike, flight, slip = np.zeros((8, count, self.cells))
         parts, crossed = list[Array](), np.zeros((count, self.cells))
         modes = np.ones((4, count, self.cells))
         modes[3] = self.shape
@@ -315,9 +320,10 @@ class Model:
             rest += change.moments[..., 1:]
             square += log**2
             missed += change.error**2
+            alike += change.alike * change.error**2
             delay += change.delay
             modes = modes if change.modes is None else change.modes
-            blur = blur + change.blur
+            blur += BLUR**2 * change.blur + change.spread**2
         mean = base * np.exp(logs)
         if len(others) > 1:
             mean = (free * np.exp(flight) + after * np.exp(sum(parts))) * np.exp(angled)
@@ -326,22 +332,21 @@ class Model:
         ):
             error = COMBINED * abs(first * second)
             if joint := self.joint.get((one, other)):
-                at = self._places((one, other), space, values)
-                moments, error = joint.missed.at(at, 2)
+                places = self._places((one, other), space, values)
+                moments, errors = joint.missed.at(places, 2)
                 mean = mean * np.exp(moments[:, ::2])
                 rest[..., 0] += moments[:, 1::2]
+                error, blur = errors[:, ::2], blur + errors[:, 1::2] ** 2
             crossed += error
-        common = crossed * mean
         sd = np.clip(np.exp(self.base[:, 1] + rest[..., 0]), LEAST_SD, np.maximum(mean, LEAST_SD))
-        emulated = np.sqrt(missed) * mean
-        angles = _angle_error(DENSE * ANGLES) * sd
-        error = np.sqrt(angles**2 + self.law**2 * square * mean**2 + emulated**2 + common**2)
+        own = self.law**2 * square + missed - alike + crossed**2
+        error = np.hypot(_angle_error(DENSE * ANGLES) * sd, np.sqrt(own) * mean)
         late = np.clip(self.base[:, 2] + rest[..., 1], 1e-3, 0.9)
         engaged = expit(self.base[:, 3] + rest[..., 2])
         minor, main, narrow = modes[0], mean * (modes[1] - 1.0), sd * modes[2]
         return Predicted(
-            mean + delay, sd, error, emulated, common, late, engaged, delay, minor, main, narrow,
-            np.clip(modes[3], *TAILS), BLUR * blur**0.5,
+            mean + delay, sd, error, np.sqrt(missed) * mean, np.sqrt(crossed**2 + alike) * mean,
+            late, engaged, delay, minor, main, narrow, np.clip(modes[3], *TAILS), blur**0.5,
         )  # fmt: skip
 
     def _places(self, names: Hypothesis, space: Space, values: Array) -> Array:
@@ -349,39 +354,44 @@ class Model:
         cubes = (self._curve(name).places(values[:, space.columns(name)]) for name in names)
         return np.hstack([*cubes])
 
-    def simulate(self, hypothesis: Hypothesis, share: Array) -> Model | None:
-        """Simulate one or two effects at a share (1, p) of their ranges, for all predictions.
+    def simulate(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
+        """Simulate one or two effects at the first of shares (m, p), for all predictions.
 
-        One is simulated at all angles of the baseline. None where there is no such bench, one near
-        is known, or none or three effects are no reading of a shift.
+        One effect is simulated where no further bench of it is near, beside uneven angles at all
+        angles of the baseline. None where there is no such bench, or none or three effects are no
+        reading of a shift.
         """
         if REVERSED in hypothesis:
-            other = self.turned and self.turned.simulate(forward(hypothesis), share)
+            other = self.turned and self.turned.simulate(forward(hypothesis), shares)
             return other and replace(self, turned=other)
         names = tuple(name for name in hypothesis if name not in self.readings)
         if self.run is None or len(names) not in (1, 2):
             return None
-        space = self.space(hypothesis)
-        share = np.hstack([share[:, space.columns(name)] for name in names])
-        space = self.space(names)
-        level = Level(names, tuple(space.values(share)[0].tolist()))
+        space, dense = self.space(hypothesis), DENSE if set(hypothesis) - {DELAY, *names} else 1
+        shares = np.hstack([shares[:, space.columns(name)] for name in names])
+        space, alone = self.space(names), len(names) == 1
+        further = self.further.get(names[0], ()) if alone else ()
+        for level, times in further:
+            places = self._curve(names[0]).places
+            far = abs(places(space.values(shares)) - places(np.array([level.values])))
+            near = (far < NEAR).all(axis=1) & (times.shape[1] >= dense * ANGLES)
+            shares = shares[~near]
+        if not len(shares):
+            return None
+        level = Level(names, tuple(space.values(shares[:1])[0].tolist()))
         try:
             changed = [level.setting(self.effects, setting) for setting in self.settings]
         except DogshapeError:
             return None
-        if len(names) == 1:
-            curve = self._curve(names[0])
-            far = abs(curve.emulator.x[curve.dense] - curve.places(space.values(share)))
-            if (far < NEAR).all(axis=1).any():
-                return None
-            bench = level, simulate_bench(changed, self.settings, self.run, DENSE)
-            further = {**self.further, names[0]: (*self.further.get(names[0], ()), bench)}
+        times = simulate_bench(changed, self.settings, self.run, dense if alone else 1)
+        if alone:
+            every = {**self.further, names[0]: (*further, (level, times))}
             curves = {name: one for name, one in self._curves.items() if name != names[0]}
-            model = replace(self, further=further, _curves=curves, _recent={})
+            model = replace(self, further=every, _curves=curves, _recent={})
             both = {k: one for k, one in self.joint.items() if names[0] in k}
             again = {k: model._missed(k, one.shares, one.times) for k, one in both.items()}
             return replace(model, joint={**self.joint, **again})
-        times = simulate_bench(changed, self.settings, self.run)[None]
+        share, times = shares[:1], times[None]
         if joint := self.joint.get(names):
             share, times = np.vstack([joint.shares, share]), np.vstack([joint.times, times])
         return replace(self, joint={**self.joint, names: self._missed(names, share, times)})
@@ -449,9 +459,10 @@ class Model:
         """Fit the changes by an effect over its levels, moment by moment."""
         places, further = self.simulated.of((effect.name,)), self.further.get(effect.name, ())
         levels = [*(self.simulated.levels[k] for k in places), *(level for level, _ in further)]
-        times = self.simulated.spread(self.simulated.times[places])
-        times = np.concatenate([times, *(one[None] for _, one in further)])
-        dense = np.arange(len(levels)) >= len(places)
+        rows = [*self.simulated.times[places], *(one for _, one in further)]
+        dense = np.array([one.shape[1] > ANGLES for one in rows], dtype=bool)
+        spread = [one if one.shape[1] > ANGLES else self.simulated.spread(one) for one in rows]
+        times = np.array(spread).reshape(len(rows), *self.simulated.angles.shape)
         angles = Angles(times, late_times(times, self.far))
         idle = self._idle_values(effect) if effect.parameters else np.zeros((0, 0))
         values = np.array([level.values for level in levels])

@@ -236,7 +236,7 @@ def test_a_rival_is_simulated_before_it_falls_behind(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(ranking, "refined", refined)
     monkeypatch.setattr(ranking, "repeated", lambda _, one, __: one)
-    monkeypatch.setattr(_Search, "uncertain", lambda *_: True)
+    monkeypatch.setattr(_Search, "uncertain", lambda *_: np.zeros(1, dtype=int))
     likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, Asked()))
     search = _Search(likelihood, nothing, 0.0, np.random.default_rng(1))
     first, second, far = ("a", "b"), ("a", "c"), ("b", "c")
