@@ -3,7 +3,7 @@
     python -m benchmarks.bundled_bank [--bank FOLDER] [--jobs N]
 
 What ``studies/bench/bank.jsonl`` lacks is simulated by the compiled engine and kept in FOLDER. The
-file is written again with what ``build_models`` asks for and nothing else. From nothing it takes
+file is written again with what these diagnoses ask for and nothing else. From nothing it takes
 150 000 shifts, some minutes.
 """
 
@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.diagnosis import diagnose
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.pipeline.diagnose.bank import Bank, series_key
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, BROUGHT, TIMES, Means, shifts_of
@@ -44,7 +45,7 @@ def main() -> None:
     for name in SETS:
         bench = load_bench(name)
         bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
-        build_models(bench, load(None), means.settings, run)
+        diagnose(bench, build_models(bench, load(None), means.settings, run), means.settings)
     rows = [json.dumps(known.series[key]) + "\n" for key in dict.fromkeys(keys)]
     write_whole(BROUGHT, "".join(rows))
     print(f"{BROUGHT}: {len(rows)} series")
