@@ -197,3 +197,13 @@ def test_shifts_with_and_without_the_rare_mode_have_the_moments_of_all() -> None
     assert shares.sum(axis=0) == pytest.approx(1.0)
     assert (shares * offset).sum(axis=0) == pytest.approx(0.0, abs=1e-12)
     assert (shares * variance).sum(axis=0) == pytest.approx(q.sd**2)
+
+
+def test_misses_that_all_points_share_are_told_from_those_of_each() -> None:
+    generator = np.random.default_rng(2)
+    x, plain = np.linspace(0.1, 1.0, 9)[:, None], (np.zeros((1, 1)),)
+    shared, each = np.tile(generator.normal(size=10), (12, 1)), generator.normal(size=(12, 10))
+    own, common = np.full((12, 1), 0.1), np.full(12, 0.01)
+    alike = [Emulator.fitted(x, plain, one, own, common).alike(1) for one in (shared, each)]
+    assert alike[0] == pytest.approx(1.0, abs=1e-6)
+    assert alike[1] < 0.3
