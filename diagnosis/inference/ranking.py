@@ -39,7 +39,7 @@ FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of thre
 #: Further simulations: nats below the best from which a hypothesis is plausible, error of its
 #: prediction from which it is simulated, how often, and how often all of them.
 PLAUSIBLE, UNCERTAIN, LEVELS, SIMULATED = 5.0, 0.03, 5, 15
-WITHIN = 6.0  #: nats below its best draw, of draws at which it is simulated
+WITHIN = 6.0  #: halves of squared distance behind the least, of draws where it is simulated
 KNOWN = 9.0  #: further nats, within which others are predicted again
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn

@@ -152,7 +152,7 @@ class Changes(NamedTuple):
     #: errors of the changes of ln mean and ln deviation by interpolation between levels, (m, C)
     error: Array
     spread: Array | float = 0.0
-    alike: float = 0.0  #: share of its variance that all points have in common
+    alike: float = 0.0  #: share of the variance of ``error`` that all points have in common
     #: share of the smaller mode; mean and deviation of the larger one over those of all; excess
     #: kurtosis; (4, m, C)
     modes: Array | None = None
