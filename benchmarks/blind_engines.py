@@ -18,7 +18,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.model import timely, wait_of
+from dogshape.diagnosis.prediction.model import wait_of
+from dogshape.diagnosis.prediction.moments import timely
 from dogshape.diagnosis.prediction.simulations import read_times, settings_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.setting import Setting

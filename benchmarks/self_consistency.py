@@ -29,7 +29,8 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of
 from dogshape.diagnosis.likelihood.observed import observe
-from dogshape.diagnosis.prediction.model import Model, Predicted, timely
+from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.prediction.moments import timely
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, models_of

@@ -17,7 +17,8 @@ from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import Verdict, inclusion
 from dogshape.diagnosis.next_test import choose
-from dogshape.diagnosis.prediction.model import Space, build_models
+from dogshape.diagnosis.prediction.curve import Space
+from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effects import load

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import Field, field_of
-from dogshape.diagnosis.prediction.model import Predicted, Space
+from dogshape.diagnosis.prediction.curve import Space
+from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.shift.clutch import OperatingPoint

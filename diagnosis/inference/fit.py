@@ -23,8 +23,9 @@ from scipy.special import gammaln, logsumexp
 from scipy.stats import chi2, qmc
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
+from dogshape.diagnosis.prediction.curve import Space
 from dogshape.diagnosis.prediction.flights import Flights, flight_scores
-from dogshape.diagnosis.prediction.model import Predicted, Space
+from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.terms import Array, Hypothesis, forward
 
 PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters

@@ -20,7 +20,8 @@ from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.likelihood.observed import Observed
-from dogshape.diagnosis.prediction.model import Model, Space
+from dogshape.diagnosis.prediction.curve import Space
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.terms import NONE, Array
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect

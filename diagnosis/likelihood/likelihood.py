@@ -26,7 +26,7 @@ from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.stand_file import Tolerance
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Model, Predicted
-from dogshape.diagnosis.prediction.weighted import LEAST_SD
+from dogshape.diagnosis.prediction.moments import LEAST_SD
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM

@@ -20,8 +20,8 @@ from scipy.stats import t as student
 
 from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading
 from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
-from dogshape.diagnosis.prediction.model import Model, late_times
-from dogshape.diagnosis.prediction.weighted import LEAST_SD
+from dogshape.diagnosis.prediction.model import Model
+from dogshape.diagnosis.prediction.moments import LEAST_SD, late_times
 from dogshape.diagnosis.terms import Array
 
 MANY = 4  #: single shifts, from which late ones can be seen

@@ -40,7 +40,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import multivariate_normal, norm
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, SeenFlight
-from dogshape.diagnosis.prediction.model import Space
+from dogshape.diagnosis.prediction.curve import Space
 from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis

@@ -28,29 +28,43 @@ import numpy as np
 from scipy.special import expit, logit
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.prediction.curve import (
+    LEAST_PART,
+    MOMENTS,
+    Changes,
+    Curve,
+    Space,
+    coordinates,
+)
 from dogshape.diagnosis.prediction.emulator import Emulator
+from dogshape.diagnosis.prediction.moments import (
+    FAR,
+    LEAST_SD,
+    Angles,
+    late_times,
+    modes_of,
+    quantiles,
+    timely,
+)
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
     DENSE,
     Level,
     Simulated,
-    coordinate,
     extremes,
     settings_of,
     simulate,
     simulate_bench,
     with_wide_range,
 )
-from dogshape.diagnosis.prediction.weighted import LEAST_SD, Angles, modes_of
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import DELAY, REVERSED, Array, Hypothesis, forward
-from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Sensor, Setting, angle_weights
 from dogshape.sim.shift.planar import touch_time
 from dogshape.sim.statistics.blocks import Runner
 
-FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
 SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
@@ -61,48 +75,12 @@ COMBINED = 0.7  #: error of two effects over the product of their changes (measu
 #: changes; errors of ln deviation and of the mean by uneven angles over 1 / number that counts.
 CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
 NEAR = 0.03  #: of the range of each parameter, within which one further bench is enough
-LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least
-MOMENTS = 4
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
 #: the share of late shifts over the binomial one, of the logit of those that engage.
 OWN, SHARED = (0.1, 0.25, 1.0, 0.5), (0.04, 0.05, 0.5, 1.0)
 TAILS = -1.5, 12.0  #: of the excess kurtosis, least and most
 RECENT = 256  #: results that are kept
 TRIED = 9  #: values of each parameter at which the range of an effect is examined
-
-
-@dataclass(frozen=True)
-class Space:
-    """Parameters of a hypothesis as a unit cube of shares of their ranges."""
-
-    effects: tuple[Effect, ...]
-    setting: Setting
-
-    @property
-    def hypothesis(self) -> Hypothesis:
-        """Names of the effects."""
-        return tuple(effect.name for effect in self.effects)
-
-    @cached_property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters, effect by effect."""
-        return tuple(p for effect in self.effects for p in effect.parameters)
-
-    def values(self, shares: Array) -> Array:
-        """Compute values (m, p) at shares (m, p) of the ranges."""
-        found = np.empty((len(shares), len(self.parameters)))
-        for k, (p, share) in enumerate(zip(self.parameters, shares.T, strict=True)):
-            if p.scale == "uniform":
-                found[:, k] = p.low + share * (p.high - p.low)
-            else:
-                found[:, k] = p.low * (p.high / p.low) ** share
-        return found
-
-    def columns(self, name: str) -> slice:
-        """Find the columns of an effect's parameters."""
-        ends = np.cumsum([0, *(len(effect.parameters) for effect in self.effects)]).tolist()
-        place = self.hypothesis.index(name)
-        return slice(ends[place], ends[place + 1])
 
 
 @dataclass(frozen=True)
@@ -142,57 +120,6 @@ class Joint(NamedTuple):
     shares: Array  #: of n benches, (n, p)
     times: Array  #: (n, C, ANGLES)
     missed: Emulator  #: of 2 C moments
-
-
-class Changes(NamedTuple):
-    """Changes by an effect at m values of its parameters."""
-
-    moments: Array  #: (m, C, MOMENTS)
-    delay: Array  #: dead time, s, (m, C)
-    #: errors of the changes of ln mean and ln deviation by interpolation between levels, (m, C)
-    error: Array
-    spread: Array | float = 0.0
-    alike: float = 0.0  #: share of the variance of ``error`` that all points have in common
-    #: share of the smaller mode; mean and deviation of the larger one over those of all; excess
-    #: kurtosis; (4, m, C)
-    modes: Array | None = None
-    #: of the logarithm of the time until the gap is closed, and of the mismatch, pitches/s, (m, C)
-    flight: Array | float = 0.0
-    slip: Array | float = 0.0
-    uneven: Array | None = None  #: concentration and centre of the angles, (2, m, 1)
-    #: square of the error of ln deviation by uneven angles over ``BLUR``, (m, C)
-    blur: Array | float = 0.0
-
-
-class Curve(NamedTuple):
-    """Changes by an effect between its benches, in the unit cube of their coordinates."""
-
-    effect: Effect
-    setting: Setting
-    low: Array  #: least coordinates, and ranges, (p,)
-    wide: Array
-    free: Array  #: time until the gap is closed of the baseline, s, (C,)
-    emulator: Emulator  #: of their moments
-    angles: Angles  #: their times
-    dense: np.ndarray  #: which of them have all angles of the baseline, (n,)
-    exact: Array  #: changes of delay, root of 1 / ``free``, and mismatch, (n, 3 C)
-
-    def places(self, values: Array) -> Array:
-        """Compute coordinates of values (m, p), (m, p)."""
-        at = (coordinates(self.effect, values, self.setting) - self.low) / self.wide
-        return np.clip(at, 0.0, 1.0)
-
-    def changes(self, values: Array) -> Changes:
-        """Compute the changes at values (m, p)."""
-        at, cells = self.places(values), len(self.free)
-        moments, error = self.emulator.at(at, MOMENTS)
-        found = self.emulator.weights(at) @ self.exact
-        delay, root, slip = found.reshape(-1, 3, cells).swapaxes(0, 1)
-        flight = -2.0 * np.log(np.maximum(1.0 + root * self.free**0.5, LEAST_PART))
-        moments = moments.reshape(-1, cells, MOMENTS)
-        error, spread = error.reshape(-1, cells, 2).transpose(2, 0, 1)
-        alike = self.emulator.alike(MOMENTS)
-        return Changes(moments, delay, error, spread, alike, flight=flight, slip=slip)
 
 
 @dataclass(frozen=True)
@@ -236,7 +163,7 @@ class Model:
     @cached_property
     def far(self) -> Array:
         """Least distance of a late shift behind the median, s, (C,), by the dense baseline."""
-        fast, middle = _quantiles(self.simulated.baseline, (0.1, 0.5))
+        fast, middle = quantiles(self.simulated.baseline, (0.1, 0.5))
         return np.maximum(FAR * (middle - fast), np.maximum(SLOT * self.waits, LEAST_FAR))
 
     @cached_property
@@ -272,7 +199,7 @@ class Model:
         Where hardly any shift is late, it passes ``SLOTS`` slots, and scatters as much.
         """
         times, late = self._every
-        (own,) = _quantiles(np.moveaxis(self.simulated.times, 1, 0), (0.5,))
+        (own,) = quantiles(np.moveaxis(self.simulated.times, 1, 0), (0.5,))
         dense = self.simulated.baseline.shape[1]
         timeout = np.array([one.clutch.timeout for one in self.settings])
         mean = np.minimum(SLOTS * self.waits, 0.5 * timeout)
@@ -606,13 +533,6 @@ def build_models(
     return found
 
 
-def coordinates(effect: Effect, values: Array, setting: Setting) -> Array:
-    """Compute the coordinates in which times change evenly, of values (m, p), (m, p)."""
-    pairs = zip(effect.parameters, values.T, strict=True)
-    columns = [coordinate(p, column, setting) for p, column in pairs]
-    return np.array(columns).reshape(len(columns), len(values)).T
-
-
 def _exists(effect: Effect, shares: Sequence[float], setting: Setting) -> bool:
     given = {p.name: float(p.at(s)) for p, s in zip(effect.parameters, shares, strict=True)}
     return effect.possible(setting, given)
@@ -653,36 +573,6 @@ def wait_of(setting: Setting) -> float:
     """Compute the time in which the rings turn by one pitch, at most the time-out, s."""
     slip, timeout = abs(setting.point.mismatch), setting.clutch.timeout
     return min(timeout, setting.clutch.dog.pitch_angle / slip) if slip else timeout
-
-
-def late_times(times: Array, least: Array) -> np.ndarray:
-    """Mark late shifts among times (..., C, n) of operating points.
-
-    A late shift lies behind the median by ``least`` (C,), s, and by ``FAR`` distances of the 10 %
-    quantile from it: the fast side does not move with late shifts.
-    """
-    fast, middle = _quantiles(times, (0.1, 0.5))
-    far = np.maximum(FAR * (middle - fast), least)
-    return np.isfinite(times) & (times > (middle + far)[..., None])
-
-
-def _quantiles(times: Array, shares: Sequence[float]) -> list[Array]:
-    """Compute quantiles of the shifts that engage among times (..., n), (...) each; 0 for none."""
-    ended = np.isfinite(times)
-    count = ended.sum(axis=-1)
-    ordered = np.sort(np.where(ended, times, np.where(count == 0, 0.0, np.inf)[..., None]), axis=-1)
-    last, found = np.maximum(count - 1, 0), []
-    for share in shares:
-        below = np.floor(share * last).astype(int)
-        ends = (below, np.minimum(below + 1, last))
-        low, high = (np.take_along_axis(ordered, k[..., None], -1)[..., 0] for k in ends)
-        found.append(np.asarray(low + (share * last - below) * (high - low)))
-    return found
-
-
-def timely(times: Array, least: Array) -> Array:
-    """Replace late shifts and those that did not engage by NaN."""
-    return np.where(np.isfinite(times) & ~late_times(times, least), times, np.nan)
 
 
 def _angle_error(count: Array | int) -> Array:

@@ -15,9 +15,9 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.emulator import AMPLITUDES, LENGTHS, Emulator, Kernel
-from dogshape.diagnosis.prediction.model import Model, build_models, timely
+from dogshape.diagnosis.prediction.model import Model, build_models
+from dogshape.diagnosis.prediction.moments import Angles, modes_of, timely
 from dogshape.diagnosis.prediction.simulations import Level, simulate_bench
-from dogshape.diagnosis.prediction.weighted import Angles, modes_of
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
 from dogshape.sim.effects import load

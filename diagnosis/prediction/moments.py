@@ -1,13 +1,14 @@
-"""Moments of shift times at even relative angles that count by weights.
+"""Timely and late shifts, and moments of shift times at relative angles that count by weights.
 
-The times also part into two modes where the variance within both is least (Otsu 1979, IEEE Trans.
-Syst. Man Cybern. 9). That is compiled: a diagnosis parts the angles of a million means.
+Timely shifts also part into two modes where the variance within both is least (Otsu 1979, IEEE
+Trans. Syst. Man Cybern. 9). That is compiled: a diagnosis parts the angles of a million means.
 """
 
 # mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,8 +18,39 @@ from scipy.special import logit
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.kernel import compiled
 
+FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_SD = 5e-4  #: s, resolution of a shift time
 TINY = 1e-9  #: least sum of weights to divide by
+
+
+def late_times(times: Array, least: Array) -> np.ndarray:
+    """Mark late shifts among times (..., C, n) of operating points.
+
+    A late shift lies behind the median by ``least`` (C,), s, and by ``FAR`` distances of the 10 %
+    quantile from it: the fast side does not move with late shifts.
+    """
+    fast, middle = quantiles(times, (0.1, 0.5))
+    far = np.maximum(FAR * (middle - fast), least)
+    return np.isfinite(times) & (times > (middle + far)[..., None])
+
+
+def quantiles(times: Array, shares: Sequence[float]) -> list[Array]:
+    """Compute quantiles of the shifts that engage among times (..., n), (...) each; 0 for none."""
+    ended = np.isfinite(times)
+    count = ended.sum(axis=-1)
+    ordered = np.sort(np.where(ended, times, np.where(count == 0, 0.0, np.inf)[..., None]), axis=-1)
+    last, found = np.maximum(count - 1, 0), []
+    for share in shares:
+        below = np.floor(share * last).astype(int)
+        ends = (below, np.minimum(below + 1, last))
+        low, high = (np.take_along_axis(ordered, k[..., None], -1)[..., 0] for k in ends)
+        found.append(np.asarray(low + (share * last - below) * (high - low)))
+    return found
+
+
+def timely(times: Array, least: Array) -> Array:
+    """Replace late shifts and those that did not engage by NaN."""
+    return np.where(np.isfinite(times) & ~late_times(times, least), times, np.nan)
 
 
 @dataclass(frozen=True)
