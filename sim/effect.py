@@ -10,8 +10,9 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
     DogshapeError,
     EffectError,
@@ -24,7 +25,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.units import unit_of
 
 Values = Mapping[str, float]  #: of an effect's parameters, by name, in the edge's units
-
+Share = TypeVar("Share", float, Array)  #: one share of a range, or (n,)
 
 Scale = Literal["uniform", "log-uniform"]
 SCALES: tuple[Scale, ...] = get_args(Scale)
@@ -58,14 +59,14 @@ class Parameter:
         """Return the value that changes nothing of a setting."""
         return self.neutral(setting) if callable(self.neutral) else self.neutral
 
-    def at(self, share: float) -> float:
-        """Return the value below which a ``share`` in [0, 1] of the prior lies."""
+    def at(self, share: Share) -> Share:
+        """Compute the value below which a ``share`` in [0, 1] of the prior lies."""
         if self.scale == "uniform":
             return self.low + share * (self.high - self.low)
-        return float(self.low * (self.high / self.low) ** share)
+        return self.low * (self.high / self.low) ** share
 
     def share(self, value: float) -> float:
-        """Return the share of the prior below a value, in [0, 1]; the inverse of ``at``."""
+        """Compute the share of the prior below a value, in [0, 1]; the inverse of ``at``."""
         inside = min(max(value, self.low), self.high)
         if self.scale == "uniform":
             return (inside - self.low) / (self.high - self.low)

@@ -39,11 +39,8 @@ class Space:
     def values(self, shares: Array) -> Array:
         """Compute values (m, p) at shares (m, p) of the ranges."""
         found = np.empty((len(shares), len(self.parameters)))
-        for k, (p, share) in enumerate(zip(self.parameters, shares.T, strict=True)):
-            if p.scale == "uniform":
-                found[:, k] = p.low + share * (p.high - p.low)
-            else:
-                found[:, k] = p.low * (p.high / p.low) ** share
+        for k, (parameter, share) in enumerate(zip(self.parameters, shares.T, strict=True)):
+            found[:, k] = parameter.at(share)
         return found
 
     def columns(self, name: str) -> slice:
