@@ -24,7 +24,14 @@ import numpy as np
 from scipy.stats import kstest
 
 from dogshape.validation.blind.advised_test import Advised
-from dogshape.validation.blind.sealed import manifest_of, opened, results_of
+from dogshape.validation.blind.sealed import (
+    Advance,
+    ignore,
+    manifest_of,
+    opened,
+    results_of,
+    run_all,
+)
 
 Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
 Names = tuple[str, ...]
@@ -208,17 +215,16 @@ class Mark:
         }
 
 
-def score_field(folder: Path, advise: Advise) -> Record:
+def score_field(folder: Path, advise: Advise, jobs: int = 1, advance: Advance = ignore) -> Record:
     """Open the key of a field set whose cases are all diagnosed, and score.
 
-    ``advise`` makes the advised test of a case. Raises StorageError where the key is not the sealed
-    one, InputError where results are missing.
+    ``advise`` makes the advised test of a case; it has to be picklable where ``jobs`` is above one.
+    Raises StorageError where the key is not the sealed one, InputError where results are missing.
     """
     results, manifest = results_of(folder), manifest_of(folder)
-    marks = [
-        mark_of(folder, name, truth, results[name], advise)
-        for name, truth in opened(folder)["cases"].items()
-    ]
+    cases = opened(folder)["cases"].items()
+    calls = [(folder, name, truth, results[name], advise) for name, truth in cases]
+    marks = run_all(mark_of, calls, jobs, advance)
     sealed, now = manifest["scoring_sha256"], scoring_code()
     code = {
         "changed": sorted(n for n in {*sealed, *now} if sealed.get(n) != now.get(n)),

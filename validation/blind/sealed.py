@@ -31,12 +31,14 @@ def ignore(_: int) -> None:
 
 
 def run_all(
-    function: Callable[..., None], calls: Sequence[tuple[Any, ...]], jobs: int, advance: Advance
-) -> None:
+    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], jobs: int, advance: Advance
+) -> list[Any]:
     """Call a function with each of some arguments, in so many processes; one does it here."""
-    pool = Parallel(jobs, return_as="generator_unordered")
-    for _ in pool(delayed(function)(*one) for one in calls):
+    found = []
+    for one in Parallel(jobs, return_as="generator")(delayed(function)(*call) for call in calls):
+        found.append(one)
         advance(1)
+    return found
 
 
 def hash_of(folder: Path) -> str:

@@ -70,13 +70,15 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
 
 
 @blind.command()
-def score(folder: Folder, json: Json = False) -> None:
+def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     """Open the key and compute the share of right diagnoses.
 
     Example: dogshape blind score results/blind --json
     """
     scoring = import_module("dogshape.validation.blind.score")
-    found = scoring.score_field(folder, _diagnosis().advised)
+    total, advise = len(manifest_of(folder)["cases"]), _diagnosis().advised
+    with WorkCounter(ProgressBar(), total, unit="cases") as progress:
+        found = scoring.score_field(folder, advise, workers_of(jobs), progress.advance)
     emit(found, json, lambda: score_table(found))
 
 
