@@ -3,7 +3,7 @@
 Direct tests read the parameters of effects as shares of their ranges, neutral where the effect is
 absent. More shifts at an operating point give a mean time and a share that engages; traces give the
 marks of the flight. *Unknown* predicts as well: a direct test finds nothing or anything, half and
-half, and an offset of its own size comes again.
+half, and its offset of a mean comes again or, a slip of the record, does not.
 
 The value of a test is its chance to settle, less four times its chance to mislead, less 0.04 for
 each hour. Of tests that settle about as surely the cheapest leads. Where no test is worth its cost,
@@ -295,13 +295,18 @@ def _further(
     error = np.hypot(error, own) if known else max(settings.unlisted_sizes) * mean
     # Of the residual an error of this point takes its share of the variance.
     precision = seen.count[cell] * error**2
-    gain = precision / (precision + sd**2)
-    mean = mean + fit.offset[rows, cell]
-    mean = mean + gain * (seen.mean[cell] - mean)
+    gain, plain = precision / (precision + sd**2), mean + fit.offset[rows, cell]
+    options = [(plain + gain * (seen.mean[cell] - plain), (1.0 - gain) * error**2)]
+    options += [] if known else [(plain, error**2)]
     share = np.clip(engaged, EDGE, 1.0 - EDGE)
-    variance = (1.0 - gain) * error**2 + sd**2 / np.maximum(1.0, shifts * share)
-    both = np.stack([variance, share * (1.0 - share) / shifts + EDGE**2], axis=1)
-    return smoothed(np.stack([mean, share], axis=1), both[:, None, :] * np.eye(2))
+    spread = share * (1.0 - share) / shifts + EDGE**2
+    parts = []
+    for mean, variance in options:
+        scatter = variance + sd**2 / np.maximum(1.0, shifts * share)
+        both = np.stack([scatter, spread], axis=1)[:, None, :] * np.eye(2)
+        parts.append(smoothed(np.stack([mean, share], axis=1), both))
+    of, means, covariances = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return of / len(parts), means, covariances
 
 
 def _trace_tests(diagnosis: Diagnosis) -> list[NextTest]:

@@ -3,11 +3,10 @@ r"""Outcome of a bench test as hypotheses predict it, its worth to the decision;
 A hypothesis *h* predicts the outcome *y* by *K* draws of its posterior, each a normal density with
 the errors of the test, so the probability after it is
 
-.. math:: P(h | y) \propto \frac{P(h)}{K} \sum_k N(y; a \mu_k + (1 - a) \bar\mu,
-          \Sigma_k + (1 - a^2) V),
+.. math:: P(h | y) \propto \frac{P(h)}{K} \sum_k N(y; \mu_k, \Sigma_k + V_k),
 
-*V* the covariance of the means :math:`\mu_k`, :math:`\sqrt{1 - a^2}` the kernel width of Silverman
-(1986; West 1993). Beside each effect stands an *imitator*, a cause outside the list that acts on
+:math:`V_k` the scatter of the nearest draws about it (Breiman, Meisel and Purcell 1977,
+Technometrics 19). Beside each effect stands an *imitator*, a cause outside the list that acts on
 shift times alike: a test that reads the effect finds of it what it finds of *unknown*.
 
 A *plan* has operating points, numbers and order of shifts, and the pairs that they tell apart. With
@@ -30,6 +29,7 @@ from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
+from scipy.spatial.distance import cdist
 from scipy.special import logsumexp, ndtr, polygamma
 from scipy.stats import qmc
 
@@ -43,6 +43,7 @@ from dogshape.sim.units import RPM
 
 NATS = 0.005  #: information of a test from which its chances are stated
 OUTCOMES = 256  #: drawn of each test
+NEAREST = 8  #: draws that give the width of a density
 EDGE = 0.02  #: least share of shifts that engage or fail, and its simulated error
 SETUP, TRACING, SHIFT = 0.5, 1.5, 0.02  #: hours for an operating point, for traces, for a shift
 
@@ -50,13 +51,11 @@ Densities = tuple[Array, Array, Array]  #: shares (k,), means (k, d) and covaria
 
 
 def smoothed(mean: Array, covariance: Array) -> Densities:
-    """Make densities of draws (k, d) with errors (k, d, d) that keep the draws' covariance."""
-    count, size = mean.shape
-    square = min(1.0, (4.0 / ((size + 2.0) * count)) ** (2.0 / (size + 4.0)))
-    centre = mean.mean(axis=0)
-    spread = (mean - centre).T @ (mean - centre) / count
-    shrunk = centre + np.sqrt(1.0 - square) * (mean - centre)
-    return np.full(count, 1.0 / count), shrunk, covariance + square * spread
+    """Make densities of draws (k, d) with errors (k, d, d), as wide as near draws lie apart."""
+    scaled = mean / np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0))
+    apart = mean[cdist(scaled, scaled).argsort(axis=1)[:, :NEAREST]] - mean[:, None]
+    spread = np.einsum("kni,knj->kij", apart, apart) / apart.shape[1]
+    return np.full(len(mean), 1.0 / len(mean)), mean, covariance + spread
 
 
 @dataclass(frozen=True)

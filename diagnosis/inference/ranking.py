@@ -137,18 +137,21 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, rounds, self.generator
             )
 
-    def simulate(self) -> None:
-        """Simulate the plausible at their best draws, each once before any falls behind."""
+    def simulate(self, among: Iterable[Hypothesis]) -> None:
+        """Simulate the plausible at their best draws, each once before any falls behind.
+
+        Fewer effects come first: what is learnt of them serves all sets that have them.
+        """
         left = dict[Hypothesis, int]()
         for _ in range(SIMULATED):
             least = max(map(self.value, self.samples)) - PLAUSIBLE
-            near = [h for h in self.samples if self.value(h) > least]
+            near = [h for h in among if self.value(h) > least]
             left = dict.fromkeys(near, LEVELS) | left
             some = [h for h, n in left.items() if n and (n == LEVELS or h in near)]
             rows = {h: found for h in some if len(found := self.uncertain(h))}
             if not rows:
                 return
-            h = max(rows, key=lambda h: (left[h], self.value(h)))
+            h = max(rows, key=lambda h: (left[h], -len(forward(h)), self.value(h)))
             one, old = self.samples[h], self.likelihood.model
             model = old.simulate(h, one.shares[rows[h]])
             left[h] = left[h] - 1 if model else 0
@@ -206,11 +209,12 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
         search.take(screened(likelihood, few, more, search.distance))
     search.refine(0)
     search.refine(1)
-    search.simulate()
+    search.simulate([*search.samples])
     if likelihood.settings.most > 2:
         thirds = search.widen()
         search.refine(0, thirds)
         search.refine(1, thirds)
+        search.simulate(thirds)
     search.refine(2)
     priors = {**search.priors, UNKNOWN: search.prior(UNKNOWN)}
     return Ranking(search.likelihood, more, search.samples, priors, _unlisted(search) + beside)

@@ -262,7 +262,7 @@ class Likelihood:
         Both are uncertain, so means scatter as Student's distribution: theirs is its variance.
         """
         seen, some, other = self.seen, self.having, freedom_of(self._spread_error(q))
-        freedom = np.where(seen.freedom[some] > 0.0, self._freedom(q.shape), 0.0)
+        freedom = np.where(seen.freedom[some] > 0.0, self._freedom(q.shape, 0.0), 0.0)
         whole = np.maximum(other + freedom - 2.0, 0.5 * (other + freedom))
         return np.asarray((other * predicted + freedom * seen.variance[some]) / whole)
 
@@ -274,23 +274,28 @@ class Likelihood:
         shape = np.where(
             self._options.main[known], self.model.shape[self.having][at], q.shape[:, at]
         )
-        freedom = self._freedom(shape, at)
+        freedom = self._freedom(shape, q.blur[:, at], at)
         ratio = self.seen.variance[self.having][at] / variance[:, known]
-        error, odd = self._spread_error(q)[:, at], self.settings.odd_spread
+        error, odd = self._spread_error(q, 0.5)[:, at], self.settings.odd_spread
         usual, wide = (_log_f(ratio, freedom, freedom_of(e)) for e in (error, error + 1.0))
         found[:, known] = np.logaddexp(np.log1p(-odd) + usual, np.log(odd) + wide)
         return found
 
-    def _spread_error(self, q: Predicted) -> Array:
-        """Compute the variance of ln of a predicted spread, (m, c)."""
+    def _spread_error(self, q: Predicted, part: float = 1.0) -> Array:
+        """Compute the variance of ln of a predicted spread, (m, c), with a ``part`` of its blur."""
         more = np.log1p(self.settings.spread_error * (q.mean - q.delay) / q.sd)
-        return np.asarray(self.settings.spread_share**2 + more**2 + q.blur**2)
+        return np.asarray(self.settings.spread_share**2 + more**2 + part * q.blur**2)
 
-    def _freedom(self, shape: Array, at: np.ndarray | slice = slice(None)) -> Array:
-        """Compute degrees of freedom of observed variances by the kurtosis of the times, (m, n)."""
+    def _freedom(
+        self, shape: Array, blur: Array | float, at: np.ndarray | slice = slice(None)
+    ) -> Array:
+        """Compute degrees of freedom of observed variances by the kurtosis of the times, (m, n).
+
+        The predicted spread may be too large or too small: half of its blur counts as theirs.
+        """
         seen = self.seen.freedom[self.having][at]
         n = np.maximum(seen + 1.0, 2.0)
-        spread = 2.0 / (n - 1.0) + shape / n
+        spread = 2.0 / (n - 1.0) + shape / n + 2.0 * blur**2
         freedom = np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5)
         return np.where(seen > 0.0, freedom, 1e-9)
 
@@ -298,13 +303,13 @@ class Likelihood:
         """Compute normal deviates of the observed spreads; NaN for none, (m, c)."""
         seen, some = self.seen, self.having
         q = p.only((slice(None), some))
-        error, odd = self._spread_error(q), self.settings.odd_spread
+        error, odd = self._spread_error(q, 0.5), self.settings.odd_spread
         log_part, _, variance = self._modes(q)
         below = np.zeros_like(q.sd)
         shapes = q.shape, self.model.shape[some]
         ratios = seen.variance[some] / variance
         for share, ratio, shape in zip(np.exp(log_part), ratios, shapes, strict=True):
-            freedom = np.broadcast_to(self._freedom(shape), ratio.shape)
+            freedom = np.broadcast_to(self._freedom(shape, q.blur), ratio.shape)
             usual, wide = (
                 f_distribution.cdf(ratio, freedom, freedom_of(e)) for e in (error, error + 1.0)
             )

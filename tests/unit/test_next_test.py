@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
 from dogshape.diagnosis.bench.stand_file import Measured, TestTerms
@@ -246,15 +246,21 @@ def test_a_set_of_three_is_no_settled_cause() -> None:
         assert worth[1:] == pytest.approx((settles + 0.4, 0.0), abs=1e-3)
 
 
-def test_few_draws_keep_mean_and_covariance_of_many() -> None:
+def test_few_draws_give_the_density_of_many() -> None:
     generator = np.random.default_rng(3)
-    draws = generator.normal(size=(48, 2)) @ np.array([[1.0, 0.6], [0.0, 0.5]])
-    error = 0.01 * np.eye(2)
-    share, mean, covariance = smoothed(draws, np.tile(error, (48, 1, 1)))
-    assert share @ mean == pytest.approx(draws.mean(axis=0))
-    left = mean - mean.mean(axis=0)
-    whole = np.einsum("k,kij->ij", share, covariance) + left.T @ (share[:, None] * left)
-    assert whole == pytest.approx(np.cov(draws.T, ddof=0) + error)
+    root, still = np.array([[1.0, 0.6], [0.0, 0.5]]), np.zeros((64, 2))
+    draws, more = (generator.normal(size=(n, 2)) @ root for n in (64, 2000))
+    error = np.tile(0.01 * np.eye(2), (64, 1, 1))
+    outcome = Outcome.of(
+        {LAG: smoothed(draws, error), MASS: smoothed(still, error)}, lambda _: True
+    )
+    exact = multivariate_normal(cov=root.T @ root + error[0]).logpdf(more)
+    assert exact.mean() - outcome.log_density(more)[:, 0].mean() == pytest.approx(0.0, abs=0.2)
+    # Draws that agree stay sharp, however far others of the same hypothesis lie.
+    both = smoothed(np.vstack([still[:32], 9.0 + draws[:32]]), error)
+    sharp = Outcome.of({LAG: both, MASS: smoothed(still, error)}, lambda _: True)
+    mixed, alone = sharp.log_density(np.zeros((1, 2)))[0]
+    assert alone - mixed == pytest.approx(np.log(2.0))
 
 
 def test_densities_are_those_of_a_mixture_and_draws_follow_them() -> None:
