@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar, get_args
 
+import numpy as np
+
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
     DogshapeError,
@@ -25,7 +27,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.units import unit_of
 
 Values = Mapping[str, float]  #: of an effect's parameters, by name, in the edge's units
-Share = TypeVar("Share", float, Array)  #: one share of a range, or (n,)
+Share = TypeVar("Share", float, Array)  #: one share of a range or its value, or (n,)
 
 Scale = Literal["uniform", "log-uniform"]
 SCALES: tuple[Scale, ...] = get_args(Scale)
@@ -65,12 +67,12 @@ class Parameter:
             return self.low + share * (self.high - self.low)
         return self.low * (self.high / self.low) ** share
 
-    def share(self, value: float) -> float:
+    def share(self, value: Share) -> Share:
         """Compute the share of the prior below a value, in [0, 1]; the inverse of ``at``."""
-        inside = min(max(value, self.low), self.high)
+        inside = np.clip(value, self.low, self.high)
         if self.scale == "uniform":
             return (inside - self.low) / (self.high - self.low)
-        return math.log(inside / self.low) / math.log(self.high / self.low)
+        return np.log(inside / self.low) / np.log(self.high / self.low)
 
     def widened(self, share: float, *, upper: bool) -> Parameter:
         """Return the parameter with a range wider at one end by a ``share`` of its measure.

@@ -141,7 +141,7 @@ def unseen(ranking: Ranking, one: Fit, known: Collection[Hypothesis]) -> Probabi
                 parts.append(shares[:, one.space.columns(effect.name)])
             else:  # the mass of the linkage is that of the ring
                 mass = one.values[rows][:, one.space.columns(name)][:, -1]
-                parts.append(np.array([[effect.parameters[0].share(value)] for value in mass]))
+                parts.append(effect.parameters[0].share(mass)[:, None])
         moved = np.hstack(parts)
         lost = np.maximum(beside - ranking.more(other, moved), 0.0)
         far = apart(likelihood, mine, likelihood.model.predict(other, moved))

@@ -174,10 +174,7 @@ class Flights:
         """Predict the marks at values (m, p); KeyError for a profile of no operating point."""
         space, shares = self._space(h), np.empty(values.shape)
         for k, parameter in enumerate(space.parameters):
-            ends, mine = np.array([parameter.low, parameter.high]), values[:, k]
-            if parameter.scale == "log-uniform":
-                ends, mine = np.log(ends), np.log(np.maximum(mine, parameter.low))
-            shares[:, k] = np.interp(mine, ends, [0.0, 1.0])
+            shares[:, k] = parameter.share(values[:, k])
         least = self.settings[profile].clutch.timeout ** -0.5
         still = self._flown((), np.zeros((1, 0)), profile)
         whole = np.tile(still, (len(values), 1))

@@ -23,15 +23,8 @@ from typing import Any, TypedDict
 import numpy as np
 from scipy.stats import kstest
 
+from dogshape.validation.blind import sealed
 from dogshape.validation.blind.advised_test import Advised
-from dogshape.validation.blind.sealed import (
-    Advance,
-    ignore,
-    manifest_of,
-    opened,
-    results_of,
-    run_all,
-)
 
 Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
 Names = tuple[str, ...]
@@ -215,19 +208,21 @@ class Mark:
         }
 
 
-def score_field(folder: Path, advise: Advise, jobs: int = 1, advance: Advance = ignore) -> Record:
+def score_field(
+    folder: Path, advise: Advise, jobs: int = 1, advance: sealed.Advance = sealed.ignore
+) -> Record:
     """Open the key of a field set whose cases are all diagnosed, and score.
 
     ``advise`` makes the advised test of a case; it has to be picklable where ``jobs`` is above one.
     Raises StorageError where the key is not the sealed one, InputError where results are missing.
     """
-    results, manifest = results_of(folder), manifest_of(folder)
-    cases = opened(folder)["cases"].items()
+    results, manifest = sealed.results_of(folder), sealed.manifest_of(folder)
+    cases = sealed.opened(folder)["cases"].items()
     calls = [(folder, name, truth, results[name], advise) for name, truth in cases]
-    marks = run_all(mark_of, calls, jobs, advance)
-    sealed, now = manifest["scoring_sha256"], scoring_code()
+    marks = sealed.run_all(mark_of, calls, jobs, advance)
+    then, now = manifest["scoring_sha256"], scoring_code()
     code = {
-        "changed": sorted(n for n in {*sealed, *now} if sealed.get(n) != now.get(n)),
+        "changed": sorted(n for n in {*then, *now} if then.get(n) != now.get(n)),
         "figures_as_sealed": manifest["figures"] == [asdict(one) for one in HEADLINES],
     }
     return {"code": code, **scored(marks)}
