@@ -15,7 +15,7 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Setting
 
-MOMENTS = 4
+MOMENTS = 5
 LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least
 
 

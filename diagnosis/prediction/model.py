@@ -1,9 +1,10 @@
 r"""Prediction of shift times under any set of effects, at a data set's operating points.
 
-Each level of a simulated effect gives four moments: logarithms of mean and standard deviation of
-timely shifts, share of late ones, logit of the share that engages. Their changes from the baseline
-at the same angles are interpolated over the effect's parameters. Of several effects those of the
-time *T* until the gap is closed multiply, and those of the time *E* from there on,
+Each level of a simulated effect gives five moments: logarithms of mean and standard deviation of
+timely shifts, share of late ones, logit of the share that engages, logarithm of the kurtosis. Their
+changes from the baseline at the same angles are interpolated over the effect's parameters. Of
+several effects those of the time *T* until the gap is closed multiply, and those of the time *E*
+from there on,
 
 .. math:: \mu = T_0 \prod_e \frac{T_e}{T_0} + E_0 e^{\sum_e z_e}, \qquad
           z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = 0.7\,\mu \sum_{e<f} |z_e z_f|,
@@ -76,8 +77,9 @@ COMBINED = 0.7  #: error of two effects over the product of their changes (measu
 CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
 NEAR = 0.03  #: of the range of each parameter, within which one further bench is enough
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
-#: the share of late shifts over the binomial one, of the logit of those that engage.
-OWN, SHARED = (0.1, 0.25, 1.0, 0.5), (0.04, 0.05, 0.5, 1.0)
+#: the share of late shifts over the binomial one, of the logit of those that engage, of ln
+#: kurtosis.
+OWN, SHARED = (0.1, 0.25, 1.0, 0.5, 0.3), (0.04, 0.05, 0.5, 1.0, 0.2)
 TAILS = -1.5, 12.0  #: of the excess kurtosis, least and most
 RECENT = 256  #: results that are kept
 TRIED = 9  #: values of each parameter at which the range of an effect is examined
@@ -174,8 +176,7 @@ class Model:
     @cached_property
     def shape(self) -> Array:
         """Excess kurtosis of timely shifts of the baseline, (C,)."""
-        _, times, kept = self._ordered
-        return np.clip(modes_of(times, kept, np.ones((1, *times.shape)))[3, 0], *TAILS)
+        return np.clip(np.nan_to_num(np.exp(self.base[:, 4]) - 3.0), *TAILS)
 
     @cached_property
     def _every(self) -> tuple[Array, Array]:
@@ -270,10 +271,11 @@ class Model:
         error = np.hypot(_angle_error(DENSE * ANGLES) * sd, np.sqrt(own) * mean)
         late = np.clip(self.base[:, 2] + rest[..., 1], 1e-3, 0.9)
         engaged = expit(self.base[:, 3] + rest[..., 2])
-        minor, main, narrow = modes[0], mean * (modes[1] - 1.0), sd * modes[2]
+        shape = np.clip((modes[3] + 3.0) * np.exp(rest[..., 3]) - 3.0, *TAILS)
         return Predicted(
             mean + delay, sd, error, np.sqrt(missed) * mean, np.sqrt(crossed**2 + alike) * mean,
-            late, engaged, delay, minor, main, narrow, np.clip(modes[3], *TAILS), blur**0.5,
+            late, engaged, delay, modes[0], mean * (modes[1] - 1.0), sd * modes[2], shape,
+            blur**0.5,
         )  # fmt: skip
 
     def _places(self, names: Hypothesis, space: Space, values: Array) -> Array:
@@ -421,7 +423,7 @@ class Model:
         """Errors of a level's moments by its angles: own and common ones, (2, C * MOMENTS)."""
         varied, one = np.exp(self.base[:, 1] - self.base[:, 0]), np.ones(self.cells)
         late = np.sqrt(self.pooled_late * (1.0 - self.pooled_late) / ANGLES)
-        units = np.stack([varied, one, late, one], axis=1)
+        units = np.stack([varied, one, late, one, one], axis=1)
         return (np.array([OWN, SHARED])[:, None] * units).reshape(2, -1)
 
     def _idle_values(self, effect: Effect) -> Array:
@@ -497,13 +499,16 @@ class Model:
         count = (ended & ~late).sum(axis=-1)
         mean = np.where(ended & ~late, times, 0.0).sum(axis=-1) / np.maximum(1, count)
         square = np.where(ended & ~late, times - mean[..., None], 0.0) ** 2
-        sd = np.sqrt(square.sum(axis=-1) / np.maximum(1, count - 1))
+        whole = np.maximum(square.sum(axis=-1), np.maximum(1, count) * LEAST_SD**2)
+        sd = np.sqrt(whole / np.maximum(1, count - 1))
+        fourth = count * (square**2).sum(axis=-1) / whole**2
         tried, ended = (~np.isnan(times)).sum(axis=-1), ended.sum(axis=-1)
         moments = (
             np.where(count > 0, np.log(np.maximum(mean, 1e-6)), np.nan),
-            np.where(count > 1, np.log(np.maximum(sd, LEAST_SD)), np.nan),
+            np.where(count > 1, np.log(sd), np.nan),
             (late.sum(axis=-1) + POOLED * self.pooled_late) / (ended + POOLED),
             logit((ended + 0.5) / (tried + 1.0)),
+            np.where(count > 3, np.log(np.maximum(fourth, 1.0)), np.nan),
         )
         return np.stack(moments, axis=-1)
 

@@ -76,7 +76,7 @@ class Angles:
 
     @cached_property
     def _even(self) -> Array:
-        """Moments at even angles, (1, n, C, 4)."""
+        """Moments at even angles, (1, n, C, 5)."""
         return self._moments(np.ones((1, *self.times.shape[1:])))
 
     def _moments(self, weights: Array) -> Array:
@@ -86,11 +86,12 @@ class Angles:
         mean = np.maximum(centre + first, LEAST_SD)
         square = np.maximum(second - first**2, LEAST_SD**2)
         odds, late = logit(np.clip(engaged / every, 0.01, 0.99)), 1.0 - timely / engaged
-        return np.stack([np.log(mean), 0.5 * np.log(square), late, odds], axis=-1)
+        # Kurtosis is that of the modes.
+        return np.stack([np.log(mean), 0.5 * np.log(square), late, odds, 0.0 * mean], axis=-1)
 
     def changes(self, weights: Array) -> tuple[Array, Array]:
         """Compute changes of moments by weights (m, C, A): of ln mean, ln deviation, share of late
-        shifts and logit of those that engage, (m, n, C, 4); and the number of even angles that tell
+        shifts and logit of those that engage, (m, n, C, 5); and the number of even angles that tell
         as much, (m, n, C).
         """
         known = self._parts[2]
