@@ -341,7 +341,7 @@ def _flown(diagnosis: Diagnosis, profile: ForceProfile) -> Outcome:
     still, way = marks(NONE, np.zeros((1, 0)), profile), np.arange(SIZE) < len(WAYS)
     parts = {}
     for hypothesis, (fit, rows) in _plausible(diagnosis).items():
-        found = marks(fit.space.hypothesis, fit.values[rows], profile)
+        found = marks(fit.space.hypothesis, fit.values[rows], profile, exact=True)
         times, errors = np.broadcast_to(found.times, (rows.size, SIZE)), wider * _errors(found)
         both = [smoothed(one, errors) for one in (times, np.where(way, times, still.times))]
         share, mean, whole = (np.concatenate(part) for part in zip(*both, strict=True))

@@ -105,11 +105,6 @@ class Effect:
     title: str = ""  #: name for people; its name without underscores by default
     meaning: str = ""  #: in one line, for the reader of the file
 
-    def with_range(self, wider: Parameter) -> Effect:
-        """Return the effect with a wider range of one of its parameters."""
-        mine = tuple(wider if p.name == wider.name else p for p in self.parameters)
-        return replace(self, parameters=mine)
-
     @property
     def plain(self) -> str:
         """Name for people."""

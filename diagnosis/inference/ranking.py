@@ -138,10 +138,7 @@ class _Search:
             )
 
     def simulate(self, among: Iterable[Hypothesis]) -> None:
-        """Simulate the plausible at their best draws, each once before any falls behind.
-
-        Fewer effects come first: what is learnt of them serves all sets that have them.
-        """
+        """Simulate the plausible, each once before any falls behind, fewer effects first."""
         left = dict[Hypothesis, int]()
         for _ in range(SIMULATED):
             least = max(map(self.value, self.samples)) - PLAUSIBLE

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import betaln, expit, gammaln, logit, logsumexp
@@ -286,9 +286,7 @@ class Likelihood:
         more = np.log1p(self.settings.spread_error * (q.mean - q.delay) / q.sd)
         return np.asarray(self.settings.spread_share**2 + more**2 + part * q.blur**2)
 
-    def _freedom(
-        self, shape: Array, blur: Array | float, at: np.ndarray | slice = slice(None)
-    ) -> Array:
+    def _freedom(self, shape: Array, blur: Array | float, at: Any = slice(None)) -> Array:
         """Compute degrees of freedom of observed variances by the kurtosis of the times, (m, n).
 
         The predicted spread may be too large or too small: half of its blur counts as theirs.

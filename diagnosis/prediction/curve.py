@@ -38,10 +38,8 @@ class Space:
 
     def values(self, shares: Array) -> Array:
         """Compute values (m, p) at shares (m, p) of the ranges."""
-        found = np.empty((len(shares), len(self.parameters)))
-        for k, (parameter, share) in enumerate(zip(self.parameters, shares.T, strict=True)):
-            found[:, k] = parameter.at(share)
-        return found
+        rows = [p.at(share) for p, share in zip(self.parameters, shares.T, strict=True)]
+        return np.array(rows).reshape(shares.shape[::-1]).T
 
     def columns(self, name: str) -> slice:
         """Find the columns of an effect's parameters."""

@@ -170,8 +170,13 @@ class Flights:
         self._rows: dict[Hashable, Array] = {}
         self._grids: dict[tuple[Hypothesis, ForceProfile], _Grid] = {}
 
-    def marks(self, h: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
-        """Predict the marks at values (m, p); KeyError for a profile of no operating point."""
+    def marks(
+        self, h: Hypothesis, values: Array, profile: ForceProfile, *, exact: bool = False
+    ) -> Marks:
+        """Predict the marks at values (m, p), or fly them if ``exact``.
+
+        KeyError for a profile of no operating point.
+        """
         space, shares = self._space(h), np.empty(values.shape)
         for k, parameter in enumerate(space.parameters):
             shares[:, k] = parameter.share(values[:, k])
@@ -179,6 +184,15 @@ class Flights:
         still = self._flown((), np.zeros((1, 0)), profile)
         whole = np.tile(still, (len(values), 1))
         square, law, joint = np.zeros((3, len(values), SIZE))
+
+        def law_of(rows: Array) -> Array:
+            moved = np.maximum(rows, least)[:, :SIZE] ** -2.0 - still[:, :SIZE] ** -2.0
+            return np.asarray((LAW * moved) ** 2)
+
+        if exact:
+            flown = self._flown(h, shares, profile)
+            whole = np.where(np.isnan(flown), still, flown)  # NaN for no bench
+            law, h = law_of(whole), ()
         moving = [name for name in h if self._grid((name,), profile).rows[:, :-1].any()]
         for part in (*((name,) for name in h), *itertools.combinations(moving, 2)):
             mine = np.hstack([shares[:, space.columns(name)] for name in part])
@@ -187,8 +201,7 @@ class Flights:
             if len(part) == 2:
                 joint = np.maximum(joint, abs(rows[:, :SIZE]))
             else:
-                alone = np.maximum(still + rows, least)[:, :SIZE] ** -2.0
-                law += (LAW * (alone - still[:, :SIZE] ** -2.0)) ** 2
+                law += law_of(still + rows)
         if len(moving) > 2:
             square += (THREE * joint) ** 2
         times = np.maximum(whole[:, :SIZE], least) ** -2.0

@@ -91,7 +91,8 @@ def with_wide_range(effect: Effect, setting: Setting) -> Effect:
                 continue
             end = wider.high if upper else wider.low
             if effect.possible(setting, {**effect.neutral(setting), name: end}):
-                effect = effect.with_range(wider)
+                every = tuple(wider if p.name == name else p for p in effect.parameters)
+                effect = replace(effect, parameters=every)
                 break
     return effect
 
@@ -144,11 +145,7 @@ def extremes(settings: Sequence[Setting]) -> list[Setting]:
     return [end(settings, key=key) for key in keys for end in (min, max)]
 
 
-def simulate(
-    effects: Mapping[str, Effect],
-    settings: Sequence[Setting],
-    run: Runner,
-) -> Simulated:
+def simulate(effects: Mapping[str, Effect], settings: Sequence[Setting], run: Runner) -> Simulated:
     """Simulate baseline and all levels of effects."""
     settings = tuple(settings)
     levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
