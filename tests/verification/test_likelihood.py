@@ -95,15 +95,13 @@ def test_a_ratio_of_variances_has_the_density_of_f() -> None:
 
 
 def test_an_error_of_interpolation_makes_a_spread_as_likely_too_large_as_too_small() -> None:
-    _, model = world()
-    p = model.predict(NONE, np.zeros((1, 0)))
+    p, log = world()[1].predict(NONE, np.zeros((1, 0))), {}
     seen = seen_at(12.0, 0.1, hidden=False)
-    log = {}
     for blur, factor in itertools.product((0.0, 1.4), (0.1, 10.0)):
         of = likelihood_of(replace(seen, freedom=seen.count, variance=(factor * p.sd[0]) ** 2))
         one = replace(p, blur=np.full_like(p.blur, blur)).only((slice(None), of.having))
         log[blur, factor] = of._spread(one, np.tile(one.sd**2, len(of._options.point)))[0, 0]
-    exact = stats.norm(0.0, 2.0 * 1.4).logpdf(2.0 * np.log(10.0))  # of ln of the ratio
+    exact = stats.norm(0.0, 2.8).logpdf(2.0 * np.log(10.0))  # of the logarithm
     assert [log[1.4, 0.1], log[1.4, 10.0]] == pytest.approx([exact, exact], abs=0.9)
     assert exact > max(log[0.0, 0.1], log[0.0, 10.0]) + 2.0
 
