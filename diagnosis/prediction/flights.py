@@ -171,28 +171,19 @@ class Flights:
         self._grids: dict[tuple[Hypothesis, ForceProfile], _Grid] = {}
 
     def marks(
-        self, h: Hypothesis, values: Array, profile: ForceProfile, *, exact: bool = False
+        self, h: Hypothesis, values: Array, profile: ForceProfile, exact: bool = False
     ) -> Marks:
-        """Predict the marks at values (m, p), or fly them if ``exact``.
-
-        KeyError for a profile of no operating point.
-        """
+        """Interpolate, or fly, marks at values (m, p); KeyError for a profile of no point."""
         space, shares = self._space(h), np.empty(values.shape)
         for k, parameter in enumerate(space.parameters):
             shares[:, k] = parameter.share(values[:, k])
         least = self.settings[profile].clutch.timeout ** -0.5
         still = self._flown((), np.zeros((1, 0)), profile)
         whole = np.tile(still, (len(values), 1))
-        square, law, joint = np.zeros((3, len(values), SIZE))
-
-        def law_of(rows: Array) -> Array:
-            moved = np.maximum(rows, least)[:, :SIZE] ** -2.0 - still[:, :SIZE] ** -2.0
-            return np.asarray((LAW * moved) ** 2)
-
+        square, joint = np.zeros((2, len(values), SIZE))
         if exact:
-            flown = self._flown(h, shares, profile)
+            flown, h = self._flown(h, shares, profile), ()
             whole = np.where(np.isnan(flown), still, flown)  # NaN for no bench
-            law, h = law_of(whole), ()
         moving = [name for name in h if self._grid((name,), profile).rows[:, :-1].any()]
         for part in (*((name,) for name in h), *itertools.combinations(moving, 2)):
             mine = np.hstack([shares[:, space.columns(name)] for name in part])
@@ -200,12 +191,10 @@ class Flights:
             whole, square = whole + rows, square + error**2
             if len(part) == 2:
                 joint = np.maximum(joint, abs(rows[:, :SIZE]))
-            else:
-                law += law_of(still + rows)
         if len(moving) > 2:
             square += (THREE * joint) ** 2
-        times = np.maximum(whole[:, :SIZE], least) ** -2.0
-        square = (2.0 * times**1.5) ** 2 * square + law
+        times, before = (np.maximum(one[:, :SIZE], least) ** -2.0 for one in (whole, still))
+        square = (2.0 * times**1.5) ** 2 * square + (LAW * (times - before)) ** 2
         square[:, : len(WAYS)] += (TOUCHED * (whole[:, 2 * SIZE : -1] < 0.0)) ** 2
         creep = np.maximum(whole[:, SIZE : 2 * SIZE], 0.0)
         return Marks(times + whole[:, -1:], np.sqrt(square), creep)
