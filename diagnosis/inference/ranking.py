@@ -138,7 +138,7 @@ class _Search:
             )
 
     def simulate(self, among: Iterable[Hypothesis]) -> None:
-        """Simulate the plausible, each once before any falls behind, fewer effects first."""
+        """Simulate the plausible, fewer effects first, each once before others twice."""
         left = dict[Hypothesis, int]()
         for _ in range(SIMULATED):
             least = max(map(self.value, self.samples)) - PLAUSIBLE
@@ -148,7 +148,7 @@ class _Search:
             rows = {h: found for h in some if len(found := self.uncertain(h))}
             if not rows:
                 return
-            h = max(rows, key=lambda h: (left[h], -len(forward(h)), self.value(h)))
+            h = max(rows, key=lambda h: (-len(forward(h)), left[h], self.value(h)))
             one, old = self.samples[h], self.likelihood.model
             model = old.simulate(h, one.shares[rows[h]])
             left[h] = left[h] - 1 if model else 0
