@@ -87,10 +87,9 @@ def decide(
     credible = tuple(h for h, p in zip(order, before, strict=True) if p < settings.credible)
     kind: Kind = "ambiguous"
     causes = tuple(sorted(n for n, p in part.items() if p > settings.part))
-    # One that only takes the probability of a wider one has the check of that.
-    checks = {h: fits.get(h) or next((f for n, f in fits.items() if {*h} <= {*n}), None)
-              for h in order}  # fmt: skip
-    fails = [h for h, f in checks.items() if f and f.p < settings.adequate]
+    # What takes the probability of wider hypotheses has the check of the narrowest of these.
+    near = {h: min((n for n in fits if {*h} <= {*n}), key=len, default=h) for h in order}
+    fails = [h for h, n in near.items() if n in fits and fits[n].p < settings.adequate]
     still = min(posterior[NONE], inside.none)
     if max(inside.gap, still) > settings.named:
         kind, causes = "none", ()

@@ -287,10 +287,7 @@ class Likelihood:
         return np.asarray(self.settings.spread_share**2 + more**2 + part * q.blur**2)
 
     def _freedom(self, shape: Array, blur: Array | float, at: Any = slice(None)) -> Array:
-        """Compute degrees of freedom of observed variances by the kurtosis of the times, (m, n).
-
-        The predicted spread may be too large or too small: half of its blur counts as theirs.
-        """
+        """Compute degrees of freedom of observed variances, less by half of a blur, (m, n)."""
         seen = self.seen.freedom[self.having][at]
         n = np.maximum(seen + 1.0, 2.0)
         spread = 2.0 / (n - 1.0) + shape / n + 2.0 * blur**2
@@ -313,7 +310,8 @@ class Likelihood:
             )
             below += share * ((1.0 - odd) * usual + odd * wide)
         score = norm.ppf(np.clip(below, 1e-12, 1.0 - 1e-12))
-        return np.where((freedom > 1.0) & ~seen.hidden[some], score, np.nan)
+        known = (self._freedom(q.shape, 0.0) > 1.0) & ~seen.hidden[some]
+        return np.where(known, score, np.nan)
 
     def log_engaged(self, p: Predicted) -> Array:
         """Compute the log probability of the numbers that engaged, (m,)."""

@@ -245,7 +245,7 @@ def test_a_rival_is_simulated_before_it_falls_behind(monkeypatch: pytest.MonkeyP
             hypothesis=h, log_evidence=log, shares=np.zeros((1, 2)), log=np.zeros(1)
         )
         search.samples[h], search.priors[h] = one, 0.0
-    search.simulate()
+    search.simulate([*search.samples])
     assert asked == [first, second, *[first] * (LEVELS - 1)]
 
 
@@ -269,8 +269,10 @@ def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
     ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, Within(0.7, 0.5), "ambiguous"),  # it would not show
     ({MASS: 0.5, UNKNOWN: 0.35, LAG: 0.1, NONE: 0.05}, Within(0.1, 0.9), "unknown"),
     ({LAG: 0.85, UNKNOWN: 0.1, NONE: 0.05}, Within(0.1, 0.9), "effect"),
+    ({("a",): 0.85, ("a", *MASS): 0.1, UNKNOWN: 0.05, NONE: 0.0}, Within(0.1, 0.9), "unknown"),
 ])  # fmt: skip
 def test_verdict(left: dict[Hypothesis, float], inside: Within, kind: str) -> None:
-    """The added mass fails its predictive check."""
-    fits: Any = {h: SimpleNamespace(p=0.001 if h == MASS else 0.5) for h in left if h != UNKNOWN}
+    """The added mass fails its predictive check, alone or with one that is not fitted alone."""
+    some = {*left} - {UNKNOWN, ("a",)}
+    fits: Any = {h: SimpleNamespace(p=0.001 if MASS[0] in h else 0.5) for h in some}
     assert decide(left, fits, inside, USUAL).kind == kind
