@@ -239,11 +239,9 @@ def test_a_rival_is_simulated_before_it_falls_behind(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(_Search, "uncertain", lambda *_: np.zeros(1, dtype=int))
     likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, Asked()))
     search = _Search(likelihood, nothing, 0.0, np.random.default_rng(1))
-    first, second, far = ("a", "b"), ("a", "c"), ("b", "c")
+    first, second, far, few = ("a", "b"), ("a", "c"), ("b", "c"), np.zeros((1, 2))
     for h, log in {first: 0.0, second: -4.0, far: -6.0}.items():
-        one: Any = SimpleNamespace(
-            hypothesis=h, log_evidence=log, shares=np.zeros((1, 2)), log=np.zeros(1)
-        )
+        one: Any = SimpleNamespace(hypothesis=h, log_evidence=log, shares=few, log=few)
         search.samples[h], search.priors[h] = one, 0.0
     search.simulate([*search.samples])
     assert asked == [first, second, *[first] * (LEVELS - 1)]
