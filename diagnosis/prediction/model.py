@@ -77,8 +77,7 @@ COMBINED = 0.7  #: error of two effects over the product of their changes (measu
 CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
 NEAR = 0.03  #: of the range of each parameter, within which one further bench is enough
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
-#: the share of late shifts over the binomial one, of the logit of those that engage, of ln
-#: kurtosis.
+#: the share of late shifts over the binomial one, of the logit of those that engage, ln kurtosis.
 OWN, SHARED = (0.1, 0.25, 1.0, 0.5, 0.3), (0.04, 0.05, 0.5, 1.0, 0.2)
 TAILS = -1.5, 12.0  #: of the excess kurtosis, least and most
 RECENT = 256  #: results that are kept
@@ -297,7 +296,8 @@ class Model:
         if self.run is None or len(names) not in (1, 2):
             return None
         space, dense = self.space(hypothesis), DENSE if set(hypothesis) - {DELAY, *names} else 1
-        shares = np.hstack([shares[:, space.columns(name)] for name in names])
+        # Rounded, a bench is the same whatever the last digits of its draw.
+        shares = np.hstack([shares[:, space.columns(name)] for name in names]).round(6)
         space, alone = self.space(names), len(names) == 1
         further = self.further.get(names[0], ()) if alone else ()
         for level, times in further:

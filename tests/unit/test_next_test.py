@@ -78,7 +78,7 @@ def test_further_shifts_tell_means_apart_as_two_normal_densities() -> None:
     assert ten.hours == pytest.approx(SETUP + 10 * SHIFT)
 
 
-def _flying(hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Any:
+def _flying(hypothesis: Hypothesis, values: Array, profile: ForceProfile, **_: Any) -> Any:
     """A lag bends the marks that a delay moves all alike."""
     shares = np.array([*(np.cbrt(WAYS) * 0.3), *FORCES])
     late = values @ ([1.0] if hypothesis == DELAY else [0.0] * values.shape[1])
