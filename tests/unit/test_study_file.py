@@ -54,6 +54,7 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("variables.braking_deg=[5, 70]", "variables.braking_deg is 70 deg, but it must lie between"),
     ("load.load_height=0.4", "load.load_height is 0.4, but it must lie between 0.5 and 1"),
     ("load.friction_hold=0.2", "load.friction_hold is 0.2, but it must not exceed"),
+    ("load.spectrum=[[0, 1e4]]", "load.spectrum: largest torque is 0, but it must lie between"),
     ("load.spectrum=[[1.0]]", "load.spectrum.0 is [1.0], but it must be a list of at least 2"),
     ("strike.ring_inertia_kgm2=1", "'strike.input_stiffness_Nm_rad' is missing; add it"),
     ([*STRIKE, "strike.wheel_inertia_kgm2=0.01"], "go together"),
@@ -204,8 +205,7 @@ def test_an_override_without_a_value_takes_a_key_out() -> None:
     keys = "load.landing_share", "search.confirm_angles"
     plain = load_study("mq200_paper", [f"{key}=" for key in keys])
     assert plain.file.load.landing_share is None
-    default = SearchSection.model_fields["confirm_angles"].default
-    assert plain.file.search.confirm_angles == default
+    assert plain.file.search.confirm_angles == SearchSection.model_fields["confirm_angles"].default
     assert load_study("mq200_paper", dict.fromkeys(keys)).file == plain.file
 
 
