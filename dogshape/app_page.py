@@ -136,9 +136,10 @@ def judged(found: Checked) -> dict[str, Any]:
         f"at worst-case tolerances: {found.worst_case.replace('%', ' %').replace('_', ' ')}",
         "landing not judged yet" if open_ones else "landing judged",
     )
+    kind = "bad" if failed else "open" if open_ones else "good"
     return {
         "margins.children": card("smallest margin", percent(weakest.margin), *lines),
-        "margins.className": f"card {'bad' if failed else 'open' if open_ones else 'good'}",
+        "margins.className": f"card {kind}",
         "checks.children": check_table(found),
     }
 

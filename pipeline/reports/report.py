@@ -63,8 +63,9 @@ def write_page(path: Path, template: str, **content: Any) -> None:
     )
     for name, kind in (("table", Table), ("markup", Markup), ("bad", Bad)):
         environment.tests[name] = lambda part, kind=kind: isinstance(part, kind)
+    page = environment.get_template(template).render(**content)
     with naming(path):
-        path.write_text(environment.get_template(template).render(**content), encoding="utf-8")
+        path.write_text(page, encoding="utf-8")
 
 
 def figure_html(figure: go.Figure, name: str) -> Markup:

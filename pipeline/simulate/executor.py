@@ -180,10 +180,7 @@ def _work_alone(block: Block, path: Path) -> list[Record]:
 
 @cache
 def _end_with_parent() -> None:
-    """End this process soon after its parent, of which nothing else tells it if it was killed.
-
-    A process whose parent is gone has another one. The thread is started once in a process.
-    """
+    """End this process soon after its parent: a process whose parent was killed has another one."""
     parent = os.getppid()
 
     def look() -> None:

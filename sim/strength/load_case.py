@@ -165,11 +165,11 @@ class LoadCase:
     def __post_init__(self) -> None:
         require_ranges(self, "load", "correct the load case")
         remedy = "give classes as [torque over the rated one, cycles]"
-        largest = max((abs(share) for share, _ in self.spectrum), default=1.0)
-        require_between("load.spectrum: largest torque", largest, 1e-3, 10.0, remedy)
         for share, cycles in self.spectrum:
             require_between("load.spectrum: torque", share, -10.0, 10.0, remedy)
             require_between("load.spectrum: cycles", cycles, 1.0, 1e15, remedy)
+        most = max((abs(share) for share, _ in self.spectrum), default=1.0)
+        require_between("load.spectrum: largest torque", most, 1e-3, 10.0, remedy)
         if self.accuracy is not None and self.pitch_sd is not None:
             raise InputError(
                 "load.accuracy and load.pitch_sd_um both say how the dogs scatter; leave out one"
