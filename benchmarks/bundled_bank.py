@@ -10,6 +10,7 @@ file is written again with what these diagnoses ask for and nothing else. From n
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,6 +28,7 @@ from dogshape.sim.statistics.shift_records import Record
 from dogshape.terminal import ProgressBar
 
 SETS = ("mq200_stand", "mq200_adams")
+SEEDS = (1, 2)  #: of the inference; other draws find nearly all of their benches among these
 
 
 def main() -> None:
@@ -42,10 +44,10 @@ def main() -> None:
         keys.extend(map(series_key, blocks))
         return shifts_of(blocks, means, [], known)
 
-    for name in SETS:
-        bench = load_bench(name)
+    for name, seed in itertools.product(SETS, SEEDS):
+        bench, settings = load_bench(name), replace(means.settings, seed=seed)
         bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
-        diagnose(bench, build_models(bench, load(None), means.settings, run), means.settings)
+        diagnose(bench, build_models(bench, load(None), settings, run), settings)
     rows = [json.dumps(known.series[key]) + "\n" for key in dict.fromkeys(keys)]
     write_whole(BROUGHT, "".join(rows))
     print(f"{BROUGHT}: {len(rows)} series")

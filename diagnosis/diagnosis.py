@@ -103,9 +103,28 @@ class Diagnosis:
 
     @property
     def noise(self) -> float:
-        """Monte Carlo standard error of the leading probability."""
+        """Standard error of the leading probability by the errors of all evidences."""
         share = self.posterior[self.leading]
-        return share * (1.0 - share) * self.fits[self.leading].error
+        return self._probability_error({self.leading: 1.0 - share}, share)
+
+    @property
+    def inclusion_error(self) -> dict[str, float]:
+        """Standard error of each effect's probability by the errors of all evidences."""
+        return {
+            name: self._probability_error({h: 1.0 - p for h in self.fits if name in h}, p)
+            for name, p in self.inclusion.items()
+        }
+
+    def _probability_error(self, members: Mapping[Hypothesis, float], probability: float) -> float:
+        """Propagate independent errors of log evidences to the probability of a set of hypotheses.
+
+        ``members`` are its hypotheses, each with the probability of all that are not in the set.
+        """
+        parts = [
+            self.posterior.get(h, 0.0) * members.get(h, -probability) * one.error
+            for h, one in self.fits.items()
+        ]
+        return float(np.sqrt(np.square(parts).sum()))
 
     @property
     def margin_s(self) -> float:
@@ -163,6 +182,7 @@ class Diagnosis:
             "hypotheses": [self._hypothesis(h) for h in self.posterior],
             "confusable": [names for names in alike if len(names) > 1],
             "inclusion": self.inclusion,
+            "inclusion_error": self.inclusion_error,
             "sizes": {n: {k: asdict(i) for k, i in one.items()} for n, one in self.sizes.items()},
             "gap": {
                 "hypothesis": list(self.leading),
@@ -281,7 +301,7 @@ def _fitted(answers: Sequence[_Answer], evidence: Probabilities) -> _Fitted:
     flights = Flights(model.effects, model.settings)
     plausible = [h for h, p in evidence.items() if p > FITTED and h in ranking.samples]
     names = dict.fromkeys((NONE, *plausible))
-    fits = {h: fit(likelihood, ranking.samples[h], flights) for h in names}
+    fits = {h: fit(likelihood, ranking.samples[h], flights, ranking.more) for h in names}
     shares = {h: unseen(ranking, one, evidence) for h, one in fits.items() if forward(h)}
     within = {h: within_margin(likelihood, one) for h, one in fits.items()}
     return _Fitted(answers, likelihood, fits, shares, within)

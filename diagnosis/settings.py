@@ -112,6 +112,21 @@ class Settings:
         0.05, "of a range", "standard error of a direct test", "judged", "")
     hour: float = constant(
         0.04, "probability", "to settle the cause that an hour of work has to earn", "judged", "")
+    # computation
+    seed: int = constant(
+        1, "", "seed of all random draws of an inference", "judged",
+        "another seed repeats the inference independently")
+    plausible_nats: float = constant(
+        5.0, "nats behind the best hypothesis", "within which a hypothesis is simulated", "judged",
+        "beyond it has less than 1 % of the probability of the best")
+    uncertain: float = constant(
+        0.02, "of the predicted mean", "error of emulation from which likely draws are simulated",
+        "measured", "five seeds on the published stand")
+    simulations_each: int = constant(
+        10, "rounds of four benches", "for one hypothesis at most", "measured",
+        "five seeds on the published stand")
+    max_simulations: int = constant(
+        60, "rounds of four benches", "for all hypotheses of one size at most", "judged", "")
     # limits of the answer
     named: float = constant(
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",

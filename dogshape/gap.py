@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.inference.outcome import APART, ShiftPlan, shift_plan
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
+from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import calibrated_study, gap_update
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
@@ -131,10 +132,11 @@ def diagnose(
     *,
     correct: Sequence[str] = (),
     out: str | Path | None = None,
-    bank: str | Path = BANK,
+    bank: str | Path | None = None,
     effects: str | Path | None = None,
     study: str | None = None,
     engine: str = "planar",
+    seed: int = 1,
     jobs: int = 0,
     progress: Progress | bool = False,
 ) -> Diagnosis:
@@ -149,14 +151,17 @@ def diagnose(
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
     out : folder for ``report.html``, ``gap.json``, ``cells.csv`` and a copy of the data set, which
         ``update_diagnosis`` joins new readings to; None writes nothing.
-    bank : folder of simulations that diagnoses share.
+    bank : folder of simulations that diagnoses share; None for one in the user's cache.
     effects : folder with effects of the user's own.
     study : study, or folder of its results, whose best designs are simulated with the cause.
     engine : of the simulations, ``planar`` or ``drake``, which takes some hours for a clutch.
+    seed : of the random draws; another one repeats the inference independently.
     jobs, progress : as in ``Study.expect``.
     """
     given, listener = load_bench(bench, correct), receiver(progress)
-    means = Means(Path(bank), None if effects is None else Path(effects), jobs, listener, engine)
+    own = None if effects is None else Path(effects)
+    settings = replace(USUAL, seed=seed)
+    means = Means(Path(bank or BANK), own, jobs, listener, engine, settings)
     folder = None if out is None else Path(out)
     if folder is not None:
         gap_update.require_no_updates(folder)
@@ -218,7 +223,7 @@ def update_diagnosis(
     folder: str | Path,
     new: str | Path,
     *,
-    bank: str | Path = BANK,
+    bank: str | Path | None = None,
     effects: str | Path | None = None,
     jobs: int = 0,
     progress: Progress | bool = False,
@@ -245,7 +250,8 @@ def update_diagnosis(
         before = gap_update.before_of(place, count)
         own = effects if effects is not None else asked.effects
         own = None if own is None else Path(own)
-        found = diagnosed(bench, Means(Path(bank), own, jobs, receiver(progress), before["engine"]))
+        means = Means(Path(bank or BANK), own, jobs, receiver(progress), before["engine"])
+        found = diagnosed(bench, means)
         record = gap_update.update_record(before, found, sheet, count)
         gap_page.publish(found, place, history=gap_update.add_update(place, record, count))
         gap_update.settle_data(place)
@@ -337,7 +343,7 @@ def plan_shifts(
     points: int | None = None,
     seed: int = 1,
     out: str | Path | None = None,
-    bank: str | Path = BANK,
+    bank: str | Path | None = None,
     effects: str | Path | None = None,
     jobs: int = 0,
     progress: Progress | bool = False,
@@ -368,7 +374,9 @@ def plan_shifts(
             f"number of operating points is {points}, but {bench.name} has {len(bench.cells)}; "
             f"give 1 to {len(bench.cells)}"
         )
-    means = Means(Path(bank), None if effects is None else Path(effects), jobs, receiver(progress))
+    means = Means(
+        Path(bank or BANK), None if effects is None else Path(effects), jobs, receiver(progress)
+    )
     plan = shift_plan(predicted_field(bench, means), shifts, seed, points)
     if file is not None:
         todo = [bench.cells[place].point for place, count in plan.order for _ in range(count)]

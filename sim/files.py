@@ -10,7 +10,7 @@ import errno
 import fcntl
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -76,11 +76,13 @@ PAUSE = 0.2  #: s between two tries to hold a folder
 
 
 @contextmanager
-def writing(root: Path, patience: float = 0.0) -> Iterator[None]:
+def writing(
+    root: Path, patience: float = 0.0, say: Callable[[str], None] | None = None
+) -> Iterator[None]:
     """Hold a folder for writing, made where it is missing; another writer raises StorageError.
 
-    That it does after ``patience`` s of waiting. The lock is the operating system's and ends with
-    the process, killed or not.
+    That it does after ``patience`` s of waiting, of which ``say`` tells. The lock is the operating
+    system's and ends with the process, killed or not.
     """
     until = time.monotonic() + patience
     try:
@@ -100,5 +102,8 @@ def writing(root: Path, patience: float = 0.0) -> Iterator[None]:
                     raise StorageError(
                         f"{root} is in use by another run; wait for it or choose another folder"
                     ) from None
+                if say is not None:
+                    say(f"waiting for another run that uses {root}")
+                    say = None
             time.sleep(PAUSE)
         yield

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -26,7 +27,7 @@ from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distanc
 from dogshape.diagnosis.prediction.curve import Space
 from dogshape.diagnosis.prediction.flights import Flights, flight_scores
 from dogshape.diagnosis.prediction.model import Predicted
-from dogshape.diagnosis.terms import Array, Hypothesis, forward
+from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis, forward
 
 PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters
 MANY = 2048  #: of more parameters
@@ -37,7 +38,7 @@ FREEDOM = 5.0  #: of the Student distribution
 WIDE = 1.5  #: of its covariance over that of the draws
 CENTRES = 16  #: of a proposal
 WIDENED, BESIDE = 2 * CENTRES, 8  #: draws around each part of a wider hypothesis, and of its prior
-ENOUGH = 150.0  #: effective draws
+ENOUGH = 300.0  #: effective draws
 FLAT = 60.0  #: effective draws below which weights are flattened for a proposal
 
 More = Callable[[Hypothesis, Array], Array]  #: log likelihood of what is known beside the shifts
@@ -136,12 +137,17 @@ def systematic(weights: Array, count: int, offset: float = 0.5) -> np.ndarray:
     return np.minimum(places, len(weights) - 1)
 
 
+def generator_of(seed: int, hypothesis: Hypothesis, drawn: int = 0) -> np.random.Generator:
+    """Seed the draws of a hypothesis, of which so many are there, whatever was drawn of others."""
+    return np.random.default_rng([seed, crc32(" ".join(hypothesis).encode()), drawn])
+
+
 @lru_cache(maxsize=16)
-def prior_shares(size: int) -> Array:
+def prior_shares(size: int, seed: int) -> Array:
     """Draw the shares of a prior, (n, size)."""
     if size == 0:
         return np.zeros((1, 0))
-    return np.asarray(qmc.Sobol(size, seed=7).random(PRIOR.get(size, MANY)))
+    return np.asarray(qmc.Sobol(size, seed=seed).random(PRIOR.get(size, MANY)))
 
 
 Drawn = tuple[Hypothesis, Array, int, tuple[Proposal, ...]]  #: shares, prior draws, proposals
@@ -178,7 +184,8 @@ def screened(
     distance: Callable[[Predicted], Array],
 ) -> Iterator[Sample]:
     """Sample hypotheses by their prior draws nearest to the data."""
-    draws = ((h, prior_shares(len(likelihood.model.space(h).parameters))) for h in hypotheses)
+    model, seed = likelihood.model, likelihood.settings.seed
+    draws = ((h, prior_shares(len(model.space(h).parameters), seed)) for h in hypotheses)
     return _batched(likelihood, ((h, s, len(s), ()) for h, s in draws), more, distance)
 
 
@@ -186,7 +193,6 @@ def widened(
     likelihood: Likelihood,
     within: Mapping[Hypothesis, Sequence[Sample]],
     more: More,
-    generator: np.random.Generator,
 ) -> Iterator[Sample]:
     """Sample hypotheses around the draws of parts of them, with a few draws of the prior."""
     around = {one.hypothesis: Proposal.around(one) for parts in within.values() for one in parts}
@@ -199,6 +205,7 @@ def widened(
                 columns = [space.columns(name) for name in forward(one.hypothesis)]
                 mine = replace(around[one.hypothesis], columns=np.r_[*columns], count=WIDENED)
                 proposals.append(mine)
+            generator = generator_of(likelihood.settings.seed, h)
             near = [one.draw(size, generator) for one in proposals]
             yield h, np.vstack([generator.random((BESIDE, size)), *near]), BESIDE, tuple(proposals)
 
@@ -211,15 +218,14 @@ def repeated(likelihood: Likelihood, sample: Sample, more: More) -> Sample:
     return next(_batched(likelihood, [drawn], more))
 
 
-def refined(
-    likelihood: Likelihood, sample: Sample, more: More, rounds: int, generator: np.random.Generator
-) -> Sample:
+def refined(likelihood: Likelihood, sample: Sample, more: More, rounds: int) -> Sample:
     """Add rounds of draws around the weighted ones, until enough count."""
     size = sample.shares.shape[1]
     for _ in range(rounds if size else 0):
         if not np.isfinite(sample.log_evidence) or sample.effective > ENOUGH:
             break
         proposal = Proposal.around(sample)
+        generator = generator_of(likelihood.settings.seed, sample.hypothesis, len(sample.log))
         shares = proposal.draw(size, generator)
         if not len(shares):
             break
@@ -266,7 +272,7 @@ class Fit:
     offset: Array  #: errors in common, discrepancy among them, drawn with each, s, (K, C)
     nuisance: Array  #: the part of ``offset`` by nuisances, s, (K, C)
     log_evidence: float  #: and its standard error
-    error: float
+    error: float  #: by finite numbers of draws and of benches
     p: float  #: predictive p-value
 
     @cached_property
@@ -281,9 +287,30 @@ class Fit:
         return {parameter.name: Interval.of(column) for parameter, column in columns}
 
 
-def fit(likelihood: Likelihood, sample: Sample, flights: Flights) -> Fit:
+GROUPS = 4  #: of benches, each left out in turn
+
+
+def emulation_error(likelihood: Likelihood, sample: Sample, more: More) -> float:
+    """Estimate the standard error of a log evidence that stems from the choice of benches.
+
+    A delete-a-group jackknife (Kott 2001, J. Official Statistics 17) over the further benches of
+    the hypothesis' effects. 0 where there are none.
+    """
+    names = {*forward(sample.hypothesis)}
+    model = likelihood.model
+    further = (
+        model.turned.further if model.turned and REVERSED in sample.hypothesis else model.further
+    )
+    if not any({*some} <= names for some in further):
+        return 0.0
+    thinned = (model.thinned(sample.hypothesis, group, GROUPS) for group in range(GROUPS))
+    logs = [repeated(replace(likelihood, model=one), sample, more).log_evidence for one in thinned]
+    return float(np.sqrt((GROUPS - 1) * np.var(logs)))
+
+
+def fit(likelihood: Likelihood, sample: Sample, flights: Flights, more: More) -> Fit:
     """Draw the posterior of a hypothesis."""
-    generator = np.random.default_rng(1)
+    generator = generator_of(likelihood.settings.seed, sample.hypothesis)
     places = systematic(sample.weights, DRAWN, float(generator.random()))
     predicted, shares = sample.predicted.only(places), sample.shares[places]
     amplitude, offset, nuisance = likelihood.drawn(predicted, generator)
@@ -292,7 +319,8 @@ def fit(likelihood: Likelihood, sample: Sample, flights: Flights) -> Fit:
     values = space.values(shares[some])
     marks = flight_scores(likelihood.seen.flights, flights, space.hypothesis, values)
     p = predictive_p(likelihood, predicted.only(some), amplitude[some], marks)
-    h, log, error = sample.hypothesis, sample.log_evidence, sample.error
+    error = float(np.hypot(sample.error, emulation_error(likelihood, sample, more)))
+    h, log = sample.hypothesis, sample.log_evidence
     return Fit(h, space, shares, predicted, amplitude, offset, nuisance, log, error, p)
 
 

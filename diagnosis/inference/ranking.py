@@ -32,16 +32,13 @@ from dogshape.diagnosis.terms import REVERSED, UNKNOWN, Array, Hypothesis, forwa
 
 #: Steps of refinement: nats below the best, hypotheses at most, and rounds of each. Prior draws
 #: miss narrow posteriors by many nats, so the first step takes many hypotheses.
-STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 12, 5))
+STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 24, 8))
 SLACK = 0.05  #: of the predicted time, gap that errors of emulation may explain in the screening
 ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
-#: Further simulations: nats below the best from which a hypothesis is plausible, error of its
-#: prediction from which it is simulated, how often, and how often all of them.
-PLAUSIBLE, UNCERTAIN, LEVELS, SIMULATED = 5.0, 0.03, 5, 15
 WITHIN = 6.0  #: halves of squared distance behind the least, of draws where it is simulated
 KNOWN = 9.0  #: further nats, within which others are predicted again
-OPEN = 64  #: draws of a hypothesis on which something unlisted is put
+OPEN = 256  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
 STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
 REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
@@ -90,7 +87,6 @@ class _Search:
     likelihood: Likelihood
     more: More
     reversed_: float
-    generator: np.random.Generator
     samples: dict[Hypothesis, Sample] = field(default_factory=dict)
     priors: dict[Hypothesis, float] = field(default_factory=dict)
 
@@ -133,35 +129,50 @@ class _Search:
         least = max(score.values()) - within
         names = sorted(score if among is None else among, key=lambda h: -score[h])
         for h in [h for h in names if score[h] > least][:many]:
-            self.samples[h] = refined(
-                self.likelihood, self.samples[h], self.more, rounds, self.generator
-            )
+            self.samples[h] = refined(self.likelihood, self.samples[h], self.more, rounds)
 
-    def simulate(self, among: Iterable[Hypothesis]) -> None:
-        """Simulate the plausible, fewer effects first, each once before others twice."""
-        left = dict[Hypothesis, int]()
-        for _ in range(SIMULATED):
-            least = max(map(self.value, self.samples)) - PLAUSIBLE
-            near = [h for h in among if self.value(h) > least]
-            left = dict.fromkeys(near, LEVELS) | left
-            some = [h for h, n in left.items() if n and (n == LEVELS or h in near)]
-            rows = {h: found for h in some if len(found := self.uncertain(h))}
-            if not rows:
+    def simulate_plausible(self, candidates: Sequence[Hypothesis]) -> None:
+        """Simulate plausible hypotheses until their likely draws are predicted well.
+
+        Fewer effects come first, and each hypothesis once before any other one twice, even where
+        the benches of a rival have put it behind.
+        """
+        settings = self.likelihood.settings
+        remaining = dict[Hypothesis, int]()  # simulations that a hypothesis may still get
+        for _ in range(settings.max_simulations):
+            threshold = max(map(self.value, self.samples)) - settings.plausible_nats
+            plausible = {h for h in candidates if self.value(h) > threshold}
+            remaining = dict.fromkeys(sorted(plausible), settings.simulations_each) | remaining
+            waiting = [
+                h
+                for h, count in remaining.items()
+                if count == settings.simulations_each or (count and h in plausible)
+            ]
+            draws = {h: self.uncertain_draws(h) for h in waiting}
+            uncertain_draws = {h: places for h, places in draws.items() if len(places)}
+            if not uncertain_draws:
                 return
-            h = max(rows, key=lambda h: (-len(forward(h)), left[h], self.value(h)))
-            one, old = self.samples[h], self.likelihood.model
-            model = old.simulate(h, one.shares[rows[h]])
-            left[h] = left[h] - 1 if model else 0
+            hypothesis = max(
+                uncertain_draws, key=lambda h: (-len(forward(h)), remaining[h], self.value(h))
+            )
+            shares = self.samples[hypothesis].shares[uncertain_draws[hypothesis]]
+            model = self.likelihood.model.simulate(hypothesis, shares)
+            remaining[hypothesis] = remaining[hypothesis] - 1 if model else 0
             if model:
-                self.likelihood = replace(self.likelihood, model=model)
-                names = set(h) - old.readings
-                for k, sample in self.samples.items():
-                    if names <= set(k) and self.promise(k) > least - KNOWN:
-                        self.samples[k] = repeated(self.likelihood, sample, self.more)
-                again = refined(self.likelihood, self.samples[h], self.more, 3, self.generator)
-                self.samples[h] = again
+                self._replace_model(model, hypothesis, threshold - KNOWN)
 
-    def uncertain(self, h: Hypothesis) -> np.ndarray:
+    def _replace_model(self, model: Model, simulated: Hypothesis, threshold: float) -> None:
+        """Weigh the samples again whose predictions the benches of a hypothesis change."""
+        changed = {*simulated} - model.readings
+        self.likelihood = replace(self.likelihood, model=model)
+        for h, sample in self.samples.items():
+            if changed <= {*h} and self.promise(h) > threshold:
+                self.samples[h] = repeated(self.likelihood, sample, self.more)
+        self.samples[simulated] = refined(
+            self.likelihood, self.samples[simulated], self.more, rounds=3
+        )
+
+    def uncertain_draws(self, h: Hypothesis) -> np.ndarray:
         """List likely draws that may be predicted wrong, between levels or by two effects.
 
         The best one first, the others by their errors.
@@ -175,7 +186,7 @@ class _Search:
         alone = len(set(forward(h)) - self.likelihood.model.readings) == 1
         error = (((p.emulated if alone else p.common) / p.mean) ** 2).mean(axis=1) ** 0.5
         order = np.append(0, 1 + (-error[1:]).argsort())
-        return np.asarray(rows[order][error[order] > UNCERTAIN])
+        return np.asarray(rows[order][error[order] > self.likelihood.settings.uncertain])
 
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""
@@ -190,7 +201,7 @@ class _Search:
                 within[h] = best, parts
         chosen = sorted(within, key=lambda h: -within[h][0])[:THIRDS]
         parts_of = {h: within[h][1] for h in chosen}
-        self.take(widened(self.likelihood, parts_of, self.more, self.generator))
+        self.take(widened(self.likelihood, parts_of, self.more))
         return chosen
 
 
@@ -200,18 +211,18 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     ``more`` is the log likelihood of what is known beside the shifts, ``beside`` the same if
     nothing listed is the cause.
     """
-    search = _Search(likelihood, more, reversed_, np.random.default_rng(3))
+    search = _Search(likelihood, more, reversed_)
     for size in range(min(3, likelihood.settings.most + 1)):
         few = hypotheses_of(likelihood.model, size)
         search.take(screened(likelihood, few, more, search.distance))
     search.refine(0)
     search.refine(1)
-    search.simulate([*search.samples])
+    search.simulate_plausible([*search.samples])
     if likelihood.settings.most > 2:
         thirds = search.widen()
         search.refine(0, thirds)
         search.refine(1, thirds)
-        search.simulate(thirds)
+        search.simulate_plausible(thirds)
     search.refine(2)
     priors = {**search.priors, UNKNOWN: search.prior(UNKNOWN)}
     return Ranking(search.likelihood, more, search.samples, priors, _unlisted(search) + beside)

@@ -23,7 +23,6 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit, logit
@@ -55,7 +54,7 @@ from dogshape.diagnosis.prediction.simulations import (
     extremes,
     settings_of,
     simulate,
-    simulate_bench,
+    simulate_benches,
     with_wide_range,
 )
 from dogshape.diagnosis.settings import Settings
@@ -75,7 +74,10 @@ COMBINED = 0.7  #: error of two effects over the product of their changes (measu
 #: Measured: variances of a change by angles of benches at all of them and at few, over that of all
 #: changes; errors of ln deviation and of the mean by uneven angles over 1 / number that counts.
 CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
-NEAR = 0.03  #: of the range of each parameter, within which one further bench is enough
+#: Steps of a range between which further benches of one and of two effects lie, and how many of
+#: these are simulated at once.
+GRID, BENCHES = {1: 32, 2: 16}, 4
+DENSE_ERROR = DENSE**-0.8  #: error of a moment by all angles over that by a level's (measured)
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
 #: the share of late shifts over the binomial one, of the logit of those that engage, ln kurtosis.
 OWN, SHARED = (0.1, 0.25, 1.0, 0.5, 0.3), (0.04, 0.05, 0.5, 1.0, 0.2)
@@ -115,14 +117,6 @@ class Predicted:
         return Predicted(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
 
 
-class Joint(NamedTuple):
-    """Two effects simulated together, and what their changes miss of ln mean and ln deviation."""
-
-    shares: Array  #: of n benches, (n, p)
-    times: Array  #: (n, C, ANGLES)
-    missed: Emulator  #: of 2 C moments
-
-
 @dataclass(frozen=True)
 class Model:
     """Predictions of a clutch at a data set's operating points."""
@@ -133,9 +127,10 @@ class Model:
     law: float  #: error of an effect's law, as a share of the change that it makes
     turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
     run: Runner | None = None  #: simulates further benches
-    joint: Mapping[Hypothesis, Joint] = field(default_factory=dict)
-    #: Benches beside an effect's levels, and their times, (C, A).
-    further: Mapping[str, tuple[tuple[Level, Array], ...]] = field(default_factory=dict)
+    #: What the changes of two effects miss of ln mean and ln deviation, 2 C moments.
+    joint: Mapping[Hypothesis, Emulator] = field(default_factory=dict)
+    #: Benches of one or two effects beside the levels, and their times, (C, DENSE * ANGLES).
+    further: Mapping[Hypothesis, tuple[tuple[Level, Array], ...]] = field(default_factory=dict)
     _curves: dict[str, Curve] = field(default_factory=dict)
     _limits: dict[str, list[Setting]] = field(default_factory=dict)
     _recent: dict[object, Changes] = field(default_factory=dict)
@@ -220,8 +215,12 @@ class Model:
         if REVERSED in hypothesis:
             assert self.turned is not None, "the reversed sense is asked for where it is simulated"
             return self.turned.predict(forward(hypothesis), shares)
-        space, count, base = self.space(hypothesis), len(shares), np.exp(self.base[:, 0])
-        values, (free, pace) = space.values(shares), self._free
+        return self.predict_values(hypothesis, self.space(hypothesis).values(shares))
+
+    def predict_values(self, hypothesis: Hypothesis, values: Array) -> Predicted:
+        """Predict a hypothesis without the sense at values (m, p)."""
+        space, count, base = self.space(hypothesis), len(values), np.exp(self.base[:, 0])
+        free, pace = self._free
         after = np.maximum(base - free, LEAST_PART * base)
         logs, angled, square, delay, missed, alike, flight, slip = np.zeros((8, count, self.cells))
         parts, crossed = list[Array](), np.zeros((count, self.cells))
@@ -260,7 +259,7 @@ class Model:
             error = COMBINED * abs(first * second)
             if joint := self.joint.get((one, other)):
                 places = self._places((one, other), space, values)
-                moments, errors = joint.missed.at(places, 2)
+                moments, errors = joint.at(places, 2)
                 mean = mean * np.exp(moments[:, ::2])
                 rest[..., 0] += moments[:, 1::2]
                 error, blur = errors[:, ::2], blur + errors[:, 1::2] ** 2
@@ -283,59 +282,93 @@ class Model:
         return np.hstack([*cubes])
 
     def simulate(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
-        """Simulate one or two effects at the first of shares (m, p), for all predictions.
+        """Simulate one or two effects near the first of shares (m, p), for all predictions.
 
-        One effect is simulated where no further bench of it is near, beside uneven angles at all
-        angles of the baseline. None where there is no such bench, or none or three effects are no
-        reading of a shift.
+        Benches lie on a grid of shares, so that draws which differ a little lead to the same ones,
+        and have all angles of the baseline. None where nothing is left to simulate: every bench is
+        there already or does not exist, or none or three effects are no reading of a shift.
         """
         if REVERSED in hypothesis:
             other = self.turned and self.turned.simulate(forward(hypothesis), shares)
             return other and replace(self, turned=other)
         names = tuple(name for name in hypothesis if name not in self.readings)
-        if self.run is None or len(names) not in (1, 2):
+        if self.run is None or len(names) not in GRID:
             return None
-        space, dense = self.space(hypothesis), DENSE if set(hypothesis) - {DELAY, *names} else 1
-        # Rounded, a bench is the same whatever the last digits of its draw.
-        shares = np.hstack([shares[:, space.columns(name)] for name in names]).round(6)
-        space, alone = self.space(names), len(names) == 1
-        further = self.further.get(names[0], ()) if alone else ()
-        for level, times in further:
-            places = self._curve(names[0]).places
-            far = abs(places(space.values(shares)) - places(np.array([level.values])))
-            near = (far < NEAR).all(axis=1) & (times.shape[1] >= dense * ANGLES)
-            shares = shares[~near]
-        if not len(shares):
+        columns = [self.space(hypothesis).columns(name) for name in names]
+        levels = self._new_levels(names, np.hstack([shares[:, some] for some in columns]))
+        if not levels:
             return None
-        level = Level(names, tuple(space.values(shares[:1])[0].tolist()))
-        try:
-            changed = [level.setting(self.effects, setting) for setting in self.settings]
-        except DogshapeError:
-            return None
-        times = simulate_bench(changed, self.settings, self.run, dense if alone else 1)
-        if alone:
-            every = {**self.further, names[0]: (*further, (level, times))}
-            curves = {name: one for name, one in self._curves.items() if name != names[0]}
-            model = replace(self, further=every, _curves=curves, _recent={})
-            both = {k: one for k, one in self.joint.items() if names[0] in k}
-            again = {k: model._missed(k, one.shares, one.times) for k, one in both.items()}
-            return replace(model, joint={**self.joint, **again})
-        share, times = shares[:1], times[None]
-        if joint := self.joint.get(names):
-            share, times = np.vstack([joint.shares, share]), np.vstack([joint.times, times])
-        return replace(self, joint={**self.joint, names: self._missed(names, share, times)})
+        changed = [[one.setting(self.effects, s) for s in self.settings] for one in levels]
+        times = simulate_benches(changed, self.settings, self.run)
+        benches = (*self.further.get(names, ()), *zip(levels, times, strict=True))
+        further = {**self.further, names: benches}
+        touched: list[Hypothesis]
+        if len(names) == 2:
+            model = replace(self, further=further)
+            touched = [names]
+        else:
+            curves = {name: curve for name, curve in self._curves.items() if name not in names}
+            model = replace(self, further=further, _curves=curves, _recent={})
+            touched = [pair for pair in self.joint if names[0] in pair]
+        return replace(model, joint={**self.joint, **{n: model._missed(n) for n in touched}})
 
-    def _missed(self, names: Hypothesis, shares: Array, times: Array) -> Joint:
-        """Fit what the changes of two effects miss at benches with both."""
-        p, space = replace(self, joint={}).predict(names, shares), self.space(names)
+    def thinned(self, hypothesis: Hypothesis, group: int, groups: int) -> Model:
+        """Leave out one further bench in ``groups`` of a hypothesis' effects and pairs."""
+        if REVERSED in hypothesis:
+            assert self.turned is not None, "the reversed sense is asked for where it is simulated"
+            turned = self.turned.thinned(forward(hypothesis), group, groups)
+            return replace(self, turned=turned)
+        further = {
+            names: tuple(one for k, one in enumerate(benches) if k % groups != group)
+            if {*names} <= {*hypothesis}
+            else benches
+            for names, benches in self.further.items()
+        }
+        curves = {name: one for name, one in self._curves.items() if name not in hypothesis}
+        model = replace(self, further=further, joint={}, _curves=curves, _recent={})
+        pairs = [names for names in self.joint if {*names} <= {*hypothesis} and further[names]]
+        return replace(model, joint={names: model._missed(names) for names in pairs})
+
+    def _new_levels(self, names: Hypothesis, shares: Array) -> list[Level]:
+        """List the first levels on the grid near shares (m, p) that have no bench yet."""
+        steps, space = GRID[len(names)], self.space(names)
+        known = {level for level, _ in self.further.get(names, ())}
+        levels = list[Level]()
+        for values in space.values((shares * steps).round() / steps).tolist():
+            # Rounded, a bench is the same whatever the last digits of a processor's logarithms.
+            level = Level(names, tuple(float(f"{value:.6g}") for value in values))
+            if level not in known and self._simulable(level):
+                known.add(level)
+                levels.append(level)
+            if len(levels) == BENCHES:
+                break
+        return levels
+
+    def _simulable(self, level: Level) -> bool:
+        try:
+            for setting in self._extremes:
+                level.setting(self.effects, setting)
+        except DogshapeError:
+            return False
+        return True
+
+    def _missed(self, names: Hypothesis) -> Emulator:
+        """Fit what the changes of two effects miss of ln mean and ln deviation at their benches."""
+        benches = self.further[names]
+        values = np.array([level.values for level, _ in benches])
+        times = np.array([one for _, one in benches])
+        space = self.space(names)
+        p = replace(self, joint={}).predict_values(names, values)
         ruled = np.stack([np.log(p.mean - p.delay), np.log(p.sd)], axis=-1)
         angles = (self._moments(self._angles.times[1:]) - self.base)[..., :2]
-        found = np.vstack([self._moments(times)[..., :2] - ruled, angles])
-        x = self._places(names, space, space.values(shares))
+        # All angles lack the error that the levels' angles have in common.
+        found = np.vstack([self._moments(times)[..., :2] - ruled + angles, angles])
+        x = self._places(names, space, values)
         own, common = self._noise.reshape(2, -1, MOMENTS)[..., :2].reshape(2, -1)
+        own = own[:, None] * np.append(np.full(len(times), DENSE_ERROR), 1.0)
         plain = tuple(self._curve(name).emulator.kernel.plain[0] for name in names)
         found = found.reshape(len(found), -1).T
-        return Joint(shares, times, Emulator.fitted(x, plain, found, own[:, None], common))
+        return Emulator.fitted(x, plain, found, own, common)
 
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
@@ -386,7 +419,7 @@ class Model:
 
     def _fitted(self, effect: Effect) -> Curve:
         """Fit the changes by an effect over its levels, moment by moment."""
-        places, further = self.simulated.of((effect.name,)), self.further.get(effect.name, ())
+        places, further = self.simulated.of((effect.name,)), self.further.get((effect.name,), ())
         levels = [*(self.simulated.levels[k] for k in places), *(level for level, _ in further)]
         rows = [*self.simulated.times[places], *(one for _, one in further)]
         dense = np.array([one.shape[1] > ANGLES for one in rows], dtype=bool)
@@ -403,7 +436,7 @@ class Model:
         # What all angles show lacks the error that the levels' angles have in common.
         found[:-1][dense] += found[-1]
         own, common = self._noise
-        own = own[:, None] * np.append(np.where(dense, DENSE**-0.8, 1.0), 1.0)
+        own = own[:, None] * np.append(np.where(dense, DENSE_ERROR, 1.0), 1.0)
         fitted = Emulator.fitted(x, (plain,), found.reshape(len(found), -1).T, own, common)
         given, (free, pace), added = {effect.name: effect}, self._free, []
         for level in levels:

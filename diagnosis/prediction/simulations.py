@@ -162,13 +162,20 @@ def simulate(effects: Mapping[str, Effect], settings: Sequence[Setting], run: Ru
     return Simulated(settings, angles, baseline, common, tuple(levels), whole)
 
 
-def simulate_bench(
-    changed: Sequence[Setting], settings: Sequence[Setting], run: Runner, dense: int = 1
+def simulate_benches(
+    changed: Sequence[Sequence[Setting]], settings: Sequence[Setting], run: Runner
 ) -> Array:
-    """Simulate changed settings at the angles of their baselines, s, (C, dense * ANGLES)."""
-    rows = run([_block(*pair, dense) for pair in zip(changed, settings, strict=True)])
-    pairs = zip(changed, rows, strict=True)
-    return np.array([read_times(replace(one, delay=0.0), row) for one, row in pairs])
+    """Simulate n benches at all angles of their baselines, s, (n, C, DENSE * ANGLES).
+
+    ``changed`` are the settings of each bench at the C operating points.
+    """
+    pairs = [pair for row in changed for pair in zip(row, settings, strict=True)]
+    rows = run([_block(setting, baseline, DENSE) for setting, baseline in pairs])
+    times = [
+        read_times(replace(setting, delay=0.0), row)
+        for (setting, _), row in zip(pairs, rows, strict=True)
+    ]
+    return np.array(times).reshape(len(changed), len(settings), DENSE * ANGLES)
 
 
 def _block(changed: Setting, baseline: Setting, dense: int = 1) -> Block:

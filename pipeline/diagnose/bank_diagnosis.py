@@ -1,8 +1,9 @@
 """Diagnosis of a bench data set, and plan of its shifts: the bank of simulations first.
 
 The package brings the bank of the published clutch at the operating points of its tables
-(``studies/bench``). What it lacks is simulated once and kept in a folder: ``bank.jsonl`` has the
-times of all clutches, ``shifts.jsonl`` finished shifts of an unfinished bank.
+(``studies/bench``). What it lacks is simulated once and kept in a folder, by default the user's
+cache: ``bank.jsonl`` has the times of all clutches, ``shifts.jsonl`` finished shifts of an
+unfinished bank. Diagnoses at once share the folder; each waits while another one simulates.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+
+from platformdirs import user_cache_dir
 
 from dogshape.diagnosis.bench.bench_data import (
     Bench,
@@ -44,9 +47,9 @@ from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.versions import bundled_root
 
-BANK = Path("results") / "bank"  #: folder of banks where none is named
+BANK = Path(user_cache_dir("dogshape", appauthor=False)) / "bank"  #: where none is named
 TIMES, SHIFTS = "bank.jsonl", "shifts.jsonl"
-WAIT = 60.0  #: s, for another diagnosis that simulates its further shifts
+PATIENCE = 3600.0  #: s, for other diagnoses that simulate
 BROUGHT = bundled_root() / "bench" / TIMES  #: file of the bank that the package brings
 
 
@@ -59,7 +62,6 @@ class Means:
     jobs: int = 0  #: worker processes, 0 for one a core
     progress: Progress = SILENT
     engine: str = "planar"  #: of the bank
-    patience: float = 0.0  #: s to wait for another run that writes banks
     settings: Settings = USUAL
 
 
@@ -91,7 +93,7 @@ def shifts_of(
     """Take ``known`` shifts; simulate and keep what no file has; ``notes`` were said before."""
     if not known.missing(blocks):
         return known.times(blocks, lambda _: [])
-    with writing(means.bank, means.patience or (WAIT if notes else 0.0)):
+    with writing(means.bank, PATIENCE, means.progress.say):
         known.read()  # another run may have written since
         lacking = known.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)

@@ -180,10 +180,10 @@ def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_a
     tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextmanager
-    def late(folder: Path, patience: float) -> Iterator[None]:
+    def late(folder: Path, *waiting: object) -> Iterator[None]:
         monkeypatch.setattr(bank_diagnosis, "writing", writing)
         _model(tmp_path, _bench())
-        with writing(folder, patience):
+        with writing(folder, 1.0):
             yield
 
     monkeypatch.setattr(bank_diagnosis, "writing", late)

@@ -17,7 +17,7 @@ from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.emulator import AMPLITUDES, LENGTHS, Emulator, Kernel
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.prediction.moments import Angles, modes_of, timely
-from dogshape.diagnosis.prediction.simulations import Level, simulate_bench
+from dogshape.diagnosis.prediction.simulations import Level, simulate_benches
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
 from dogshape.sim.effects import load
@@ -145,13 +145,13 @@ def test_uneven_angles_weigh_the_times_with_the_other_effect(
 
 
 def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> None:
-    """Mean times of two benches that were simulated, and of one beside them."""
+    """Mean times of two benches on the grid that were simulated, and of one between."""
     pair = "actuation_lag", "sleeve_friction"
-    shares = np.array([[0.8, 0.6], [0.6, 0.6], [0.7, 0.7]])
+    shares = np.array([[0.8125, 0.625], [0.625, 0.625], [0.7, 0.7]])
     rows = [Level(pair, tuple(v)) for v in simulated.space(pair).values(shares).tolist()]
     settings, given = simulated.settings, simulated.effects
     benches = [[level.setting(given, one) for one in settings] for level in rows]
-    times = np.array([simulate_bench(bench, settings, _compiled) for bench in benches])
+    times = simulate_benches(benches, settings, _compiled)
     exact = np.nanmean(timely(times, simulated.far), axis=2)
     model = simulated
     for share in shares[:2]:

@@ -17,7 +17,6 @@ from benchmarks.self_consistency import answer, cause_of, in_set
 from dogshape.diagnosis.inference import ranking
 from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
 from dogshape.diagnosis.inference.ranking import (
-    LEVELS,
     Ranking,
     _Search,
     _unlisted,
@@ -56,10 +55,9 @@ def likelihood_with(share: float, *, scatter: float = 1.0) -> Likelihood:
 
 def sample_of(likelihood: Likelihood, hypothesis: Hypothesis) -> Sample:
     """Sample a hypothesis as the ranking does."""
-    rng = np.random.default_rng(3)
-    search = _Search(likelihood, nothing, 0.0, rng)
+    search = _Search(likelihood, nothing, 0.0)
     (one,) = screened(likelihood, [hypothesis], nothing, search.distance)
-    return refined(likelihood, one, nothing, 4, rng)
+    return refined(likelihood, one, nothing, 4)
 
 
 def grid(size: int, count: int) -> Array:
@@ -91,12 +89,12 @@ def test_evidence_around_the_parts_is_that_of_quadrature(share: float) -> None:
     log = likelihood.terms(likelihood.model.predict(BOTH, grid(2, 40))).log
     parts = [sample_of(likelihood, LAG), sample_of(likelihood, MASS)]
     exact = float(logsumexp(log)) - math.log(len(log))
-    generators = [np.random.default_rng(seed) for seed in range(60)]
-    few = [next(widened(likelihood, {BOTH: parts}, nothing, one)) for one in generators]
+    seeds = [replace(likelihood, settings=replace(USUAL, seed=seed)) for seed in range(60)]
+    few = [next(widened(one, {BOTH: parts}, nothing)) for one in seeds]
     # A few draws around the parts are right on average, and their refinement at once.
     ratios = np.exp([one.log_evidence - exact for one in few])
     assert ratios.mean() == pytest.approx(1.0, abs=3.0 * ratios.std() / len(few) ** 0.5)
-    more = refined(likelihood, few[3], nothing, 4, generators[3])
+    more = refined(seeds[3], few[3], nothing, 4)
     assert more.log_evidence == pytest.approx(exact, abs=max(3.0 * more.error, 0.1))
 
 
@@ -129,7 +127,7 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     """Without an effect: a Gaussian of each amplitude, all amplitudes summed."""
     likelihood = likelihood_with(0.1)
     flights = Flights(likelihood.model.effects, likelihood.model.settings)
-    one = fit(likelihood, sample_of(likelihood, NONE), flights)
+    one = fit(likelihood, sample_of(likelihood, NONE), flights, nothing)
     mean, sd, gap, _ = left_out(likelihood, one)
     p = one.predicted.only([0])
     found = likelihood.terms(p)
@@ -162,7 +160,7 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
 def test_evidence_of_something_unlisted_is_that_of_quadrature() -> None:
     """On top of no effect and of one, each by its prior."""
     likelihood = likelihood_with(0.75, scatter=3.0)
-    search = _Search(likelihood, nothing, 0.0, np.random.default_rng(3))
+    search = _Search(likelihood, nothing, 0.0)
     logs = []
     for h in (NONE, MASS):
         search.samples[h] = sample_of(likelihood, h)
@@ -230,27 +228,29 @@ def test_a_rival_is_simulated_before_it_falls_behind(monkeypatch: pytest.MonkeyP
             asked.append(hypothesis)
             return self
 
-    def refined(_: Any, one: SimpleNamespace, *__: Any) -> SimpleNamespace:
+    def refined(_: Any, one: SimpleNamespace, *__: Any, rounds: int) -> SimpleNamespace:
         gain = 10.0 if len(asked) == 1 else 0.0
         return SimpleNamespace(**{**vars(one), "log_evidence": one.log_evidence + gain})
 
     monkeypatch.setattr(ranking, "refined", refined)
     monkeypatch.setattr(ranking, "repeated", lambda _, one, __: one)
-    monkeypatch.setattr(_Search, "uncertain", lambda *_: np.zeros(1, dtype=int))
+    monkeypatch.setattr(_Search, "uncertain_draws", lambda *_: np.zeros(1, dtype=int))
     likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, Asked()))
-    search = _Search(likelihood, nothing, 0.0, np.random.default_rng(1))
+    search = _Search(likelihood, nothing, 0.0)
     first, second, far, few = ("a", "b"), ("a", "c"), ("b", "c"), np.zeros((1, 2))
     for h, log in {first: 0.0, second: -4.0, far: -6.0}.items():
         one: Any = SimpleNamespace(hypothesis=h, log_evidence=log, shares=few, log=few)
         search.samples[h], search.priors[h] = one, 0.0
-    search.simulate([*search.samples])
-    assert asked == [first, second, *[first] * (LEVELS - 1)]
+    search.simulate_plausible([*search.samples])
+    assert asked == [first, second, *[first] * (USUAL.simulations_each - 1)]
 
 
 def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
     """A small mass moves no mean beyond its error; traces that lose by its absence show it."""
     likelihood = likelihood_with(0.02)
-    one = fit(likelihood, sample_of(likelihood, MASS), Flights({}, likelihood.model.settings))
+    one = fit(
+        likelihood, sample_of(likelihood, MASS), Flights({}, likelihood.model.settings), nothing
+    )
     one = replace(one, shares=0.0 * one.shares + 0.02)
     one = replace(one, predicted=likelihood.model.predict(MASS, one.shares))
 

@@ -12,7 +12,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models
-from dogshape.diagnosis.prediction.simulations import ANGLES, Level, simulate_bench
+from dogshape.diagnosis.prediction.simulations import ANGLES, DENSE, Level, simulate_benches
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, REVERSED, Sense, forward, turned
 from dogshape.sim.effect import BenchTest, Effect, Values
@@ -165,7 +165,7 @@ def _run(blocks: list[Block]) -> list[list[Record]]:
 def test_errors_of_an_interpolation_are_its_stated_ones(name: str) -> None:
     """Friction holds the ring at the end of its range, where the time is infinite.
 
-    The means of level and interpolation both scatter by their angles, half as much as at random.
+    The means at all angles scatter by these, half as much as at random.
     """
     bench = load_bench("mq200_adams")
     bench = replace(bench, clutch=bench.clutch.with_engine("planar"), cells=bench.cells[1:28:9])
@@ -174,10 +174,10 @@ def test_errors_of_an_interpolation_are_its_stated_ones(name: str) -> None:
     values = model.space((name,)).values(shares)
     levels = [Level((name,), tuple(row)) for row in values.tolist()]
     benches = [[level.setting(model.effects, one) for one in model.settings] for level in levels]
-    times = np.array([simulate_bench(bench, model.settings, _run) for bench in benches])
-    exact = (model._moments(times) - model._moments(model._angles.times[1]))[..., 0]
+    times = simulate_benches(benches, model.settings, _run)
+    exact = (model._moments(times) - model.base)[..., 0]
     found, p = model.changes(name, values), model.predict((name,), shares)
-    scatter = 0.5 * p.sd / (p.mean - p.delay) * (2.0 / ANGLES) ** 0.5
+    scatter = 0.5 * p.sd / (p.mean - p.delay) * (1.0 / DENSE / ANGLES) ** 0.5
     known = np.isfinite(exact)
     scores = ((found.moments[..., 0] - exact) / np.hypot(found.error, scatter))[known]
     assert np.sqrt((scores**2).mean()) < 1.3

@@ -37,7 +37,6 @@ from dogshape.validation.blind.stand import Point, read_stand
 
 Names = tuple[str, ...]
 
-PATIENCE = 600.0  #: s to wait for the bank that another case has to complete
 ENGINE = "planar"  #: that simulates for the diagnosis
 
 
@@ -164,4 +163,4 @@ def advised(folder: Path, truth: Mapping[str, Any], right: Sequence[Names]) -> A
 
 
 def _means(jobs: int) -> Means:
-    return Means(jobs=jobs, patience=PATIENCE, engine=ENGINE)
+    return Means(jobs=jobs, engine=ENGINE)

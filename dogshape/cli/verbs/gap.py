@@ -11,15 +11,16 @@ import dogshape as ds
 from dogshape.cli.options import BenchArg, Corrections, Jobs, Json, emit, show
 from dogshape.sim.errors import DogshapeError, InputError
 
-Bank = Annotated[Path, Option(help="folder of simulations that diagnoses share")]
-BANK = Path("results") / "bank"
+Bank = Annotated[
+    Path | None, Option(help="folder of simulations that diagnoses share; default: user's cache")
+]
 Effects = Annotated[Path | None, Option(help="folder with effects of your own, a file each")]
 
 
 def gap(
     bench: BenchArg,
     out: Annotated[Path | None, Option(help="for report.html, gap.json and cells.csv")] = None,
-    bank: Bank = BANK,
+    bank: Bank = None,
     effects: Effects = None,
     study: Annotated[str | None, Option(help="study: effect on its choice")] = None,
     write: Annotated[Path | None, Option(metavar="FILE", help="calibrated study")] = None,
@@ -27,6 +28,7 @@ def gap(
     causes: Annotated[str | None, Option(help="with --write: other effects, A,B")] = None,
     draws: Annotated[int, Option(min=1, max=100_000, help="with --write: draws")] = 200,
     engine: Annotated[str, Option(help="planar or drake, which takes hours")] = "planar",
+    seed: Annotated[int, Option(min=0, help="of the random draws of the inference")] = 1,
     correct: Corrections = None,
     jobs: Jobs = 0,
     json: Json = False,
@@ -50,7 +52,7 @@ def gap(
         calibrated_study.require_new_study(write, base)
     found = ds.diagnose(
         bench, correct=correct or (), out=out, bank=bank, effects=effects, study=study,
-        engine=engine, jobs=jobs, progress=True,
+        engine=engine, seed=seed, jobs=jobs, progress=True,
     )  # fmt: skip
     if write is None:
         show(found, json)
@@ -77,7 +79,7 @@ def gap_plan(
     out: Annotated[
         Path | None, Option(metavar="FILE", help="table to fill in, CSV or .xlsx")
     ] = None,
-    bank: Bank = BANK,
+    bank: Bank = None,
     effects: Effects = None,
     jobs: Jobs = 0,
     json: Json = False,
@@ -99,7 +101,7 @@ def gap_plan(
 def gap_update(
     folder: Annotated[Path, Argument(metavar="DIR", help="--out of an earlier diagnosis")],
     new: Annotated[Path, Argument(metavar="NEW.csv", help="or .xlsx; columns as in shifts.csv")],
-    bank: Bank = BANK,
+    bank: Bank = None,
     effects: Effects = None,
     jobs: Jobs = 0,
     json: Json = False,
