@@ -139,11 +139,12 @@ def size(effect: str, name: str, digits: int = 0, scale: float = 1.0) -> str:
 
 
 def part(effect: str) -> str:
-    """Write the probability that an effect is part of the stand's cause."""
+    """Write the probability that an effect is part of the stand's cause, with its standard error."""
     if effect == "unknown":
         rows = gap("stand")["hypotheses"]
         return percent(sum(h["probability"] for h in rows if h["effects"] == ["unknown"]))
-    return percent(gap("stand")["inclusion"][effect])
+    error = max(1.0, 100.0 * gap("stand")["inclusion_error"][effect])
+    return f"{100.0 * gap('stand')['inclusion'][effect]:.0f} ± {error:.0f} %"
 
 
 def rms(bench: str, name: str, digits: int = 0) -> str:

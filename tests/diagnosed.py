@@ -111,7 +111,8 @@ def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **
         sizes[name] = {one.name: Interval.of(column) for one, column in columns}
     found = SimpleNamespace(
         bench=bench, effects=EFFECTS, posterior=dict(posterior), evidence=dict(posterior),
-        fits=fits, inclusion=parts, verdict=verdict, within=0.01, gaps=gaps, leading=leading,
+        fits=fits, inclusion=parts, inclusion_error=dict.fromkeys(parts, 0.01),
+        verdict=verdict, within=0.01, gaps=gaps, leading=leading,
         rival=rival, readings=(), tests=tests(), facts=facts_of(bench), margin_s=0.011,
         sizes=sizes, noise=0.004, seconds=4.2,
         seen=SimpleNamespace(mean=seen, count=np.array([cell.n for cell in bench.cells])),

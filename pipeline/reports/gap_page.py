@@ -144,9 +144,16 @@ def inclusion_table(found: Diagnosis) -> Table:
     """Tabulate the probability of each effect to be part of the cause; named ones are marked."""
     named, parts = found.verdict.causes, found.inclusion
     those = [name for name in parts if parts[name] >= MIN_PROBABILITY or name in named]
-    rows = [(found.effects[name].plain, chance(parts[name])) for name in those]
+    rows = [
+        (found.effects[name].plain, chance(parts[name]), chance(found.inclusion_error[name]))
+        for name in those
+    ]
     looks = {k: "best" for k, name in enumerate(those) if name in named}
-    return Table(("effect", "probability"), rows, looks, (), "Sum over hypotheses with the effect.")
+    note = (
+        "Sum over hypotheses with the effect. Error: one standard error by finite numbers of draws "
+        "and of simulated benches."
+    )
+    return Table(("effect", "probability", "error"), rows, looks, (), note)
 
 
 def residual_table(found: Diagnosis) -> Table:
