@@ -139,7 +139,7 @@ def size(effect: str, name: str, digits: int = 0, scale: float = 1.0) -> str:
 
 
 def part(effect: str) -> str:
-    """Write the probability that an effect is part of the stand's cause, with its standard error."""
+    """Write the probability of an effect to be part of the cause, with its standard error."""
     if effect == "unknown":
         rows = gap("stand")["hypotheses"]
         return percent(sum(h["probability"] for h in rows if h["effects"] == ["unknown"]))
