@@ -14,6 +14,8 @@
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
 # make figures writes the tables of README.md and docs from kept results and docs/evidence.
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
+# make processors repeats the diagnosis of the stand with the vector instructions, kernels of linear
+# algebra and threads of other processors (a quarter of an hour).
 # make golden writes the JSON of the main verbs into GOLDEN, for diff -r before and after a change.
 # make picture draws docs/mismatch.svg, docs/dog.svg, docs/shift.png and
 # docs/report.png again; it needs Chromium and a study.
@@ -29,7 +31,7 @@ EXTRAS := dev,blind,cad,docs,fem,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps figures golden picture tutorial constraints system clean
+.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps processors figures golden picture tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -109,6 +111,18 @@ gaps: $(VENV)/ready
 	$(BIN)/dogshape gap mq200_stand --study mq200_paper --json > build/gap_stand.json
 	$(BIN)/dogshape gap mq200_adams --json > build/gap_adams.json
 	mv build/gap_stand.json build/gap_adams.json docs/evidence/
+
+# Each setting: features that numpy leaves out, kernel and threads of OpenBLAS.
+PROCESSORS := :SkylakeX:2 X86_V4,AVX512_ICL,AVX512_SPR:Haswell:1 \
+  X86_V3,X86_V4,AVX512_ICL,AVX512_SPR:Nehalem:2
+
+processors: $(VENV)/complete
+	for setting in $(PROCESSORS); do \
+	  IFS=: read -r features kernel threads <<< "$$setting"; echo "$$setting"; \
+	  NPY_DISABLE_CPU_FEATURES=$$features OPENBLAS_CORETYPE=$$kernel OPENBLAS_NUM_THREADS=$$threads \
+	    $(BIN)/python -m pytest -q -W ignore::ImportWarning tests/acceptance/test_gap_verb.py || exit 1; \
+	done
+processors: SHELL := /bin/bash
 
 figures: $(VENV)/ready
 	$(BIN)/python -m benchmarks.figures

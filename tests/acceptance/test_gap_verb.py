@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,6 +15,8 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed
+
+EVIDENCE = Path(__file__).parents[2] / "docs" / "evidence" / "gap_stand.json"
 
 
 def _diagnosed(folder: Path, seed: int) -> Diagnosis:
@@ -32,19 +36,28 @@ def found(folder: Path) -> Diagnosis:
     return _diagnosed(folder, USUAL.seed)
 
 
-def test_another_seed_gives_the_same_answer(found: Diagnosis, folder: Path) -> None:
-    """Inclusion within 0.03 or three of its stated errors, sizes within a tenth of the interval."""
-    again = _diagnosed(folder, USUAL.seed + 1)
-    assert again.verdict.kind == found.verdict.kind
-    assert set(again.verdict.causes) == set(found.verdict.causes)
-    for name, probability in found.inclusion.items():
-        errors = [one.inclusion_error.get(name, 0.0) for one in (found, again)]
+def _assert_same(record: dict[str, Any], expected: dict[str, Any]) -> None:
+    """Verdict, inclusion to 0.03 or three stated errors, sizes to a tenth of their intervals."""
+    assert record["verdict"] == expected["verdict"]
+    assert set(record["causes"]) == set(expected["causes"])
+    for name, probability in expected["inclusion"].items():
+        errors = [one["inclusion_error"].get(name, 0.0) for one in (record, expected)]
         allowed = max(0.03, 3.0 * math.hypot(*errors))
-        assert again.inclusion.get(name, 0.0) == pytest.approx(probability, abs=allowed), name
+        assert record["inclusion"].get(name, 0.0) == pytest.approx(probability, abs=allowed), name
     for name in ("actuation_delay", "drag_torque"):
-        for parameter, size in found.sizes[name].items():
-            tenth = 0.1 * (size.high - size.low)
-            assert again.sizes[name][parameter].mean == pytest.approx(size.mean, abs=tenth)
+        for parameter, size in expected["sizes"][name].items():
+            tenth = 0.1 * (size["high"] - size["low"])
+            mean = record["sizes"][name][parameter]["mean"]
+            assert mean == pytest.approx(size["mean"], abs=tenth), parameter
+
+
+def test_another_seed_gives_the_same_answer(found: Diagnosis, folder: Path) -> None:
+    _assert_same(_diagnosed(folder, USUAL.seed + 1).to_dict(), found.to_dict())
+
+
+def test_this_processor_gives_the_published_answer(found: Diagnosis) -> None:
+    """``make processors`` repeats it with other instructions and numbers of threads."""
+    _assert_same(found.to_dict(), json.loads(EVIDENCE.read_text(encoding="utf-8")))
 
 
 def test_the_stand_has_a_dead_time_and_a_drag(found: Diagnosis) -> None:
