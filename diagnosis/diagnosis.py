@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -105,23 +105,20 @@ class Diagnosis:
     def noise(self) -> float:
         """Standard error of the leading probability by the errors of all evidences."""
         share = self.posterior[self.leading]
-        return self._probability_error({self.leading: 1.0 - share}, share)
+        return self._probability_error({self.leading}, share)
 
     @property
     def inclusion_error(self) -> dict[str, float]:
         """Standard error of each effect's probability by the errors of all evidences."""
         return {
-            name: self._probability_error({h: 1.0 - p for h in self.fits if name in h}, p)
+            name: self._probability_error({h for h in self.fits if name in h}, p)
             for name, p in self.inclusion.items()
         }
 
-    def _probability_error(self, members: Mapping[Hypothesis, float], probability: float) -> float:
-        """Propagate independent errors of log evidences to the probability of a set of hypotheses.
-
-        ``members`` are its hypotheses, each with the probability of all that are not in the set.
-        """
+    def _probability_error(self, members: Collection[Hypothesis], probability: float) -> float:
+        """Propagate independent errors of log evidences to the probability of some hypotheses."""
         parts = [
-            self.posterior.get(h, 0.0) * members.get(h, -probability) * one.error
+            self.posterior.get(h, 0.0) * ((h in members) - probability) * one.error
             for h, one in self.fits.items()
         ]
         return float(np.sqrt(np.square(parts).sum()))

@@ -121,10 +121,11 @@ class Settings:
         "beyond it has less than 1 % of the probability of the best")
     uncertain: float = constant(
         0.02, "of the predicted mean", "error of emulation from which likely draws are simulated",
-        "measured", "five seeds on the published stand")
+        "judged",
+        "two seeds on the published stand agree to 0.02 in each probability")
     simulations_each: int = constant(
-        10, "rounds of four benches", "for one hypothesis at most", "measured",
-        "five seeds on the published stand")
+        10, "rounds of four benches", "for one hypothesis at most", "judged",
+        "two seeds on the published stand agree to 0.02 in each probability")
     max_simulations: int = constant(
         60, "rounds of four benches", "for all hypotheses of one size at most", "judged", "")
     # limits of the answer

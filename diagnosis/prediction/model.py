@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -295,12 +296,11 @@ class Model:
         if self.run is None or len(names) not in GRID:
             return None
         columns = [self.space(hypothesis).columns(name) for name in names]
-        levels = self._new_levels(names, np.hstack([shares[:, some] for some in columns]))
-        if not levels:
+        changed = self._new_levels(names, np.hstack([shares[:, some] for some in columns]))
+        if not changed:
             return None
-        changed = [[one.setting(self.effects, s) for s in self.settings] for one in levels]
-        times = simulate_benches(changed, self.settings, self.run)
-        benches = (*self.further.get(names, ()), *zip(levels, times, strict=True))
+        times = simulate_benches([*changed.values()], self.settings, self.run)
+        benches = (*self.further.get(names, ()), *zip(changed, times, strict=True))
         further = {**self.further, names: benches}
         touched: list[Hypothesis]
         if len(names) == 2:
@@ -329,28 +329,22 @@ class Model:
         pairs = [names for names in self.joint if {*names} <= {*hypothesis} and further[names]]
         return replace(model, joint={names: model._missed(names) for names in pairs})
 
-    def _new_levels(self, names: Hypothesis, shares: Array) -> list[Level]:
-        """List the first levels on the grid near shares (m, p) that have no bench yet."""
+    def _new_levels(self, names: Hypothesis, shares: Array) -> dict[Level, list[Setting]]:
+        """Find the first levels on the grid near shares (m, p) without a bench, with settings."""
         steps, space = GRID[len(names)], self.space(names)
         known = {level for level, _ in self.further.get(names, ())}
-        levels = list[Level]()
+        changed = dict[Level, list[Setting]]()
         for values in space.values((shares * steps).round() / steps).tolist():
             # Rounded, a bench is the same whatever the last digits of a processor's logarithms.
             level = Level(names, tuple(float(f"{value:.6g}") for value in values))
-            if level not in known and self._simulable(level):
-                known.add(level)
-                levels.append(level)
-            if len(levels) == BENCHES:
+            if level in known:
+                continue
+            known.add(level)
+            with suppress(DogshapeError):  # there is no such bench
+                changed[level] = [level.setting(self.effects, one) for one in self.settings]
+            if len(changed) == BENCHES:
                 break
-        return levels
-
-    def _simulable(self, level: Level) -> bool:
-        try:
-            for setting in self._extremes:
-                level.setting(self.effects, setting)
-        except DogshapeError:
-            return False
-        return True
+        return changed
 
     def _missed(self, names: Hypothesis) -> Emulator:
         """Fit what the changes of two effects miss of ln mean and ln deviation at their benches."""

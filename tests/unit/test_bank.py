@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -180,10 +181,10 @@ def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_a
     tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextmanager
-    def late(folder: Path, *waiting: object) -> Iterator[None]:
+    def late(folder: Path, *waiting: Any) -> Iterator[None]:
         monkeypatch.setattr(bank_diagnosis, "writing", writing)
         _model(tmp_path, _bench())
-        with writing(folder, 1.0):
+        with writing(folder, *waiting):
             yield
 
     monkeypatch.setattr(bank_diagnosis, "writing", late)
