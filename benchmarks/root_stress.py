@@ -17,13 +17,14 @@ from scipy.optimize import least_squares
 
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dog, Flank, flank_contact
+from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import (
     TENSION,
     Load,
     Tension,
     root_tension,
 )
-from dogshape.sim.strength.manufacture import ManufacturingLimits, require_makeable
+from dogshape.sim.strength.manufacture import ManufacturingLimits, manufacturing_checks
 from dogshape.sim.units import DEG, MM, MPA
 from dogshape.validation.finite_elements.root_mesh import SIDES, RootShape
 from dogshape.validation.finite_elements.root_stress import (
@@ -93,8 +94,9 @@ def designs(count: int, seed: int) -> list[Design]:
         design = (*angles, round(height, 2), round(dogs), round(root_radius, 2))
         try:
             dog = shape_of(design).dog
-            require_makeable(dog, ManufacturingLimits())
         except DogshapeError:
+            continue
+        if not feasible(manufacturing_checks(dog, ManufacturingLimits())):
             continue
         if flank_contact(dog, 0.0, "braking").height >= SHARED * dog.height:
             found.append(design)

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from dash import dcc, html
 
-from dogshape.check import Check, Checked
+from dogshape.check import Check, Checked, hinge_lines
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Figure, percent
 from dogshape.pipeline.reports.designs import Row
@@ -19,6 +19,7 @@ from dogshape.sim.units import unit_of
 from dogshape.surrogate.model import Expected
 
 Children = list[Any]
+HINGES = 3  #: assumptions that the card of the margins names
 
 
 @dataclass(frozen=True)
@@ -128,15 +129,15 @@ def simulated_card(found: Check) -> Children:
 
 
 def judged(found: Checked) -> dict[str, Any]:
-    """Show the smallest margin, whether the landing is judged, and the table of checks."""
-    weakest, failed = smallest_margin(found.design.checks), len(found.failed)
-    count, open_ones = len(found.design.checks), found.design.not_checked
+    """Show the smallest margin, the verdict with what decides it, and the table of checks."""
+    weakest, verdict = smallest_margin(found.design.checks), found.verdict
     lines = (
-        f"{check_name(weakest.name)}; {f'{failed} of {count} fail' if failed else 'all pass'}",
-        f"at worst-case tolerances: {found.worst_case.replace('%', ' %').replace('_', ' ')}",
-        "landing not judged yet" if open_ones else "landing judged",
+        check_name(weakest.name),
+        verdict.line,
+        f"at worst-case tolerances: {found.worst_case.replace('_', ' ')}",
+        *(line.partition(" [")[0] for line in hinge_lines(verdict)[:HINGES] if verdict.flipping),
     )
-    kind = "bad" if failed else "open" if open_ones else "good"
+    kind = {"passes": "good", "fails": "bad"}.get(verdict.state, "open")
     return {
         "margins.children": card("smallest margin", percent(weakest.margin), *lines),
         "margins.className": f"card {kind}",
@@ -156,7 +157,7 @@ def cautions(found: Checked) -> Children:
 
 def check_table(found: Checked) -> html.Table:
     """Tabulate all checks as the command line does, with formula, source and key to point at."""
-    checks, body = {row.name: row for row in found.rows}, []
+    checks, body = {row.name: row for row in found.judged_rows}, []
     table = record_table(list(checks.values()))
     for cells in table.rows:
         row = checks.get(cells[0])
@@ -167,5 +168,6 @@ def check_table(found: Checked) -> html.Table:
         said = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
         texts = [check_name(row.name), *cells[1:]]
         drawn = [html.Td(text, className="bad" if isinstance(text, Bad) else "") for text in texts]
-        body.append(html.Tr(drawn, title=said, className="failed" * (not row.passed), **exact))
+        kind = "failed" if row.passed is False else ""
+        body.append(html.Tr(drawn, title=said, className=kind, **exact))
     return html.Table([html.Thead(html.Tr(list(map(html.Th, table.heads)))), html.Tbody(body)])

@@ -18,18 +18,27 @@ from dogshape.pipeline.simulate.design import (
     ToleranceTime,
     checks_within,
     design_of,
+    judged_design,
     tolerance_time,
     weakest_within,
 )
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime, QuantileRow, check_table
+from dogshape.pipeline.store.result_records import (
+    CheckRow,
+    ExpectedTime,
+    NotJudged,
+    QuantileRow,
+    check_table,
+    not_judged_row,
+)
 from dogshape.pipeline.train.training_rows import own_surrogate, study_mix
-from dogshape.sim.errors import GeometryError
 from dogshape.sim.statistics.expectation import Expectation
-from dogshape.sim.strength.checks import feasible, smallest_margin
-from dogshape.sim.strength.dog_strength import UNJUDGED, strike_force, strike_torque
+from dogshape.sim.strength.checks import smallest_margin
+from dogshape.sim.strength.dog_strength import strike_force, strike_torque
+from dogshape.sim.strength.landing import Landings
 from dogshape.sim.strength.locking import blocking_force
-from dogshape.sim.strength.manufacture import manufacturing_checks, require_makeable
+from dogshape.sim.strength.manufacture import manufacturing_checks
+from dogshape.sim.strength.verdict import OPTIONAL, SPANS, Hinge, Verdict, landing_by_stiffness
 from dogshape.sim.units import MPA, RPM
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
@@ -42,15 +51,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Checked(Result):
-    """One design of a study with its checks."""
+    """One design of a study with its checks and the verdict on them."""
 
     config: Setup
     design: Design
+    verdict: Verdict
 
     @property
     def feasible(self) -> bool:
-        """Whether every check passes."""
-        return self.design.feasible
+        """Whether every standard check is judged and clearly passes."""
+        return self.verdict.passes
 
     @property
     def failed(self) -> tuple[str, ...]:
@@ -80,51 +90,100 @@ class Checked(Result):
         """Every check with its margins, by the declared keys."""
         return [CheckRow(**one) for one in checks_within(self.config, self.design)]
 
+    @property
+    def judged_rows(self) -> list[CheckRow]:
+        """Every check, then the standard ones that were not judged."""
+        missing = [NotJudged(check=one.check, key=one.key) for one in self.verdict.not_judged]
+        return [*self.rows, *map(not_judged_row, missing)]
+
     def to_parts(self) -> list[str | Table]:
         """Give the table of checks, verdict, warnings and the force on the blocking mechanism."""
         weakest = smallest_margin(self.design.checks)
-        verdict = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
-        open_ones = ", before its landing is simulated" if self.design.not_checked else ""
-        unheld = ""
-        if self.blocking_force_N > 0.0 and self.config.limits.load.separating_force_limit is None:
-            unheld = f"; not judged, give its own force: {UNJUDGED['separating_force']}"
-            open_ones += f", if latch or detent hold {self.blocking_force_N:.0f} N" * self.feasible
         return [
-            check_table(self.rows),
+            check_table(self.judged_rows),
             "",
             "S: safety factor, upper limit of a stress or force over its value, at nominal size, "
             "beyond the factors of [load] that the limit contains",
             "margin: distance to the limit over the limit, at nominal size, with every tolerance "
             "at its worst, and by root sum of squares (landing and times: nominal size alone)",
-            f"feasible: {verdict}{open_ones}",
+            f"verdict: {self.verdict.line}",
             *(f"{one.name}: {one.fault}; {one.remedy}" for one in self.design.faults),
             f"smallest margin: {percent(weakest.margin)}, {weakest.name}",
+            *hinge_lines(self.verdict),
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
             *(f"warning: {note}" for note in self.notes),
-            f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N{unheld}",
+            f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
         ]
 
     def landing_of(self, shifts: int, engine: str) -> list[str]:
         """Explain which shifts the checks of the landing are from; nothing without them."""
-        if self.design.not_checked or not shifts:
+        landings = self.design.landings
+        if landings is None or not shifts:
             return []
         share = self.config.limits.load.landing_share
         taken = "the hardest" if share is None else f"{100 - 100 * share:.4g} % quantile"
         angles = shifts // len(self.config.points)
         return [
             f"landing: {taken} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
-            "operating point; another expectation.angles or expectation.seed gives another sample"
+            "operating point; margins within 95 %: " + self._landing_intervals,
+            *self._landing_stiffness(landings),
+        ]
+
+    @property
+    def _landing_intervals(self) -> str:
+        words = []
+        for check in self.design.checks:
+            if check.margin_interval is not None:
+                low, high = map(percent, check.margin_interval)
+                words.append(f"{check.name} {low} to {high}")
+        return ", ".join(words)
+
+    def _landing_stiffness(self, landings: Landings) -> list[str]:
+        """Explain what the landing owes to the stiffness of the contact, which stands for rings."""
+        if self.config.clutch.contact.impact is not None:
+            return []
+        span, dog, limits = SPANS.contact_stiffness, self.config.clutch.dog, self.config.limits
+        soft, stiff = map(percent, landing_by_stiffness(dog, limits, landings))
+        return [
+            f"landing with {span.low:g} to {span.high:g} times contact.stiffness_Pa_m: smallest "
+            f"margin {soft} to {stiff}"
         ]
 
     def to_dict(self) -> dict[str, Any]:
         """Give every check as JSON takes it."""
-        missing, checks = self.design.not_checked, checks_within(self.config, self.design)
-        return {"feasible": self.design.feasible, "not_checked": missing, "checks": checks}
+        return {
+            "feasible": self.feasible,
+            "verdict": self.verdict.to_dict(),
+            "checks": checks_within(self.config, self.design),
+        }
 
     def to_frame(self) -> Frame:
-        """Give a row for each check: value and limit in ``unit``, margins as shares."""
-        return frame_of(self.rows)
+        """Give a row for each check: value and limit in ``unit``, margins as shares.
+
+        Standard checks that were not judged have a row without values; ``attrs["verdict"]`` is the
+        verdict in a sentence.
+        """
+        frame = frame_of(self.judged_rows)
+        frame.attrs["verdict"] = self.verdict.line
+        return frame
+
+
+def hinge_lines(verdict: Verdict) -> list[str]:
+    """List the assumptions that flip a verdict within their ranges, or the strongest one."""
+    if verdict.flipping:
+        return [f"the verdict hangs on {_hinge_words(hinge)}" for hinge in verdict.flipping]
+    if verdict.hangs_on:
+        strongest = _hinge_words(verdict.hangs_on[0])
+        return [f"no assumption flips the verdict within its range; strongest: {strongest}"]
+    return []
+
+
+def _hinge_words(hinge: Hinge) -> str:
+    ends = percent(hinge.margin_low), percent(hinge.margin_high)
+    checks = ", ".join(dict.fromkeys((hinge.check_low, hinge.check_high)))
+    margins = f"smallest margin {ends[0]} to {ends[1]} ({checks})"
+    return f"{hinge.key} {hinge.range_text} [{hinge.status}: {hinge.source}]: {margins}"
 
 
 #: Standard error of the compiled engine's expected time against Drake's, over the time. Medians are
@@ -153,7 +212,7 @@ class Check(Checked):
 
     The compiled engine simulates the design, landing included, and the interval has its error in
     it. A surrogate that is named answers in its place, and the landing is not judged. A clutch
-    that does not engage, or a dog that cannot be made, has no time: ``refusal`` is the reason.
+    that does not engage has no time: ``refusal`` is the reason.
     ``shifts`` is the number of simulated ones, ``engaged`` their least share at a point.
     """
 
@@ -195,8 +254,6 @@ class Check(Checked):
             times = quantile_words([one.to_dict() for one in self.quantiles])
             lines += [f"shift time over the life: {times}"] if times else []
         lines += [] if self.guess is None else self._surrogate_lines(self.guess)
-        if self.design.not_checked and not self.refusal:
-            lines.append("landing not judged: the surrogate knows none; leave out --surrogate")
         return [*lines, "", *super().to_parts(), *self.landing_of(self.shifts, "planar")]
 
     def _surrogate_lines(self, guess: Guess) -> list[str]:
@@ -265,17 +322,13 @@ def check_design(
     config: Setup, place: Place = EVERYWHERE, surrogate: str | Path | None = None
 ) -> Check:
     """Check a design as ``Study.check`` does, for a study that is read."""
-    points, refusal = points_of(config, place), ""
-    try:
-        require_makeable(config.clutch.dog, config.limits.manufacturing)
-    except GeometryError as error:
-        refusal = str(error)
+    points = points_of(config, place)
     mix = study_mix(config, points)
-    guess = _guess(config, mix, surrogate, refusal)
+    guess = _guess(config, mix, surrogate)
     expected, found = None if guess is None else guess.answer.expected, None
     if guess is not None and surrogate is not None:
         refusal = guess.answer.refusal
-    elif not refusal:
+    else:
         # Half a second that an answer of the surrogate does not need.
         from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import scratch_executor  # noqa: PLC0415
@@ -285,24 +338,27 @@ def check_design(
         executor = scratch_executor(1)
         (found,) = evaluate(own.in_engine("planar"), [{}], executor, sample.angles, sample.seed)
         expected, refusal = _expected(found.expectation, mix)
-    design = design_of(config, {}, None if found is None else found.measured)
-    answer = Check(config, design, mix, expected, guess=guess, refusal=refusal)
+    measured = None if found is None else found.measured
+    judged = judged_design(config, design_of(config, {}, measured))
+    answer = Check(config, *judged, mix, expected, guess=guess, refusal=refusal)
     if found is None:
         return answer
     mean, quantiles = found.expectation, ExpectedTime.of(found.expectation).quantiles or ()
     return replace(answer, shifts=mean.shifts, engaged=mean.engaged, quantiles=quantiles)
 
 
-def _guess(config: Setup, mix: Mix, named: str | Path | None, refusal: str) -> Guess | None:
-    """Ask the surrogate of the study's physics about its own design; ``refusal`` of a time."""
+def _guess(config: Setup, mix: Mix, named: str | Path | None) -> Guess | None:
+    """Ask the surrogate of the study's physics about its own design."""
     if (found := own_surrogate(config, named)) is None:
         return None
     stored, path = found
     model, own = stored.surrogate, config.prototype
     answer = ask(model, own, mix, config.physics)
-    if refusal:
+    made = manufacturing_checks(config.clutch.dog, config.limits.manufacturing)
+    if faults := [check for check in made if not check.passed]:  # it was fitted without such dogs
         warnings = (*answer.warnings, "the dog cannot be made")
-        answer = Answer(None, answer.distance, warnings, refusal)
+        reason = f"{faults[0].fault} to be made, and the surrogate has no other dogs"
+        answer = Answer(None, answer.distance, warnings, f"{reason}; {faults[0].remedy}")
     return Guess(answer, tolerance_time(config, model, own, mix), stored.validation, path)
 
 
@@ -368,10 +424,10 @@ class Strength(Checked):
     @property
     def explained(self) -> list[str | Table]:
         """Meaning, formula, source and key of each check, and the checks that the study lacks."""
-        made = "\n".join(row.name for row in self.rows)
+        names = {row.name for row in self.rows}
         return [
-            check_table(self.rows, "name", "meaning", "formula", "source", "limit_key"),
-            *(f"not judged: {n}; give {keys}" for n, keys in UNJUDGED.items() if n not in made),
+            check_table(self.judged_rows, "name", "meaning", "formula", "source", "limit_key"),
+            *(f"not judged: {n}; give {keys}" for n, keys in OPTIONAL.items() if n not in names),
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -399,11 +455,11 @@ def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Str
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
 
     config = config.working
-    dog, settings = config.clutch.dog, config.file.expectation
+    settings = config.file.expectation
     shifts = len(config.points) * settings.angles if simulate else 0
     measured = None
-    if simulate and feasible(manufacturing_checks(dog, config.limits.manufacturing)):
+    if simulate:
         with where.executor("strength", (config.config_hash,), shifts) as (executor, _):
             (found,) = evaluate(config, [{}], executor, settings.angles, settings.seed)
         measured = found.measured
-    return Strength(config, design_of(config, {}, measured), shifts)
+    return Strength(config, *judged_design(config, design_of(config, {}, measured)), shifts)

@@ -40,6 +40,7 @@ def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
         one.study.prototype,
         {check.name: check.margin for check in found.design.checks},
         weakest_within(one.study, found.design),
+        found.verdict.to_dict(),
         expected_shift_time_s=None if expected is None else expected.time,
         standard_error_s=None if expected is None else expected.error,
         engaged=found.engaged if found.shifts else None,

@@ -41,7 +41,6 @@ from dogshape.sim.errors import DataError, DogshapeError, InputError, require_be
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.statistics.expectation import Expectation as Mean
-from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG, RPM
 
@@ -159,7 +158,6 @@ def simulate_mean(
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
     config = config.working
     clutch, settings = config.clutch, config.file.expectation
-    require_makeable(clutch.dog, config.limits.manufacturing)
     if place[2] is not None and place[1] is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
     points = points_of(config, place, OWN_RISE)

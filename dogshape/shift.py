@@ -21,7 +21,6 @@ from dogshape.running import in_radians
 from dogshape.sim.files import write_frame
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import engage, events_record, loads_record
-from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import RPM
 
 #: Largest mismatch in 1/min and force in N of the table of checked shifts (``docs/proof.md``).
@@ -146,7 +145,6 @@ class Shift(Result):
 
 def simulate_shift(config: Setup, place: Place, angle_deg: float, all_dogs: bool) -> Shift:
     """Simulate one shift as ``Study.shift`` does, for a study that is read."""
-    require_makeable(config.clutch.dog, config.limits.manufacturing)
     clutch = replace(config.clutch, solver=replace(config.clutch.solver, all_dogs=all_dogs))
     (point,) = points_of(config, place, OWN_RISE)
     (angle,) = cast("tuple[float]", in_radians([angle_deg]))

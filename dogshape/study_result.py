@@ -12,7 +12,7 @@ from dogshape.pipeline.record import Figure, Frame, Result, Table
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import designs_frame
-from dogshape.pipeline.reports.study_page import headline, publish, summary_tables
+from dogshape.pipeline.reports.study_page import chosen_verdict, headline, publish, summary_tables
 from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.running import receiver
@@ -44,6 +44,13 @@ class StudyResult(Result):
         return cast("dict[str, Any] | None", self.record["best"])
 
     @property
+    def verdict(self) -> dict[str, Any] | None:
+        """Verdict on the chosen design at the new angles; None before the confirmation."""
+        if self.best is None or not self.record["confirmation"]:
+            return None
+        return chosen_verdict(self.config, self.record).to_dict()
+
+    @property
     def front(self) -> Frame:
         """Designs that no other dominates, best first, a row each."""
         return designs_frame(self.record, list(self.config.variables), self.record["front"])
@@ -59,8 +66,17 @@ class StudyResult(Result):
         return [*parts, "", f"report: {page}"]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give chosen design, front, confirmation, and how much was simulated."""
-        own = {"seconds_cpu": self.seconds_cpu, "report": self.page and str(self.page)}
+        """Give chosen design, its verdict, front, confirmation, and how much was simulated.
+
+        ``feasible`` is true for a chosen design that passes every standard check.
+        """
+        verdict = self.verdict
+        own = {
+            "verdict": verdict,
+            "feasible": verdict is not None and verdict["state"] == "passes",
+            "seconds_cpu": self.seconds_cpu,
+            "report": self.page and str(self.page),
+        }
         return {key: self.record[key] for key in PRINTED_KEYS} | own
 
     def to_frame(self) -> Frame:

@@ -19,7 +19,12 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Params, demand_over, expectation_of
+from dogshape.pipeline.simulate.evaluation import (
+    NEW_ANGLES,
+    Params,
+    expectation_of,
+    landings_over,
+)
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values
@@ -186,7 +191,7 @@ def _timed(
     ]
     own = replace(study, clutch=settings[0].clutch)
     found = expectation_of(own, [setting.point for setting in settings], timed)
-    demand = demand_over(study, own.clutch.dog, found, rows)
+    demand = landings_over(found, rows).demand(own.clutch.dog, study.limits)
     return found, min(demand_checks(demand, study.limits), key=lambda one: one.margin)
 
 

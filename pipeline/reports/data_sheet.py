@@ -39,9 +39,21 @@ from dogshape.pipeline.reports.text import (
     ms_with_error,
     place_name,
 )
-from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES, checks_within, design_of
+from dogshape.pipeline.simulate.design import (
+    SIMULATED,
+    SUMMARIES,
+    checks_within,
+    design_of,
+    verdict_of,
+)
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
-from dogshape.pipeline.store.result_records import CheckRow, check_table
+from dogshape.pipeline.store.result_records import (
+    CheckRow,
+    VerdictRow,
+    check_table,
+    hinge_table,
+    not_judged_row,
+)
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
 from dogshape.sim.shift.clutch import CONTACT_SETS
@@ -49,6 +61,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.locking import locking_friction
+from dogshape.sim.strength.verdict import Margin
 from dogshape.sim.units import MM, from_si, suffix_of, unit_of
 from dogshape.sim.versions import bundled_root, versions
 
@@ -146,13 +159,14 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
 
 
 def design_record(
-    study: Setup, params: Values, margins: Values, worst: tuple[str, float] | None, **known: Any
-) -> Row:
+    study: Setup, params: Values, margins: Values, worst: tuple[str, float] | None,
+    verdict: Row, **known: Any,
+) -> Row:  # fmt: skip
     """Record a design of a study by one set of keys, None where something is not known.
 
     ``params`` are its searched keys in edge units, ``margins`` those of all checks, ``worst`` is
-    the check with the smallest margin at worst-case tolerances with that margin; ``known`` is what
-    else is known, by the keys of the record.
+    the check with the smallest margin at worst-case tolerances with that margin, ``verdict`` has
+    the keys of ``VerdictRow``; ``known`` is what else is known, by the keys of the record.
     """
     own = {name: margin for name, margin in margins.items() if name not in SUMMARIES}
     dog, weakest = study.dog_with(dict(params)), min(own, key=lambda name: own[name])
@@ -168,6 +182,7 @@ def design_record(
         **dict.fromkeys(SIMULATION),
         "confirmed": False,
         "passes": all(margin >= 0.0 for margin in margins.values()),
+        "verdict": verdict,
         "smallest_margin": own[weakest],
         "weakest_check": weakest,
         "margin_worst_case": worst and number_or_none(worst[1]),
@@ -204,16 +219,26 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
             found["worst_against_prototype"] = max(
                 point_differences(own, confirmed), key=lambda one: float(one["difference_s"])
             )
-    worst = row["margin_worst_case"]
+    worst, params = row["margin_worst_case"], {name: row[name] for name in study.variables}
     return design_record(
         study,
-        {name: row[name] for name in study.variables},
+        params,
         margins_of(row, confirmed),
         None if worst is None else (row.get("weakest_check_worst_case") or "", worst),
+        verdict=searched_verdict(study, params, row, confirmed),
         design=int(row["trial"]),
         prototype=bool(row["prototype"]),
         **found,
     )
+
+
+def searched_verdict(study: Setup, params: Values, row: Row, confirmed: Row | None) -> Row:
+    """Give the verdict of a confirmation, else judge a design by the margins of its search."""
+    if confirmed is not None and confirmed.get("verdict"):
+        return dict(confirmed["verdict"])
+    margins = [Margin(name, margin) for name, margin in margins_of(row, confirmed).items()]
+    own = study.operated(params)
+    return verdict_of(own, own.dog_with(dict(params)), margins).to_dict()
 
 
 def point_differences(prototype: Row, chosen: Row) -> list[Row]:
@@ -260,10 +285,9 @@ def words_of(one: Row) -> dict[str, str]:
     surface, engaged = check_name(one["locking_surface"]), one["engaged"]
     if worst[0] is not None:  # what has no tolerances counts at nominal size
         worst = min(worst, (one["smallest_margin"], one["weakest_check"]))
-    failed = [name for name, margin in one["margins"].items() if (margin or 0.0) < 0.0]
-    failed = [name for name in failed if name not in SUMMARIES] or failed
+    verdict = one["verdict"]
     return {
-        "feasible": "yes" if one["passes"] else Bad(f"no: {', '.join(map(check_name, failed))}"),
+        "verdict": verdict["line"] if verdict["state"] == "passes" else Bad(verdict["line"]),
         "expected shift time, ms": time,
         "gain over the prototype, ms": ms_with_error(one["gain_s"], one["gain_standard_error_s"]),
         "worst point minus prototype, ms":
@@ -324,9 +348,11 @@ def write_sheet(
         size = minus(f"{row['value']:.2f} {unit}") if unit else f"{row['value']:.4g}"
         within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
         sizes.append((label(row["key"]), size, within))
-    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")
-    none = dict.fromkeys(CheckRow.model_fields)
+    none, verdict = dict.fromkeys(CheckRow.model_fields), VerdictRow(**record["verdict"])
     rows = [CheckRow.model_construct(**{**none, **c, "name": check_name(c["name"])}) for c in own]
+    rows += [not_judged_row(one) for one in verdict.not_judged]
+    interval = ("margin_interval",) if any(row.margin_interval for row in rows) else ()
+    columns = ("name", "value", "limit", "unit", "safety", "margin", *interval, "margin_worst_case")
     facts = [pair for pair in words_of(record).items() if pair[1] != "-"]
     page = Report(f"{one.title}: data sheet", title.pop("why"), compact=True)
     page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))
@@ -334,6 +360,7 @@ def write_sheet(
     page.add(f"Dimensions ({record['material']})", Table(("", "", ""), sizes))
     page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))
     page.add("Margins to the limits", check_table(rows, *columns))
+    page.add("Assumptions that decide the smallest margin", hinge_table(verdict.hangs_on))
     page.add("Provenance", Table(("", ""), list(origin.items())))
     return page.save(path)
 

@@ -26,6 +26,7 @@ from dogshape.pipeline.reports.data_sheet import (
     point_differences,
     provenance_of,
     searched_record,
+    searched_verdict,
     words_of,
 )
 from dogshape.pipeline.reports.designs import (
@@ -61,7 +62,7 @@ from dogshape.pipeline.reports.text import (
 )
 from dogshape.pipeline.simulate.design import SIMULATED, WORST, failing_words
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.store.result_records import EngineAgreement
+from dogshape.pipeline.store.result_records import EngineAgreement, VerdictRow, hinge_table
 from dogshape.sim.files import naming
 from dogshape.surrogate.store import Validation
 
@@ -110,6 +111,9 @@ def write_report(folder: StudyFolder) -> Path:
         if effects is not None:
             page.add("Variables", *effect_parts(effects["effects"]))
             page.add("Limits", prices_table(effects["prices"]))
+        if result["confirmation"]:
+            hangs_on = chosen_verdict(study, result).hangs_on
+            page.add("Assumptions that decide the smallest margin", hinge_table(hangs_on))
         page.add("Operating points", *point_parts(study, result))
         page.add("Single shifts", *shift_parts(folder, study, result))
         page.add("Life", *([life_table(result["life"])] if result.get("life") else []))
@@ -223,6 +227,9 @@ def alternatives_table(study: Setup, result: Row) -> Table:
 def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     """List the facts of a confirmed design; what speaks against it is marked as bad."""
     c, best = result["confirmation"], result["best"]
+    for side, name in SIDES.items():
+        words = chosen_verdict(study, result, side).line
+        yield f"verdict on the {name}", words if words.startswith("passes") else Bad(words)
     if not best["prototype"]:
         yield from _gain_facts(study, result)
     elif how := _most_failed(result):
@@ -241,6 +248,14 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         if found is not None:
             words = minus(EngineAgreement(**found).text)
             yield name, words if found["agrees"] else Bad(words)
+
+
+def chosen_verdict(study: Setup, result: Row, side: str = "best") -> VerdictRow:
+    """Give the verdict on the chosen design of a confirmed result, or on the prototype."""
+    confirmed, best = result["confirmation"][side], result["best"]
+    params = study.prototype if side == "prototype" else {n: best[n] for n in study.variables}
+    row = {"margins": {}} if side == "prototype" else best
+    return VerdictRow(**searched_verdict(study, params, row, confirmed))
 
 
 def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:

@@ -27,6 +27,7 @@ from dogshape.pipeline.simulate.design import (
     OBJECTIVES,
     SIMULATED,
     design_of,
+    judged_design,
     leading,
     objectives_of,
     values_of,
@@ -281,10 +282,12 @@ def _estimates(found: Simulated) -> Estimates:
 
 
 def _confirmed(study: Setup, params: Params, one: Simulated) -> dict[str, Any]:
+    design, verdict = judged_design(study, design_of(study, params, one.measured))
     return {
         **ExpectedTime.of(one.expectation).to_dict(),
         "estimates": _estimates(one),
-        "checks": [check_record(c) for c in design_of(study, params, one.measured).checks],
+        "checks": [check_record(check) for check in design.checks],
+        "verdict": verdict.to_dict(),
         "drake": one.agreement and one.agreement.to_dict(),
     }
 

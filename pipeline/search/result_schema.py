@@ -15,7 +15,12 @@ from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.search.confirmation import OtherShape
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
-from dogshape.pipeline.store.result_records import CheckRow, EngineAgreement, ExpectedTime
+from dogshape.pipeline.store.result_records import (
+    CheckRow,
+    EngineAgreement,
+    ExpectedTime,
+    VerdictRow,
+)
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.store import Validation
 
@@ -70,6 +75,7 @@ class ConfirmedDesign(ExpectedTime):
     trial: int | None = key("number of the trial; in `designs` alone", "", None)
     estimates: dict[str, Estimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
+    verdict: VerdictRow | None = key("verdict on the design", late=True)
     drake: EngineAgreement | None = key("agreement of Drake; null where one engine ran", "", None)
     searched: Estimate | None = key("leading objective by the search; in `designs` alone", "", None)
     errors_apart: float | None = key(

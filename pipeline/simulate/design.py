@@ -27,9 +27,10 @@ from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.strength.checks import RULES, Check, Rule
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
-from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
+from dogshape.sim.strength.landing import Demand, Landings, demand_checks
 from dogshape.sim.strength.locking import separating_force
 from dogshape.sim.strength.manufacture import Spread
+from dogshape.sim.strength.verdict import NO_DOG, Margin, Verdict, hinges, judge, missing_checks
 from dogshape.sim.units import MM, suffix_of, to_si
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
@@ -48,16 +49,23 @@ ENGAGEMENT = RULES["engagement"]
 
 @dataclass(frozen=True)
 class Design:
-    """Searched keys in edge units with what follows; ``refusal`` is why there is no ``dog``."""
+    """Searched keys in edge units with what follows; ``refusal`` is why there is no ``dog``.
+
+    ``landings`` are those of its simulated shifts, None before that.
+    """
 
     params: dict[str, float]
     dog: Dog | None
     checks: tuple[Check, ...]
     refusal: str
+    landings: Landings | None = None
 
     @property
     def feasible(self) -> bool:
-        """Whether the shape exists and passes every check."""
+        """Whether the shape exists and passes every check that is there (not: every standard one).
+
+        The search compares designs by it; ``judged_design`` also names the missing ones.
+        """
         return not self.failed
 
     @property
@@ -77,24 +85,20 @@ class Design:
         """Checks that fail, but for those that sum up others."""
         return [check for check in self.checks if not (check.passed or check.rule.summary)]
 
-    @property
-    def not_checked(self) -> list[str]:
-        """Names of the checks that a simulation would add."""
-        known = {check.name for check in self.checks}
-        return [rule.name for rule in LANDING_RULES if rule.name not in known]
-
 
 @dataclass(frozen=True)
 class Measured:
     """Simulated values that the checks of a design are judged by.
 
     ``limited`` are those that ``search.limits`` bounds, by name, ``engaged`` the least share of the
-    shifts that engage, of any operating point.
+    shifts that engage, of any operating point. ``landings``, which the demand is from, are not
+    stored.
     """
 
     demand: Demand
     limited: Mapping[str, float] = field(default_factory=dict)
     engaged: float = 1.0
+    landings: Landings | None = field(default=None, compare=False, repr=False)
 
 
 def design_of(study: Setup, params: dict[str, float], measured: Measured | None = None) -> Design:
@@ -113,7 +117,47 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
         return design
     engaged = Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED)
     landed = demand_checks(measured.demand, study.limits)
-    return replace(design, checks=(*design.checks, *landed, engaged))
+    checks = (*design.checks, *landed, engaged)
+    return replace(design, checks=checks, landings=measured.landings)
+
+
+def judged_design(study: Setup, design: Design) -> tuple[Design, Verdict]:
+    """Judge a design: the intervals of its landing, and its verdict."""
+    if (dog := design.dog) is None:
+        return design, NO_DOG
+    own, landings, checks = study.operated(design.params), design.landings, design.checks
+    if landings is not None:
+        demand, interval = landings.demand(dog, own.limits), landings.interval(dog, own.limits)
+        landed = {check.name: check for check in demand_checks(demand, own.limits, interval)}
+        checks = tuple(landed.get(check.name, check) for check in checks)
+    return replace(design, checks=checks), verdict_of(
+        own, dog, list(map(Margin.of, checks)), landings
+    )
+
+
+def verdict_of(
+    study: Setup, dog: Dog, margins: Sequence[Margin], landings: Landings | None = None
+) -> Verdict:
+    """Judge a dog of a study by its margins, and find the assumptions that they depend on.
+
+    Without ``landings`` the margins of a landing do not move with any assumption.
+    """
+    contact, limits = study.clutch.contact, study.limits
+    moved = {check.name for check in strength_checks(dog, limits)} | OBJECTIVES.keys()
+    if landings is not None:
+        moved |= {name for name, rule in RULES.items() if rule.group == "impact"}
+    fixed = {margin.name: margin.value for margin in margins if margin.name not in moved}
+    mechanism = study.file.mechanism
+    assumptions = hinges(
+        dog,
+        limits,
+        landings,
+        fixed,
+        contact_stiffness=contact.stiffness if contact.impact is None else None,
+        radius_given=mechanism is not None and mechanism.spline_radius_mm is not None,
+    )
+    missing = missing_checks(dog, limits, (margin.name for margin in margins))
+    return judge(margins, missing, assumptions)
 
 
 def check_dog(

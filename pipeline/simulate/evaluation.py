@@ -49,13 +49,9 @@ from dogshape.sim.statistics.shift_records import entries_by_angle, landing_of, 
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import (
-    Demand,
+    Landings,
     Wear,
     demand_checks,
-    demand_of,
-    demands_of,
-    exceeded,
-    hardest,
     worn,
 )
 from dogshape.sim.units import DEG, MM, RPM
@@ -197,14 +193,16 @@ def evaluate(
 def _simulated(nominal: Setup, params: Params, rows: Rows, beside: Expectation | None) -> Simulated:
     study, dog = nominal.operated(params), nominal.dog_with(params)
     expectation = expectation_of(study, study.points, rows)
-    demand = demand_over(study, dog, expectation, rows)
+    landings = landings_over(expectation, rows)
+    demand = landings.demand(dog, study.limits)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
     simulated = Shifts(study, dog, checks, expectation, rows, beside)
     estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
     # Shifts whose integration failed say nothing of engagement.
     share = min((p.timed for p in expectation.points if p.n), default=1.0)
     shifts = [shift for mine in rows for shift in mine]
-    measured = Measured(demand, {k: estimates[k].value for k in simulated_limits(study)}, share)
+    limited = {k: estimates[k].value for k in simulated_limits(study)}
+    measured = Measured(demand, limited, share, landings)
     x = rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows))
     return Simulated(expectation, measured, x, estimates, len(shifts), failures(shifts))
 
@@ -227,15 +225,12 @@ def _as_searched(study: Setup, operation: Mapping[str, float], rows: Rows) -> li
     ]
 
 
-def demand_over(study: Setup, dog: Dog, expectation: Expectation, rows: Rows) -> Demand:
-    """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""
-    limits, share = study.limits, study.limits.load.landing_share
-    landings = [landing_of(row) for mine in rows for row in mine]
-    if share is None:
-        return demand_of(dog, hardest(landings), limits)
+def landings_over(expectation: Expectation, rows: Rows) -> Landings:
+    """Collect the landings of shifts by operating point, with their weights."""
+    loads = [landing_of(row) for mine in rows for row in mine]
     pairs = zip(expectation.points, rows, strict=True)
     weights = [found.point.weight / len(mine) for found, mine in pairs for _ in mine]
-    return exceeded(demands_of(dog, np.array(landings), limits), weights, share)
+    return Landings(np.array(loads), np.array(weights))
 
 
 def expectation_of(study: Setup, points: Points, rows: Rows, even: bool = True) -> Expectation:
@@ -320,7 +315,7 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
         blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
         rows = executor.run(blocks)
         expectation = expectation_of(own, own.points, rows)
-        demand = demand_over(own, dog, expectation, rows)
+        demand = landings_over(expectation, rows).demand(dog, own.limits)
         checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
         weakest = smallest_margin(checks)
         energy = ESTIMATORS["impact_energy_J"](Shifts(own, dog, checks, expectation, rows))

@@ -16,8 +16,9 @@ from dogshape.pipeline.record import (
     tabulate,
 )
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
-from dogshape.sim.strength.checks import GROUPS, Check, safety_factor
-from dogshape.sim.units import RPM
+from dogshape.sim.strength.checks import GROUPS, RULES, Check, safety_factor
+from dogshape.sim.strength.verdict import STANDARD
+from dogshape.sim.units import RPM, short
 
 if TYPE_CHECKING:
     from dogshape.diagnosis.bench.comparison import PointGap
@@ -141,12 +142,12 @@ class CheckRow(Record):
 
     name: str = key("name of the check", head="check")
     value: float | None = key("checked value, in `unit`; null where infinite", head="value")
-    limit: float = key("limit, in `unit`", head="limit")
+    limit: float | None = key("limit, in `unit`; null where nothing is judged", head="limit")
     unit: str = key("unit of value and limit", head="unit")
     margin: float | None = key(
         "distance to the limit over the limit; at least 0 passes", "1", head="margin"
     )
-    passed: bool = key("whether the check passes", head="passed")
+    passed: bool | None = key("whether the check passes; null: not judged", head="passed")
     group: str = key("kind of check: `make`, `load`, `lock`, `impact` or `tolerance`")
     at_most: bool = key("whether the limit is an upper one")
     meaning: str = key("what is checked", head="meaning")
@@ -159,6 +160,9 @@ class CheckRow(Record):
     margin_root_sum_square: float | None = key(
         "margin with tolerances as root of the sum of squares", "1", None, head="rss"
     )
+    margin_interval: list[float] | None = key(
+        "ends of the 95 % interval of the margin; absent where it is exact", "1", None, head="95 %"
+    )
     ends: str | None = key(
         "ends of ranges at which the margin is smallest; absent without ranges", "", None
     )
@@ -169,6 +173,11 @@ class CheckRow(Record):
 
     def cell(self, name: str) -> str:
         """Print a value: the limit with its sense, what fails as ``Bad``."""
+        if name == "margin_interval":
+            return " to ".join(map(percent, self.margin_interval or ())) or "-"
+        if self.passed is None:
+            return {"name": self.name, "passed": Bad("not judged"), "limit_key": self.limit_key,
+                    "meaning": self.meaning}.get(name, "-")  # fmt: skip
         value, margin = getattr(self, name), "margin" in name
         text = super().cell(name) if not margin or value is None else percent(value)
         if name == "limit":
@@ -182,6 +191,8 @@ def check_record(check: Check) -> dict[str, Any]:
     """Record a check as JSON takes it."""
     rule = check.rule
     ends: dict[str, Any] = {"ends": check.ends} if check.ends else {}
+    if check.margin_interval is not None:
+        ends["margin_interval"] = list(check.margin_interval)
     return CheckRow(
         name=check.name, value=number_or_none(check.value), limit=check.limit, unit=rule.unit,
         margin=number_or_none(check.margin), passed=check.passed, group=rule.group,
@@ -192,9 +203,10 @@ def check_record(check: Check) -> dict[str, Any]:
 
 def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
     """Tabulate checks by group; by default with value, limit, safety factor and margins."""
+    interval = ("margin_interval",) if any(row.margin_interval for row in rows) else ()
     columns = names or (
-        *("name", "value", "limit", "unit", "safety"),
-        *("margin", "margin_worst_case", "margin_root_sum_square", "passed"),
+        *("name", "value", "limit", "unit", "safety", "margin"),
+        *(*interval, "margin_worst_case", "margin_root_sum_square", "passed"),
     )
     cells, looks = list[Sequence[str]](), dict[int, str]()
     for group, title in GROUPS.items():
@@ -203,6 +215,78 @@ def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
             cells += [[title], *tabulate(CheckRow, members, *columns).rows]
     words = [k for k, n in enumerate(columns) if n in ("unit", "meaning", "formula", "source")]
     return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
+
+
+class HingeRow(Record):
+    """An assumption that decides a verdict, with its effect on the smallest margin."""
+
+    assumption: str = key("key of the study file", head="assumption")
+    value: float = key("its value, in `unit`", head="value")
+    range: list[float] = key("ends of its range, in `unit`", head="range")
+    unit: str = key("unit of value and range", head="unit")
+    source: str = key("source of the range", head="source of the range")
+    status: str = key("`standard`, `estimate` or `assumption`", head="status")
+    smallest_margin: list[float] = key(
+        "smallest margin at either end of the range", "1", head="smallest margin"
+    )
+    weakest_check: list[str] = key("check with that margin at either end", head="check")
+    flips: bool = key("whether the smallest margin changes its sign", head="flips")
+
+    def cell(self, name: str) -> str:
+        """Print the ends of a range beside each other; margins below zero as ``Bad``."""
+        if name == "range":
+            return " to ".join(map(short, self.range))
+        if name == "smallest_margin":
+            text = " to ".join(map(percent, self.smallest_margin))
+            return Bad(text) if min(self.smallest_margin) < 0.0 else text
+        if name == "weakest_check":
+            words = (one.replace("_", " ") for one in self.weakest_check)
+            return ", ".join(dict.fromkeys(words))
+        return super().cell(name)
+
+
+class NotJudged(Record):
+    """A standard check that nobody judged."""
+
+    check: str = key("name of the check")
+    key: str = key("key of the study file that judges it")
+
+
+def not_judged_row(one: NotJudged) -> CheckRow:
+    """Give the row of a standard check that nobody judged, with the key that judges it."""
+    standard = next(standard for standard in STANDARD if standard.name == one.check)
+    return CheckRow(
+        name=one.check, value=None, limit=None, unit="", margin=None, passed=None,
+        group=RULES[standard.rules[0]].group, at_most=True, meaning=standard.reason, formula="",
+        source="", limit_key=one.key,
+    )  # fmt: skip
+
+
+class VerdictRow(Record):
+    """Verdict on a design (`docs/strength.md`)."""
+
+    state: str = key("`passes`, `fails`, `not_judged` or `not_clear`")
+    line: str = key("the verdict in a sentence")
+    failed: list[str] = key("checks with a negative margin")
+    not_clear: list[str] = key("checks whose interval of 95 % holds the limit")
+    not_judged: list[NotJudged] = key("standard checks that nobody judged")
+    hangs_on: list[HingeRow] = key("assumptions with an effect, the strongest first")
+
+
+def hinge_table(rows: Sequence[HingeRow]) -> Table:
+    """Tabulate the assumptions of a verdict, the strongest first."""
+    names = (
+        *("assumption", "value", "range", "unit", "smallest_margin", "weakest_check", "flips"),
+        *("status", "source"),
+    )
+    words = [place for place, name in enumerate(names)
+             if name in ("unit", "weakest_check", "status", "source")]  # fmt: skip
+    note = (
+        "Smallest margin at either end of the range of an assumption, the others as given, by the "
+        "closed forms; landings scale with the root of the contact's stiffness."
+    )
+    return Table(tabulate(HingeRow, (), *names).heads, tabulate(HingeRow, rows, *names).rows, {},
+                 words, note)  # fmt: skip
 
 
 class EngineAgreement(Record):

@@ -46,7 +46,7 @@ from dogshape.sim.statistics.shift_records import Record, content_key, result_of
 from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.locking import face_angle
-from dogshape.sim.strength.manufacture import require_makeable
+from dogshape.sim.strength.manufacture import manufacturing_checks
 from dogshape.sim.versions import engine
 from dogshape.surrogate.dataset import COLUMNS, Dataset, row_of
 from dogshape.surrogate.model import MIN_DESIGNS, fit
@@ -69,9 +69,7 @@ DRAWS = 2**16  #: draws without a new design after which there is none
 
 def own_designs(study: Setup) -> list[Params]:
     """List the study's own dog, unless it cannot be made or its face is held by friction."""
-    try:
-        require_makeable(study.clutch.dog, study.limits.manufacturing)
-    except GeometryError:
+    if not feasible(manufacturing_checks(study.clutch.dog, study.limits.manufacturing)):
         return []
     load = study.limits.load
     slides = face_angle(study.clutch.dog) > math.atan(load.friction_release)

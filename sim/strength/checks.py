@@ -54,6 +54,7 @@ class Check:
     value: float
     limit: float
     ends: str = ""  #: of ranges in the study file at which the margin is smallest
+    interval: tuple[float, float] | None = None  #: of the value, 95 %; None where it is exact
 
     @property
     def name(self) -> str:
@@ -63,8 +64,25 @@ class Check:
     @property
     def margin(self) -> float:
         """Distance to the limit over the limit; negative when the check fails."""
-        left = self.limit - self.value if self.rule.at_most else self.value - self.limit
+        return self._margin_of(self.value)
+
+    def _margin_of(self, value: float) -> float:
+        left = self.limit - value if self.rule.at_most else value - self.limit
         return left / (abs(self.limit) + (self.limit == 0.0))  # over 1 where the limit is 0
+
+    @property
+    def margin_interval(self) -> tuple[float, float] | None:
+        """Ends of the margin's interval, 95 %; None where the value is exact."""
+        if self.interval is None:
+            return None
+        first, second = map(self._margin_of, self.interval)
+        return min(first, second), max(first, second)
+
+    @property
+    def clear(self) -> bool:
+        """Whether the margin keeps its sign within its interval."""
+        ends = self.margin_interval
+        return ends is None or ends[0] >= 0.0 or ends[1] < 0.0
 
     @property
     def utilisation(self) -> float:

@@ -339,16 +339,6 @@ def _strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     return tuple(reduce(worse, ends) for ends in zip(*found, strict=True))
 
 
-_STRIKE_KEYS = "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad"
-#: Checks that only some studies have, and what they want.
-UNJUDGED = {
-    "separating_force": "load.separating_force_limit_N, or mechanism.detent_N and detent_seat_mm",
-    "pull_out_force": "mechanism.spline_friction, or load.pull_out_force_limit_N",
-    "flank_strike_root": _STRIKE_KEYS,
-    "flank_strike_flank": _STRIKE_KEYS,
-    "rim": "manufacturing.rim_mm",
-}
-
 #: Groups of checks, cheap and often failing ones first; the last has the tolerances in it.
 _GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
     _shape_checks,

@@ -9,7 +9,16 @@ stress in shear or 0.77 HV (Johnson, *Contact Mechanics*, 1985). Where the share
 dogs lands (``sim.strength.load_case``), loads grow by :math:`1/\sqrt{K_s}`.
 
 Landings are those of rigid rings and no bound, and the hardest of a sample grows with it: with
-``load.landing_share`` the checks take the load that this share of all shifts exceeds.
+``load.landing_share`` the checks take the load that this share of all shifts exceeds. A blow peaks
+near :math:`v \sqrt{k m}`, so loads follow the root of the contact's stiffness *k*; its dissipation
+makes that less.
+
+*Interval.* A few shifts decide a demand. Beyond the threshold *u* that the share :math:`\zeta` of
+the shifts exceeds, excesses have a generalised Pareto distribution (Coles 2001, ch. 4): the share
+*p* exceeds :math:`u + \sigma ((p/\zeta)^{-\xi} - 1)/\xi`. The posterior of :math:`\xi`,
+:math:`\sigma` (on a grid) and :math:`\zeta` (Beta) gives the interval of 95 %. Where the hardest of
+*n* landings counts, *p* is that of the hardest of *n* new ones, an exponential variate over *n*.
+Even angles scatter less than random ones, so the interval errs on the wide side.
 
 *Wear* (Archard 1953): a sliding contact loses :math:`k F s`. A shift rubs with :math:`F s \le
 E/\mu`, *E* what the contact takes (an upper bound). Over *n* shifts a dog of *N*, *b* wide, loses
@@ -37,7 +46,7 @@ from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import RULES, Check, checks_of
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.materials import POISSON, YOUNG
-from dogshape.sim.units import MM
+from dogshape.sim.units import MM, MPA
 
 MODULUS = YOUNG / (2.0 * (1.0 - POISSON**2))  #: Pa, of two like bodies
 
@@ -78,6 +87,96 @@ def exceeded(demands: Array, weights: Sequence[float], share: float) -> Demand:
     return Demand(*(float(np.interp(1.0 - share, *by_weight(one, mass))) for one in demands.T))
 
 
+@dataclass(frozen=True)
+class TailPrior:
+    """Settings of the posterior of a tail: excesses over a threshold."""
+
+    tail_share: float = (
+        0.15  #: of the shifts whose excess is fitted, three times ``share`` at least
+    )
+    shape_mean: float = -0.1  #: of xi; loads have an end, for the speed of a ring has; judged
+    shape_sd: float = 0.3  #: judged: an exponential, a bounded and a heavy tail lie within it
+    scale_ends: tuple[float, float] = (0.1, 10.0)  #: of sigma over the mean excess, log-uniform
+    grid: int = 81  #: values of either parameter
+    draws: int = 4000
+    seed: int = 20261124
+
+
+TAIL = TailPrior()
+LEVELS = (0.025, 0.975)  #: ends of the interval of a demand
+
+
+def tail_interval(
+    values: Array, weights: Array, share: float | None, prior: TailPrior = TAIL
+) -> tuple[float, float]:
+    """Compute the 95 % interval of what the ``share`` of all shifts exceeds; None for the hardest.
+
+    ``values`` of shifts, (n,), with ``weights``, which need not add up to one. The hardest is that
+    of as many new shifts.
+    """
+    size = weights.sum() ** 2 / (weights**2).sum()
+    mass = weights / weights.sum()
+    order = np.argsort(values, kind="stable")[::-1]
+    ordered, above = values[order], np.cumsum(mass[order])
+    tail = max(prior.tail_share, 3.0 * (share or 0.0))
+    count = min(int(np.searchsorted(above, min(tail, 1.0))) + 1, int((values > 0.0).sum()))
+    if count == 0:
+        return 0.0, 0.0
+    threshold = float(ordered[count]) if count < len(values) else 0.0
+    excess, fitted = ordered[:count] - threshold, float(above[count - 1])
+    mean = float(excess.mean())
+    if mean == 0.0:
+        return threshold, threshold
+    rng = np.random.default_rng(prior.seed)
+    log_scales = np.linspace(*np.log(mean * np.array(prior.scale_ends)), prior.grid)
+    reach = 4.0 * prior.shape_sd
+    shapes = prior.shape_mean + np.linspace(-reach, reach, prior.grid)
+    shapes = np.where(np.abs(shapes) < 1e-6, 1e-6, shapes)
+    xi, sigma = np.meshgrid(shapes, np.exp(log_scales), indexing="ij")
+    inside = 1.0 + xi[..., None] * excess / sigma[..., None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        densities = -np.log(sigma[..., None]) - (1.0 + 1.0 / xi[..., None]) * np.log(inside)
+    parts = size * mass[order][:count]
+    fit = np.where((inside > 0.0).all(axis=-1), (parts * np.nan_to_num(densities)).sum(-1), -np.inf)
+    fit -= 0.5 * ((xi - prior.shape_mean) / prior.shape_sd) ** 2
+    chances = np.exp(fit - fit.max()).ravel()
+    drawn = rng.choice(chances.size, prior.draws, p=chances / chances.sum())
+    exceeded = rng.beta(size * fitted + 0.5, size * (1.0 - fitted) + 0.5, prior.draws)
+    level = rng.exponential(1.0 / size, prior.draws) if share is None else share
+    ratio = np.minimum(level / exceeded, 1.0)  # at 1 the threshold itself
+    own_xi, own_sigma = xi.ravel()[drawn], sigma.ravel()[drawn]
+    quantiles = threshold + own_sigma * np.expm1(-own_xi * np.log(ratio)) / own_xi
+    low, high = np.quantile(quantiles, LEVELS)
+    return float(low), float(high)
+
+
+@dataclass(frozen=True, eq=False)
+class Landings:
+    """Landings of simulated shifts: loads in N/m by class of ``OVERLAPS``, (n, k), weights (n,)."""
+
+    loads: Array
+    weights: Array
+
+    def demand(self, dog: Dog, limits: Limits, scale: float = 1.0) -> Demand:
+        """Compute what landings ``scale`` times as hard make the dogs bear.
+
+        That is the hardest, or with ``load.landing_share`` what this share exceeds.
+        """
+        loads, share = scale * self.loads, limits.load.landing_share
+        if share is None:
+            return demand_of(dog, hardest(map(tuple, loads.tolist())), limits)
+        return exceeded(demands_of(dog, loads, limits), self.weights.tolist(), share)
+
+    def interval(self, dog: Dog, limits: Limits) -> tuple[Demand, Demand]:
+        """Compute the 95 % intervals of the demand, which hold the demand itself."""
+        demands, share = demands_of(dog, self.loads, limits), limits.load.landing_share
+        ends = [tail_interval(column, self.weights, share) for column in demands.T]
+        values = self.demand(dog, limits)
+        low = Demand(*(min(end, own) for (end, _), own in zip(ends, values, strict=True)))
+        high = Demand(*(max(end, own) for (_, end), own in zip(ends, values, strict=True)))
+        return low, high
+
+
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     """Compute what a landing makes faces, core and edges bear."""
     return Demand(*demands_of(dog, np.array([landing]), limits)[0].tolist())
@@ -96,11 +195,20 @@ def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
     return np.array([face, core, edge]).T
 
 
-def demand_checks(demand: Demand, limits: Limits) -> tuple[Check, ...]:
-    """Return the checks of a landing, or of what a share of landings exceeds."""
+def demand_checks(
+    demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
+) -> tuple[Check, ...]:
+    """Return the checks of a landing, or of what a share of landings exceeds, in its interval."""
     face, edge = limits.material.case_yield / limits.load.safety, limits.material.edge_pressure
     limiting = (face, limits.allowable_stress, edge)
-    return checks_of(zip((rule.name for rule in LANDING_RULES), demand, limiting, strict=True))
+    checks = checks_of(zip((rule.name for rule in LANDING_RULES), demand, limiting, strict=True))
+    if interval is None:
+        return checks
+    ends = zip(*interval, strict=True)
+    return tuple(
+        replace(check, interval=(low / MPA, high / MPA))
+        for check, (low, high) in zip(checks, ends, strict=True)
+    )
 
 
 RATES, HEIGHT = "1e-7 is well lubricated, 1e-5 hardly", "give the height in mm"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.sim.elementwise import key, largest, smallest, where
-from dogshape.sim.errors import DogshapeError, GeometryError, require_ranges, within
+from dogshape.sim.errors import DogshapeError, GeometryError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import RULES, Check, checks_of
 from dogshape.sim.units import DEG, MM
@@ -59,13 +59,15 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
     return checks_of((name, value, bounds[name]) for name, value in found.items())
 
 
-def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
-    """Raise GeometryError with the first rule that the dog breaks."""
-    for check in manufacturing_checks(dog, limits):
-        if not check.passed:
-            raise GeometryError(f"{check.fault} to be made; {check.remedy}")
+def require_fillets(dog: Dog, radius: float) -> None:
+    """Raise GeometryError unless fillets of a ``radius`` in m fit into slot and tip of a dog."""
+    if (room := root_radius_room(dog)) < radius:
+        rule = f"the largest that fits into slot and tip is {room / MM:.4g} mm"
+        refused = refusal("manufacturing.root_radius_mm", radius / MM, "mm", rule, FILLETS)
+        raise GeometryError(refused)
 
 
+FILLETS = "use a smaller radius, fewer dogs, or a smaller chamfer"
 ANGLE, SHARE = "give an angle in degrees", "give a share of the height"
 
 

@@ -22,7 +22,11 @@ QUICK = sets(["operating.mismatch_rpm=[50]", "operating.force_N=[469.0]", "expec
 def test_strength_checks_everything(dogshape: Call) -> None:
     said = dogshape("strength", "mq200_paper", *QUICK, "--set", "load.landing_share=", "--json")
     assert said.status == 0
-    assert said.json["feasible"] is True
+    assert said.json["feasible"] is False  # nobody judged the flank strike
+    verdict = said.json["verdict"]
+    assert (verdict["state"], verdict["failed"]) == ("not_judged", [])
+    assert [one["check"] for one in verdict["not_judged"]] == ["flank_strike"]
+    assert "strike.ring_inertia_kgm2" in verdict["not_judged"][0]["key"]
     checks = {c["name"]: c for c in said.json["checks"]}
     assert {c["group"] for c in checks.values()} == set(GROUPS) - {"goal"}
     for check in checks.values():
@@ -42,7 +46,8 @@ def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
     line = next(line for line in bad.out.splitlines() if "traction_release" in line)
     assert line.rstrip().endswith("NO")
     for words in (
-        "before its landing is simulated", "smallest margin: \N{MINUS SIGN}27 %, traction_release",
+        "verdict: fails: ", "not judged: flank strike (give",
+        "smallest margin: \N{MINUS SIGN}27 %, traction_release",
         "Jasny et al. 2019", "ISO 6336-3", "1.5 F/(b s)", "load.friction_release",
     ):  # fmt: skip
         assert words in bad.out
@@ -54,8 +59,8 @@ def test_a_tolerance_that_leaves_no_dog_is_null_in_json(dogshape: Call) -> None:
     said = dogshape(*asked, "--json")
     assert said.status == 1
     assert any(check["margin_worst_case"] is None for check in said.json["checks"])
-    assert said.json["not_checked"] == [
-        "face_pressure_impact", "core_pressure_impact", "edge_pressure_impact"
+    assert [one["check"] for one in said.json["verdict"]["not_judged"]] == [
+        "flank_strike", "landing", "engagement"
     ]  # fmt: skip
     assert "no dog" in dogshape(*asked).out
 
@@ -64,7 +69,7 @@ def test_export_writes_ring_and_drawing_and_warns_of_a_weak_design(dogshape: Cal
     files = ("--stl", "ring.stl", "--svg", "dog.svg", "--set", "load.torque_Nm=900")
     said = dogshape("export", "mq200_paper", *files, "--json")
     assert said.status == 0
-    assert "warning: not feasible (separating_force_traction" in said.err
+    assert "warning: a check fails (separating_force_traction" in said.err
     content = Path("ring.stl").read_bytes()
     (triangles,) = struct.unpack_from("<I", content, 80)
     assert len(content) == 84 + 50 * triangles

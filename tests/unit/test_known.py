@@ -27,7 +27,8 @@ def test_a_check_works_without_any_results(dogshape: Call) -> None:
     assert said.json["high_s"] < 1.1 * said.json["low_s"]
     assert said.json["in_range"] is True
     assert 0.99 < said.json["engaged"] <= 1.0
-    assert said.json["not_checked"] == []  # the landing was simulated
+    missing = [one["check"] for one in said.json["verdict"]["not_judged"]]
+    assert missing == ["flank_strike"]  # the landing was simulated
     low, high = (said.json["predicted"][key] for key in ("low_s", "high_s"))
     assert low < PROTOTYPE < high
     assert not said.json["missed_by_surrogate"]
@@ -55,7 +56,8 @@ def test_a_clutch_without_a_surrogate_is_simulated_by_the_compiled_engine(
     assert record["engine"] == "planar"
     assert record["shifts_planar"] == 2 * study.file.expectation.angles
     assert record["surrogate"] is None
-    assert record["not_checked"] == []  # the landing was simulated
+    missing = [one["check"] for one in record["verdict"]["not_judged"]]
+    assert missing == ["flank_strike"]  # the landing was simulated
     mean = simulate_mean(
         load_study("mq200_paper", [*few, "solver.engine=planar", "expectation.seed=7"]),
         Where(jobs=1),

@@ -62,7 +62,9 @@ def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: 
     assert found["engaged at the first try"] == "32 of 32 shifts; prototype 24 of 32"
     assert found["operating points slower than the prototype"].startswith("1 of 2 (1 clearly)")
     assert [name for name, words in found.items() if isinstance(words, Bad)] == [
-        "operating points slower than the prototype", "search and new angles of design 2",
+        "verdict on the prototype", "verdict on the chosen",
+        "operating points slower than the prototype",
+        "search and new angles of design 2",
     ]  # fmt: skip
     result["best"] |= {"chamfer_deg": 0.0}
     assert "chamfer" in dict(facts_of(few, result))["at the end of the search range"]

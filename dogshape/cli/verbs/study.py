@@ -159,7 +159,7 @@ def strength(
         more = [root_stress.root_table(roots)]
     found = given.strength(simulate=simulation, **kept(jobs))
     parts = [*found.to_parts(), *(found.explained if explain else ()), *more]
-    emit({**found.to_dict(), **record}, json, lambda: parts, ok=found.feasible)
+    emit({**found.to_dict(), **record}, json, lambda: parts, ok=not found.verdict.failed)
 
 
 def check(
@@ -197,7 +197,7 @@ def check(
     if out is not None:
         raise InputError("--out is for the answers to --designs; give both or neither")
     found = given.check(**asked)
-    show(found, json, ok=found.feasible)
+    show(found, json, ok=not found.verdict.failed)
 
 
 def study(
@@ -307,7 +307,7 @@ def export(
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
     from dogshape.sim.part import part_volume, ring_part  # noqa: PLC0415
     from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
-    from dogshape.sim.strength.manufacture import require_makeable  # noqa: PLC0415
+    from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
 
     one = named_design(study, set_, chosen=False)
     given = one.own_study
@@ -320,12 +320,13 @@ def export(
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
     require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
-    require_makeable(dog, given.limits.manufacturing)
+    if svg or stl or step:
+        require_fillets(dog, given.limits.root_radius)
     if step is not None:
         load_cad()  # before anything is written
     design = design_of(given, {})
     if not design.feasible:
-        warn([f"not feasible ({', '.join(design.failed)}); see dogshape strength"])
+        warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _plausible(ds.Study.from_config(given))
     if svg is not None:
         with naming(svg):
