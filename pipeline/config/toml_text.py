@@ -1,7 +1,7 @@
 """TOML text with comments: written from tables, or changed in place.
 
 A comment says what a key is. What follows ``SOURCE`` in it says where the value is from, and goes
-with the value.
+with the value; so do the lines before a key that begin with it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import tomlkit
-from tomlkit.items import Item, Table
+from tomlkit.items import Comment, Item, Null, Table
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.texts import place_of
@@ -60,11 +60,14 @@ def _item(value: Any, *, lines: bool) -> Any:
     return tomlkit.item(value)
 
 
-def with_values(text: str, values: Mapping[str, Any]) -> str:
+def with_values(
+    text: str, values: Mapping[str, Any], comments: Mapping[str, str] | None = None
+) -> str:
     """Replace values of a TOML text by their dotted keys, and add those that are missing.
 
-    None takes a key out; a mapping replaces a table. Raises InputError for a key below a value,
-    or one to take out that is not there.
+    None takes a key out; a mapping replaces a table. With ``comments``, by dotted key, a replaced
+    value and its table have the comment that is given there, or none: their own may be about the
+    old value. Raises InputError for a key below a value, or one to take out that is not there.
     """
     document = tomlkit.parse(text)
     for key, value in values.items():
@@ -77,9 +80,10 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
         elif there != value:
             whole = isinstance(value, Mapping) and ("." not in key or isinstance(there, Table))
             table[name] = tomlkit.item(dict(value)) if whole else _item(value, lines=True)
-            _drop_source(table[name])
+            _renew_comment(table[name], key, comments)
+            _drop_sources_before(table, name)
         if there != value:
-            _drop_source(table)
+            _renew_comment(table, key.rpartition(".")[0], comments)
     return tomlkit.dumps(document).rstrip("\n") + "\n"
 
 
@@ -92,6 +96,41 @@ def sources_of(text: str) -> dict[str, str]:
             sources = (comment.partition(SOURCE)[2].strip() for comment in comments)
             found[f"{name}.{key}"] = next(filter(None, sources), "")
     return found
+
+
+def meanings_of(text: str) -> dict[str, str]:
+    """List the comments of values and tables of a TOML text by dotted key, without sources."""
+    found = {}
+    for name, table in tomlkit.parse(text).items():
+        if isinstance(table, Table):
+            items = {name: table} | {f"{name}.{key}": table.value.item(key) for key in table}
+            for key, item in items.items():
+                _drop_source(item)
+                found[key] = item.trivia.comment if isinstance(item, Item) else ""
+    return {key: comment for key, comment in found.items() if comment}
+
+
+def _renew_comment(item: Any, key: str, comments: Mapping[str, str] | None) -> None:
+    """Take the source from a comment, or with ``comments`` replace it by that of the key."""
+    if comments is None:
+        _drop_source(item)
+    elif isinstance(item, Item):
+        comment = comments.get(key, "")
+        item.trivia.comment = comment
+        item.trivia.comment_ws = (item.trivia.comment_ws or "  ") if comment else ""
+
+
+def _drop_sources_before(table: Any, name: str) -> None:
+    """Take away the lines of comment before a key that say where its value is from."""
+    if not isinstance(table, Table):
+        return
+    body = table.value.body
+    place = next(k for k, (key, _) in enumerate(body) if key is not None and key.key == name)
+    while place and isinstance(body[place - 1][1], Comment):
+        place -= 1
+        if not body[place][1].trivia.comment.lstrip("# ").startswith(SOURCE):
+            return
+        body[place] = (None, Null())
 
 
 def _drop_source(item: Any) -> None:

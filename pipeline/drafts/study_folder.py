@@ -2,7 +2,8 @@
 
 A study begins as a copy of another one. Values that hold for the other clutch alone are left out,
 but for the height of the dogs, which keeps their shape (mean diameter over count), and forces with
-which it shifts, which are those of the actuator.
+which it shifts, which are those of the actuator. A value of one's own has the comment of its key in
+the study that explains the keys: one of the other clutch's value would be a wrong source.
 """
 
 from __future__ import annotations
@@ -11,8 +12,7 @@ import re
 import shutil
 import tempfile
 import tomllib
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -30,7 +30,7 @@ from dogshape.pipeline.config.study_file import (
     find_study,
     load_study,
 )
-from dogshape.pipeline.config.toml_text import sources_of, toml_value, with_values
+from dogshape.pipeline.config.toml_text import meanings_of, sources_of, toml_value, with_values
 from dogshape.pipeline.diagnose.study_keys import Data, clutch_tables, rounded, study_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
@@ -84,6 +84,8 @@ CLUTCH = {
     "output.inertia_kgm2": "inertia of the output side, referred to the dogs, kg m²",
 }
 RADIUS, DRAG, MATERIAL = "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "material.set"
+STRIKE_RING, STRIKE_SHAFT = "strike.ring_inertia_kgm2", "strike.input_stiffness_Nm_rad"
+STRIKE = (STRIKE_RING, STRIKE_SHAFT)  #: keys without which no flank strike is judged
 #: Words for keys whose default follows from the clutch, and of what it does and is made of.
 USE = {
     HEIGHT: "height of the dogs, mm",
@@ -93,6 +95,8 @@ USE = {
     HELD: "force of latch or detent on the engaged ring, N; 0: unknown",
     SHARE: "share of the torque at which the ring is pulled out",
     "load.shifts": "shifts over the life",
+    STRIKE_RING: "inertia of the ring that strikes, kg m², one or two ends of a range; 0: unknown",
+    STRIKE_SHAFT: "stiffness of the shaft behind it, N m/rad, one or two ends; 0: unknown",
     MATERIAL: "material",
 }
 WORDS = ACTUATION | OPERATION | CLUTCH | USE
@@ -271,15 +275,17 @@ def questions_of(
     points = validate(OperatingSection, tables("operating"), "[operating]").rows()
     stated = zip(OPERATION, zip(*points, strict=True), strict=False)
     own |= {key: sorted(set(v)) for key, v in stated if not isinstance(own[key], list)}
+    ring = rounded(tables(MASS) * (0.25e-3 * sum(map(tables, DIAMETERS))) ** 2)
     for key, value, whence in (
-        (RADIUS, rounded(0.5 * SPLINE * tables(DIAMETERS[1])), f"{SPLINE:g} of the inner radius"),
-        (DRAG, 0.0, "none, an assumption"),
+        *_defaults(tables),
         (HELD, 0.0, "not judged"),
-        (SHARE, 1.0, "all of it"),
-        *(((BACKLASH, 0.0, "none"),) if tables("dog.backlash_deg") is None else ()),
+        (STRIKE_RING, [0.0], f"not judged; {tables(MASS):g} kg at the mean radius have {ring:g}"),
+        (STRIKE_SHAFT, [0.0], "not judged"),
     ):
         if own[key] is None:
             own[key], sources[key] = value, whence
+        if key in STRIKE and not isinstance(own[key], list):
+            own[key] = [own[key]]
     if MASS not in values:
         del own[MASS], sources[MASS]
     parts = {key: value if isinstance(value, list) else [value] for key, value in own.items()}
@@ -288,6 +294,19 @@ def questions_of(
     found = {key: found[key] for key in part if key in found}
     words = {key: f"{WORDS[key]} ({s})" if (s := sources.get(key)) else WORDS[key] for key in found}
     return found, words
+
+
+def _defaults(tables: Callable[[str], Any]) -> list[tuple[str, Any, str]]:
+    """List the values of keys that decide an answer and are absent, with their reasons."""
+    radius = rounded(0.5 * SPLINE * tables(DIAMETERS[1]))
+    found = [
+        (RADIUS, radius, f"{SPLINE:g} of the inner radius"),
+        (DRAG, 0.0, "none, an assumption"),
+        (SHARE, 1.0, "all of it"),
+    ]
+    if tables("dog.backlash_deg") is None:
+        found.append((BACKLASH, 0.0, "none"))
+    return [(key, value, reason) for key, value, reason in found if tables(key) is None]
 
 
 def value_at(tables: Mapping[str, Any], key: str) -> Any:
@@ -307,10 +326,24 @@ def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Data, str, li
     for key in (*ACTUATION, *OPERATION):  # one value is a list of it
         if key in given and key.split(".")[0] != "shift" and type(given[key]) in (int, float):
             given[key] = [given[key]]
+    _complete_strike(given, tomllib.loads(text))
     follows, said = _following(text, given)
-    text = with_values(text, {**given, **follows})
+    meanings = meanings_of(text_of(find_study(COMMENTED)))
+    text = with_values(text, {**given, **follows}, meanings)
     inherited = _inherited(text, COMMENTED if source.taken else origin, {**given, **follows})
     return text, given, whence, [*inherited, *said]
+
+
+def _complete_strike(given: Data, tables: Data) -> None:
+    """Take a list of one for its number, and leave a strike out whose ring or shaft is unknown."""
+    for key in STRIKE:
+        if isinstance(given.get(key), list) and len(given[key]) == 1:
+            given[key] = given[key][0]
+    if any(given.get(key) == 0 for key in STRIKE):
+        for key in [key for key in given if key.startswith("strike.")]:
+            del given[key]
+        if "strike" in tables:
+            given["strike"] = None
 
 
 def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
@@ -328,9 +361,13 @@ def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
         texts = (f"{key} = {_shown(kept.pop(key))}" for key in found)
         if found:
             lines.append(f"as in '{origin}', decides {answer}: {', '.join(texts)}")
-    rest = Counter(key.partition(".")[0] for key in kept)
-    others = ", ".join(f"{count} of [{section}]" for section, count in rest.items())
-    return [*lines, f"as in '{origin}', keys of less influence: {others}"] if rest else lines
+    if kept:
+        others = ", ".join(f"{key} = {_shown(value)}" for key, value in kept.items())
+        lines.append(f"as in '{origin}', keys of less influence: {others}")
+    if absent := _defaults(partial(value_at, tomllib.loads(text))):
+        words = ", ".join(f"{key} = {value:g} ({reason})" for key, value, reason in absent)
+        lines.append(f"not given, by default: {words}")
+    return lines
 
 
 def _shown(value: Any) -> str:
@@ -381,6 +418,9 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
         found[OPERATING] = has
         if points:  # a list of points becomes a grid
             found[MISMATCH] = sorted({point["mismatch_rpm"] for point in points})
+    if "strike" in found and any(key.startswith("strike.") for key in given):
+        del found["strike"]
+        found |= {f"strike.{key}": None for key in old("strike")}
     found = {key: value for key, value in found.items()
              if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip
     follows = ", ".join(f"{key} {value}" for key, value in found.items() if value is not None)

@@ -49,9 +49,10 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
     # Actuator; points, at once refused; actuator and points again; dogs, ring and what turns with
-    # it; height, torque; toothing, drag, latch, torque left, steel.
+    # it; height, torque; toothing, drag, latch, torque left, shifts, strike, steel.
     answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30 8 12 22 140 124 1 0,2 2,5"
-    typed = f"{answers} 0,05 0,6 5 1500  0,8 9000 0,1 1e6 steel 20MnCr5".replace(" ", "\n")
+    typed = f"{answers} 0,05 0,6 5 1500  0,8 9000 0,1 1e6 0,004&0,02 1e5 steel 20MnCr5"
+    typed = typed.replace(" ", "\n").replace("&", " ")
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
     assert done.exit_code == 0, done.stderr
     study = load_study("mine")
@@ -62,7 +63,10 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     load = study.limits.load
     given = study.clutch.timeout, load.separating_force_limit, load.pull_out_share, load.shifts
     assert given == (2.0, 9000.0, 0.1, 1e6)
+    strikes = {(one.ring_inertia, one.input_stiffness) for one in study.limits.strikes}
+    assert strikes == {(0.004, 1e5), (0.02, 1e5)}
     for words in (
+        "not judged; 2.5 kg at the mean radius have 0.01089",
         "kinds of clutch: amt (30 dogs, 140/124 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
         "chamfer of the face, deg (the MQ200 prototype, thesis table 5) [8]:",
         "slides on, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
@@ -135,7 +139,11 @@ def test_what_the_user_did_not_give_is_named(dogshape: Call) -> None:
         assert words in time
     assert "decides the checks: load.application_factor = 1.5, load.coast_share" in checks
     assert "dog.count" not in time
-    assert rest[0].startswith("as in 'mq200', keys of less influence: 2 of [shift]")
+    assert rest[0].startswith("as in 'mq200', keys of less influence: shift.seated_tolerance_mm = ")
+    assert "tolerance.backlash_mm" not in rest[0]  # the file has none
+    assert "manufacturing.module_mm = 1.25" in rest[0]
+    radius = "not given, by default: mechanism.spline_radius_mm = 49.6 (0.8 of the inner radius)"
+    assert rest[1].startswith(radius)
 
 
 RING = ("dog.outer_diameter_mm=140", "dog.inner_diameter_mm=124", "dog.count=30")
@@ -164,6 +172,37 @@ def test_what_follows_from_the_ring(dogshape: Call) -> None:
     # The output side is the prototype's.
     known = [one in text for one in ("4.98 squared", "prototype", "thesis table 2")]
     assert known == [True, False, False]
+
+
+def test_comments_of_a_kind_go_with_its_numbers(dogshape: Call) -> None:
+    own = "dog.backlash_mm=10.9", "output.inertia_kgm2=1.0", "load.accuracy=7"
+    _begun(dogshape, *own, origin="motorcycle")
+    text = Path("own/study.toml").read_text()
+    kept = (bundled_root() / "motorcycle" / "study.toml").read_text()
+    for words in ("17 deg", "260 kg at wheels"):
+        assert words in kept
+        assert words not in text
+    # The meaning of a key is that of the study that explains the keys; what is not given stays.
+    assert "accuracy = 7  # class of ISO 1328-1" in text
+    assert "at wheels of 0.31 m" not in text
+    assert "of the fork, which moves along; assumption" in text
+
+
+def test_a_source_before_a_key_goes_with_its_number(dogshape: Call) -> None:
+    _begun(dogshape, "strike.ring_inertia_kgm2=0.0004")
+    text = Path("own/study.toml").read_text()
+    assert "ring alone, 0.3 kg at 24 mm" not in text
+    assert "steel shaft of 22 mm" in text
+
+
+def test_a_strike_of_ones_own_stays_with_another_ring(dogshape: Call) -> None:
+    """What the kind says beside it goes, and half of it is refused."""
+    given = "strike.ring_inertia_kgm2=[0.002, 0.008]", "strike.input_stiffness_Nm_rad=1e5"
+    _, study = _begun(dogshape, *RING, *given, "strike.backlash_deg=0.4")
+    assert len(study.limits.strikes) == 2
+    assert study.limits.strikes[0].input_stiffness == 1e5
+    said = dogshape("init", "study", "--out", "half", "--yes", *sets((*RING, given[0])))
+    assert "strike.input_stiffness_Nm_rad" in said.sentence
 
 
 def test_given_values_do_not_follow(dogshape: Call) -> None:
