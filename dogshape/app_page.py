@@ -164,7 +164,9 @@ def check_table(found: Checked) -> html.Table:
         if row is None:
             body.append(html.Tr(html.Td(cells[0], colSpan=len(table.heads)), className="group"))
             continue
-        exact: Row = {"data-check": row.name, "data-margin": repr(row.margin)}
+        exact: Row = {}
+        if row.passed is not None:
+            exact = {"data-check": row.name, "data-margin": repr(row.margin)}
         said = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
         texts = [check_name(row.name), *cells[1:]]
         drawn = [html.Td(text, className="bad" if isinstance(text, Bad) else "") for text in texts]

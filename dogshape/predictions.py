@@ -27,6 +27,7 @@ from dogshape.sim.files import write_frame
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
+from dogshape.sim.strength.verdict import Missing, missing_checks
 from dogshape.sim.texts import TextTable, file_of, is_plain, listed, read_table
 from dogshape.surrogate.model import interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
@@ -35,7 +36,8 @@ CHUNK = 5000  #: designs that are worked out at a time
 TIMES = (
     "expected_shift_time_s", "low_s", "high_s", "standard_error_s", "distance", "in_range",
 )  # fmt: skip
-CHECKS = ("feasible", "smallest_margin", "worst_check", "reason")
+CHECKS = ("feasible", "verdict", "smallest_margin", "worst_check", "reason")
+STATES = {True: "not_judged", False: "fails"}  #: a prediction judges no landing
 NEAR = 0.7  #: likeness of a column's name to a variable's from which it is taken for a misspelling
 MAX_LISTED = 10  #: faulty cells that a refusal lists
 NAMED = 5  #: rows of a table without an answer that are listed one by one
@@ -44,6 +46,9 @@ NAMED = 5  #: rows of a table without an answer that are listed one by one
 @dataclass(frozen=True, repr=False)
 class Predictions(Result):
     """Predicted shift times of many designs, with their closed-form checks.
+
+    ``feasible`` is a design that fails none of these; its verdict is ``not_judged``, since no
+    prediction has a landing.
 
     ``answers`` has variables, ``TIMES`` and ``verdicts`` by the rows of the ``table``; ``filled``
     are variables without a column, at the study's value. ``written`` is the table with the answers;
@@ -88,9 +93,16 @@ class Predictions(Result):
         return [
             *lines,
             f"wrote {record['file']}: designs {record['n']}, in the trained range "
-            f"{record['in_range']}, feasible before landing {record['feasible']}, impossible "
-            f"{len(record['impossible'])}, least time of a feasible one {time}",
+            f"{record['in_range']}, without a failed check {record['feasible']}, impossible "
+            f"{len(record['impossible'])}, least time of one without a failed check {time}",
+            f"not judged: {', '.join(one.text for one in self.not_judged)}",
         ]
+
+    @property
+    def not_judged(self) -> tuple[Missing, ...]:
+        """Standard checks that a prediction leaves open, for the study's own dog."""
+        dog, limits = self.config.clutch.dog, self.config.limits
+        return missing_checks(dog, limits, (check.name for check in strength_checks(dog, limits)))
 
     def to_dict(self) -> dict[str, Any]:
         """Give counts, impossible rows with their reasons, and the best designs."""
@@ -111,6 +123,12 @@ class Predictions(Result):
             "n": len(answers),
             "in_range": int(answers["in_range"].sum()),
             "feasible": int(answers["feasible"].sum()),
+            "verdict": {
+                "state": {
+                    state: int((answers["verdict"] == state).sum()) for state in STATES.values()
+                },
+                "not_judged": [{"check": one.check, "key": one.key} for one in self.not_judged],
+            },
             "impossible": reasons(~answers["real"]),
             "without_time": reasons(answers["real"] & time.isna()),
             "filled": self.filled,
@@ -205,7 +223,7 @@ def judged_together(study: Setup, names: Sequence[str]) -> bool:
     return not set(names) & set(OPERATED) and all(one.simulated for one, _ in limits_of(study))
 
 
-def _judged(study: Setup, params: dict[str, float]) -> tuple[bool, bool, float, str, str]:
+def _judged(study: Setup, params: dict[str, float]) -> tuple[bool, bool, str, float, str, str]:
     try:
         design = design_of(study, params)
     except DogshapeError as error:  # values that no dog can have
@@ -213,9 +231,10 @@ def _judged(study: Setup, params: dict[str, float]) -> tuple[bool, bool, float, 
     broken = [check.name for check in design.checks if check.name in MAKEABLE and not check.passed]
     reason = design.refusal or _unmade(broken)
     if not design.checks:
-        return False, False, np.nan, "", reason
+        return False, False, STATES[False], np.nan, "", reason
     weakest = smallest_margin(design.checks)
-    return True, design.feasible, weakest.margin, weakest.name, reason
+    verdict = STATES[design.feasible]
+    return True, design.feasible, verdict, weakest.margin, weakest.name, reason
 
 
 def _unmade(broken: Iterable[str]) -> str:
@@ -230,7 +249,8 @@ def _judge_together(study: Setup, names: Sequence[str], x: Array) -> pd.DataFram
     reason = np.full(len(x), "", dtype=object)
     for row in np.flatnonzero(broken.any(axis=1)):
         reason[row] = _unmade(broken.columns[broken.iloc[row]])
-    columns = {"feasible": smallest >= 0.0, "smallest_margin": smallest}
+    passed = smallest >= 0.0
+    columns = {"feasible": passed, "verdict": passed.map(STATES), "smallest_margin": smallest}
     worst = margins.idxmin(axis=1)
     return pd.DataFrame({"real": True, **columns, "worst_check": worst, "reason": reason})
 

@@ -71,6 +71,7 @@ SIMULATION = (
     SIMULATED, "standard_error_s", "source", "engaged", "shifts_engaged", "gain_s",
     "gain_standard_error_s", "worst_against_prototype", "slowest_point",
 )  # fmt: skip
+HINGES = 4  #: assumptions that fit on a sheet, the strongest
 #: Keys of the title block of a data sheet with their words; the reason of a decision stands above.
 TITLE_BLOCK = {
     "number": "drawing number", "revision": "revision", "date": "date", "author": "author",
@@ -350,17 +351,23 @@ def write_sheet(
         sizes.append((label(row["key"]), size, within))
     none, verdict = dict.fromkeys(CheckRow.model_fields), VerdictRow(**record["verdict"])
     rows = [CheckRow.model_construct(**{**none, **c, "name": check_name(c["name"])}) for c in own]
-    rows += [not_judged_row(one) for one in verdict.not_judged]
-    interval = ("margin_interval",) if any(row.margin_interval for row in rows) else ()
-    columns = ("name", "value", "limit", "unit", "safety", "margin", *interval, "margin_worst_case")
+    missing = [not_judged_row(one) for one in verdict.not_judged]
+    rows += [row.model_copy(update={"name": check_name(row.name)}) for row in missing]
+    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")
     facts = [pair for pair in words_of(record).items() if pair[1] != "-"]
+    facts += [(f"{row.name}, margin within 95 %", row.cell("margin_interval"))
+              for row in rows if row.margin_interval]  # fmt: skip
+    judged, facts = facts[:1], facts[1:]
     page = Report(f"{one.title}: data sheet", title.pop("why"), compact=True)
     page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))
+    page.add("", Table(("", ""), judged))
     page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, one.title)))
     page.add(f"Dimensions ({record['material']})", Table(("", "", ""), sizes))
     page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))
     page.add("Margins to the limits", check_table(rows, *columns))
-    page.add("Assumptions that decide the smallest margin", hinge_table(verdict.hangs_on))
+    hangs_on = hinge_table(verdict.hangs_on[:HINGES], "assumption", "range", "smallest_margin")
+    title = "Assumptions that decide the smallest margin"
+    page.add(title, replace(hangs_on, words=(), note=""))
     page.add("Provenance", Table(("", ""), list(origin.items())))
     return page.save(path)
 

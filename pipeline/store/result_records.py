@@ -176,7 +176,7 @@ class CheckRow(Record):
         if name == "margin_interval":
             return " to ".join(map(percent, self.margin_interval or ())) or "-"
         if self.passed is None:
-            return {"name": self.name, "passed": Bad("not judged"), "limit_key": self.limit_key,
+            return {"name": self.name, "margin": Bad("not judged"), "limit_key": self.limit_key,
                     "meaning": self.meaning}.get(name, "-")  # fmt: skip
         value, margin = getattr(self, name), "margin" in name
         text = super().cell(name) if not margin or value is None else percent(value)
@@ -235,7 +235,7 @@ class HingeRow(Record):
     def cell(self, name: str) -> str:
         """Print the ends of a range beside each other; margins below zero as ``Bad``."""
         if name == "range":
-            return " to ".join(map(short, self.range))
+            return f"{' to '.join(map(short, self.range))} {self.unit}".rstrip()
         if name == "smallest_margin":
             text = " to ".join(map(percent, self.smallest_margin))
             return Bad(text) if min(self.smallest_margin) < 0.0 else text
@@ -273,14 +273,14 @@ class VerdictRow(Record):
     hangs_on: list[HingeRow] = key("assumptions with an effect, the strongest first")
 
 
-def hinge_table(rows: Sequence[HingeRow]) -> Table:
-    """Tabulate the assumptions of a verdict, the strongest first."""
-    names = (
-        *("assumption", "value", "range", "unit", "smallest_margin", "weakest_check", "flips"),
+def hinge_table(rows: Sequence[HingeRow], *names: str) -> Table:
+    """Tabulate the assumptions of a verdict, the strongest first; by default with their sources."""
+    names = names or (
+        *("assumption", "value", "range", "smallest_margin", "weakest_check", "flips"),
         *("status", "source"),
     )
     words = [place for place, name in enumerate(names)
-             if name in ("unit", "weakest_check", "status", "source")]  # fmt: skip
+             if name in ("weakest_check", "status", "source")]  # fmt: skip
     note = (
         "Smallest margin at either end of the range of an assumption, the others as given, by the "
         "closed forms; landings scale with the root of the contact's stiffness."

@@ -22,7 +22,7 @@ from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, Landings, demand_checks
 from dogshape.sim.strength.locking import blocking_force
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.units import MM, from_si, short, to_si, unit_of
+from dogshape.sim.units import MM, from_si, short, suffix_of, to_si, unit_of
 
 State = Literal["passes", "fails", "not_judged", "not_clear"]
 WORDS: dict[State, str] = {
@@ -264,7 +264,11 @@ class Verdict:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(name.replace("_", " ") for name in names)
+    """List checks in words; a quantity of the study that is bounded ends in its unit."""
+    words = (name.removesuffix(suffix_of(name)).replace("_", " ") for name in names)
+    return ", ".join(
+        one.replace("margin worst", "margin at worst-case tolerances") for one in words
+    )
 
 
 class Margin(NamedTuple):

@@ -22,7 +22,7 @@ def test_the_lines_of_the_readme_run_in_an_empty_folder(
     monkeypatch.chdir(tmp_path)
     exec(README.read_text(encoding="utf-8").split("```python")[1].split("```")[0], {})
     said = capsys.readouterr().out
-    for words in ("engaged in ", "expected shift time ", "feasible: yes", "next test: "):
+    for words in ("engaged in ", "expected shift time ", "verdict: passes", "next test: "):
         assert words in said
     assert [path.name for path in tmp_path.iterdir()] == ["shift.html"]
 

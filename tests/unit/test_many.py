@@ -69,11 +69,15 @@ def test_what_cannot_be_a_dog_has_a_reason_and_no_time(dogshape: Call) -> None:
         worst = min(design.checks, key=lambda check: check.margin)
         assert float(row["expected_shift_time_s"]) > 0.0
         assert row["feasible"] == str(design.feasible)
+        assert row["verdict"] == ("not_judged" if design.feasible else "fails")
         assert row["worst_check"] == worst.name
         assert float(row["smallest_margin"]) == pytest.approx(worst.margin, rel=1e-3)
         assert row["reason"] == ""
     record = _asked(dogshape, "count,height_mm\n18,-3\n15,3.7\n", "--json").json
     assert [one["row"] for one in record["impossible"]] == [2]
+    assert record["verdict"]["state"] == {"not_judged": 1, "fails": 1}
+    open_ones = [one["check"] for one in record["verdict"]["not_judged"]]
+    assert open_ones == ["flank_strike", "landing", "engagement"]
     assert record["best"]["row"] == 3
     none = _asked(dogshape, "count,height_mm\n18,-3\n", "--json")
     assert (none.status, none.json["best"], none.json["best_feasible"]) == (1, None, None)
