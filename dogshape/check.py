@@ -161,10 +161,10 @@ class Checked(Result):
     def to_frame(self) -> Frame:
         """Give a row for each check: value and limit in ``unit``, margins as shares.
 
-        Standard checks that were not judged have a row without values; ``attrs["verdict"]`` is the
-        verdict in a sentence.
+        Standard checks that were not judged have a row without values, in which ``passed`` is
+        missing; ``attrs["verdict"]`` is the verdict in a sentence.
         """
-        frame = frame_of(self.judged_rows)
+        frame = frame_of(self.judged_rows).astype({"passed": "boolean"})
         frame.attrs["verdict"] = self.verdict.line
         return frame
 

@@ -366,8 +366,8 @@ def write_sheet(
     page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))
     page.add("Margins to the limits", check_table(rows, *columns))
     hangs_on = hinge_table(verdict.hangs_on[:HINGES], "assumption", "range", "smallest_margin")
-    title = "Assumptions that decide the smallest margin"
-    page.add(title, replace(hangs_on, words=(), note=""))
+    hangs_on = replace(hangs_on, words=(), note="")
+    page.add("Assumptions that decide the smallest margin", hangs_on)
     page.add("Provenance", Table(("", ""), list(origin.items())))
     return page.save(path)
 

@@ -128,11 +128,11 @@ def tail_interval(
     if mean == 0.0:
         return threshold, threshold
     rng = np.random.default_rng(prior.seed)
-    log_scales = np.linspace(*np.log(mean * np.array(prior.scale_ends)), prior.grid)
+    narrow, wide = (mean * factor for factor in prior.scale_ends)
     reach = 4.0 * prior.shape_sd
     shapes = prior.shape_mean + np.linspace(-reach, reach, prior.grid)
     shapes = np.where(np.abs(shapes) < 1e-6, 1e-6, shapes)
-    xi, sigma = np.meshgrid(shapes, np.exp(log_scales), indexing="ij")
+    xi, sigma = np.meshgrid(shapes, np.geomspace(narrow, wide, prior.grid), indexing="ij")
     inside = 1.0 + xi[..., None] * excess / sigma[..., None]
     with np.errstate(invalid="ignore", divide="ignore"):
         densities = -np.log(sigma[..., None]) - (1.0 + 1.0 / xi[..., None]) * np.log(inside)

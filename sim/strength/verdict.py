@@ -424,7 +424,8 @@ def _load_moves(dog: Dog, limits: Limits, radius_given: bool, spans: Spans) -> I
 
 
 def _loaded(limits: Limits, name: str, value: float) -> Limits:
-    return replace(limits, load=replace(limits.load, **{name: value}))
+    changed: dict[str, Any] = {name: value}
+    return replace(limits, load=replace(limits.load, **changed))
 
 
 def _strike_moves(limits: Limits, spans: Spans) -> Iterable[_Move]:
@@ -452,7 +453,8 @@ def _strike_moves(limits: Limits, spans: Spans) -> Iterable[_Move]:
 def _struck(strike: Strike, name: str, end: float) -> Strike:
     """Return a strike with another value; a ring is part of the sliding side."""
     largest = strike.sliding_inertia if name == "ring_inertia" else math.inf
-    return replace(strike, **{name: min(end, largest)})
+    changed: dict[str, Any] = {name: min(end, largest)}
+    return replace(strike, **changed)
 
 
 def landing_by_stiffness(

@@ -103,7 +103,8 @@ def test_study_fit_check(dogshape: Call, studied: Path, monkeypatch: pytest.Monk
     checked = dogshape(*mine, "--json")
     assert checked.status == 0
     assert checked.json["low_s"] < checked.json["expected_shift_time_s"] < checked.json["high_s"]
-    assert checked.json["feasible"] is checked.json["in_range"] is True
+    assert checked.json["in_range"] is True
+    assert checked.json["verdict"]["state"] == "not_judged"
     far = dogshape(*own, "--set", "dog.height_mm=7", "--json")
     assert far.json["in_range"] is False
     assert "height_mm = 7 is outside" in far.json["warnings"][0]

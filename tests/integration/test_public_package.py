@@ -65,7 +65,8 @@ def test_a_result_is_what_the_command_line_prints(verb: str, dogshape: Call) -> 
     result, words = found(verb), ASKED[verb][1].split()
     said = dogshape(*words, "--json")
     assert said.json == json.loads(json.dumps(result.to_dict()))
-    assert said.status == int(not getattr(result, "feasible", True))
+    verdict = getattr(result, "verdict", None)
+    assert said.status == int(verdict is not None and bool(verdict.failed))
     assert dogshape(*words).out.split() == repr(result).split()
     with pytest.raises(FrozenInstanceError):
         setattr(result, fields(result)[0].name, None)
@@ -82,10 +83,13 @@ def test_times_as_table_and_figure() -> None:
 @pytest.mark.parametrize("verb", ["check", "strength"])
 def test_margins_as_table(verb: str) -> None:
     frame = found(verb).to_frame().set_index("name")
-    assert set(found(verb).failed) == set(frame.index[~frame["passed"]])
+    assert set(found(verb).failed) == set(frame.index[frame["passed"].eq(False)])
+    assert frame.attrs["verdict"] == found(verb).verdict.line
+    assert list(frame.index[frame["passed"].isna()]) == ["flank_strike"]
+    assert (frame["group"] == "impact").sum() == 3
     # A surrogate knows no landing.
-    at_once = ds.Study(PAPER).check(surrogate=BROUGHT).design.not_checked
-    assert set(frame.index[frame["group"] == "impact"]) == set(at_once)
+    at_once = ds.Study(PAPER).check(surrogate=BROUGHT).verdict.not_judged
+    assert [one.check for one in at_once] == ["flank_strike", "landing", "engagement"]
 
 
 def test_many_designs_are_what_the_command_line_prints(tmp_path: Path, dogshape: Call) -> None:
