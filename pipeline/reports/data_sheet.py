@@ -71,7 +71,7 @@ SIMULATION = (
     SIMULATED, "standard_error_s", "source", "engaged", "shifts_engaged", "gain_s",
     "gain_standard_error_s", "worst_against_prototype", "slowest_point",
 )  # fmt: skip
-HINGES = 4  #: assumptions that fit on a sheet, the strongest
+HINGES = 3  #: assumptions that fit on a sheet, the strongest
 #: Keys of the title block of a data sheet with their words; the reason of a decision stands above.
 TITLE_BLOCK = {
     "number": "drawing number", "revision": "revision", "date": "date", "author": "author",

@@ -100,3 +100,22 @@ def test_nothing_is_written_where_the_extra_is_missing(
     said = dogshape("export", "mq200_paper", "--svg", "a.svg", "--stl", "a.stl", "--step", "a.step")
     assert "STEP files need build123d" in said.sentence
     assert list(Path().iterdir()) == []
+
+
+def test_a_limit_of_manufacture_fails_a_check_and_refuses_no_shift(dogshape: Call) -> None:
+    steep = sets(["dog.count=12", "dog.chamfer_deg=14", "dog.height_mm=3"])
+    point = ("--mismatch-rpm", 50, "--force-N", 469)
+    shift = dogshape("shift", "mq200_paper", *steep, *point, "--relative-angle-deg", 5, "--json")
+    assert (shift.status, shift.json["outcome"]) == (0, "engaged")
+    for verb in ("check", "strength"):
+        said = dogshape(verb, "mq200_paper", *steep, *QUICK, "--json")
+        assert said.status == 1
+        assert "chamfer_share" in said.json["verdict"]["failed"]
+        assert "landing" not in [one["check"] for one in said.json["verdict"]["not_judged"]]
+    time = dogshape("check", "mq200_paper", *steep, *QUICK, "--json").json["expected_shift_time_s"]
+    assert 0.02 < time < 0.3
+    # Fillets that do not fit are no solid.
+    round_ = ("--set", "manufacturing.root_radius_mm=4", "--stl", "ring.stl")
+    assert "the largest that fits into slot and tip is" in (
+        dogshape("export", "mq200_paper", *steep, *round_).sentence
+    )
