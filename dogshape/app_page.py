@@ -133,6 +133,7 @@ def judged(found: Checked) -> dict[str, Any]:
     count, open_ones = len(found.design.checks), found.design.not_checked
     lines = (
         f"{check_name(weakest.name)}; {f'{failed} of {count} fail' if failed else 'all pass'}",
+        f"at statistical tolerances: {found.statistical.replace('%', ' %').replace('_', ' ')}",
         f"at worst-case tolerances: {found.worst_case.replace('%', ' %').replace('_', ' ')}",
         "landing not judged yet" if open_ones else "landing judged",
     )

@@ -25,11 +25,12 @@ from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime, QuantileRow, check_table
 from dogshape.pipeline.train.training_rows import own_surrogate, study_mix
 from dogshape.sim.errors import GeometryError
+from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.strength.checks import feasible, smallest_margin
 from dogshape.sim.strength.dog_strength import UNJUDGED, strike_force, strike_torque
-from dogshape.sim.strength.locking import blocking_force
-from dogshape.sim.strength.manufacture import manufacturing_checks, require_makeable
+from dogshape.sim.strength.locking import Retention, blocking_force, retention
+from dogshape.sim.strength.manufacture import Kind, manufacturing_checks, require_makeable
 from dogshape.sim.units import MPA, RPM
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
@@ -67,13 +68,28 @@ class Checked(Result):
         """Force that the blocking mechanism has to hold, N."""
         return blocking_force(self.config.clutch.dog, self.config.limits.load)
 
+    def within(self, kind: Kind) -> str:
+        """Smallest margin within the tolerances, the landing at nominal size, with its check."""
+        weakest = smallest_margin(self.design.checks)
+        name, margin = weakest_within(self.config, self.design, kind)
+        margin, name = min((margin, name), (weakest.margin, weakest.name))
+        return "no dog" if math.isinf(margin) else f"{percent(margin)}, {name}"
+
     @property
     def worst_case(self) -> str:
-        """Smallest margin at worst-case tolerances, the landing at nominal size, with its check."""
-        weakest = smallest_margin(self.design.checks)
-        (name, worst), own = weakest_within(self.config, self.design), weakest.margin
-        worst, name = min((worst, name), (own, weakest.name))
-        return "no dog" if math.isinf(worst) else f"{percent(worst)}, {name}"
+        """Smallest margin at worst-case tolerances, with its check."""
+        return self.within("worst_case")
+
+    @property
+    def statistical(self) -> str:
+        """Smallest margin by root sum of squares at the reject rate, with its check."""
+        return self.within("root_sum_square")
+
+    @property
+    def retention(self) -> list[Retention]:
+        """Forces that separate the rings under torque on each flank, and what holds them."""
+        dog, load = self.config.clutch.dog, self.config.limits.load
+        return [retention(dog, load, flank) for flank in FLANKS]
 
     @property
     def rows(self) -> list[CheckRow]:
@@ -87,23 +103,31 @@ class Checked(Result):
         open_ones = ", before its landing is simulated" if self.design.not_checked else ""
         unheld = ""
         if self.blocking_force_N > 0.0 and self.config.limits.load.separating_force_limit is None:
-            unheld = f"; not judged, give its own force: {UNJUDGED['separating_force']}"
+            unheld = f"; not judged, give its own force: {UNJUDGED['retention_traction']}"
             open_ones += f", if latch or detent hold {self.blocking_force_N:.0f} N" * self.feasible
         return [
             check_table(self.rows),
             "",
             "S: safety factor, upper limit of a stress or force over its value, at nominal size, "
             "beyond the factors of [load] that the limit contains",
-            "margin: distance to the limit over the limit, at nominal size, with every tolerance "
-            "at its worst, and by root sum of squares (landing and times: nominal size alone)",
+            "margin: distance to the limit over the limit, at nominal size, by root sum of squares "
+            f"of all tolerances ({self.rejects} of the dogs have less), and with every tolerance "
+            "at its worst (landing and times: nominal size alone)",
             f"feasible: {verdict}{open_ones}",
             *(f"{one.name}: {one.fault}; {one.remedy}" for one in self.design.faults),
             f"smallest margin: {percent(weakest.margin)}, {weakest.name}",
+            f"at statistical tolerances: {self.statistical}",
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
             *(f"warning: {note}" for note in self.notes),
+            *map(_retention_words, self.retention),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N{unheld}",
         ]
+
+    @property
+    def rejects(self) -> str:
+        """Share of the dogs beyond the margins by root sum of squares."""
+        return f"{100.0 * self.config.limits.tolerances.reject_rate:.3g} %"
 
     def landing_of(self, shifts: int, engine: str) -> list[str]:
         """Explain which shifts the checks of the landing are from; nothing without them."""
@@ -120,11 +144,39 @@ class Checked(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give every check as JSON takes it."""
         missing, checks = self.design.not_checked, checks_within(self.config, self.design)
-        return {"feasible": self.design.feasible, "not_checked": missing, "checks": checks}
+        return {
+            "feasible": self.design.feasible,
+            "not_checked": missing,
+            "checks": checks,
+            "retention": [
+                {
+                    "flank": one.flank,
+                    "force_without_friction_N": one.frictionless,
+                    "force_with_flank_friction_N": one.flank_friction,
+                    "force_with_all_friction_N": one.all_friction,
+                    "held_N": one.held,
+                    "held_by": one.answer,
+                }
+                for one in self.retention
+            ],
+        }
 
     def to_frame(self) -> Frame:
         """Give a row for each check: value and limit in ``unit``, margins as shares."""
         return frame_of(self.rows)
+
+
+def _retention_words(found: Retention) -> str:
+    """Say what holds a worn, loaded flank, with its axial forces."""
+
+    def push(force: float) -> str:
+        return f"{'pushes out' if force > 0.0 else 'pulls in'} with {abs(force):.0f} N"
+
+    return (
+        f"worn {found.flank} flank: held by {found.answer}; {push(found.frictionless)} without "
+        f"friction, {push(found.flank_friction)} with the least of the flank, "
+        f"{push(found.all_friction)} with the toothing's too"
+    )
 
 
 #: Standard error of the compiled engine's expected time against Drake's, over the time. Medians are

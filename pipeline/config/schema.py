@@ -48,6 +48,8 @@ from dogshape.sim.units import RPM
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
+#: Fields of ``Tolerances`` that came later.
+TOLERANCE_LATE = ("chamfer_back", "backlash", "reject_rate", "capability")
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 #: A number, or the range that it lies in, which is judged at its worst end; tags as in ``Spread``.
@@ -113,7 +115,9 @@ class DrivelineSection(Section):
     stiffness_Nm_rad: float | None = ranged(1.0, 1e7)
 
 
-class LoadSection(keys_of(LoadCase, late=("coast_share", "run_out", "tilt", "pull_out_share"))):  # type: ignore[misc]
+class LoadSection(
+    keys_of(LoadCase, late=("coast_share", "run_out", "tilt", "pull_out_share", "wear_angle"))
+):  # type: ignore[misc]
     """Load case of the strength checks (``sim.strength.load_case``)."""
 
     spectrum: list[Range] | None = later()
@@ -169,7 +173,7 @@ class ManufacturingSection(keys_of(ManufacturingLimits)):  # type: ignore[misc]
     """Limits of the workshop (``sim.strength.manufacture``)."""
 
 
-class ToleranceSection(keys_of(Tolerances, late=("chamfer_back", "backlash"))):  # type: ignore[misc]
+class ToleranceSection(keys_of(Tolerances, late=TOLERANCE_LATE)):  # type: ignore[misc]
     """Largest deviation of each dimension either way (``sim.strength.manufacture``)."""
 
 

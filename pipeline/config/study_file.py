@@ -385,8 +385,10 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         more["pull_out_force_limit"] = min(point.profile.force for point in points)
     if mechanism.detent > 0.0 and mechanism.detent_seat > 0.0:
         more["separating_force_limit"] = mechanism.detent
+    load = file.load.case(**more)
+    load.require_spline()
     return Limits(
-        load=file.load.case(**more),
+        load=load,
         material=file.material.value,
         manufacturing=file.manufacturing.value,
         tolerances=file.tolerance.value,

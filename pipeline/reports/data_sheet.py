@@ -39,7 +39,13 @@ from dogshape.pipeline.reports.text import (
     ms_with_error,
     place_name,
 )
-from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES, checks_within, design_of
+from dogshape.pipeline.simulate.design import (
+    KINDS,
+    SIMULATED,
+    SUMMARIES,
+    checks_within,
+    design_of,
+)
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import DogSection
@@ -49,6 +55,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.locking import locking_friction
+from dogshape.sim.strength.manufacture import Kind
 from dogshape.sim.units import MM, from_si, suffix_of, unit_of
 from dogshape.sim.versions import bundled_root, versions
 
@@ -146,13 +153,17 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
 
 
 def design_record(
-    study: Setup, params: Values, margins: Values, worst: tuple[str, float] | None, **known: Any
+    study: Setup,
+    params: Values,
+    margins: Values,
+    within: Mapping[str, tuple[str, float] | None],
+    **known: Any,
 ) -> Row:
     """Record a design of a study by one set of keys, None where something is not known.
 
-    ``params`` are its searched keys in edge units, ``margins`` those of all checks, ``worst`` is
-    the check with the smallest margin at worst-case tolerances with that margin; ``known`` is what
-    else is known, by the keys of the record.
+    ``params`` are its searched keys in edge units, ``margins`` those of all checks, ``within`` has
+    the check with the smallest margin within the tolerances with that margin, by the addition of
+    their effects (``KINDS``); ``known`` is what else is known, by the keys of the record.
     """
     own = {name: margin for name, margin in margins.items() if name not in SUMMARIES}
     dog, weakest = study.dog_with(dict(params)), min(own, key=lambda name: own[name])
@@ -170,8 +181,8 @@ def design_record(
         "passes": all(margin >= 0.0 for margin in margins.values()),
         "smallest_margin": own[weakest],
         "weakest_check": weakest,
-        "margin_worst_case": worst and number_or_none(worst[1]),
-        "weakest_check_worst_case": worst and worst[0],
+        **{f"margin_{k}": pair and number_or_none(pair[1]) for k, pair in within.items()},
+        **{f"weakest_check_{k}": pair and pair[0] for k, pair in within.items()},
         "locking_friction": number_or_none(friction),
         "locking_surface": surface,
         "engine": study.clutch.solver.engine,
@@ -204,12 +215,16 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
             found["worst_against_prototype"] = max(
                 point_differences(own, confirmed), key=lambda one: float(one["difference_s"])
             )
-    worst = row["margin_worst_case"]
+    margins = {kind: row[f"margin_{kind}"] for kind in KINDS}
+    within = {
+        kind: None if margin is None else (row.get(f"weakest_check_{kind}") or "", margin)
+        for kind, margin in margins.items()
+    }
     return design_record(
         study,
         {name: row[name] for name in study.variables},
         margins_of(row, confirmed),
-        None if worst is None else (row.get("weakest_check_worst_case") or "", worst),
+        within,
         design=int(row["trial"]),
         prototype=bool(row["prototype"]),
         **found,
@@ -250,16 +265,22 @@ def words_of(one: Row) -> dict[str, str]:
     elif not one["confirmed"]:
         time += f" ({one['source']})"
 
+    def within(kind: Kind) -> str:
+        margin = one[f"margin_{kind}"]
+        if margin is None:
+            return "no dog"
+        # What has no tolerances counts at nominal size.
+        nominal = one["smallest_margin"], one["weakest_check"]
+        least, name = min((margin, one[f"weakest_check_{kind}"]), nominal)
+        return margin_cell(name, least)
+
     def at_point(point: Row | None, key: str, sign: str = "") -> str:
         if point is None:
             return "-"
         time = ms_with_error(point[key], point["standard_error_s"], sign)
         return f"{time} at {place_name(point)}"
 
-    worst = one["margin_worst_case"], one["weakest_check_worst_case"]
     surface, engaged = check_name(one["locking_surface"]), one["engaged"]
-    if worst[0] is not None:  # what has no tolerances counts at nominal size
-        worst = min(worst, (one["smallest_margin"], one["weakest_check"]))
     failed = [name for name, margin in one["margins"].items() if (margin or 0.0) < 0.0]
     failed = [name for name in failed if name not in SUMMARIES] or failed
     return {
@@ -272,8 +293,8 @@ def words_of(one: Row) -> dict[str, str]:
         "engage at the first try, least": "-" if engaged is None else percent(engaged),
         "smallest margin, nominal size":
             margin_cell(one["weakest_check"], one["smallest_margin"]),
-        "at worst-case tolerances, landing nominal":
-            "no dog" if worst[0] is None else margin_cell(worst[1], worst[0]),
+        "at statistical tolerances, landing nominal": within("root_sum_square"),
+        "at worst-case tolerances, landing nominal": within("worst_case"),
         "locks above friction":
             f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})" if surface
             else "-",
@@ -324,7 +345,10 @@ def write_sheet(
         size = minus(f"{row['value']:.2f} {unit}") if unit else f"{row['value']:.4g}"
         within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
         sizes.append((label(row["key"]), size, within))
-    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")
+    columns = (
+        *("name", "value", "limit", "unit", "safety", "margin"),
+        *("margin_root_sum_square", "margin_worst_case"),
+    )
     none = dict.fromkeys(CheckRow.model_fields)
     rows = [CheckRow.model_construct(**{**none, **c, "name": check_name(c["name"])}) for c in own]
     facts = [pair for pair in words_of(record).items() if pair[1] != "-"]

@@ -59,7 +59,7 @@ from dogshape.pipeline.reports.text import (
     time_text,
     value,
 )
-from dogshape.pipeline.simulate.design import SIMULATED, WORST, failing_words
+from dogshape.pipeline.simulate.design import SIMULATED, WITHIN, WITHIN_WORDS, failing_words
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_records import EngineAgreement
 from dogshape.sim.files import naming
@@ -72,6 +72,7 @@ TIME = "expected shift time, ms"
 #: Columns of the alternatives, of the words of a record.
 COLUMNS = (
     "smallest margin, nominal size",
+    "at statistical tolerances, landing nominal",
     "at worst-case tolerances, landing nominal",
     "locks above friction",
 )
@@ -301,12 +302,12 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
 def _most_failed(result: Row) -> str:
     """Name the checks that most designs fail, and by how much the nearest of them does.
 
-    Of the smallest margin within the tolerances the check behind it is named.
+    Of the smallest margin within the tolerances the check behind it is named, where it is stored.
     """
     every = []
     for row in result["trials"]:
-        behind = check_name(row.get("weakest_check_worst_case") or WORST)
-        names = {WORST: f"{behind} at worst-case tolerances"}
+        behind = {n: row.get(f"weakest_check_{kind}") for n, kind in WITHIN.items()}
+        names = {n: f"{check_name(b or n)} {WITHIN_WORDS[n]}" for n, b in behind.items()}
         every.append({names.get(n, check_name(n)): m for n, m in row["margins"].items()})
     return failing_words(every)
 

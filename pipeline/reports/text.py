@@ -34,6 +34,7 @@ ENGINES = {"drake": "Drake", "planar": "the compiled engine"}  #: words for each
 #: Checks, events and loads whose key is no name.
 CHECKS = {
     "smallest_margin_worst": "smallest margin at worst-case tolerances, landing left out",
+    "smallest_margin_statistical": "smallest margin at statistical tolerances, landing left out",
     "slower_than_reference_s": "time lost on the reference",
     "engagement": "engagement in half of the shifts of each operating point",
     "face_contacts": "touches of face on face",

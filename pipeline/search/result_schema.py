@@ -52,6 +52,7 @@ class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
     margin_worst_case: float | None = key("smallest margin with all tolerances at worst", "1")
     weakest_check_worst_case: str | None = key("check with that margin", late=True)
     margin_root_sum_square: float | None = key("smallest margin by root sum of squares", "1")
+    weakest_check_root_sum_square: str | None = key("check with that margin", late=True)
     time_within_tolerances: ToleranceTime | None = key(
         "change of the expected shift time within tolerances; null without a surrogate"
     )

@@ -157,7 +157,10 @@ class CheckRow(Record):
         "margin at worst-case tolerances; null without any or a dog", "1", None, head="worst case"
     )
     margin_root_sum_square: float | None = key(
-        "margin with tolerances as root of the sum of squares", "1", None, head="rss"
+        "margin by root sum of squares of the tolerances, at the reject rate",
+        "1",
+        None,
+        head="statistical",
     )
     ends: str | None = key(
         "ends of ranges at which the margin is smallest; absent without ranges", "", None
@@ -194,7 +197,7 @@ def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
     """Tabulate checks by group; by default with value, limit, safety factor and margins."""
     columns = names or (
         *("name", "value", "limit", "unit", "safety"),
-        *("margin", "margin_worst_case", "margin_root_sum_square", "passed"),
+        *("margin", "margin_root_sum_square", "margin_worst_case", "passed"),
     )
     cells, looks = list[Sequence[str]](), dict[int, str]()
     for group, title in GROUPS.items():
