@@ -22,6 +22,8 @@ from dogshape.pipeline.reports.charts import (
     times_by_point,
 )
 from dogshape.pipeline.reports.data_sheet import (
+    STATISTICAL_MARGIN,
+    WORST_MARGIN,
     difference,
     point_differences,
     provenance_of,
@@ -72,8 +74,8 @@ TIME = "expected shift time, ms"
 #: Columns of the alternatives, of the words of a record.
 COLUMNS = (
     "smallest margin, nominal size",
-    "at statistical tolerances, landing nominal",
-    "at worst-case tolerances, landing nominal",
+    STATISTICAL_MARGIN,
+    WORST_MARGIN,
     "locks above friction",
 )
 SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys

@@ -160,7 +160,7 @@ class CheckRow(Record):
         "margin by root sum of squares of the tolerances, at the reject rate",
         "1",
         None,
-        head="statistical",
+        head="rss",
     )
     ends: str | None = key(
         "ends of ranges at which the margin is smallest; absent without ranges", "", None
