@@ -23,13 +23,13 @@ from dogshape.sim.clutch_tables import (
     section_in,
     si_fields,
 )
-from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.errors import InputError, ranges_of, refusal, require_between
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
     SCHEMES,
+    Clutch,
     ContactSet,
     OperatingPoint,
-    Rings,
     Solver,
     accuracy_of,
     contact_set,
@@ -44,10 +44,13 @@ from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits, Tolerances
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.units import RPM
+from dogshape.sim.units import RPM, from_si, unit_of
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
+#: Fields that strike and mechanism share.
+PARTS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
+ROUNDING = 1e-9  #: share by which a nominal value may lie outside its range
 #: Fields of ``Tolerances`` that came later.
 TOLERANCE_LATE = ("chamfer_back", "backlash", "reject_rate", "capability")
 
@@ -134,20 +137,52 @@ class LoadSection(
 
 class StrikeSection(
     keys_of(  # type: ignore[misc]
-        Strike, leave=("sliding_inertia", "output_inertia"), late=("wheel_inertia",),
-        kind_of_number=Ends,
+        Strike, leave=("sliding_inertia", "output_inertia"),
+        late=("ring_inertia", "input_stiffness", "wheel_inertia"), kind_of_number=Ends,
     )
 ):  # fmt: skip
     """Flank strike of the strength checks (``sim.strength.strike``); absent, it is not judged."""
 
     mismatch_rpm: Numbers | None = later()
 
-    def at_ends(self, rings: Rings, points: Sequence[OperatingPoint]) -> Iterator[Strike]:
-        """Build the strike at the ends of all ranges together, or the one that the keys give.
+    def _with_mechanism(self, mechanism: Mechanism) -> dict[str, Any]:
+        """Return the keys that are given, and those of the mechanism for the others.
 
-        It has the mismatches of the points where it gives none of its own.
+        Ring, wheel, shafts and play of ``[mechanism]`` are nominal: a value or range of this
+        section that leaves them out raises InputError.
         """
         given = self.model_dump(exclude={"mismatch_rpm"}, exclude_none=True)
+        for name in PARTS:
+            key, key_there = ranges_of(Strike)[name].key, ranges_of(Mechanism)[name].key
+            nominal, own = from_si(key_there, getattr(mechanism, name)), given.get(key)
+            if nominal == 0.0:
+                continue
+            if own in (None, 0.0):
+                given[key] = nominal
+                continue
+            low, high = own if isinstance(own, list) else (own, own)
+            if not low * (1.0 - ROUNDING) <= nominal <= high * (1.0 + ROUNDING):
+                said = f"[{low:.6g}, {high:.6g}]" if isinstance(own, list) else f"{own:.6g}"
+                rule = f"strike.{key} = {said} is to hold it, one value in times and loads"
+                remedy = f"correct one of them, or leave out strike.{key}"
+                quantity, unit = f"mechanism.{key_there}", unit_of(key)
+                raise InputError(refusal(quantity, nominal, unit, rule, remedy))
+        for name in ("ring_inertia", "input_stiffness"):
+            key = ranges_of(Strike)[name].key
+            if key not in given:
+                raise InputError(
+                    f"'strike.{key}' is missing; add it, or mechanism.{key}, which shifts are "
+                    "simulated with too"
+                )
+        return given
+
+    def at_ends(self, clutch: Clutch, points: Sequence[OperatingPoint]) -> Iterator[Strike]:
+        """Build the strike at the ends of all ranges together, or the one that the keys give.
+
+        What the section leaves out is that of ``[mechanism]``. It has the mismatches of the points
+        where it gives none of its own.
+        """
+        given, rings = self._with_mechanism(clutch.mechanism), clutch.rings
         if ("wheel_inertia_kgm2" in given) != ("output_stiffness_Nm_rad" in given):
             fault = "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together"
             raise InputError(f"{fault}; give both, or none for a rigid output side")

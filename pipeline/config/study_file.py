@@ -27,7 +27,7 @@ from dogshape.pipeline.config.operating import (
     replaced_keys,
     with_mechanism,
 )
-from dogshape.pipeline.config.schema import FORMAT, StudyFile
+from dogshape.pipeline.config.schema import FORMAT, ContactSection, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, refusal
@@ -245,7 +245,32 @@ def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
     return _overridden(data, settings, f"the study {study.name}")
 
 
+#: Keys of the ring that is a part of the sliding side.
+RING_KEYS = ("mechanism.ring_inertia_kgm2", "strike.ring_inertia_kgm2")
+
+
+def ring_settings(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the inertias of the ring that shrink with a smaller ``sliding.inertia_kgm2``.
+
+    The ring stays the same share of its side, unless ``settings`` give its own.
+    """
+    key = "sliding.inertia_kgm2"
+    before, after = data.get("sliding", {}).get("inertia_kgm2"), settings.get(key)
+    numbers = (int, float)
+    if not isinstance(before, numbers) or not isinstance(after, numbers) or not 0 < after < before:
+        return {}
+    share, found = after / before, dict[str, Any]()
+    for ring in RING_KEYS:
+        table, _, name = ring.partition(".")
+        given = (data.get(table) or {}).get(name)
+        if given is None or ring in settings or table in settings:
+            continue
+        found[ring] = [share * end for end in given] if isinstance(given, list) else share * given
+    return found
+
+
 def _overridden(data: dict[str, Any], settings: Mapping[str, Any], source: str) -> Setup:
+    settings = {**ring_settings(data, settings), **settings}
     for key, value in settings.items():
         override(data, key, value)
     for key in replaced_keys(settings, data):
@@ -378,7 +403,11 @@ def _uncertainty(
 def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
     """Return the limits; what the study leaves open of actuator and strike follows from points."""
     mechanism, shaken = clutch.mechanism, file.load.axial_vibration_m_s2
-    more = {"vibration_force": shaken * (file.sliding.mass_kg + mechanism.added_mass)}
+    more: dict[str, Any] = {
+        "vibration_force": shaken * (file.sliding.mass_kg + mechanism.added_mass)
+    }
+    if file.contact.set == ContactSection().set:  # published sets are softer than steel
+        more["contact_stiffness"] = clutch.contact.stiffness
     if mechanism.spline_friction > 0.0:
         more |= {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
     if mechanism.spline_friction > 0.0 or not file.load.release_by_itself:
@@ -393,7 +422,7 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         manufacturing=file.manufacturing.value,
         tolerances=file.tolerance.value,
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
-        strikes=tuple(file.strike.at_ends(clutch.rings, points)) if file.strike else (),
+        strikes=tuple(file.strike.at_ends(clutch, points)) if file.strike else (),
     )
 
 

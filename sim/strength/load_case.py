@@ -27,7 +27,9 @@ from dogshape.sim.units import DEG, MM
 
 SAMPLES = 4096  #: pairs of rings; the mean is known to half a percent
 SEED = 20261123
-STIFFNESS = 25e9  #: N/m of a pair of dogs per m of their radial width
+#: Pa/m of the contact in shifts (design set), and m of flank over which c' of ISO 6336-1 gives it
+#: (``sim.shift.clutch``): together N/m of a pair of dogs per m of their radial width
+STIFFNESS, FLANK_HEIGHT = 5e12, 3.1e-3
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
 LEAST_ERROR, MOST_ERROR = 1e-2, 1e3  #: of tabled errors, over the approach of perfect dogs
 
@@ -160,7 +162,7 @@ class LoadCase:
     pitch_sd: float | None = within("pitch_sd_um", 0.0, 1000.0, None)
     run_out: float = within("run_out_um", 0.0, 1000.0, 0.0)
     tilt: float = within("tilt_mrad", 0.0, 50.0, 0.0)
-    dog_stiffness: float | None = within("dog_stiffness_N_um", 0.1, 1e5, None)
+    contact_stiffness: float = STIFFNESS  #: of the shifts, Pa/m
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
     spline_friction_release: float | None = within("spline_friction_release", 0.0, 1.5, None)
@@ -242,8 +244,8 @@ class LoadCase:
         return pitch_tolerance(self.accuracy, 2.0 * dog.mean_radius, dog.count) / SIGMAS
 
     def stiffness(self, dog: Dog) -> float:
-        """Stiffness of a pair of dogs, N/m."""
-        return self.dog_stiffness or STIFFNESS * dog.radial_width
+        """Stiffness of a pair of dogs, N/m: that of the shifts on a flank of usual height."""
+        return self.contact_stiffness * FLANK_HEIGHT * dog.radial_width
 
     def sharing(self, dog: Dog, torque: float) -> float:
         """Return the equal load of a dog under ``torque`` (N m) over that of the most loaded."""

@@ -41,6 +41,9 @@ def test_what_the_model_lacks_is_refused_with_what_it_has(value: str) -> None:
         (("dog.crest=0.5", "dog.chamfer_back_deg=0.2"), "dog.chamfer_back_deg is 0.2 deg"),
         (("output.inertia_kgm2=6048",), "output.inertia_kgm2 is 6048"),
         (("sliding.mass_kg=0.003",), "is it in kg?"),
+        (("mechanism.spline_radius_mm=35.2",), "outside the dogs, whose outer radius is 26 mm"),
+        (("sliding.inertia_kgm2=0.00005", "strike="), "17.6 mm has at least 9.29e-05"),
+        (("load.shifts=5",), "load.shifts is 5 over the life"),
         (("load.torque_Nm=0.2",), "is load.torque_Nm in N m?"),
         (("dog.traction_deg=0", "dog.braking_deg=0"), "flanks leave 0 mm"),
         (("dog.traction_deg=0.1", "dog.braking_deg=0"), "the model alone, not when made"),
@@ -61,7 +64,7 @@ def test_odd_units_and_flanks_without_play_are_said(values: tuple[str, ...], wor
         ),
         (  # a motorcycle
             "dog.outer_diameter_mm=62", "dog.count=6", "dog.height_mm=6", "sliding.mass_kg=0.25",
-            "sliding.inertia_kgm2=0.002", "output.inertia_kgm2=0.05",
+            "sliding.inertia_kgm2=0.002", "output.inertia_kgm2=0.05", "load.shifts=1000",
         ),
     ],
 )  # fmt: skip

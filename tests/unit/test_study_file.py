@@ -64,7 +64,6 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ([*STRIKE, "strike.ring_inertia_kgm2=[1e-4,0.02]"], "it is a part of sliding.inertia_kgm2"),
     ("load.accuracy=14", "load.accuracy is 14, but it must lie between 1 and 11"),
     ("load.pitch_sd_um=-1", "load.pitch_sd_um is -1 um"),
-    ("load.dog_stiffness_N_um=0", "load.dog_stiffness_N_um is 0 N/um"),
     (["load.accuracy=6", "load.pitch_sd_um=3"], "leave out one"),
     ("load.tilt_mrad=-1", "load.tilt_mrad is -1 mrad, but"),
     ("load.run_out_um=2000", "load.run_out_um is 2000 um"),
