@@ -158,7 +158,7 @@ def test_what_follows_from_the_ring(dogshape: Call) -> None:
     assert study.limits.load.separating_force_limit is None
     assert "load.separating_force_limit_N" in " ".join(said.json["assumed"])
     assert study.file.driveline.stiffness_Nm_rad is None
-    assert study.file.search.limits == {"smallest_margin_worst": 0.0}
+    assert study.file.search.limits == {"smallest_margin_statistical": 0.0}
     assert "search.limits.slower_than_reference_s" in " ".join(said.json["assumed"])
     text = Path("own/study.toml").read_text()
     # The output side is the prototype's.
