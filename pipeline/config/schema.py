@@ -51,6 +51,8 @@ QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 #: Fields that strike and mechanism share.
 PARTS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
 ROUNDING = 1e-9  #: share by which a nominal value may lie outside its range
+#: Fields of ``LoadCase`` that came later.
+LOAD_LATE = ("coast_share", "run_out", "tilt", "pull_out_share", "wear_angle")
 #: Fields of ``Tolerances`` that came later.
 TOLERANCE_LATE = ("chamfer_back", "backlash", "reject_rate", "capability")
 
@@ -118,9 +120,7 @@ class DrivelineSection(Section):
     stiffness_Nm_rad: float | None = ranged(1.0, 1e7)
 
 
-class LoadSection(
-    keys_of(LoadCase, late=("coast_share", "run_out", "tilt", "pull_out_share", "wear_angle"))
-):  # type: ignore[misc]
+class LoadSection(keys_of(LoadCase, late=LOAD_LATE)):  # type: ignore[misc]
     """Load case of the strength checks (``sim.strength.load_case``)."""
 
     spectrum: list[Range] | None = later()

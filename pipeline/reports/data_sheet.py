@@ -159,7 +159,7 @@ def design_record(
     study: Setup,
     params: Values,
     margins: Values,
-    within: Mapping[str, tuple[str, float] | None],
+    within: Mapping[Kind, tuple[str, float] | None],
     **known: Any,
 ) -> Row:
     """Record a design of a study by one set of keys, None where something is not known.
