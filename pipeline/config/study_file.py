@@ -246,27 +246,38 @@ def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
 
 
 #: Keys of the ring that is a part of the sliding side.
+HALF = 0.5  #: largest share of its side that a ring has where the side is made smaller (judged)
 RING_KEYS = ("mechanism.ring_inertia_kgm2", "strike.ring_inertia_kgm2")
 
 
 def ring_settings(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the inertias of the ring that shrink with a smaller ``sliding.inertia_kgm2``.
 
-    The ring stays the same share of its side, unless ``settings`` give its own.
+    The ring is at most half of its side, or the share that it has in the file; nominal value and
+    range shrink alike. What ``settings`` give stays.
     """
     key = "sliding.inertia_kgm2"
     before, after = data.get("sliding", {}).get("inertia_kgm2"), settings.get(key)
     numbers = (int, float)
     if not isinstance(before, numbers) or not isinstance(after, numbers) or not 0 < after < before:
         return {}
-    share, found = after / before, dict[str, Any]()
+    rings = dict[str, Any]()
     for ring in RING_KEYS:
         table, _, name = ring.partition(".")
         given = (data.get(table) or {}).get(name)
-        if given is None or ring in settings or table in settings:
-            continue
-        found[ring] = [share * end for end in given] if isinstance(given, list) else share * given
-    return found
+        if given is not None and ring not in settings and table not in settings:
+            rings[ring] = given
+    ends = [end for ring in rings.values() for end in (ring if isinstance(ring, list) else [ring])]
+    if not ends or not all(isinstance(end, numbers) and end > 0.0 for end in ends):
+        return {}
+    largest = max(ends)
+    share = max(HALF, largest / before) * after / largest
+    if share >= 1.0:
+        return {}
+    return {
+        key: [share * end for end in ring] if isinstance(ring, list) else share * ring
+        for key, ring in rings.items()
+    }
 
 
 def _overridden(data: dict[str, Any], settings: Mapping[str, Any], source: str) -> Setup:

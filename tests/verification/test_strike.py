@@ -259,18 +259,20 @@ def test_two_values_of_one_ring_are_refused(given: str, words: str) -> None:
 
 
 def test_the_ring_shrinks_with_a_smaller_sliding_side() -> None:
-    """0.0008 of 0.01 kg m2: a part stays the part it is, unless it is given."""
+    """0.0008 of 0.01 kg m2: at most half of it is ring, unless that is given."""
     keys = ["strike.ring_inertia_kgm2=[2e-4, 1e-3]", "strike.input_stiffness_Nm_rad=15e3"]
     study = replace_keys(load_study("mq200_paper", keys), {"sliding.inertia_kgm2": 8e-4})
     ends = [one.ring_inertia for one in study.limits.strikes]
-    assert ends == pytest.approx([0.08 * 2e-4, 0.08 * 1e-3])
+    assert ends == pytest.approx([0.4 * 2e-4, 0.4 * 1e-3])
     ring = load_study("mq200_paper", RING)
-    smaller = replace_keys(ring, {"sliding.inertia_kgm2": 5e-3})
-    assert smaller.clutch.mechanism.ring_inertia == pytest.approx(2.5e-4)
-    own = {"sliding.inertia_kgm2": 5e-3, "mechanism.ring_inertia_kgm2": 4e-4}
-    assert replace_keys(ring, own).clutch.mechanism.ring_inertia == 4e-4
-    larger = replace_keys(ring, {"sliding.inertia_kgm2": 0.02})
-    assert larger.clutch.mechanism.ring_inertia == 5e-4
+    for whole, part in ((8e-4, 4e-4), (1e-3, 5e-4), (5e-3, 5e-4), (0.02, 5e-4)):
+        sized = replace_keys(ring, {"sliding.inertia_kgm2": whole})
+        assert sized.clutch.mechanism.ring_inertia == pytest.approx(part)
+    own = {"sliding.inertia_kgm2": 8e-4, "mechanism.ring_inertia_kgm2": 6e-4}
+    assert replace_keys(ring, own).clutch.mechanism.ring_inertia == 6e-4
+    most = replace_keys(ring, {"mechanism.ring_inertia_kgm2": 8e-3})
+    nearly = replace_keys(most, {"sliding.inertia_kgm2": 9e-3})
+    assert nearly.clutch.mechanism.ring_inertia == pytest.approx(0.9 * 8e-3)
 
 
 @pytest.mark.parametrize(
