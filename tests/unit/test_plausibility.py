@@ -60,7 +60,7 @@ def test_odd_units_and_flanks_without_play_are_said(values: tuple[str, ...], wor
         (  # a truck
             "dog.outer_diameter_mm=140", "dog.inner_diameter_mm=124", "dog.height_mm=6",
             "sliding.mass_kg=2.5", "sliding.inertia_kgm2=0.1", "output.inertia_kgm2=1100",
-            "load.torque_Nm=1500",
+            "load.torque_Nm=1500", "mechanism.ring_inertia_kgm2=0.005", "strike=",
         ),
         (  # a motorcycle
             "dog.outer_diameter_mm=62", "dog.count=6", "dog.height_mm=6", "sliding.mass_kg=0.25",
