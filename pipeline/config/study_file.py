@@ -160,6 +160,11 @@ class Setup:
         return f"{len(self.points)} with {speed} 1/min, {force} N at the sleeve"
 
     @property
+    def shafts_text(self) -> str:
+        """Speed of the shafts and the drive in words."""
+        return f"shafts {self.clutch.drive.text}"
+
+    @property
     def mechanism(self) -> Record:
         """Values of the shift mechanism, keys as in ``[mechanism]``; empty where there is none."""
         own = self.clutch.mechanism.record.items()

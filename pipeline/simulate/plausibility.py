@@ -31,7 +31,19 @@ USUAL = {
 def notes_of(study: Setup) -> list[str]:
     """Return warnings about the study's own dog, of a root outside its formula's fit too."""
     outside = outside_fit(study.clutch.dog, study.limits.root_radius)
-    return [*(f"{note}; --fem checks it" for note in outside), *slips_of(study)]
+    return [*(f"{note}; --fem checks it" for note in outside), *slips_of(study), *drag_notes(study)]
+
+
+def drag_notes(study: Setup) -> list[str]:
+    """Return a note on drag where the shafts stand, as they do on a stand alone."""
+    drag = study.clutch.mechanism.drag_torque
+    if drag == 0.0 or study.clutch.drive.turns:
+        return []
+    return [
+        f"mechanism.drag_torque_Nm is {drag:.4g} N m and the sliding ring stands before the shift: "
+        "the drag holds it, where it brakes a ring that turns in a gearbox; "
+        "drive.shaft_speed_rpm makes both shafts turn"
+    ]
 
 
 def slips_of(study: Setup) -> list[str]:

@@ -55,7 +55,9 @@ STEADY = 0.01  #: share of the limit that a control's torque may still change by
 class SpeedControl:
     """Proportional-integral control of the mismatch by a torque on the engine's side."""
 
-    set_point: float = within("set_rpm", -5e3, 5e3, 0.0)  #: of output less sliding speed, rad/s
+    set_point: float = within(
+        "set_point_rpm", -5e3, 5e3, 0.0
+    )  #: of output less sliding speed, rad/s
     proportional: float = within("proportional_Nms_rad", 0.0, 1e5, 0.0)  #: N m s/rad
     integral: float = within("integral_Nm_rad", 0.0, 1e7, 0.0)  #: N m/rad
     limit: float = within("limit_Nm", 1e-6, MAX_TORQUE_NM, 100.0)  #: of the torque, N m
@@ -203,10 +205,10 @@ class Drive:
     @property
     def text(self) -> str:
         """Speed of the shafts before the shift, side of the engine and torques, in words."""
-        parts = ["stand: the sliding ring at rest, the output ring at the mismatch"]
+        parts = ["stand: sliding ring at rest, output ring at the mismatch"]
         if self.turns:
             speed = f"{self.shaft_speed / RPM:.5g} 1/min on the wheels' side"
-            parts = [f"turn: {speed}, engine at the {self.engine_side} ring"]
+            parts = [f"turn at {speed}, engine at the {self.engine_side} ring"]
         parts += ["torque over time"] if self.has_table else []
         parts += ["wet pack"] if self.has_pack else []
         parts += ["synchroniser"] if self.synchroniser > 0.0 else []
