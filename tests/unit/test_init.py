@@ -201,3 +201,14 @@ def test_a_limit_that_the_own_dog_breaks_is_said(
 ) -> None:
     said, _ = _begun(dogshape, *settings)
     assert words in " ".join(said.json["warnings"])
+
+
+def test_shafts_of_a_gearbox_are_not_those_of_a_stand(dogshape: Call) -> None:
+    """A study of a stand's clutch has its standing ring, and a bench of a gearbox' clutch too."""
+    _, study = _begun(dogshape, origin="mq200_stand")
+    assert not study.clutch.drive.turns
+    assert load_study("mq200").clutch.drive.turns
+    said = dogshape("init", "bench", "--from", "mq200", "--out", "stand", "--yes", "--json")
+    assert said.status == 0, said.err
+    assert "turn at 2000 1/min" in " ".join(said.json["assumed"])
+    assert load_bench("stand").clutch.drive == Drive()
