@@ -249,6 +249,7 @@ class Check(Checked):
         lines += [] if self.guess is None else self._surrogate_lines(self.guess)
         if self.design.not_checked and not self.refusal:
             lines.append("landing not judged: the surrogate knows none; leave out --surrogate")
+        lines.append(self.config.shafts_text)
         return [*lines, "", *super().to_parts(), *self.landing_of(self.shifts, "planar")]
 
     def _surrogate_lines(self, guess: Guess) -> list[str]:
@@ -284,6 +285,7 @@ class Check(Checked):
             **({"engaged": self.engaged} if self.shifts else {}),
             "quantiles": [one.to_dict() for one in self.quantiles],
             "operating_points": len(self.mix.points),
+            "shafts": self.config.clutch.drive.text,
             "engine": "planar" if self.shifts else self.config.clutch.solver.engine,
             "shifts_planar": self.shifts,
             "in_range": answer.in_range,

@@ -93,7 +93,7 @@ class Expectation(Result):
         """Give operating points, expected shift time with its errors, and the engine."""
         found, mean = self.record, self.mean
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
-        table = tabulate(PointRow, found.points)
+        shafts, table = self.config.shafts_text, tabulate(PointRow, found.points)
         lost = mean.losses if mean.lost else self.config.unseen_failures(mean.shifts)
         if mean.lost and (bare := mean.mean_engaged) is not None:
             lost += f"; without their retries the mean is {in_ms(bare)} ms"
@@ -101,7 +101,7 @@ class Expectation(Result):
             lost += f", failed attempts are {share}" if mean.engages else ""
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
-            return [f"{count}: {NO_TIME}", table, lost, engine, *self.shortfall]
+            return [f"{count}: {NO_TIME}", table, lost, shafts, engine, *self.shortfall]
         error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error)"
         if found.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
@@ -112,7 +112,7 @@ class Expectation(Result):
         direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
         entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
         more = [f"shift time over the life: {times}"] if times else []
-        return [table, total, *more, lost, entry, engine, *self.shortfall]
+        return [table, total, *more, lost, entry, shafts, engine, *self.shortfall]
 
     def shiftability(self) -> Frame:
         """Give the shifts by entry, a row for each operating point and bin of its angles."""
@@ -140,6 +140,7 @@ class Expectation(Result):
         if self.precision is not None:
             reached = number_or_none(self.mean.relative_error)
             more["precision"] = {"wanted": self.precision, "reached": reached}
+        more["shafts"] = self.config.clutch.drive.text
         return {"engine": engine, **self.record.to_dict(), **more}
 
     def plot(self) -> Figure:

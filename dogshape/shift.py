@@ -93,6 +93,7 @@ class Shift(Result):
             phase_table(one),
             "; ".join(event_facts(one)),
             *load_facts(one, self.torque_peak, self.config.limits),
+            self.config.shafts_text,
             f"simulated by {ENGINES[one.clutch.solver.engine]}",
             *(f"warning: {warning}" for warning in self.warnings),
         ]
@@ -123,6 +124,7 @@ class Shift(Result):
                 "dogs": result.clutch.dog.count if solver.all_dogs else 1,
                 "contact_set": result.clutch.contact.name,
             },
+            "shafts": self.config.clutch.drive.text,
             **({"mechanism": mechanism} if mechanism else {}),
         }
 

@@ -11,15 +11,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from dogshape.pipeline.config.operating import ActuationSection, Numbers, OperatingSection, or_one
+from dogshape.pipeline.config.operating import ActuationSection, Numbers, OperatingSection
 from dogshape.sim.clutch_tables import (
     DogSection,
+    DriveSection,
     MechanismSection,
     OutputSection,
     Section,
     SlidingSection,
     keys_of,
     later,
+    or_one,
     section_in,
     si_fields,
 )
@@ -36,6 +38,7 @@ from dogshape.sim.shift.clutch import (
     require_engine,
     solver_for,
 )
+from dogshape.sim.shift.drive import NO_DRIVE, Drive
 from dogshape.sim.shift.geometry import SCOPE
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.statistics.uncertainty import Distribution
@@ -276,18 +279,21 @@ class SolverSection(keys_of(Solver, solver_for, late=("max_steps", "time_limit")
     engine: str | None = later()
     scheme: str | None = None
 
-    def solver(self, contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
-        """Build the solver of a contact set and a mechanism; InputError for mistakes.
+    def solver(
+        self, contact: ContactSet, mechanism: Mechanism = NOTHING, drive: Drive = NO_DRIVE
+    ) -> Solver:
+        """Build the solver of a contact set, a mechanism and a drive; InputError for mistakes.
 
-        Forces of a mechanism with two coefficients of friction are the compiled engine's, unless
-        the section names another: Drake's ``cenic`` takes a thousand times the processor time for
-        them and is off its limit by percents (``docs/simulation.md``). The law IMPACT is
+        Forces of mechanism or drive with two coefficients of friction are the compiled engine's,
+        unless the section names another: Drake's ``cenic`` takes a thousand times the processor
+        time for them and is off its limit by percents (``docs/simulation.md``). The law IMPACT is
         the compiled engine's alone.
         """
-        plain = solver_for(contact, mechanism)
-        hard = contact.impact or (mechanism.has_forces and plain.scheme == "cenic")
+        plain = solver_for(contact, mechanism, drive)
+        forced = mechanism.has_forces or drive.has_torques
+        hard = contact.impact or (forced and plain.scheme == "cenic")
         scheme, engine = self.scheme or plain.scheme, self.engine or ("planar" if hard else "drake")
-        accuracy = accuracy_of(scheme, mechanism) if scheme in SCHEMES else plain.accuracy
+        accuracy = accuracy_of(scheme, forced=forced) if scheme in SCHEMES else plain.accuracy
         require_engine(contact, engine)
         if engine == "planar":
             accuracy = PLANAR_ACCURACY
@@ -320,6 +326,7 @@ class StudyFile(Section):
     shift: ShiftSection = ShiftSection()
     actuation: ActuationSection
     operating: OperatingSection
+    drive: DriveSection = later(DriveSection())
     mechanism: MechanismSection | None = later()
     effects: dict[str, Any] | None = later()
     uncertain: UncertainSection | None = later()

@@ -108,7 +108,7 @@ class Setup:
         None where Drake does all of the work, or has no scheme or law for it (``SolverSection``).
         """
         clutch = self.clutch
-        forced = clutch.mechanism.has_forces and clutch.solver.scheme == "cenic"
+        forced = clutch.has_forces and clutch.solver.scheme == "cenic"
         hard = clutch.contact.impact or forced
         return None if hard or self.file.solver.engine == "drake" else self.in_engine("drake")
 
@@ -158,6 +158,11 @@ class Setup:
         ends = (dict.fromkeys((f"{min(one):g}", f"{max(one):g}")) for one in every)
         speed, force = map(" to ".join, ends)
         return f"{len(self.points)} with {speed} 1/min, {force} N at the sleeve"
+
+    @property
+    def shafts_text(self) -> str:
+        """Speed of the shafts and the drive in words."""
+        return f"shafts {self.clutch.drive.text}"
 
     @property
     def mechanism(self) -> Record:
@@ -355,11 +360,12 @@ def build_study(file: StudyFile) -> Setup:
         seated_tolerance=shift.seated_tolerance_mm * MM,
         rebound=shift.rebound_mm * MM,
         solver=Solver(),
+        drive=file.drive.value,
     )
     rises = RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
     parts = file.mechanism, file.effects, file.contact.si()
     clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
-    clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism))
+    clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism, clutch.drive))
     points = file.operating.operating_points(actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     _require_slow(file, clutch, min(point.profile.force for point in points))
@@ -374,7 +380,9 @@ def build_study(file: StudyFile) -> Setup:
 def _require_parts(file: StudyFile) -> None:
     """Raise the faults of all sections at once, as far as these build by themselves."""
     faults = dict[str, DogshapeError]()  # each once: what wears has a dog too
-    sections = (file.dog, file.material, file.manufacturing, file.tolerance, file.contact)
+    sections = (
+        *(file.dog, file.drive, file.material, file.manufacturing, file.tolerance, file.contact),
+    )
     parts: tuple[Callable[[], Any], ...] = (
         partial(rings, file.sliding, file.output), file.require_ranges,
         partial(RiseTable, tuple(file.actuation.force_N), tuple(file.actuation.rise_s)),

@@ -38,6 +38,7 @@ from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.drive import ENGINE_SIDES
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
@@ -84,11 +85,14 @@ CLUTCH = {
     "output.inertia_kgm2": "inertia of the output side, referred to the dogs, kg m²",
 }
 RADIUS, DRAG, MATERIAL = "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "material.set"
+SPEED, SIDE = "drive.shaft_speed_rpm", "drive.engine_side"
 #: Words for keys whose default follows from the clutch, and of what it does and is made of.
 USE = {
     HEIGHT: "height of the dogs, mm",
     TORQUE: "rated torque at the dogs, N m",
     RADIUS: "radius of the toothing that the ring slides on, mm",
+    SPEED: "speed of both shafts, on the wheels' side, 1/min; 0: the sliding ring stands",
+    SIDE: "ring that turns with the engine",
     DRAG: "drag torque on the sliding ring, N m",
     HELD: "force of latch or detent on the engaged ring, N; 0: unknown",
     SHARE: "share of the torque at which the ring is pulled out",
@@ -96,7 +100,7 @@ USE = {
     MATERIAL: "material",
 }
 WORDS = ACTUATION | OPERATION | CLUTCH | USE
-CHOICES = {MATERIAL: tuple(MATERIALS)}
+CHOICES = {MATERIAL: tuple(MATERIALS), SIDE: ENGINE_SIDES}
 RING = (*DIAMETERS, *INERTIAS)
 ANY = (*RING, MASS, TORQUE, ACTUATOR)
 #: Keys and tables that hold for one clutch, after the keys of the clutch that void them.
@@ -114,7 +118,7 @@ BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
 DECIDING: dict[str, tuple[str, ...]] = {
     "the shift time": (
         "shift.timeout_s", "shift.retraction_s", *ACTUATION, *OPERATION, "operating",
-        COUNT, BACKLASH, "dog.backlash_deg", "dog.axial_gap_mm", MASS, "mechanism",
+        COUNT, BACKLASH, "dog.backlash_deg", "dog.axial_gap_mm", MASS, "drive", "mechanism",
         "dog.chamfer_deg", "dog.chamfer_back_deg", *INERTIAS, "contact",
     ),
     "the checks": (
@@ -176,6 +180,8 @@ def source_of(where: str) -> Source:
         taken = {
             **{f"actuation.{key}": values for key, values in tables["actuation"].items()},
             "operating": tables["operating"],
+            SPEED: 0.0,
+            **{f"drive.{key}": value for key, value in bench.clutch.drive.table.items()},
             "contact.static_friction": contact.static_friction,
             "contact.dynamic_friction": contact.dynamic_friction,
         }
@@ -273,6 +279,8 @@ def questions_of(
     own |= {key: sorted(set(v)) for key, v in stated if not isinstance(own[key], list)}
     for key, value, whence in (
         (RADIUS, rounded(0.5 * SPLINE * tables(DIAMETERS[1])), f"{SPLINE:g} of the inner radius"),
+        (SPEED, 0.0, "the sliding ring stands"),
+        (SIDE, "sliding", "an assumption"),
         (DRAG, 0.0, "none, an assumption"),
         (HELD, 0.0, "not judged"),
         (SHARE, 1.0, "all of it"),

@@ -379,7 +379,7 @@ def _dimensions(study: Setup) -> list[Row]:
 
 
 def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
-    """List the command, operating points, contact, mechanism, hashes and versions of a result.
+    """List command, operating points, contact, shafts, mechanism, hashes and versions of a result.
 
     ``result`` is None for a design that was not searched.
     """
@@ -403,6 +403,7 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
         "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
         f"{contact.dynamic_friction:g} dynamic, {normal}",
+        "shafts": study.clutch.drive.text,
         "mechanism": ", ".join(f"{name} {one:.4g}" for name, one in study.mechanism.items()),
         "versions": ", ".join(f"{name} {version}" for name, version in used.items()),
         "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{own}",

@@ -230,6 +230,7 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         yield from _gain_facts(study, result)
     elif how := _most_failed(result):
         yield "designs that fail", how
+    yield "shafts", study.clutch.drive.text
     if landing := [m for m in margins_of(best, c["best"]).items() if m[0].endswith(LANDING)]:
         yield "hardest landing at the new angles", margin_cell(*min(landing, key=lambda m: m[1]))
     if ranged := [check for check in c["best"]["checks"] if check.get("ends")]:

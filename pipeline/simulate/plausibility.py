@@ -39,7 +39,19 @@ def notes_of(study: Setup) -> list[str]:
             "flanks, [strike] judges a ring on its shaft; give mechanism.ring_inertia_kgm2 and "
             "input_stiffness_Nm_rad for both"
         )
-    return [*notes, *slips_of(study)]
+    return [*notes, *slips_of(study), *drag_notes(study)]
+
+
+def drag_notes(study: Setup) -> list[str]:
+    """Return a note on drag where the shafts stand, as they do on a stand alone."""
+    drag = study.clutch.mechanism.drag_torque
+    if drag == 0.0 or study.clutch.drive.turns:
+        return []
+    return [
+        f"mechanism.drag_torque_Nm is {drag:.4g} N m and the sliding ring stands before the shift: "
+        "the drag holds it, where it brakes a ring that turns in a gearbox; "
+        "drive.shaft_speed_rpm makes both shafts turn"
+    ]
 
 
 def slips_of(study: Setup) -> list[str]:

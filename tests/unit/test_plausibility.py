@@ -8,9 +8,9 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.plausibility import folded, slips_of
+from dogshape.pipeline.simulate.plausibility import drag_notes, folded, slips_of
 from dogshape.sim.errors import InputError
-from tests.conftest import Call
+from tests.conftest import Call, sets
 
 POINT = ("--engine", "planar", "--mismatch-rpm", "50", "--force-N", "469")
 
@@ -141,3 +141,36 @@ def test_forces_of_a_mechanism_with_two_coefficients_and_impact_are_the_compiled
 ) -> None:
     solver = ds.Study("mq200_paper", {"contact.set": "adams2019", **settings}).config.clutch.solver
     assert (solver.engine, solver.accuracy) == (engine, accuracy)
+
+
+def test_a_drag_on_a_ring_that_stands_is_said() -> None:
+    """It holds the ring there; shafts that turn, or no drag, leave nothing to say."""
+    turning, standing = "drive.shaft_speed_rpm=2000", "drive.shaft_speed_rpm=0"
+    (note,) = drag_notes(load_study("mq200", [standing]))
+    assert "mechanism.drag_torque_Nm is 0.1 N m and the sliding ring stands" in note
+    assert drag_notes(load_study("mq200", [turning])) == []
+    assert drag_notes(load_study("mq200_paper")) == []
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ((), "shafts stand: sliding ring at rest, output ring at the mismatch"),
+        (
+            ("drive.shaft_speed_rpm=2000",),
+            "turn at 2000 1/min on the wheels' side, engine at the s",
+        ),
+        (
+            ("drive.shaft_speed_rpm=900", "drive.engine_side=output", "drive.output_torque_Nm=-50"),
+            "turn at 900 1/min on the wheels' side, engine at the output ring, torque over time",
+        ),
+    ],
+)
+def test_the_speed_of_the_shafts_is_said(
+    dogshape: Call, settings: tuple[str, ...], words: str
+) -> None:
+    given = sets(settings)
+    said = dogshape("shift", "mq200_paper", *POINT, "--relative-angle-deg", "3", *given)
+    assert words in said.out
+    found = dogshape("expect", "mq200_paper", "--angles", "3", *POINT[2:], *given, "--json")
+    assert words.removeprefix("shafts ") in found.json["shafts"]
