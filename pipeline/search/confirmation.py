@@ -3,7 +3,11 @@
 A search picks designs that were also lucky, and more angles find harder landings. So values and
 checks of prototype and front are those of ``DENSER`` times as many new angles. Drake simulates some
 of them too; a design on which both engines do not agree leaves the front, as does one that fails a
-check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``.
+check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``. The
+study's own dog is confirmed like a design of the front.
+
+The prior of hangs is fitted to all designs of the search and the confirmation. Where the posterior
+of hangs decides between the best design and others, these get more angles (``HangAngles``).
 
 An *audit* simulates random shifts of the search again in Drake.
 """
@@ -14,7 +18,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import chain
+from itertools import chain, zip_longest
 from typing import Any
 
 import numpy as np
@@ -22,7 +26,7 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Record, key
-from dogshape.pipeline.search.state import SearchState, Trial
+from dogshape.pipeline.search.state import PointTimes, SearchState, Trial
 from dogshape.pipeline.simulate.design import (
     OBJECTIVES,
     SIMULATED,
@@ -37,6 +41,7 @@ from dogshape.pipeline.simulate.evaluation import (
     Simulated,
     design_blocks,
     evaluate,
+    expectation_of,
     forget_designs,
 )
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
@@ -44,7 +49,9 @@ from dogshape.pipeline.store.result_records import EngineAgreement, ExpectedTime
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
+from dogshape.sim.statistics.blocks import Block, even_block, numerical_error, repeated
+from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.hangs import pool
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import result_of
 from dogshape.sim.units import DEG, MM
@@ -77,6 +84,27 @@ class OtherShape(Record):
     feasible: bool = key("whether it passes every check")
 
 
+CLEAR = 2.0  #: standard errors of a difference of designs from which it is clear
+
+
+@dataclass(frozen=True)
+class HangAngles:
+    """More angles for designs that the posterior of hangs decides between; status: judged.
+
+    Each round doubles the angles of the best design and its nearest rivals, at the operating points
+    that make most of the variance of their retries.
+    """
+
+    doublings: int = 3
+    rivals: int = 4
+    variance_share: float = 0.9  #: of the retries' variance that the chosen points make
+
+    def rounds(self, angles: int) -> list[int]:
+        """List the angles of each round, from those of the confirmation."""
+        return [angles * 2**k for k in range(1, self.doublings + 1)]
+
+
+HANG_ANGLES = HangAngles()
 PLAY_MM = 0.1  #: of backlash that a confirmation adds to the chosen design
 
 
@@ -88,11 +116,20 @@ def new_angles(study: Setup) -> int:
     return few * math.ceil(DENSER * study.file.expectation.angles / few)
 
 
+def hang_rounds(study: Setup) -> list[int]:
+    """List the angles of each round for hangs; none in Drake, where a shift takes a second."""
+    if study.clutch.solver.engine == "drake":
+        return []
+    return HANG_ANGLES.rounds(new_angles(study))
+
+
 def shifts_to_confirm(study: Setup) -> int:
     """Count the shifts of a confirmation, at most, with the numerical errors."""
     few, many = study.file.search.confirm_angles, new_angles(study)
     both = len(study.points) * (many if many == few else many + few)
-    return (1 + study.file.search.confirm_designs) * both + 2 * repeated(len(study.points) * few)
+    hangs = (1 + HANG_ANGLES.rivals) * len(study.points) * sum(hang_rounds(study))
+    designs = (2 + study.file.search.confirm_designs) * both
+    return designs + hangs + 2 * repeated(len(study.points) * few)
 
 
 def confirm(
@@ -102,23 +139,123 @@ def confirm(
 
     Give the record, None where no design passes every check, and the state at the new angles.
     """
-    state, study, found = searched, searched.study, dict[int, Simulated]()
-    prototype, most = list[Simulated](), study.file.search.confirm_designs
-    while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
+    study, found, most = searched.study, dict[int, Simulated](), searched.study.file.search
+    state, own, prototype = searched, _own_trial(searched), None
+    while trials := [t for t in state.front if not t.confirmed][
+        : max(0, most.confirm_designs - len(found))
+    ]:
+        if prototype is None and own is not None and own not in trials:
+            trials.append(own)
         front = f"prototype and {len(trials)} of the front at new angles"
         more = f"{len(trials)} more that the new angles put on the front"
         say(f"confirming {more if found else front}")
         named = {} if found else {"the prototype": study.prototype}
         named |= {f"design {trial.number}": trial.params for trial in trials}
         new = _resimulated(study, named, executors)
-        prototype += new[: len(named) - len(trials)]
+        prototype = prototype or new[0]
         found |= {t.number: one for t, one in zip(trials, new[-len(trials) :], strict=True)}
-        state = state.renew(_renewed(study, t, found[t.number]) for t in trials)
-    if not found:
+        state, found = _renewed_state(searched, found)
+    if prototype is None:
         return None, state
+    for angles in hang_rounds(study):
+        contested = contested_designs(state, found)
+        if not contested:
+            break
+        places = deciding_points([found[number].expectation for number in contested])
+        say(f"{len(contested)} designs that hangs decide between: {angles} angles at "
+            f"{len(places)} of {len(study.points)} operating points")  # fmt: skip
+        trials = [trial for trial in state.trials if trial.number in contested]
+        found |= _denser(study, trials, found, places, angles, executors)
+        state, found = _renewed_state(searched, found)
+    if own is not None:
+        prototype = found[own.number]
+    prototype = prototype.under(state.priors)
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
     ordered = dict(sorted(found.items(), key=lambda item: (loss[item[0]], item[0])))
-    return _record(searched, state, prototype[0], ordered, executors), state
+    return _record(searched, state, prototype, ordered, executors), state
+
+
+def _own_trial(state: SearchState) -> Trial | None:
+    """Select the trial of the study's own dog; None where it was not worth simulating."""
+    return next((trial for trial in state.simulated if trial.prototype), None)
+
+
+def _renewed_state(
+    searched: SearchState, found: Mapping[int, Simulated]
+) -> tuple[SearchState, dict[int, Simulated]]:
+    """Fit the prior of hangs to search and new angles; give the state and designs under it."""
+    counts = []
+    for trial in searched.simulated:
+        new = found[trial.number].expectation.points if trial.number in found else ()
+        pairs = zip_longest(trial.counts, new)
+        counts.append([(k + (p.hangs if p else 0), n + (p.n if p else 0)) for (k, n), p in pairs])
+    priors = pool(counts)
+    found = {number: one.under(priors) for number, one in found.items()}
+    study, trials = searched.study, {trial.number: trial for trial in searched.trials}
+    state = searched.renew(_renewed(study, trials[n], one) for n, one in found.items())
+    return replace(state, priors=priors), found
+
+
+def contested_designs(state: SearchState, found: Found) -> list[int]:
+    """List the best design and those that the error of their hangs keeps from being told apart.
+
+    Their difference in the expected time is within two standard errors, and the error of hangs is
+    the larger part of it. Empty where there are none, or where another objective leads.
+    """
+    front = [trial for trial in state.feasible if trial.number in found]
+    if leading(state.study).name != SIMULATED or len(front) < 2:
+        return []
+    best, *others = sorted(front, key=state.leading_loss)
+    first, contested = found[best.number].expectation, list[int]()
+    for trial in others:
+        rival = found[trial.number].expectation
+        error = math.hypot(first.standard_error, rival.standard_error)
+        by_hangs = math.hypot(first.retries_error, rival.retries_error)
+        by_angles = math.hypot(first.engaged_error, rival.engaged_error)
+        if rival.mean - first.mean < CLEAR * error and by_hangs > by_angles:
+            contested.append(trial.number)
+    return [best.number, *contested[: HANG_ANGLES.rivals]] if contested else []
+
+
+def deciding_points(expectations: Sequence[Expectation]) -> list[int]:
+    """List the operating points that make most of the variance of retries, in their order."""
+    variances = sum(
+        (one.weights * np.array([point.retries_error for point in one.points])) ** 2
+        for one in expectations
+    )
+    order = np.argsort(-np.asarray(variances))
+    reached = np.cumsum(np.asarray(variances)[order]) / np.sum(variances)
+    number = int(np.searchsorted(reached, HANG_ANGLES.variance_share)) + 1
+    return sorted(order[:number].tolist())
+
+
+def _denser(
+    study: Setup, trials: Sequence[Trial], found: Found, places: Sequence[int], angles: int,
+    executors: Executors,
+) -> dict[int, Simulated]:
+    """Simulate designs at more angles of some operating points; landings stay as they were."""
+    base, executor, denser = new_angles(study), _executor(study, executors), dict[int, Simulated]()
+    for trial in trials:
+        own = study.operated(trial.params)
+        clutch = replace(own.clutch, dog=study.dog_with(trial.params))
+        blocks = [
+            even_block(clutch, own.points[place], angles, (_seed(study), place), base,
+                       uncertainty=study.uncertainty)
+            for place in places
+        ]  # fmt: skip
+        rows = executor.run(blocks)
+        new = expectation_of(own, [own.points[place] for place in places], rows).points
+        known = found[trial.number]
+        points = list(known.expectation.points)
+        for place, point in zip(places, new, strict=True):
+            points[place] = point
+        expectation = replace(known.expectation, points=tuple(points))
+        more = sum(len(block.angles) for block in blocks) - len(places) * base
+        denser[trial.number] = replace(
+            known, expectation=expectation, shifts=known.shifts + more
+        )
+        forget_designs(study, executors.search, base, _seed(study))
+    return denser
 
 
 def _renewed(study: Setup, trial: Trial, one: Simulated) -> Trial:
@@ -130,6 +267,7 @@ def _renewed(study: Setup, trial: Trial, one: Simulated) -> Trial:
         estimates=one.estimates,
         measured=one.measured,
         rows=[*trial.rows, *row_record(one.rows)],
+        times=[PointTimes.of(point) for point in one.expectation.points],
         confirmed=True,
         judged=one.agreement is None or one.agreement.agrees,
     )
@@ -182,14 +320,13 @@ def _record(
 ) -> dict[str, Any]:
     """Record the confirmation of designs, by trial in the search's order.
 
-    Chosen is the design of the front whose 95 % interval of the leading objective ends first, so a
-    rare failed shift counts; where none passes, the first of all.
+    Chosen is the design of the front that is best in the leading objective, hangs by their
+    posterior; where none passes, the first of all.
     """
-    study, name = searched.study, leading(searched.study).name
+    study = searched.study
     trials = {trial.number: trial for trial in searched.simulated if trial.number in found}
-    ends = {t.number: state.leading_loss(t) + 1.96 * found[t.number].estimates[name].standard_error
-            for t in state.front if t.number in found}  # fmt: skip
-    chosen = min(ends, key=lambda number: ends[number], default=next(iter(found)))
+    front = [trial.number for trial in state.front if trial.number in found]
+    chosen = front[0] if front else next(iter(found))
     params, same = trials[chosen].params, trials[chosen].prototype
     executor, both = _executor(study, executors), list[Simulated]()
     for design, one in ((study.prototype, own), (params, found[chosen])):
@@ -211,6 +348,7 @@ def _record(
             for number, one in found.items()
         ],
         "shapes": [one.to_dict() for one in _other_shapes(study, params, executors)],
+        "hang_prior": [vars(prior) for prior in state.priors],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
         **_gain(study, {} if same else _estimates(old), _estimates(new)),
     }
