@@ -162,7 +162,7 @@ def _life(
     trial = next(t for t in state.trials if t.number == confirmation["chosen"])
     counter.say(f"design {trial.number} over its life: half worn and worn")
     try:
-        return [row.to_dict() for row in life_of(study, trial.params, wear, executor)]
+        return [row.to_dict() for row in life_of(study, trial.params, wear, executor, state.priors)]
     except GeometryError as error:
         counter.say(f"no drift over the life: worn dogs are none: {error}")
         return None

@@ -57,7 +57,8 @@ TIME, ENGAGED = "expected shift time, ms", "mean of engaged shifts, ms"
 HANGS = "shifts that hang, % (95 %)"
 #: Keys of what was simulated of a design.
 SIMULATION = (
-    SIMULATED, "standard_error_s", *HangKeys.model_fields, "source", "engaged", "shifts_engaged", "gain_s",
+    SIMULATED, "standard_error_s", *HangKeys.model_fields, "source", "engaged", "shifts_engaged",
+    "gain_s",
     "gain_standard_error_s", "worst_against_prototype", "slowest_point",
 )  # fmt: skip
 #: Keys of the title block of a data sheet with their words; the reason of a decision stands above.

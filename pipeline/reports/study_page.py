@@ -251,7 +251,14 @@ def alternatives_table(study: Setup, result: Row) -> Table:
             "" if one is chosen else "-" if cost is None else ms_with_error(*cost, "+"),
         ])  # fmt: skip
     heads = (
-        *("design", *map(axis, study.variables), TIME, ENGAGED, HANGS, *(goal.title for goal in goals)),
+        *(
+            "design",
+            *map(axis, study.variables),
+            TIME,
+            ENGAGED,
+            HANGS,
+            *(goal.title for goal in goals),
+        ),
         *("worst point minus prototype, ms", *COLUMNS, "minus chosen, ms"),
     )
     looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
@@ -388,10 +395,7 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
             loss = ms_with_error(most["difference_s"], most["standard_error_s"])
             words += f" ({len(clear)} clearly), most by {loss} ms at {place_name(most)}"
         yield "operating points slower than the prototype", Bad(words) if clear else words
-    for side, name in SIDES.items():
-        if c[side].get("hang_probability") is not None:
-            yield f"mean of engaged shifts, {name}", engaged_text(c[side])
-            yield f"hangs, {name}", hang_words(c[side])
+    yield from _hang_facts(c)
     (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
     words = f"{own} of {n} shifts; prototype {other} of {m}"
     yield "engaged at the first try", Bad(words) if own < n else words
@@ -412,6 +416,14 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
             yield f"with {other['shape']}", words
     if ends:
         yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
+
+
+def _hang_facts(confirmation: Row) -> Iterator[tuple[str, str]]:
+    """List both parts of the expected times; results of earlier versions have none."""
+    for side, name in SIDES.items():
+        if confirmation[side].get("hang_probability") is not None:
+            yield f"mean of engaged shifts, {name}", engaged_text(confirmation[side])
+            yield f"hangs, {name}", hang_words(confirmation[side])
 
 
 def _most_failed(result: Row) -> str:

@@ -126,9 +126,7 @@ def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
 
 def hang_words(parts: Mapping[str, Any]) -> str:
     """Print the probability of a hang with its interval and its cost; ``HangKeys`` has the keys."""
-    mean, low, high = (
-        100.0 * parts[f"hang_probability{end}"] for end in ("", "_low", "_high")
-    )
+    mean, low, high = (100.0 * parts[f"hang_probability{end}"] for end in ("", "_low", "_high"))
     words = f"a shift hangs with {mean:.2g} % (95 %: {low:.2f} to {high:.2g} %)"
     if parts["retries_s"] is None:
         return words

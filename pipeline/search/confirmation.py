@@ -3,11 +3,11 @@
 A search picks designs that were also lucky, and more angles find harder landings. So values and
 checks of prototype and front are those of ``DENSER`` times as many new angles. Drake simulates some
 of them too; a design on which both engines do not agree leaves the front, as does one that fails a
-check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``. The
-study's own dog is confirmed like a design of the front.
+check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``,
+and the study's own dog is confirmed as they are.
 
-The prior of hangs is fitted to all designs of the search and the confirmation. Where the posterior
-of hangs decides between the best design and others, these get more angles (``HangAngles``).
+The prior of hangs is fitted to all designs of search and confirmation. Where the posterior of hangs
+decides between the best design and others, these get more angles (``HangAngles``).
 
 An *audit* simulates random shifts of the search again in Drake.
 """
@@ -18,7 +18,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import chain, zip_longest
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -139,40 +139,48 @@ def confirm(
 
     Give the record, None where no design passes every check, and the state at the new angles.
     """
-    study, found, most = searched.study, dict[int, Simulated](), searched.study.file.search
-    state, own, prototype = searched, _own_trial(searched), None
-    while trials := [t for t in state.front if not t.confirmed][
-        : max(0, most.confirm_designs - len(found))
-    ]:
-        if prototype is None and own is not None and own not in trials:
-            trials.append(own)
-        front = f"prototype and {len(trials)} of the front at new angles"
-        more = f"{len(trials)} more that the new angles put on the front"
-        say(f"confirming {more if found else front}")
-        named = {} if found else {"the prototype": study.prototype}
-        named |= {f"design {trial.number}": trial.params for trial in trials}
-        new = _resimulated(study, named, executors)
-        prototype = prototype or new[0]
-        found |= {t.number: one for t, one in zip(trials, new[-len(trials) :], strict=True)}
-        state, found = _renewed_state(searched, found)
-    if prototype is None:
-        return None, state
+    study, own = searched.study, _own_trial(searched)
+    if not searched.front:
+        return None, searched
+    say("confirming the prototype at new angles")
+    (prototype,) = _resimulated(study, {"the prototype": study.prototype}, executors)
+    found = {} if own is None else {own.number: prototype}
+    state, found = _confirmed_front(searched, found, executors, say)
     for angles in hang_rounds(study):
         contested = contested_designs(state, found)
         if not contested:
             break
         places = deciding_points([found[number].expectation for number in contested])
-        say(f"{len(contested)} designs that hangs decide between: {angles} angles at "
-            f"{len(places)} of {len(study.points)} operating points")  # fmt: skip
+        say(
+            f"hangs decide between {len(contested)} designs: {angles} angles at "
+            f"{len(places)} of {len(study.points)} operating points"
+        )
         trials = [trial for trial in state.trials if trial.number in contested]
-        found |= _denser(study, trials, found, places, angles, executors)
-        state, found = _renewed_state(searched, found)
-    if own is not None:
-        prototype = found[own.number]
-    prototype = prototype.under(state.priors)
+        found |= _denser(study, trials, found, places, angles=angles, executors=executors)
+        state, found = _confirmed_front(searched, found, executors, say)
+    prototype = prototype.under(state.priors) if own is None else found[own.number]
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
     ordered = dict(sorted(found.items(), key=lambda item: (loss[item[0]], item[0])))
     return _record(searched, state, prototype, ordered, executors), state
+
+
+def _confirmed_front(
+    searched: SearchState, found: dict[int, Simulated], executors: Executors, say: Say
+) -> tuple[SearchState, dict[int, Simulated]]:
+    """Confirm the front, and what comes onto it, up to ``search.confirm_designs`` in all.
+
+    ``found`` are the designs at new angles so far. Give the state at these, and all of them.
+    """
+    study, own = searched.study, _own_trial(searched)
+    most = study.file.search.confirm_designs + (own is not None)
+    state, found = _renewed_state(searched, found)
+    while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
+        say(f"confirming {len(trials)} designs of the front at new angles")
+        named = {f"design {trial.number}": trial.params for trial in trials}
+        new = _resimulated(study, named, executors)
+        found = found | {t.number: one for t, one in zip(trials, new, strict=True)}
+        state, found = _renewed_state(searched, found)
+    return state, found
 
 
 def _own_trial(state: SearchState) -> Trial | None:
@@ -184,11 +192,12 @@ def _renewed_state(
     searched: SearchState, found: Mapping[int, Simulated]
 ) -> tuple[SearchState, dict[int, Simulated]]:
     """Fit the prior of hangs to search and new angles; give the state and designs under it."""
-    counts = []
+    counts, none = [], [(0, 0)] * len(searched.study.points)
     for trial in searched.simulated:
-        new = found[trial.number].expectation.points if trial.number in found else ()
-        pairs = zip_longest(trial.counts, new)
-        counts.append([(k + (p.hangs if p else 0), n + (p.n if p else 0)) for (k, n), p in pairs])
+        one = found.get(trial.number)
+        new = [(p.hangs, p.n) for p in one.expectation.points] if one else none
+        pairs = zip(trial.counts or none, new, strict=True)
+        counts.append([(k + more, n + shifts) for (k, n), (more, shifts) in pairs])
     priors = pool(counts)
     found = {number: one.under(priors) for number, one in found.items()}
     study, trials = searched.study, {trial.number: trial for trial in searched.trials}
@@ -197,10 +206,10 @@ def _renewed_state(
 
 
 def contested_designs(state: SearchState, found: Found) -> list[int]:
-    """List the best design and those that the error of their hangs keeps from being told apart.
+    """List the best design and those that hangs keep from being told apart.
 
-    Their difference in the expected time is within two standard errors, and the error of hangs is
-    the larger part of it. Empty where there are none, or where another objective leads.
+    Engaged means differ clearly, expected times do not. Empty where there are none, or where
+    another objective leads.
     """
     front = [trial for trial in state.feasible if trial.number in found]
     if leading(state.study).name != SIMULATED or len(front) < 2:
@@ -210,9 +219,9 @@ def contested_designs(state: SearchState, found: Found) -> list[int]:
     for trial in others:
         rival = found[trial.number].expectation
         error = math.hypot(first.standard_error, rival.standard_error)
-        by_hangs = math.hypot(first.retries_error, rival.retries_error)
-        by_angles = math.hypot(first.engaged_error, rival.engaged_error)
-        if rival.mean - first.mean < CLEAR * error and by_hangs > by_angles:
+        engaged_error = math.hypot(first.engaged_error, rival.engaged_error)
+        engaged_clear = abs(rival.engaged_mean - first.engaged_mean) >= CLEAR * engaged_error
+        if engaged_clear and rival.mean - first.mean < CLEAR * error:
             contested.append(trial.number)
     return [best.number, *contested[: HANG_ANGLES.rivals]] if contested else []
 
@@ -230,7 +239,12 @@ def deciding_points(expectations: Sequence[Expectation]) -> list[int]:
 
 
 def _denser(
-    study: Setup, trials: Sequence[Trial], found: Found, places: Sequence[int], angles: int,
+    study: Setup,
+    trials: Sequence[Trial],
+    found: Found,
+    places: Sequence[int],
+    *,
+    angles: int,
     executors: Executors,
 ) -> dict[int, Simulated]:
     """Simulate designs at more angles of some operating points; landings stay as they were."""
@@ -251,9 +265,7 @@ def _denser(
             points[place] = point
         expectation = replace(known.expectation, points=tuple(points))
         more = sum(len(block.angles) for block in blocks) - len(places) * base
-        denser[trial.number] = replace(
-            known, expectation=expectation, shifts=known.shifts + more
-        )
+        denser[trial.number] = replace(known, expectation=expectation, shifts=known.shifts + more)
         forget_designs(study, executors.search, base, _seed(study))
     return denser
 
@@ -326,7 +338,8 @@ def _record(
     study = searched.study
     trials = {trial.number: trial for trial in searched.simulated if trial.number in found}
     front = [trial.number for trial in state.front if trial.number in found]
-    chosen = front[0] if front else next(iter(found))
+    searched_ones = [number for number in found if not trials[number].prototype]
+    chosen = next(iter([*front, *searched_ones, *found]))
     params, same = trials[chosen].params, trials[chosen].prototype
     executor, both = _executor(study, executors), list[Simulated]()
     for design, one in ((study.prototype, own), (params, found[chosen])):
@@ -347,15 +360,16 @@ def _record(
             }
             for number, one in found.items()
         ],
-        "shapes": [one.to_dict() for one in _other_shapes(study, params, executors)],
+        "shapes": [one.to_dict() for one in _other_shapes(state, params, executors)],
         "hang_prior": [vars(prior) for prior in state.priors],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
         **_gain(study, {} if same else _estimates(old), _estimates(new)),
     }
 
 
-def _other_shapes(study: Setup, params: Params, executors: Executors) -> list[OtherShape]:
+def _other_shapes(state: SearchState, params: Params, executors: Executors) -> list[OtherShape]:
     """Simulate a design with more backlash, and with a roof in the place of its one face."""
+    study = state.study
     dog = study.dog_with(params)
     changes = {f"{PLAY_MM:g} mm of backlash more": {"backlash_mm": dog.backlash / MM + PLAY_MM}}
     if not dog.has_back:
@@ -371,6 +385,7 @@ def _other_shapes(study: Setup, params: Params, executors: Executors) -> list[Ot
         except DogshapeError:  # a flat tip has no roof
             continue
         (one,) = evaluate(study, [design], executor, new_angles(study), _seed(study))
+        one = one.under(state.priors)
         time = one.expectation
         found.append(OtherShape(
             shape=words, expected_shift_time_s=time.time,

@@ -32,6 +32,7 @@ from dogshape.sim.strength.landing import Demand
 
 SIMULATION = "simulation"  #: attribute of a trial: what the shifts of its design gave
 FAILED = "failed_shifts"  #: attribute of a trial: how many shifts failed, by reason
+TIMES = ("times", "reference")  #: parts of it that searches of earlier versions lack
 PROTOTYPE = "prototype"  #: attribute of the trial of the study's own design
 
 
@@ -113,7 +114,7 @@ def trial_of(frozen: FrozenTrial) -> Trial:
             "estimates": {name: Estimate(*pair) for name, pair in known["estimates"].items()},
             "measured": Measured(Demand(*known["demand_Pa"]), known["limited"], known["engaged"]),
             **{name: known[name] for name in ("rows", "shifts")},
-            **{k: [PointTimes(*point) for point in known[k]] for k in ("times", "reference")},
+            **{k: [PointTimes(*point) for point in known.get(k, ())] for k in TIMES},
         }
     return Trial(
         frozen.number, dict(frozen.params), tuple(frozen.values), attrs.get(PROTOTYPE, False),
@@ -133,7 +134,9 @@ def expectation_from(study: Setup, times: Sequence[PointTimes]) -> Expectation:
     ))  # fmt: skip
 
 
-def pooled(study: Setup, trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[HangPrior, ...]]:
+def pooled(
+    study: Setup, trials: Sequence[Trial]
+) -> tuple[tuple[Trial, ...], tuple[HangPrior, ...]]:
     """Estimate times of trials by a prior of hangs that is fitted to all of them.
 
     Give the trials, and the prior of each operating point; none where no trial was simulated.

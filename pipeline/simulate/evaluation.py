@@ -244,9 +244,7 @@ def _simulated(nominal: Setup, params: Params, rows: Rows, beside: Expectation |
     measured = Measured(demand, {k: estimates[k].value for k in simulated_limits(study)}, share)
     x = rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows))
     failed = failures(shifts)
-    return Simulated(
-        expectation, measured, x, estimates, len(shifts), failed, reference=beside
-    )
+    return Simulated(expectation, measured, x, estimates, len(shifts), failed, reference=beside)
 
 
 def failures(shifts: Iterable[Shift]) -> dict[str, int]:
@@ -340,9 +338,16 @@ class LifeStage(Record):
     margins: dict[str, float] = key("margin of each check", "1")
 
 
-def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> list[LifeStage]:
+def life_of(
+    study: Setup,
+    params: Params,
+    wear: Wear,
+    executor: Executor,
+    priors: Sequence[HangPrior] | None = None,
+) -> list[LifeStage]:
     """Simulate a design over its life, at each of ``STAGES`` and at new angles.
 
+    ``priors`` are those of hangs by operating point.
     Wear by a rate follows the energy of the stage before. GeometryError where no worn dog can be.
     """
     own, new = study.operated(params), study.dog_with(dict(params))
@@ -360,6 +365,8 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
         blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
         rows = executor.run(blocks)
         expectation = expectation_of(own, own.points, rows)
+        if priors:
+            expectation = expectation.under(priors)
         demand = demand_over(own, dog, expectation, rows)
         checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
         weakest = smallest_margin(checks)

@@ -71,7 +71,9 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
     assert best["expected_shift_time_s"] == confirmed[0]["expected_shift_time_s"]
     assert {row["trial"] for row in result["front"]} <= {d["trial"] for d in confirmed}
     # At the new angles twice as many of the compiled engine, three of them of Drake too.
-    assert result["n_simulated_shifts"] == 12 * 6 + 2 * (12 + 6)
+    shifts = [design["shifts"] for design in confirmed]
+    assert min(shifts) == 12
+    assert result["n_simulated_shifts"] == 12 * 6 + sum(shifts) + 6 * len(confirmed)
     assert len(lines_of(folder, "shifts.jsonl")) == 2 * 6 + 4  # of confirmation and audit, in Drake
     assert not (folder / "running.jsonl").read_text()
     assert result["audit"]["shifts"] == 4

@@ -98,7 +98,7 @@ def test_headline_says_by_what_a_faster_own_dog_fails(result: Row) -> None:
     c["prototype"]["checks"] = [{"name": "pull_out_force", "margin": -1.13, "passed": False}]
     assert headline(result) == (
         "Design 2: expected shift time 80.0 ± 0.6 ms; your own dog has 100.0 ± 0.6 ms, but fails "
-        "pull out force (−113 %)."
+        "pull out force (\N{MINUS SIGN}113 %)."
     )
 
 
@@ -106,9 +106,7 @@ def test_headline_of_an_own_dog_that_is_the_fastest(result: Row) -> None:
     own = next(row for row in result["trials"] if row["prototype"])
     result["confirmation"]["best"] = result["confirmation"]["prototype"]
     said = headline(result | {"best": own})
-    assert said == (
-        "Your own dog is the fastest that passes: expected shift time 100.0 ± 0.6 ms."
-    )
+    assert said == ("Your own dog is the fastest that passes: expected shift time 100.0 ± 0.6 ms.")
     failed = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
     result["confirmation"]["best"]["checks"] = [failed]
     assert "but fails edge pressure impact" in headline(result | {"best": own})
@@ -123,10 +121,10 @@ def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
     nearest, barriers = summary_tables(few, result | {"best": None, "front": []})
     fails = nearest.heads.index("fails")
     assert [row[0] for row in nearest.rows][-1] == "your own dog"
-    assert nearest.rows[0][fails] == "root stress (−20 %)"
+    assert nearest.rows[0][fails] == "root stress (\N{MINUS SIGN}20 %)"
     assert {row[0]: row[1:4] for row in barriers.rows} == {
-        "root stress": ["5 of 6", "5", "−10 %"],
-        "module": ["1 of 6", "1", "−20 %"],
+        "root stress": ["5 of 6", "5", "\N{MINUS SIGN}10 %"],
+        "module": ["1 of 6", "1", "\N{MINUS SIGN}20 %"],
     }
 
 

@@ -127,7 +127,8 @@ def test_pool_of_a_study_finds_the_rate_of_its_designs() -> None:
     rng, shifts = np.random.default_rng(3), np.full((60, 6), 64)
     hangs = rng.binomial(64, 0.003, size=shifts.shape)
     priors = pooled_priors(hangs, shifts)
-    assert np.mean([one.rate for one in priors]) == pytest.approx(hangs.sum() / shifts.sum(), rel=0.2)
+    share = hangs.sum() / shifts.sum()
+    assert np.mean([one.rate for one in priors]) == pytest.approx(share, rel=0.2)
     # Designs of one rate: its share counts for more than their own shifts at a point.
     assert priors[0].strength > 64
     blocked = hangs.copy()
