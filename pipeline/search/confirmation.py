@@ -49,7 +49,7 @@ from dogshape.pipeline.store.result_records import EngineAgreement, ExpectedTime
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.statistics.blocks import Block, even_block, numerical_error, repeated
+from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.statistics.hangs import pool
 from dogshape.sim.statistics.shift_records import Record as Shift
@@ -251,12 +251,8 @@ def _denser(
     base, executor, denser = new_angles(study), _executor(study, executors), dict[int, Simulated]()
     for trial in trials:
         own = study.operated(trial.params)
-        clutch = replace(own.clutch, dog=study.dog_with(trial.params))
-        blocks = [
-            even_block(clutch, own.points[place], angles, (_seed(study), place), base,
-                       uncertainty=study.uncertainty)
-            for place in places
-        ]  # fmt: skip
+        every = design_blocks(study, trial.params, angles, _seed(study), base)
+        blocks = [every[place] for place in places]
         rows = executor.run(blocks)
         new = expectation_of(own, [own.points[place] for place in places], rows).points
         known = found[trial.number]

@@ -194,10 +194,15 @@ def limited_by(measured: Measured, estimates: Mapping[str, Estimate]) -> Measure
     return replace(measured, limited=limited)
 
 
-def design_blocks(study: Setup, params: Params, angles: int, seed: int) -> list[Block]:
-    """Return the shifts of a design at even angles, a block for each of its operating points."""
+def design_blocks(
+    study: Setup, params: Params, angles: int, seed: int, base: int | None = None
+) -> list[Block]:
+    """Return the shifts of a design at even angles, a block for each of its operating points.
+
+    ``base`` as for ``even_phases``.
+    """
     own, clutch = study.operated(params), replace(study.clutch, dog=study.dog_with(params))
-    return even_blocks(clutch, own.points, angles, seed, uncertainty=study.uncertainty)
+    return even_blocks(clutch, own.points, angles, seed, base, uncertainty=study.uncertainty)
 
 
 def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:

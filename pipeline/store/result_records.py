@@ -76,7 +76,7 @@ class HangPriorRow(Record):
     @classmethod
     def of(cls, prior: HangPrior | None) -> HangPriorRow | None:
         """Record a prior."""
-        return prior and cls(**vars(prior))
+        return None if prior is None else cls(**vars(prior))
 
 
 class PointRow(PlaceRow):

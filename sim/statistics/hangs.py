@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.sim.elementwise import Array
+from dogshape.sim.elementwise import Array, Mask
 
 JEFFREYS = 0.5  #: both parameters of the prior that favours no probability (Jeffreys 1946)
 TAILS = (0.025, 0.975)  #: of the interval of a probability
@@ -110,8 +110,10 @@ def pooled_priors(
     """Fit the prior of each operating point to all designs of a study.
 
     ``hangs`` and ``shifts`` (designs, points) are counts. The rate of a point is the posterior mean
-    over a grid, from the prior of ``settings``; the strength, common to all points, is the
-    geometric mean over a grid of even logarithms.
+    over a grid, from the prior of ``settings``. The strength, common to all points, is a harmonic
+    mean over a grid of even logarithms, so that the prior keeps its mean variance: the smaller one
+    by the scatter of designs at each point and by that of their sums over the points, as a design
+    may hang more at all of them.
     """
     from scipy.special import expit, logsumexp  # noqa: PLC0415  slow to load
 
@@ -128,9 +130,12 @@ def pooled_priors(
     by_strength = logsumexp(table, axis=1)
     total = by_strength.sum(axis=0)
     weights = np.exp(total - logsumexp(total))
-    strength = math.exp(float(weights @ np.log(strengths)))
+    by_points = 1.0 / float(weights @ (1.0 / strengths))
     rates_given = (np.exp(table - by_strength[:, None, :]) * rates).sum(axis=1)
     means = rates_given @ weights
+    rare = _rare(hangs, shifts, means, by_points, weak.blocked_share)
+    by_sums = _sum_strength(hangs * rare, shifts * rare, means, strengths)
+    strength = min(by_points, by_sums)
     return tuple(HangPrior(float(mean), strength, weak.blocked_share) for mean in means)
 
 
@@ -138,6 +143,34 @@ def pool(counts: Sequence[Sequence[tuple[int, int]]]) -> tuple[HangPrior, ...]:
     """Fit the priors of a study to the (hangs, shifts) of its designs by operating point."""
     numbers = np.array(counts, dtype=float)
     return pooled_priors(numbers[:, :, 0], numbers[:, :, 1])
+
+
+def _rare(hangs: Array, shifts: Array, means: Array, strength: float, blocked_share: float) -> Mask:
+    """Mark the counts that are rather rare hangs than of a shape that blocks, (designs, points)."""
+    from scipy.special import betaln  # noqa: PLC0415  slow to load
+
+    a, b, left = strength * means, strength * (1.0 - means), shifts - hangs
+    rare = betaln(a + hangs, b + left) - betaln(a, b) + math.log1p(-blocked_share)
+    blocked = betaln(JEFFREYS + hangs, JEFFREYS + left) - betaln(JEFFREYS, JEFFREYS)
+    return np.asarray(rare > blocked + math.log(blocked_share))
+
+
+def _sum_strength(hangs: Array, shifts: Array, means: Array, strengths: Array) -> float:
+    r"""Return the harmonic mean of the strength by the sums of designs over the points.
+
+    A design hangs :math:`\lambda` times as often as the rates :math:`m_i` say, :math:`\lambda`
+    being Gamma distributed with mean one and shape :math:`s \sum m_i`, so that the prior of a sum
+    has the variance of independent points with strength :math:`s`: its hangs are negative binomial.
+    ``strengths`` have the same probability before.
+    """
+    from scipy.special import gammaln, logsumexp  # noqa: PLC0415  slow to load
+
+    number, expected = hangs.sum(axis=1)[:, None], (shifts @ means)[:, None]
+    shape = strengths * means.sum()
+    likelihoods = gammaln(number + shape) - gammaln(shape) + shape * np.log(shape)
+    likelihoods -= (number + shape) * np.log(shape + expected)
+    total = likelihoods.sum(axis=0)
+    return 1.0 / float(np.exp(total - logsumexp(total)) @ (1.0 / strengths))
 
 
 def _log_likelihoods(
