@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,14 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
 from dogshape.pipeline.record import Frame, Result, Table, frame_of, percent
-from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_words, time_text
+from dogshape.pipeline.reports.text import (
+    ENGINES,
+    engaged_text,
+    hang_words,
+    interval_text,
+    quantile_words,
+    time_text,
+)
 from dogshape.pipeline.simulate.design import (
     Design,
     ToleranceTime,
@@ -22,7 +29,14 @@ from dogshape.pipeline.simulate.design import (
     weakest_within,
 )
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime, QuantileRow, check_table
+from dogshape.pipeline.store.result_records import (
+    CheckRow,
+    ExpectedTime,
+    HangKeys,
+    QuantileRow,
+    check_table,
+    hang_keys,
+)
 from dogshape.pipeline.train.training_rows import own_surrogate, study_mix
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.shift.geometry import FLANKS
@@ -216,6 +230,7 @@ class Check(Checked):
     guess: Guess | None = None
     refusal: str = ""
     quantiles: Sequence[QuantileRow] = ()
+    hangs: Mapping[str, float | None] = field(default_factory=dict)  #: ``HangKeys``, if simulated
 
     @property
     def time_s(self) -> float | None:
@@ -242,7 +257,7 @@ class Check(Checked):
                 f"expected shift time {_interval(found)} "
                 f"({source if self.shifts else 'surrogate'}); single shifts "
                 f"scatter by {time_text(found.sd)}, {100 * found.engaged:.1f} % engage at worst",
-                *_retries(found, self.config, self.shifts),
+                *self._part_lines(found),
             ]
             times = quantile_words([one.to_dict() for one in self.quantiles])
             lines += [f"shift time over the life: {times}"] if times else []
@@ -252,11 +267,26 @@ class Check(Checked):
         lines.append(self.config.shafts_text)
         return [*lines, "", *super().to_parts(), *self.landing_of(self.shifts, "planar")]
 
+    def _surrogate_parts(self) -> dict[str, float | None]:
+        """Give the mean of engaged shifts by the keys of ``HangKeys``; it has no interval."""
+        parts = dict[str, float | None].fromkeys(HangKeys.model_fields)
+        if (found := self.expected) is not None:
+            bare, error = found.without_retries
+            parts |= {"engaged_mean_s": bare, "engaged_standard_error_s": error}
+            parts |= {"retries_s": found.retries, "retries_error_s": found.retries_error}
+        return parts
+
+    def _part_lines(self, found: Expected) -> list[str]:
+        if not self.hangs:
+            return _parts(found, self.config)
+        words = f"{hang_words(self.hangs)}; {self.config.retry_text}"
+        return [f"mean of engaged shifts {engaged_text(self.hangs)}", words]
+
     def _surrogate_lines(self, guess: Guess) -> list[str]:
         answer, expected, spread, lines = guess.answer, guess.answer.expected, guess.spread, []
         if self.shifts:
             time = answer.refusal if expected is None else _interval(expected)
-            lines = [f"surrogate {guess.path}: {time}", *_retries(expected, self.config)]
+            lines = [f"surrogate {guess.path}: {time}", *_parts(expected, self.config)]
         if self.missed:
             lines += ["warning: the surrogate misses the simulated time by more than its interval"]
         lines += [f"warning: {one}; the surrogate extrapolates" for one in answer.warnings]
@@ -282,6 +312,7 @@ class Check(Checked):
             beside = {"missed_by_surrogate": self.missed, "time_within_tolerances": spread}
         return {
             **time_record(self.expected, self.refusal),
+            **(self.hangs or self._surrogate_parts()),
             **({"engaged": self.engaged} if self.shifts else {}),
             "quantiles": [one.to_dict() for one in self.quantiles],
             "operating_points": len(self.mix.points),
@@ -303,15 +334,14 @@ def _interval(found: Expected) -> str:
     return interval_text(found.time, found.low, found.high)
 
 
-def _retries(found: Expected | None, config: Setup, shifts: int = 0) -> list[str]:
-    """Split an interval into shifts that engage and retries; bound retries that are not seen."""
+def _parts(found: Expected | None, config: Setup) -> list[str]:
+    """Split an interval of a surrogate into shifts that engage and retries."""
     if found is None or not (found.retries or found.retries_error):
-        return [config.unseen_failures(shifts)] if shifts else []
+        return []
     bare, error = found.without_retries
     return [
-        f"failed attempts take {percent(found.retries / found.time)} of the time: without retries "
-        f"{time_text(bare, 1.96 * error)}, retries "
-        f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %); {config.retry_text}"
+        f"mean of engaged shifts {time_text(bare, error)}, retries "
+        f"{time_text(found.retries, found.retries_error)}; {config.retry_text}"
     ]
 
 
@@ -344,7 +374,10 @@ def check_design(
     if found is None:
         return answer
     mean, quantiles = found.expectation, ExpectedTime.of(found.expectation).quantiles or ()
-    return replace(answer, shifts=mean.shifts, engaged=mean.engaged, quantiles=quantiles)
+    return replace(
+        answer, shifts=mean.shifts, engaged=mean.engaged, quantiles=quantiles,
+        hangs=hang_keys(mean),
+    )  # fmt: skip
 
 
 def _guess(config: Setup, mix: Mix, named: str | Path | None, refusal: str) -> Guess | None:
@@ -366,14 +399,11 @@ def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
         few = f"{percent(found.engaged)} at the worst point"
         count = f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
         return None, f"{count}; {found.losses}"
-    share, n, sd = np.array([(p.timed, p.n, p.sd) for p in found.points]).T
-    weights = mix.weights * mix.retry
-    unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2
-    error = math.hypot(found.standard_error, ENGINE_ERROR * found.mean)
+    error = math.hypot(found.standard_error, ENGINE_ERROR * found.engaged_mean)
     (low,), (high,) = interval(np.array([found.mean]), np.array([error]))
-    spread = math.sqrt(mix.weights @ sd**2)
-    retries = float(weights @ ((1.0 - share) / share)), float(np.linalg.norm(unsure))
+    spread = math.sqrt(mix.weights @ np.array([p.sd for p in found.points]) ** 2)
     times = found.mean, float(low), float(high), error
+    retries = found.retries, found.retries_error
     return Expected(*times, spread, found.engaged, *retries), ""
 
 

@@ -42,6 +42,7 @@ def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
         {kind: weakest_within(one.study, found.design, kind) for kind in KINDS},
         expected_shift_time_s=None if expected is None else expected.time,
         standard_error_s=None if expected is None else expected.error,
+        **found.hangs,
         engaged=found.engaged if found.shifts else None,
         source=found.refusal or "compiled engine",
         engine="planar",

@@ -28,10 +28,16 @@ from dogshape.pipeline.record import (
     Table,
     frame_of,
     number_or_none,
-    percent,
     tabulate,
 )
-from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
+from dogshape.pipeline.reports.text import (
+    ENGINES,
+    engaged_text,
+    hang_words,
+    interval_text,
+    quantile_words,
+    time_text,
+)
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import Where
@@ -57,7 +63,7 @@ class Expectation(Result):
 
     config: Setup
     mean: Mean
-    precision: float | None = None  #: wanted relative standard error
+    precision: float | None = None  #: wanted relative standard error of the engaged mean
 
     @property
     def shortfall(self) -> list[str]:
@@ -81,8 +87,23 @@ class Expectation(Result):
 
     @property
     def standard_error_s(self) -> float:
-        """Standard error of the expected shift time, s."""
+        """Standard error of the expected shift time, s, by the angles and by rare hangs."""
         return self.mean.standard_error
+
+    @property
+    def engaged_mean_s(self) -> float | None:
+        """Mean time of engaged shifts, s; None where none engages at some operating point."""
+        return self.record.engaged_mean_s
+
+    @property
+    def hang_probability(self) -> float | None:
+        """Posterior mean of the probability that a shift hangs and is tried again."""
+        return self.record.hang_probability
+
+    @property
+    def hang_interval(self) -> tuple[float, float]:
+        """Interval of that probability, 95 %."""
+        return self.mean.hang_interval
 
     @cached_property
     def record(self) -> ExpectedTime:
@@ -94,15 +115,13 @@ class Expectation(Result):
         found, mean = self.record, self.mean
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
         shafts, table = self.config.shafts_text, tabulate(PointRow, found.points)
-        lost = mean.losses if mean.lost else self.config.unseen_failures(mean.shifts)
-        if mean.lost and (bare := mean.mean_engaged) is not None:
-            lost += f"; without their retries the mean is {in_ms(bare)} ms"
-            share = f"{percent(1.0 - bare / mean.mean)} of the time: {self.config.retry_text}"
-            lost += f", failed attempts are {share}" if mean.engages else ""
+        parts = found.to_dict()
+        lost = f"{hang_words(parts)}; {self.config.retry_text}"
+        lost += f"; {mean.losses}" if mean.lost else f"; none of {mean.shifts} shifts hung"
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
             return [f"{count}: {NO_TIME}", table, lost, shafts, engine, *self.shortfall]
-        error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error)"
+        error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error, hangs included)"
         if found.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
         total = f"expected shift time {1e3 * mean.mean:.2f} {error}"
@@ -111,7 +130,8 @@ class Expectation(Result):
         times = quantile_words([one.to_dict() for one in found.quantiles or ()])
         direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
         entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
-        more = [f"shift time over the life: {times}"] if times else []
+        more = [f"mean of engaged shifts {engaged_text(parts)}"]
+        more += [f"shift time over the life: {times}"] if times else []
         return [table, total, *more, lost, entry, shafts, engine, *self.shortfall]
 
     def shiftability(self) -> Frame:
@@ -151,7 +171,7 @@ class Expectation(Result):
 
     def to_frame(self) -> Frame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""
-        return frame_of(self.record.points).drop(columns="shiftability")
+        return frame_of(self.record.points).drop(columns=["shiftability", "hang_prior"])
 
 
 def simulate_mean(

@@ -130,15 +130,6 @@ class Setup:
         late = " and mechanism.delay_s" if self.actuation.delay else ""
         return f"each costs shift.timeout_s and shift.retraction_s{late}, {cost:.4g} s"
 
-    def unseen_failures(self, shifts: int) -> str:
-        """Bound the share of attempts that fail where none of ``shifts`` did, and its cost."""
-        most = min(1.0, 3.0 / shifts)  # 95 %: 0.05 = (1 - p)^n
-        more = 1e3 * most * (self.clutch.timeout + self.retraction)
-        return (
-            f"none of {shifts} attempts failed; up to {100 * most:.2g} % may (95 %), which would "
-            f"add {more:.3g} ms: {self.retry_text}"
-        )
-
     @property
     def set_point(self) -> SetPoint:
         """Set-point that frees blocked shifts; one without amplitude frees none."""

@@ -47,7 +47,7 @@ from dogshape.pipeline.simulate.design import (
     design_of,
 )
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
-from dogshape.pipeline.store.result_records import CheckRow, check_table
+from dogshape.pipeline.store.result_records import CheckRow, HangKeys, check_table
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
 from dogshape.sim.shift.clutch import CONTACT_SETS
@@ -60,9 +60,12 @@ from dogshape.sim.units import MM, from_si, suffix_of, unit_of
 from dogshape.sim.versions import bundled_root, versions
 
 GENERAL = "ISO 2768-f"  #: tolerance of a dimension that the study gives none for
+TIME, ENGAGED = "expected shift time, ms", "mean of engaged shifts, ms"
+HANGS = "shifts that hang, % (95 %)"
 #: Keys of what was simulated of a design.
 SIMULATION = (
-    SIMULATED, "standard_error_s", "source", "engaged", "shifts_engaged", "gain_s",
+    SIMULATED, "standard_error_s", *HangKeys.model_fields, "source", "engaged", "shifts_engaged",
+    "gain_s",
     "gain_standard_error_s", "worst_against_prototype", "slowest_point",
 )  # fmt: skip
 #: Keys of the title block of a data sheet with their words; the reason of a decision stands above.
@@ -206,6 +209,7 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
     found: Row = {"engaged": known["engaged"], "source": "search"}
     if known[SIMULATED] is not None:
         found |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
+    found |= {name: known.get(name) for name in HangKeys.model_fields}
     if confirmed is not None:
         own = result["confirmation"]["prototype"]
         found |= {"source": "new angles", "confirmed": True}
@@ -288,7 +292,9 @@ def words_of(one: Row) -> dict[str, str]:
     failed = [name for name in failed if name not in SUMMARIES] or failed
     return {
         "feasible": "yes" if one["passes"] else Bad(f"no: {', '.join(map(check_name, failed))}"),
-        "expected shift time, ms": time,
+        TIME: time,
+        ENGAGED: ms_with_error(one["engaged_mean_s"], one["engaged_standard_error_s"]),
+        HANGS: hang_share(one),
         "gain over the prototype, ms": ms_with_error(one["gain_s"], one["gain_standard_error_s"]),
         "worst point minus prototype, ms":
             at_point(one["worst_against_prototype"], "difference_s", "+"),
@@ -303,6 +309,15 @@ def words_of(one: Row) -> dict[str, str]:
             else "-",
         "axial length, root to root, mm": f"{one['axial_length_mm']:.2f}",
     }  # fmt: skip
+
+
+def hang_share(one: Row) -> str:
+    """Print the probability of a hang in percent with its interval; a dash where unknown."""
+    if one.get("hang_probability") is None:
+        return "-"
+    keys = ("hang_probability", "hang_probability_low", "hang_probability_high")
+    mean, low, high = (100.0 * one[name] for name in keys)
+    return f"{mean:.2g} ({low:.2f} to {high:.2g})"
 
 
 def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:

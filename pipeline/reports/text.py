@@ -125,6 +125,20 @@ def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
+def hang_words(parts: Mapping[str, Any]) -> str:
+    """Print the probability of a hang with its interval and its cost; ``HangKeys`` has the keys."""
+    mean, low, high = (100.0 * parts[f"hang_probability{end}"] for end in ("", "_low", "_high"))
+    words = f"a shift hangs with {mean:.2g} % (95 %: {low:.2f} to {high:.2g} %)"
+    if parts["retries_s"] is None:
+        return words
+    return f"{words}, retries take {time_text(parts['retries_s'], parts['retries_error_s'])}"
+
+
+def engaged_text(parts: Mapping[str, Any]) -> str:
+    """Print the mean of engaged shifts; a dash where an operating point has none."""
+    return time_text(parts["engaged_mean_s"], parts["engaged_standard_error_s"])
+
+
 def interval_text(time: float, low: float, high: float, share: str = "95 %") -> str:
     """Print a time in ms with the interval that holds so much of it; all in s."""
     return f"{time_text(time)} ({share}: {time_text(low)} to {time_text(high)})"

@@ -16,6 +16,7 @@ from dogshape.pipeline.record import (
     tabulate,
 )
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
+from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.strength.checks import GROUPS, Check, safety_factor
 from dogshape.sim.units import RPM
 
@@ -65,16 +66,43 @@ class PlaceRow(Record):
     force_N: float = key("final shift force", "N", head="force, N", form=".1f")
 
 
+class HangPriorRow(Record):
+    """Prior of the probability that a shift of an operating point hangs."""
+
+    rate: float = key("mean of rare hangs", SHARE)
+    strength: float = key("number of shifts that the rate counts for", "1")
+    blocked_share: float = key("probability that the shape blocks there", SHARE)
+
+    @classmethod
+    def of(cls, prior: HangPrior | None) -> HangPriorRow | None:
+        """Record a prior."""
+        return None if prior is None else cls(**vars(prior))
+
+
 class PointRow(PlaceRow):
     """An operating point of an expected shift time."""
 
     mean_s: float | None = key(
-        "mean with retries; null if under half engage", "s", head="mean, ms", scale=1e3, form=".2f"
-    )
+        "mean with retries; null if under half engage", "s",
+        head="with retries, ms", scale=1e3, form=".2f",
+    )  # fmt: skip
     mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
     standard_error_s: float | None = key(
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
     )
+    engaged_mean_s: float | None = key(
+        "mean time of the shifts that engage or are freed", "s", late=True,
+        head="engaged mean, ms", scale=1e3, form=".2f",
+    )  # fmt: skip
+    engaged_standard_error_s: float | None = key(
+        "standard error of `engaged_mean_s`", "s", late=True,
+        head="s.e., ms", scale=1e3, form=".2f",
+    )  # fmt: skip
+    hang_probability: float | None = key(
+        "probability that a shift hangs and is tried again", SHARE, late=True,
+        head="hangs", form=".2%",
+    )  # fmt: skip
+    hang_prior: HangPriorRow | None = key("prior of that probability", late=True)
     sd_s: float = key("standard deviation of the time of a shift", "s", head="sd, ms", **IN_MS)
     engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form="z.0%")
     n: int = key("number of shifts", head="n", form="d")
@@ -90,6 +118,10 @@ class PointRow(PlaceRow):
             mean_s=p.time,
             mean_engaged_s=p.mean_engaged,
             standard_error_s=number_or_none(p.standard_error if p.engages else None),
+            engaged_mean_s=None if p.silent else p.engaged_mean,
+            engaged_standard_error_s=None if p.silent else number_or_none(p.engaged_error),
+            hang_probability=p.hang.mean,
+            hang_prior=HangPriorRow.of(p.prior),
             sd_s=p.sd,
             engaged=p.engaged,
             n=p.n,
@@ -98,11 +130,44 @@ class PointRow(PlaceRow):
         )
 
 
-class ExpectedTime(Record):
+class HangKeys(Record):
+    """Both parts of an expected shift time: mean of engaged shifts, and retries of hangs."""
+
+    engaged_mean_s: float | None = key(
+        "mean time of the shifts that engage at the first try or are freed by a set-point", "s",
+        late=True,
+    )  # fmt: skip
+    engaged_standard_error_s: float | None = key("its standard error", "s", late=True)
+    hang_probability: float | None = key(
+        "probability that a shift hangs and is tried again, posterior mean", SHARE, late=True
+    )
+    hang_probability_low: float | None = key("lower end of its 95 % interval", SHARE, late=True)
+    hang_probability_high: float | None = key("upper end", SHARE, late=True)
+    retries_s: float | None = key("expected time of retries", "s", late=True)
+    retries_error_s: float | None = key("its standard error", "s", late=True)
+
+
+def hang_keys(found: Expectation) -> dict[str, float | None]:
+    """Give both parts of an expected time by the keys of ``HangKeys``."""
+    silent, (low, high) = any(p.silent for p in found.points), found.hang_interval
+    return {
+        "engaged_mean_s": None if silent else found.engaged_mean,
+        "engaged_standard_error_s": None if silent else number_or_none(found.engaged_error),
+        "hang_probability": found.hang_probability,
+        "hang_probability_low": low,
+        "hang_probability_high": high,
+        "retries_s": found.retries if found.engages else None,
+        "retries_error_s": found.retries_error if found.engages else None,
+    }
+
+
+class ExpectedTime(HangKeys):
     """Expected shift time over operating points and relative angles."""
 
-    expected_shift_time_s: float | None = key("mean shift time; null where too few engage", "s")
-    standard_error_s: float | None = key("its standard error", "s")
+    expected_shift_time_s: float | None = key(
+        "`engaged_mean_s` and `retries_s`; null where too few engage", "s"
+    )
+    standard_error_s: float | None = key("its standard error, of both parts", "s")
     numerical_error_s: float | None = key("by finer integration; null where not computed", "s")
     engages: bool = key("whether at least half of the shifts engage at each operating point")
     engaged: float = key("least share of the shifts that engaged at a point", SHARE)
@@ -128,6 +193,7 @@ class ExpectedTime(Record):
             engages=found.engages,
             engaged=found.engaged,
             mean_engaged_s=found.mean_engaged,
+            **hang_keys(found),
             shifts=found.shifts,
             not_engaged=found.lost,
             held_dog_on_dog=found.blocked,
