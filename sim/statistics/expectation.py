@@ -26,6 +26,7 @@ from dogshape.sim.elementwise import Array, by_weight
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 
+FIRST_WINDOW_SHARE = 0.9  #: of the relative angles, up to the limit engagement speed (judged)
 LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
 NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
 
@@ -95,6 +96,9 @@ class PointExpectation:
     blocked: int = 0  #: number that stood still dog on dog, held by friction
     freed: int = 0  #: number of these that a set-point freed
     by_angle: Sequence[Sequence[int]] = ()  #: of ``entries_by_angle``
+    #: number that engaged without being carried past a slot; None where the shifts do not tell
+    first_window: int | None = None
+    direct_share: float | None = None  #: of ``sim.statistics.shiftability``
 
     @property
     def timed(self) -> float:
@@ -127,6 +131,7 @@ class Expectation:
     numerical_error: float | None = None  #: by repeating some shifts with a far smaller tolerance
     #: of the time of all shifts of the mix, by their share, retries included
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
+    first_window_share: float = FIRST_WINDOW_SHARE  #: that defines the limit engagement speed
 
     @property
     def relative_error(self) -> float:
