@@ -112,7 +112,8 @@ class Expectation(Result):
         direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
         entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
         if closed := [p.direct_share for p in mean.points if p.direct_share is not None]:
-            entry += f", {percent(direct / mean.shifts)}; closed form {percent(np.mean(closed))}"
+            mean_closed = sum(closed) / len(closed)
+            entry += f", {percent(direct / mean.shifts)}; closed form {percent(mean_closed)}"
         more = [f"shift time over the life: {times}"] if times else []
         limits = [tabulate(LimitRow, found.engagement_limits)] if found.engagement_limits else []
         return [table, total, *more, lost, entry, *limits, engine, *self.shortfall]

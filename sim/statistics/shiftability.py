@@ -84,8 +84,7 @@ def limit_draws(speeds: Array, engaged: Array, shifts: Array, share: float) -> A
     """
     from scipy.optimize import isotonic_regression  # noqa: PLC0415  slow to load
 
-    means = (engaged + 1.0) / (shifts + 2.0)
-    peak = means.size - 1 - int(np.argmax(means[::-1]))
+    peak = int(np.argmax((engaged + 1.0) / (shifts + 2.0)))
     speeds, weights = speeds[peak:], shifts[peak:]
     rng, size = np.random.default_rng(SEED), (DRAWS, speeds.size)
     shares = rng.beta(engaged[peak:] + 1.0, weights - engaged[peak:] + 1.0, size)
