@@ -41,7 +41,7 @@ from dogshape.pipeline.reports.text import (
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import Where
-from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
+from dogshape.pipeline.store.result_records import ExpectedTime, LimitRow, PointRow
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
@@ -130,22 +130,33 @@ class Expectation(Result):
         times = quantile_words([one.to_dict() for one in found.quantiles or ()])
         direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
         entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
+        if closed := [p.direct_share for p in mean.points if p.direct_share is not None]:
+            mean_closed = sum(closed) / len(closed)
+            entry += f", {percent(direct / mean.shifts)}; closed form {percent(mean_closed)}"
         more = [f"mean of engaged shifts {engaged_text(parts)}"]
         more += [f"shift time over the life: {times}"] if times else []
-        return [table, total, *more, lost, entry, shafts, engine, *self.shortfall]
+        limits = [tabulate(LimitRow, found.engagement_limits)] if found.engagement_limits else []
+        return [table, total, *more, lost, entry, *limits, shafts, engine, *self.shortfall]
 
     def shiftability(self) -> Frame:
-        """Give the shifts by entry, a row for each operating point and bin of its angles."""
+        """Give the shifts by entry, a row for each operating point and bin of its angles.
+
+        ``direct_closed_form`` is the share of direct entries of the whole point, of flat tips.
+        """
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
         pitch = self.config.clutch.dog.pitch_angle / DEG
         rows = [
-            (one.point.mismatch / RPM, one.point.profile.force, (k + 0.5) * pitch / bins, *counts)
+            (
+                one.point.mismatch / RPM, one.point.profile.force, (k + 0.5) * pitch / bins,
+                *counts, one.direct_share,
+            )
             for one in self.mean.points if (bins := len(one.by_angle))
             for k, counts in enumerate(one.by_angle)
         ]  # fmt: skip
         entries = ("direct", "after_face_contact", "not_engaged")
-        return pd.DataFrame(rows, columns=("mismatch_rpm", "force_N", "angle_deg", *entries))
+        names = ("mismatch_rpm", "force_N", "angle_deg", *entries, "direct_closed_form")
+        return pd.DataFrame(rows, columns=names)
 
     def plot_shiftability(self) -> Figure:
         """Map direct entry over mismatch and force, and over mismatch and relative angle."""

@@ -86,6 +86,7 @@ SERIES = 1.0 / 64.0  #: stiction velocity over slip up to which four terms give 
 STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
 STEADY = 0.01  #: share by which a pack's torque may still change where rings count as blocked
 STILL = 1e-3  #: m/s of slip below which faces count as held
+FACE_DEPTH = 0.05  #: of the height, to which a touch may be one of faces that are turned
 LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
 IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
 LONGEST_TURN = 0.05  #: pitches, by which a step may turn without a look at what is between
@@ -826,7 +827,7 @@ def faces_meet(angle, way, plain):
     of the height is allowed for the turn of one face against the other.
     """
     overlap, most, slope = facing(face_overlap(angle, plain), plain)
-    return 0.0 < overlap < most and way - plain[GAP] <= overlap * slope + 0.05 * plain[HEIGHT]
+    return 0.0 < overlap < most and way - plain[GAP] <= overlap * slope + FACE_DEPTH * plain[HEIGHT]
 
 
 @making

@@ -6,6 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import Bad, Table, percent
+from dogshape.pipeline.record import Bad, Table, percent, tabulate
 from dogshape.pipeline.reports.charts import (
     ENTRY_NOTE,
     effects_figure,
@@ -76,7 +77,7 @@ from dogshape.pipeline.simulate.design import (
     failing_words,
 )
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.store.result_records import EngineAgreement
+from dogshape.pipeline.store.result_records import EngineAgreement, LimitRow, PointRow
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import naming
 from dogshape.surrogate.store import Validation
@@ -511,8 +512,32 @@ def point_parts(study: Setup, result: Row) -> list[Part]:
         own = study.clutch.dog.count
         counts = {"prototype": own, "best": result["best"].get("count", own)}
         entries = {name: (c[key]["points"], counts[key]) for key, name in SIDES.items()}
-        parts += [shiftability_figure(entries), ENTRY_NOTE]
+        parts += [shiftability_figure(entries), ENTRY_NOTE, *_entry_tables(c)]
     return parts
+
+
+def _entry_tables(confirmation: Row) -> list[Table]:
+    """Tabulate direct entries beside their closed form, and limit engagement speeds."""
+    tables: list[Table] = []
+    for side, name in SIDES.items():
+        points = [PointRow(**point) for point in confirmation[side]["points"]]
+        entries = [(point, point.shiftability) for point in points]
+        cells = [
+            [
+                *(point.cell(key) for key in ("mismatch_rpm", "force_N")),
+                *(percent(share) for share in (entry.direct, entry.direct_closed_form)),
+            ]
+            for point, entry in entries
+            if entry is not None and entry.direct_closed_form is not None
+        ]
+        if cells:
+            heads = (axis("mismatch_rpm"), axis("force_N"), "direct entry", "closed form")
+            tables.append(Table(heads, cells, note=f"Direct entry, {name}."))
+        limits = [LimitRow(**limit) for limit in confirmation[side].get("engagement_limits") or ()]
+        if limits:
+            table = tabulate(LimitRow, limits)
+            tables.append(replace(table, note=f"Limit engagement speed, {name}; 95 % interval."))
+    return tables
 
 
 def shift_parts(folder: StudyFolder, study: Setup, result: Row) -> list[Part]:

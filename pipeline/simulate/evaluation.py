@@ -46,7 +46,13 @@ from dogshape.sim.statistics.expectation import (
 )
 from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shift_records import Record as Shift
-from dogshape.sim.statistics.shift_records import entries_by_angle, landing_of, result_of
+from dogshape.sim.statistics.shift_records import (
+    entries_by_angle,
+    first_windows,
+    landing_of,
+    result_of,
+)
+from dogshape.sim.statistics.shiftability import direct_share
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import (
@@ -235,7 +241,7 @@ def evaluate(
 
 def _simulated(nominal: Setup, params: Params, rows: Rows, beside: Expectation | None) -> Simulated:
     study, dog = nominal.operated(params), nominal.dog_with(params)
-    expectation = expectation_of(study, study.points, rows)
+    expectation = expectation_of(study, study.points, rows, dog=dog)
     demand = demand_over(study, dog, expectation, rows)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
     simulated = Shifts(study, dog, checks, expectation, rows)
@@ -281,16 +287,26 @@ def demand_over(study: Setup, dog: Dog, expectation: Expectation, rows: Rows) ->
     return exceeded(demands_of(dog, np.array(landings), limits), weights, share)
 
 
-def expectation_of(study: Setup, points: Points, rows: Rows, even: bool = True) -> Expectation:
-    """Return the expectation over points from the records of each, with its quantiles."""
+def expectation_of(
+    study: Setup, points: Points, rows: Rows, even: bool = True, dog: Dog | None = None
+) -> Expectation:
+    """Return the expectation over points from the records of each, with its quantiles.
+
+    ``dog`` is that of the shifts, by default the study's own.
+    """
+    clutch = replace(study.clutch, dog=dog or study.clutch.dog)
     lost, found, shifts = (study.clutch.timeout, study.retraction), [], []
     for point, mine in zip(points, rows, strict=True):
         shifts.append(study.set_point.freed([result_of(row) for row in mine]))
         one = expect_point(point, shifts[-1], *lost, even=even)
-        found.append(replace(one, by_angle=entries_by_angle(mine)))
+        found.append(replace(
+            one, by_angle=entries_by_angle(mine), first_window=first_windows(mine),
+            direct_share=direct_share(clutch, point),
+        ))  # fmt: skip
     weights, levels = [point.weight for point in points], (study.file.search.quantile, RARE)
     quantiles = {share: time_quantile(weights, shifts, share, *lost) for share in levels}
-    return replace(expect(found), quantiles=quantiles)
+    first_window = study.file.expectation.first_window_share
+    return replace(expect(found), quantiles=quantiles, first_window_share=first_window)
 
 
 RARE = 0.999  #: of the shifts over a life, the quantile beside that of ``search.quantile``
@@ -369,7 +385,7 @@ def life_of(
         clutch, seed = replace(own.clutch, dog=dog), settings.seed + NEW_ANGLES
         blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
         rows = executor.run(blocks)
-        expectation = expectation_of(own, own.points, rows)
+        expectation = expectation_of(own, own.points, rows, dog=dog)
         if priors:
             expectation = expectation.under(priors)
         demand = demand_over(own, dog, expectation, rows)

@@ -1,4 +1,4 @@
-"""Plausibility of a study's own clutch: units in doubt, dogs that cannot engage.
+"""Plausibility of a study's own clutch: units in doubt, dogs that cannot engage, lossy slides.
 
 Nothing here is refused: a clutch may be as unusual as its values say.
 """
@@ -12,6 +12,7 @@ from dataclasses import replace
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import SPLINE
+from dogshape.sim.shift.slide import LOSS_LIMIT, slide_loss, sliding_faces, stiffness_for_loss
 from dogshape.sim.strength.dog_strength import outside_fit, strength_checks
 from dogshape.sim.strength.materials import DENSITY, STATIC_CYCLES
 from dogshape.sim.units import DEG, MM
@@ -39,7 +40,7 @@ def notes_of(study: Setup) -> list[str]:
             "flanks, [strike] judges a ring on its shaft; give mechanism.ring_inertia_kgm2 and "
             "input_stiffness_Nm_rad for both"
         )
-    return [*notes, *slips_of(study), *drag_notes(study)]
+    return [*notes, *slips_of(study), *drag_notes(study), *slide_notes(study)]
 
 
 def drag_notes(study: Setup) -> list[str]:
@@ -52,6 +53,43 @@ def drag_notes(study: Setup) -> list[str]:
         "the drag holds it, where it brakes a ring that turns in a gearbox; "
         "drive.shaft_speed_rpm makes both shafts turn"
     ]
+
+
+def slide_notes(study: Setup) -> list[str]:
+    """Return a note on each face whose slide loses more than ``LOSS_LIMIT`` to dissipation.
+
+    Of faces that slide from rest; friction holds the others, and the mismatch alone moves them.
+    """
+    contact = study.clutch.contact
+    if study.uncertainty is not None:
+        factor = study.uncertainty.mean("dissipation_factor")
+        contact = replace(contact, dissipation=factor * contact.dissipation)
+    clutch = replace(study.clutch, contact=contact)
+    force, notes = max(point.profile.force for point in study.points), list[str]()
+    for face in sliding_faces(clutch):
+        loss = slide_loss(clutch, force, face)
+        if loss <= LOSS_LIMIT or math.tan(face.slope) <= contact.dynamic_friction:
+            continue
+        stiffness = stiffness_for_loss(clutch, force, face, LOSS_LIMIT)
+        damping = contact.dissipation * LOSS_LIMIT / loss
+        remedy = f"contact.stiffness_Pa_m = {_rounded_up(stiffness):.2g}"
+        if math.isnan(stiffness):
+            remedy = f"a contact.dissipation_s_m of {damping:.2g} on the mean"
+        notes.append(
+            f"faces of {face.slope / DEG:.3g} deg that slide under {force:.4g} N lose about "
+            f"{100.0 * min(loss, 1.0):.2g} % of the axial power to the dissipation of the contact, "
+            f"{contact.dissipation:.3g} s/m, and none of it is friction; "
+            f"{remedy} keeps it to {100.0 * LOSS_LIMIT:g} %"
+        )
+    return list(dict.fromkeys(notes))
+
+
+def _rounded_up(value: float) -> float:
+    """Round a positive number up to two digits; NaN stays."""
+    if math.isnan(value):
+        return value
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit) * unit
 
 
 def slips_of(study: Setup) -> list[str]:

@@ -17,6 +17,7 @@ from dogshape.pipeline.record import (
 )
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.hangs import HangPrior
+from dogshape.sim.statistics.shiftability import SpeedLimit, speed_limits
 from dogshape.sim.strength.checks import GROUPS, Check, safety_factor
 from dogshape.sim.units import RPM
 
@@ -33,6 +34,12 @@ class Shiftability(Record):
     engaged_interval: list[float] = key("ends of the interval of `engaged`", SHARE)
     direct: float = key("share of the shifts that enter a slot without touching a face", SHARE)
     direct_interval: list[float] = key("ends of its interval", SHARE)
+    direct_closed_form: float | None = key(
+        "`direct` of flat tips in closed form; null for tips that slope", SHARE, late=True
+    )
+    first_window: float | None = key(
+        "share of the shifts that engage and are carried past no slot", SHARE, late=True
+    )
     by_angle: list[list[int]] = key(
         "shifts by bin of a pitch, from dogs facing dogs: direct, after face contact, not engaged"
     )
@@ -47,6 +54,8 @@ class Shiftability(Record):
         engaged, own = ([*one.proportion_ci(method="wilson")] for one in tests)
         return cls(
             engaged_interval=engaged, direct=direct / p.n, direct_interval=own,
+            direct_closed_form=p.direct_share,
+            first_window=None if p.first_window is None else p.first_window / p.n,
             by_angle=[list(one) for one in p.by_angle],
         )  # fmt: skip
 
@@ -161,6 +170,46 @@ def hang_keys(found: Expectation) -> dict[str, float | None]:
     }
 
 
+class LimitRow(Record):
+    """Limit engagement speed: largest mismatch at which a share engages in the first window."""
+
+    sense: int = key("sense of the mismatch, 1 or -1", head="mismatch", form="+d")
+    force_N: float = key("final shift force", "N", head="force, N", form=".1f")
+    share: float = key("share that engages", SHARE, head="in the first window", form="z.0%")
+    limit_engagement_speed_rpm: float | None = key(
+        "median; 0: no tested mismatch reaches the share, null: the largest tested one does",
+        "1/min", head="limit engagement speed, 1/min",
+    )  # fmt: skip
+    limit_engagement_speed_low_rpm: float | None = key(
+        "end of the 95 % interval; 0 and null as for the median", "1/min"
+    )
+    limit_engagement_speed_high_rpm: float | None = key("its other end", "1/min")
+    tested_rpm: float = key("largest tested mismatch in that sense", "1/min")
+
+    @classmethod
+    def of(cls, limit: SpeedLimit, share: float) -> LimitRow:
+        """Record a limit."""
+        speeds = (limit.speed, limit.low, limit.high)
+        middle, low, high = (number_or_none(speed / RPM) for speed in speeds)
+        return cls(
+            sense=limit.sense, force_N=limit.force, share=share, tested_rpm=limit.tested / RPM,
+            limit_engagement_speed_rpm=middle, limit_engagement_speed_low_rpm=low,
+            limit_engagement_speed_high_rpm=high,
+        )  # fmt: skip
+
+    def cell(self, name: str) -> str:
+        """Print a value: the limit with its interval, or that it lies over what was tested."""
+        if name != "limit_engagement_speed_rpm":
+            return super().cell(name)
+        ends = (self.limit_engagement_speed_low_rpm, self.limit_engagement_speed_high_rpm)
+        low, high = map(self._speed_text, ends)
+        middle = self._speed_text(self.limit_engagement_speed_rpm)
+        return middle if low == high else f"{middle} ({low} to {high})"
+
+    def _speed_text(self, speed: float | None) -> str:
+        return f"over {self.tested_rpm:.4g}" if speed is None else f"{speed:.3g}"
+
+
 class ExpectedTime(HangKeys):
     """Expected shift time over operating points and relative angles."""
 
@@ -177,6 +226,9 @@ class ExpectedTime(HangKeys):
     held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
     quantiles: list[QuantileRow] | None = key("quantiles of the time", late=True)
     points: list[PointRow] = key("the operating points")
+    engagement_limits: list[LimitRow] | None = key(
+        "limit engagement speeds by force and sense of the mismatch", late=True
+    )
 
     @classmethod
     def of(cls, found: Expectation) -> ExpectedTime:
@@ -199,6 +251,10 @@ class ExpectedTime(HangKeys):
             held_dog_on_dog=found.blocked,
             quantiles=quantiles,
             points=[PointRow.of(point) for point in found.points],
+            engagement_limits=[
+                LimitRow.of(limit, found.first_window_share)
+                for limit in speed_limits(found.points, found.first_window_share)
+            ],
         )
 
 

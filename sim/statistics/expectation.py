@@ -28,6 +28,7 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.hangs import HangPosterior, HangPrior, interval, weak_priors
 
+FIRST_WINDOW_SHARE = 0.9  #: of the relative angles, up to the limit engagement speed (judged)
 LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
 NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
 
@@ -100,6 +101,9 @@ class PointExpectation:
     freed: int = 0  #: number of these that a set-point freed
     by_angle: Sequence[Sequence[int]] = ()  #: of ``entries_by_angle``
     prior: HangPrior | None = None  #: of the probability of a hang
+    #: number that engaged without being carried past a slot; None where the shifts do not tell
+    first_window: int | None = None
+    direct_share: float | None = None  #: of ``sim.statistics.shiftability``
 
     @property
     def hangs(self) -> int:
@@ -168,6 +172,7 @@ class Expectation:
     numerical_error: float | None = None  #: by repeating some shifts with a far smaller tolerance
     #: of the time of all shifts of the mix, by their share, retries included
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
+    first_window_share: float = FIRST_WINDOW_SHARE  #: that defines the limit engagement speed
 
     @property
     def weights(self) -> Array:

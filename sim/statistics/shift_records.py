@@ -112,6 +112,12 @@ def entries_by_angle(records: Sequence[Record]) -> list[list[int]]:
     return counts
 
 
+def first_windows(records: Sequence[Record]) -> int:
+    """Count the shifts that engage without being carried past a slot."""
+    engaged = (row for row in records if row["shift_time_s"] is not None)
+    return sum(row["slots_skipped"] == 0 for row in engaged)
+
+
 def unfinished(record: Record) -> bool:
     """Test that the clock ended a shift: another run may finish it."""
     return str(record.get("reason", "")).startswith(TIME_LIMIT)

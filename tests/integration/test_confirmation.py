@@ -75,6 +75,7 @@ def searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Searched:
                 yield {
                     "key": key, **given, "outcome": "blocked" if stuck else "engaged",
                     "seed": block.seed, "shift_time_s": None if stuck else time, "face_contacts": 1,
+                    "slots_skipped": 0,
                     "peak_axial_force_N": 1e3, "peak_tangential_force_N": 1e3,
                     "landing_loads_N_mm": [1e-3 * load] * len(OVERLAPS),
                 }  # fmt: skip

@@ -8,7 +8,13 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.plausibility import drag_notes, folded, slips_of
+from dogshape.pipeline.simulate.plausibility import (
+    drag_notes,
+    folded,
+    notes_of,
+    slide_notes,
+    slips_of,
+)
 from dogshape.sim.errors import InputError
 from tests.conftest import Call, sets
 
@@ -174,3 +180,40 @@ def test_the_speed_of_the_shafts_is_said(
     assert words in said.out
     found = dogshape("expect", "mq200_paper", "--angles", "3", *POINT[2:], *given, "--json")
     assert words.removeprefix("shafts ") in found.json["shafts"]
+
+
+#: Pointed teeth of a light sleeve in place of the prototype's dogs.
+SLEEVE = (
+    "dog.count=27", "dog.chamfer_deg=34", "dog.chamfer_back_deg=34", "dog.crest=0.5",
+    "dog.traction_deg=0", "dog.braking_deg=0", "dog.height_mm=4", "dog.backlash_mm=0.2",
+    "dog.outer_diameter_mm=57", "dog.inner_diameter_mm=55", "sliding.mass_kg=0.05",
+    "sliding.inertia_kgm2=0.000351", "output.inertia_kgm2=20", "strike=",
+)  # fmt: skip
+
+
+def test_a_slide_that_loses_power_is_said_with_the_stiffness_that_bounds_it() -> None:
+    """By the mean of a drawn dissipation, and on the stiffness of the remedy no more."""
+    (note,) = slide_notes(load_study("mq200_both", SLEEVE))
+    assert "faces of 34 deg that slide under 641.5 N lose about 8.6 %" in note
+    assert note in notes_of(load_study("mq200_both", SLEEVE))
+    (certain,) = slide_notes(load_study("mq200_both", [*SLEEVE, "uncertain.dissipation_factor="]))
+    assert "14 %" in certain
+    assert "20 s/m" in certain
+    stiffness = note.split("contact.stiffness_Pa_m = ")[1].split()[0]
+    remedy = f"contact.stiffness_Pa_m={stiffness}"
+    assert slide_notes(load_study("mq200_both", [*SLEEVE, remedy])) == []
+
+
+def test_a_slide_that_no_stiffness_bounds_has_a_dissipation_as_remedy() -> None:
+    values = ("uncertain.dissipation_factor=", "contact.dissipation_s_m=9000")
+    (note,) = slide_notes(load_study("mq200_both", [*SLEEVE, *values]))
+    assert "a contact.dissipation_s_m of" in note
+
+
+@pytest.mark.parametrize("study", ["mq200", "mq200_both", "motorcycle", "amt", "ev_disconnect"])
+def test_slides_of_bundled_clutches_lose_little(study: str) -> None:
+    assert slide_notes(load_study(study)) == []
+
+
+def test_faces_that_friction_holds_have_no_slide_of_their_own() -> None:
+    assert slide_notes(load_study("mq200_paper", ["contact.set=adams2019"])) == []

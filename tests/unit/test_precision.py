@@ -39,7 +39,7 @@ def _run(study: Setup, time: Time, precision: float, said: list[str]) -> Expecta
 
 def _row(time: float | None) -> Record:
     outcome = "engaged" if time else "timed_out"
-    return {"outcome": outcome, "shift_time_s": time, "face_contacts": 1}
+    return {"outcome": outcome, "shift_time_s": time, "face_contacts": 1, "slots_skipped": 0}
 
 
 def test_numerical_error_is_mean_and_scatter_of_repetitions(clutch: Clutch, point: Point) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.record import Bad
+from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports import single_shifts, surrogate_findings
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import command_of, searched_record
@@ -22,6 +22,7 @@ from dogshape.pipeline.reports.study_page import (
     alternatives_table,
     facts_of,
     headline,
+    point_parts,
     summary_tables,
 )
 from dogshape.pipeline.reports.surrogate_findings import (
@@ -37,6 +38,7 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.strength.locking import locking_checks, locking_friction
+from dogshape.study import Study
 from dogshape.surrogate.store import save
 from tests.found import LENGTH, TIME, VARIABLES, Row, kept_result, shift
 
@@ -413,3 +415,19 @@ def test_limits_without_a_source_come_first() -> None:
     assert names[:2] == ["limits without a source, assumed", "contact ratio"]
     assert names[2:] == ["other limits", "root fatigue", "time lost on the reference"]
     assert table.looks == {0: "group", 2: "group"}
+
+
+def test_entries_of_both_designs_stand_beside_their_closed_form() -> None:
+    """And limit engagement speeds; of an earlier result, without either, there is no table."""
+    study = load_study("motorcycle")
+    own = Study("motorcycle").expect(angles=3, jobs=1).to_dict()
+    result: Row = {
+        "confirmation": {"prototype": own, "best": own}, "best": {"prototype": False, "count": 6}
+    }  # fmt: skip
+    notes = [part.note for part in point_parts(study, result) if isinstance(part, Table)]
+    assert len(notes) == 4
+    assert {note.split(",")[0] for note in notes} == {"Direct entry", "Limit engagement speed"}
+    for point in own["points"]:
+        del point["shiftability"]["direct_closed_form"], point["shiftability"]["first_window"]
+    del own["engagement_limits"]
+    assert not any(isinstance(part, Table) for part in point_parts(study, result))
