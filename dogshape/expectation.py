@@ -28,6 +28,7 @@ from dogshape.pipeline.record import (
     Table,
     frame_of,
     number_or_none,
+    percent,
     tabulate,
 )
 from dogshape.pipeline.reports.text import (
