@@ -134,7 +134,8 @@ def judged(found: Checked) -> dict[str, Any]:
     lines = (
         check_name(weakest.name),
         verdict.line,
-        f"at worst-case tolerances: {found.worst_case.replace('_', ' ')}",
+        f"at statistical tolerances: {found.statistical.replace('%', ' %').replace('_', ' ')}",
+        f"at worst-case tolerances: {found.worst_case.replace('%', ' %').replace('_', ' ')}",
         *(line.partition(" [")[0] for line in hinge_lines(verdict)[:HINGES] if verdict.flipping),
     )
     kind = {"passes": "good", "fails": "bad"}.get(verdict.state, "open")

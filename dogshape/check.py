@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,14 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
 from dogshape.pipeline.record import Frame, Result, Table, frame_of, percent
-from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_words, time_text
+from dogshape.pipeline.reports.text import (
+    ENGINES,
+    engaged_text,
+    hang_words,
+    interval_text,
+    quantile_words,
+    time_text,
+)
 from dogshape.pipeline.simulate.design import (
     Design,
     ToleranceTime,
@@ -26,18 +33,21 @@ from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.result_records import (
     CheckRow,
     ExpectedTime,
+    HangKeys,
     NotJudged,
     QuantileRow,
     check_table,
+    hang_keys,
     not_judged_row,
 )
 from dogshape.pipeline.train.training_rows import own_surrogate, study_mix
+from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strike_force, strike_torque
 from dogshape.sim.strength.landing import Landings
-from dogshape.sim.strength.locking import blocking_force
-from dogshape.sim.strength.manufacture import manufacturing_checks
+from dogshape.sim.strength.locking import Retention, blocking_force, retention
+from dogshape.sim.strength.manufacture import Kind, manufacturing_checks
 from dogshape.sim.strength.verdict import OPTIONAL, SPANS, Hinge, Verdict, landing_by_stiffness
 from dogshape.sim.units import MPA, RPM
 from dogshape.surrogate.dataset import Mix
@@ -77,13 +87,28 @@ class Checked(Result):
         """Force that the blocking mechanism has to hold, N."""
         return blocking_force(self.config.clutch.dog, self.config.limits.load)
 
+    def within(self, kind: Kind) -> str:
+        """Smallest margin within the tolerances, the landing at nominal size, with its check."""
+        weakest = smallest_margin(self.design.checks)
+        name, margin = weakest_within(self.config, self.design, kind)
+        margin, name = min((margin, name), (weakest.margin, weakest.name))
+        return "no dog" if math.isinf(margin) else f"{percent(margin)}, {name}"
+
     @property
     def worst_case(self) -> str:
-        """Smallest margin at worst-case tolerances, the landing at nominal size, with its check."""
-        weakest = smallest_margin(self.design.checks)
-        (name, worst), own = weakest_within(self.config, self.design), weakest.margin
-        worst, name = min((worst, name), (own, weakest.name))
-        return "no dog" if math.isinf(worst) else f"{percent(worst)}, {name}"
+        """Smallest margin at worst-case tolerances, with its check."""
+        return self.within("worst_case")
+
+    @property
+    def statistical(self) -> str:
+        """Smallest margin by root sum of squares at the reject rate, with its check."""
+        return self.within("root_sum_square")
+
+    @property
+    def retention(self) -> list[Retention]:
+        """Forces that separate the rings under torque on each flank, and what holds them."""
+        dog, load = self.config.clutch.dog, self.config.limits.load
+        return [retention(dog, load, flank) for flank in FLANKS]
 
     @property
     def rows(self) -> list[CheckRow]:
@@ -104,17 +129,25 @@ class Checked(Result):
             "",
             "S: safety factor, upper limit of a stress or force over its value, at nominal size, "
             "beyond the factors of [load] that the limit contains",
-            "margin: distance to the limit over the limit, at nominal size, with every tolerance "
-            "at its worst, and by root sum of squares (landing and times: nominal size alone)",
+            "margin: distance to the limit over the limit, at nominal size, by root sum of squares "
+            f"of all tolerances ({self.rejects} of the dogs have less), and with every tolerance "
+            "at its worst (landing and times: nominal size alone)",
             f"verdict: {self.verdict.line}",
             *(f"{one.name}: {one.fault}; {one.remedy}" for one in self.design.faults),
             f"smallest margin: {percent(weakest.margin)}, {weakest.name}",
             *hinge_lines(self.verdict),
+            f"at statistical tolerances: {self.statistical}",
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
             *(f"warning: {note}" for note in self.notes),
+            *map(_retention_words, self.retention),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
         ]
+
+    @property
+    def rejects(self) -> str:
+        """Share of the dogs beyond the margins by root sum of squares."""
+        return f"{100.0 * self.config.limits.tolerances.reject_rate:.3g} %"
 
     def landing_of(self, shifts: int, engine: str) -> list[str]:
         """Explain which shifts the checks of the landing are from; nothing without them."""
@@ -141,10 +174,12 @@ class Checked(Result):
 
     def _landing_stiffness(self, landings: Landings) -> list[str]:
         """Explain what the landing owes to the stiffness of the contact, which stands for rings."""
-        if self.config.clutch.contact.impact is not None:
+        contact, span = self.config.clutch.contact, SPANS.contact_stiffness
+        if contact.impact is not None:
             return []
-        span, dog, limits = SPANS.contact_stiffness, self.config.clutch.dog, self.config.limits
-        soft, stiff = map(percent, landing_by_stiffness(dog, limits, landings))
+        dog, limits = self.config.clutch.dog, self.config.limits
+        margins = landing_by_stiffness(dog, limits, landings, contact.stiffness)
+        soft, stiff = map(percent, margins)
         return [
             f"landing with {span.low:g} to {span.high:g} times contact.stiffness_Pa_m: smallest "
             f"margin {soft} to {stiff}"
@@ -156,6 +191,17 @@ class Checked(Result):
             "feasible": self.feasible,
             "verdict": self.verdict.to_dict(),
             "checks": checks_within(self.config, self.design),
+            "retention": [
+                {
+                    "flank": one.flank,
+                    "force_without_friction_N": one.frictionless,
+                    "force_with_flank_friction_N": one.flank_friction,
+                    "force_with_all_friction_N": one.all_friction,
+                    "held_N": one.held,
+                    "held_by": one.answer,
+                }
+                for one in self.retention
+            ],
         }
 
     def to_frame(self) -> Frame:
@@ -184,6 +230,19 @@ def _hinge_words(hinge: Hinge) -> str:
     checks = ", ".join(dict.fromkeys((hinge.check_low, hinge.check_high)))
     margins = f"smallest margin {ends[0]} to {ends[1]} ({checks})"
     return f"{hinge.key} {hinge.range_text} [{hinge.status}: {hinge.source}]: {margins}"
+
+
+def _retention_words(found: Retention) -> str:
+    """Say what holds a worn, loaded flank, with its axial forces."""
+
+    def push(force: float) -> str:
+        return f"{'pushes out' if force > 0.0 else 'pulls in'} with {abs(force):.0f} N"
+
+    return (
+        f"worn {found.flank} flank: held by {found.answer}; {push(found.frictionless)} without "
+        f"friction, {push(found.flank_friction)} with the least of the flank, "
+        f"{push(found.all_friction)} with the toothing's too"
+    )
 
 
 #: Standard error of the compiled engine's expected time against Drake's, over the time. Medians are
@@ -223,6 +282,7 @@ class Check(Checked):
     guess: Guess | None = None
     refusal: str = ""
     quantiles: Sequence[QuantileRow] = ()
+    hangs: Mapping[str, float | None] = field(default_factory=dict)  #: ``HangKeys``, if simulated
 
     @property
     def time_s(self) -> float | None:
@@ -249,18 +309,34 @@ class Check(Checked):
                 f"expected shift time {_interval(found)} "
                 f"({source if self.shifts else 'surrogate'}); single shifts "
                 f"scatter by {time_text(found.sd)}, {100 * found.engaged:.1f} % engage at worst",
-                *_retries(found, self.config, self.shifts),
+                *self._part_lines(found),
             ]
             times = quantile_words([one.to_dict() for one in self.quantiles])
             lines += [f"shift time over the life: {times}"] if times else []
         lines += [] if self.guess is None else self._surrogate_lines(self.guess)
+        lines.append(self.config.shafts_text)
         return [*lines, "", *super().to_parts(), *self.landing_of(self.shifts, "planar")]
+
+    def _surrogate_parts(self) -> dict[str, float | None]:
+        """Give the mean of engaged shifts by the keys of ``HangKeys``; it has no interval."""
+        parts = dict[str, float | None].fromkeys(HangKeys.model_fields)
+        if (found := self.expected) is not None:
+            bare, error = found.without_retries
+            parts |= {"engaged_mean_s": bare, "engaged_standard_error_s": error}
+            parts |= {"retries_s": found.retries, "retries_error_s": found.retries_error}
+        return parts
+
+    def _part_lines(self, found: Expected) -> list[str]:
+        if not self.hangs:
+            return _parts(found, self.config)
+        words = f"{hang_words(self.hangs)}; {self.config.retry_text}"
+        return [f"mean of engaged shifts {engaged_text(self.hangs)}", words]
 
     def _surrogate_lines(self, guess: Guess) -> list[str]:
         answer, expected, spread, lines = guess.answer, guess.answer.expected, guess.spread, []
         if self.shifts:
             time = answer.refusal if expected is None else _interval(expected)
-            lines = [f"surrogate {guess.path}: {time}", *_retries(expected, self.config)]
+            lines = [f"surrogate {guess.path}: {time}", *_parts(expected, self.config)]
         if self.missed:
             lines += ["warning: the surrogate misses the simulated time by more than its interval"]
         lines += [f"warning: {one}; the surrogate extrapolates" for one in answer.warnings]
@@ -286,9 +362,11 @@ class Check(Checked):
             beside = {"missed_by_surrogate": self.missed, "time_within_tolerances": spread}
         return {
             **time_record(self.expected, self.refusal),
+            **(self.hangs or self._surrogate_parts()),
             **({"engaged": self.engaged} if self.shifts else {}),
             "quantiles": [one.to_dict() for one in self.quantiles],
             "operating_points": len(self.mix.points),
+            "shafts": self.config.clutch.drive.text,
             "engine": "planar" if self.shifts else self.config.clutch.solver.engine,
             "shifts_planar": self.shifts,
             "in_range": answer.in_range,
@@ -306,15 +384,14 @@ def _interval(found: Expected) -> str:
     return interval_text(found.time, found.low, found.high)
 
 
-def _retries(found: Expected | None, config: Setup, shifts: int = 0) -> list[str]:
-    """Split an interval into shifts that engage and retries; bound retries that are not seen."""
+def _parts(found: Expected | None, config: Setup) -> list[str]:
+    """Split an interval of a surrogate into shifts that engage and retries."""
     if found is None or not (found.retries or found.retries_error):
-        return [config.unseen_failures(shifts)] if shifts else []
+        return []
     bare, error = found.without_retries
     return [
-        f"failed attempts take {percent(found.retries / found.time)} of the time: without retries "
-        f"{time_text(bare, 1.96 * error)}, retries "
-        f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %); {config.retry_text}"
+        f"mean of engaged shifts {time_text(bare, error)}, retries "
+        f"{time_text(found.retries, found.retries_error)}; {config.retry_text}"
     ]
 
 
@@ -344,7 +421,10 @@ def check_design(
     if found is None:
         return answer
     mean, quantiles = found.expectation, ExpectedTime.of(found.expectation).quantiles or ()
-    return replace(answer, shifts=mean.shifts, engaged=mean.engaged, quantiles=quantiles)
+    return replace(
+        answer, shifts=mean.shifts, engaged=mean.engaged, quantiles=quantiles,
+        hangs=hang_keys(mean),
+    )  # fmt: skip
 
 
 def _guess(config: Setup, mix: Mix, named: str | Path | None) -> Guess | None:
@@ -368,14 +448,11 @@ def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
         few = f"{percent(found.engaged)} at the worst point"
         count = f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
         return None, f"{count}; {found.losses}"
-    share, n, sd = np.array([(p.timed, p.n, p.sd) for p in found.points]).T
-    weights = mix.weights * mix.retry
-    unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2
-    error = math.hypot(found.standard_error, ENGINE_ERROR * found.mean)
+    error = math.hypot(found.standard_error, ENGINE_ERROR * found.engaged_mean)
     (low,), (high,) = interval(np.array([found.mean]), np.array([error]))
-    spread = math.sqrt(mix.weights @ sd**2)
-    retries = float(weights @ ((1.0 - share) / share)), float(np.linalg.norm(unsure))
+    spread = math.sqrt(mix.weights @ np.array([p.sd for p in found.points]) ** 2)
     times = found.mean, float(low), float(high), error
+    retries = found.retries, found.retries_error
     return Expected(*times, spread, found.engaged, *retries), ""
 
 

@@ -22,7 +22,7 @@ from dogshape.pipeline.reports.data_sheet import (
 )
 from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import minus
-from dogshape.pipeline.simulate.design import weakest_within
+from dogshape.pipeline.simulate.design import KINDS, weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER
@@ -39,10 +39,11 @@ def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
         one.study,
         one.study.prototype,
         {check.name: check.margin for check in found.design.checks},
-        weakest_within(one.study, found.design),
+        {kind: weakest_within(one.study, found.design, kind) for kind in KINDS},
         found.verdict.to_dict(),
         expected_shift_time_s=None if expected is None else expected.time,
         standard_error_s=None if expected is None else expected.error,
+        **found.hangs,
         engaged=found.engaged if found.shifts else None,
         source=found.refusal or "compiled engine",
         engine="planar",

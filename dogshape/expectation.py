@@ -31,11 +31,18 @@ from dogshape.pipeline.record import (
     percent,
     tabulate,
 )
-from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
+from dogshape.pipeline.reports.text import (
+    ENGINES,
+    engaged_text,
+    hang_words,
+    interval_text,
+    quantile_words,
+    time_text,
+)
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import Where
-from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
+from dogshape.pipeline.store.result_records import ExpectedTime, LimitRow, PointRow
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
@@ -56,7 +63,7 @@ class Expectation(Result):
 
     config: Setup
     mean: Mean
-    precision: float | None = None  #: wanted relative standard error
+    precision: float | None = None  #: wanted relative standard error of the engaged mean
 
     @property
     def shortfall(self) -> list[str]:
@@ -80,8 +87,23 @@ class Expectation(Result):
 
     @property
     def standard_error_s(self) -> float:
-        """Standard error of the expected shift time, s."""
+        """Standard error of the expected shift time, s, by the angles and by rare hangs."""
         return self.mean.standard_error
+
+    @property
+    def engaged_mean_s(self) -> float | None:
+        """Mean time of engaged shifts, s; None where none engages at some operating point."""
+        return self.record.engaged_mean_s
+
+    @property
+    def hang_probability(self) -> float | None:
+        """Posterior mean of the probability that a shift hangs and is tried again."""
+        return self.record.hang_probability
+
+    @property
+    def hang_interval(self) -> tuple[float, float]:
+        """Interval of that probability, 95 %."""
+        return self.mean.hang_interval
 
     @cached_property
     def record(self) -> ExpectedTime:
@@ -92,16 +114,14 @@ class Expectation(Result):
         """Give operating points, expected shift time with its errors, and the engine."""
         found, mean = self.record, self.mean
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
-        table = tabulate(PointRow, found.points)
-        lost = mean.losses if mean.lost else self.config.unseen_failures(mean.shifts)
-        if mean.lost and (bare := mean.mean_engaged) is not None:
-            lost += f"; without their retries the mean is {in_ms(bare)} ms"
-            share = f"{percent(1.0 - bare / mean.mean)} of the time: {self.config.retry_text}"
-            lost += f", failed attempts are {share}" if mean.engages else ""
+        shafts, table = self.config.shafts_text, tabulate(PointRow, found.points)
+        parts = found.to_dict()
+        lost = f"{hang_words(parts)}; {self.config.retry_text}"
+        lost += f"; {mean.losses}" if mean.lost else f"; none of {mean.shifts} shifts hung"
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
-            return [f"{count}: {NO_TIME}", table, lost, engine, *self.shortfall]
-        error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error)"
+            return [f"{count}: {NO_TIME}", table, lost, shafts, engine, *self.shortfall]
+        error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error, hangs included)"
         if found.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
         total = f"expected shift time {1e3 * mean.mean:.2f} {error}"
@@ -110,21 +130,33 @@ class Expectation(Result):
         times = quantile_words([one.to_dict() for one in found.quantiles or ()])
         direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
         entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
-        more = [f"shift time over the life: {times}"] if times else []
-        return [table, total, *more, lost, entry, engine, *self.shortfall]
+        if closed := [p.direct_share for p in mean.points if p.direct_share is not None]:
+            mean_closed = sum(closed) / len(closed)
+            entry += f", {percent(direct / mean.shifts)}; closed form {percent(mean_closed)}"
+        more = [f"mean of engaged shifts {engaged_text(parts)}"]
+        more += [f"shift time over the life: {times}"] if times else []
+        limits = [tabulate(LimitRow, found.engagement_limits)] if found.engagement_limits else []
+        return [table, total, *more, lost, entry, *limits, shafts, engine, *self.shortfall]
 
     def shiftability(self) -> Frame:
-        """Give the shifts by entry, a row for each operating point and bin of its angles."""
+        """Give the shifts by entry, a row for each operating point and bin of its angles.
+
+        ``direct_closed_form`` is the share of direct entries of the whole point, of flat tips.
+        """
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
         pitch = self.config.clutch.dog.pitch_angle / DEG
         rows = [
-            (one.point.mismatch / RPM, one.point.profile.force, (k + 0.5) * pitch / bins, *counts)
+            (
+                one.point.mismatch / RPM, one.point.profile.force, (k + 0.5) * pitch / bins,
+                *counts, one.direct_share,
+            )
             for one in self.mean.points if (bins := len(one.by_angle))
             for k, counts in enumerate(one.by_angle)
         ]  # fmt: skip
         entries = ("direct", "after_face_contact", "not_engaged")
-        return pd.DataFrame(rows, columns=("mismatch_rpm", "force_N", "angle_deg", *entries))
+        names = ("mismatch_rpm", "force_N", "angle_deg", *entries, "direct_closed_form")
+        return pd.DataFrame(rows, columns=names)
 
     def plot_shiftability(self) -> Figure:
         """Map direct entry over mismatch and force, and over mismatch and relative angle."""
@@ -139,6 +171,7 @@ class Expectation(Result):
         if self.precision is not None:
             reached = number_or_none(self.mean.relative_error)
             more["precision"] = {"wanted": self.precision, "reached": reached}
+        more["shafts"] = self.config.clutch.drive.text
         return {"engine": engine, **self.record.to_dict(), **more}
 
     def plot(self) -> Figure:
@@ -149,7 +182,7 @@ class Expectation(Result):
 
     def to_frame(self) -> Frame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""
-        return frame_of(self.record.points).drop(columns="shiftability")
+        return frame_of(self.record.points).drop(columns=["shiftability", "hang_prior"])
 
 
 def simulate_mean(

@@ -21,6 +21,7 @@ from dogshape.running import in_radians
 from dogshape.sim.files import write_frame
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import engage, events_record, loads_record
+from dogshape.sim.strength.peak_force import peak_forces
 from dogshape.sim.units import RPM
 
 #: Largest mismatch in 1/min and force in N of the table of checked shifts (``docs/proof.md``).
@@ -90,7 +91,8 @@ class Shift(Result):
             f"{one.outcome.value.replace('_', ' ')}{time}: {one.detail}",
             phase_table(one),
             "; ".join(event_facts(one)),
-            *load_facts(one, self.torque_peak),
+            *load_facts(one, self.torque_peak, self.config.limits),
+            self.config.shafts_text,
             f"simulated by {ENGINES[one.clutch.solver.engine]}",
             *(f"warning: {warning}" for warning in self.warnings),
         ]
@@ -106,7 +108,7 @@ class Shift(Result):
             "phases": [{"name": p.name, "start": p.start, "end": p.end} for p in result.phases],
             "peak_axial_force_N": result.loads.peak_axial_force,
             "events": events_record(result),
-            "loads": {**loads_record(result), "torque_peak_Nm": peak},
+            "loads": {**loads_record(result), "torque_peak_Nm": peak, **self._peaks},
             "detail": result.detail,
             "warnings": list(self.warnings),
             "solver": {
@@ -121,7 +123,19 @@ class Shift(Result):
                 "dogs": result.clutch.dog.count if solver.all_dogs else 1,
                 "contact_set": result.clutch.contact.name,
             },
+            "shafts": self.config.clutch.drive.text,
             **({"mechanism": mechanism} if mechanism else {}),
+        }
+
+    @property
+    def _peaks(self) -> dict[str, Any]:
+        """What tells whether the peak forces are those of rigid rings."""
+        peaks = peak_forces(self.engagement, self.config.limits)
+        return {
+            "axial_contact_time_s": peaks.contact,
+            "stress_wave_time_s": peaks.wave,
+            "axially_rigid": peaks.rigid_axially,
+            "strike_force_N": peaks.strike,
         }
 
     def to_frame(self) -> Frame:
@@ -139,7 +153,8 @@ class Shift(Result):
 
     def report(self, path: str | Path) -> Path:
         """Write the animated page of the shift, which opens offline; give its path."""
-        write_animation(self.engagement, Path(path), self.torque_peak)
+        limits = self.config.limits
+        write_animation(self.engagement, Path(path), self.torque_peak, limits=limits)
         return Path(path)
 
 

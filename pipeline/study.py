@@ -11,7 +11,7 @@ from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.search.confirmation import Executors, audit, confirm, shifts_to_confirm
 from dogshape.pipeline.search.search import Search, open_search, run
-from dogshape.pipeline.search.state import PROTOTYPE, SearchState, Trial
+from dogshape.pipeline.search.state import PROTOTYPE, SearchState, Trial, expectation_from
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     OBJECTIVES,
@@ -26,7 +26,7 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
-from dogshape.pipeline.store.result_records import EngineAgreement
+from dogshape.pipeline.store.result_records import EngineAgreement, HangKeys, hang_keys
 from dogshape.pipeline.store.trial_storage import kept, open_storage
 from dogshape.pipeline.train.training import train
 from dogshape.pipeline.train.training_rows import study_mix
@@ -162,7 +162,7 @@ def _life(
     trial = next(t for t in state.trials if t.number == confirmation["chosen"])
     counter.say(f"design {trial.number} over its life: half worn and worn")
     try:
-        return [row.to_dict() for row in life_of(study, trial.params, wear, executor)]
+        return [row.to_dict() for row in life_of(study, trial.params, wear, executor, state.priors)]
     except GeometryError as error:
         counter.say(f"no drift over the life: worn dogs are none: {error}")
         return None
@@ -215,6 +215,9 @@ def row_of(state: SearchState, trial: Trial) -> Row:
     errors = {n: None if one is None else one.standard_error for n, one in found.items()}
     exact, failed = exact_values(study, design), list(design.failed)
     weakest = smallest_margin(design.checks) if design.checks else None
+    parts = dict.fromkeys(HangKeys.model_fields)
+    if trial.times:
+        parts = hang_keys(expectation_from(study, trial.times).under(state.priors))
     if not trial.judged:
         failed.append("engines")
     return {
@@ -226,6 +229,7 @@ def row_of(state: SearchState, trial: Trial) -> Row:
         "weakest_check": weakest.name if weakest else "geometry",
         "margins": {check.name: check.margin for check in design.checks},
         **{name: None if one is None else one.value for name, one in found.items()},
+        **parts,
         "standard_errors": errors,
         "standard_error_s": errors[SIMULATED],
         "points": len(study.points) if trial.simulated else 0,

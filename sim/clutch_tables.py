@@ -9,17 +9,26 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, Optional, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, Optional, TypeVar, get_args, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    create_model,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 
 from dogshape.sim.errors import InputError, did_you_mean, meant_number, ranges_of, refusal
 from dogshape.sim.shift.clutch import Rings
+from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
 from dogshape.sim.texts import listed
-from dogshape.sim.units import DEG, RPM, from_si, suffix_of, to_si, unit_of
+from dogshape.sim.units import DEG, from_si, suffix_of, to_si, unit_of
 
 SHOWN = 60  #: characters of a value that a sentence shows
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"
@@ -84,6 +93,11 @@ class Section(BaseModel):
 def later(default: Any = None) -> Any:
     """Return the default of a key that came later: as such it is no part of a file's hash."""
     return Field(default=default, exclude_if=lambda value: value == default)
+
+
+def or_one(*kinds: type) -> BeforeValidator:
+    """Let one value of some kinds stand for a list of it."""
+    return BeforeValidator(lambda value: [value] if type(value) in kinds else value)
 
 
 class Keys(Section):
@@ -171,13 +185,54 @@ class SlidingSection(Section):
 
     mass_kg: float
     inertia_kgm2: float
-    initial_speed_rpm: float = 0.0
+    initial_speed_rpm: float = 0.0  #: of earlier files, which may say that the ring stands
 
 
 class OutputSection(Section):
     """The ring that it engages."""
 
     inertia_kgm2: float
+
+
+class SpeedControlSection(keys_of(SpeedControl)):  # type: ignore[misc]
+    """Speed control of the mismatch (``sim.shift.drive``)."""
+
+
+_Torques = Annotated[list[float], or_one(int, float), Field(min_length=1)]
+
+
+class DriveSection(Section):
+    """Speed of both shafts before the shift, torques on them during it (``sim.shift.drive``)."""
+
+    shaft_speed_rpm: float = later(0.0)
+    engine_side: EngineSide = later("sliding")
+    sliding_torque_Nm: _Torques | None = later()
+    output_torque_Nm: _Torques | None = later()
+    torque_time_s: list[float] | None = later()
+    pack_torque_Nm: float = later(0.0)
+    pack_viscous_Nms_rad: float = later(0.0)
+    pack_speed_rpm: float = later(0.0)
+    synchroniser_torque_Nm: float = later(0.0)
+    control: SpeedControlSection | None = later()
+
+    @property
+    def value(self) -> Drive:
+        """The drive; InputError for mistakes."""
+        tables = {
+            "sliding_torque": self.sliding_torque_Nm,
+            "output_torque": self.output_torque_Nm,
+            "times": self.torque_time_s,
+        }
+        return Drive(
+            shaft_speed=to_si("_rpm", self.shaft_speed_rpm),
+            engine_side=self.engine_side,
+            pack_torque=self.pack_torque_Nm,
+            pack_viscous=self.pack_viscous_Nms_rad,
+            pack_speed=to_si("_rpm", self.pack_speed_rpm),
+            synchroniser=self.synchroniser_torque_Nm,
+            control=None if self.control is None else self.control.value,
+            **{name: tuple(values) for name, values in tables.items() if values is not None},
+        )
 
 
 #: Keys of ``[mechanism]`` that change the shift force.
@@ -231,9 +286,13 @@ UNMODELLED = (
 
 
 def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
-    """Build both rings."""
-    speed = sliding.initial_speed_rpm * RPM
-    return Rings(sliding.mass_kg, sliding.inertia_kgm2, output.inertia_kgm2, speed)
+    """Build both rings; InputError for the speed that ``[drive]`` has replaced."""
+    if sliding.initial_speed_rpm != 0.0:
+        rule = "drive.shaft_speed_rpm, of the ring on the wheels' side, and drive.engine_side "
+        rule += "have replaced it"
+        name, speed = "sliding.initial_speed_rpm", sliding.initial_speed_rpm
+        raise InputError(refusal(name, speed, "1/min", rule, "give these, and leave it out"))
+    return Rings(sliding.mass_kg, sliding.inertia_kgm2, output.inertia_kgm2)
 
 
 def dog_fields(values: dict[str, float]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from typing import Any
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Scale, Values
 from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
+from dogshape.sim.shift.drive import EngineSide
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.units import suffix_of, to_si
 
@@ -74,6 +75,18 @@ def _with_mismatch(setting: Setting, values: Values) -> Setting:
     nominal = setting.point.mismatch
     offset = to_si("offset_rpm", values["offset_rpm"]) * math.copysign(1.0, nominal)
     return setting.with_point(mismatch=values["mismatch_factor"] * nominal + offset)
+
+
+def _with_reversed_sense(setting: Setting, _: Values) -> Setting:
+    """Turn the whole stand the other way: the mismatch, and shafts that turn."""
+    # Zero stays +0, so that the point keeps its key.
+    found = setting.with_point(mismatch=0.0 - setting.point.mismatch)
+    drive = setting.clutch.drive
+    if not drive.turns:
+        return found
+    side: EngineSide = "output" if drive.engine_side == "sliding" else "sliding"
+    turned = replace(found.clutch, drive=replace(drive, engine_side=side))
+    return replace(found, clutch=turned)
 
 
 def _with_angles(setting: Setting, values: Values) -> Setting:
@@ -198,8 +211,7 @@ _TABLE: tuple[tuple[str, str, tuple[Parameter, ...], Change, str, str], ...] = (
      "Record the speeds of both rings with encoders on the clock of the displacement and read them "
      "at the first touch."),
     ("reversed_mismatch", "reversed sense of rotation", (),
-     # Zero stays +0, so that the point keeps its key.
-     lambda setting, _: setting.with_point(mismatch=0.0 - setting.point.mismatch),
+     _with_reversed_sense,
      "sense of rotation at the rig",
      "Look which way the driven ring turns, or which flanks of the dogs are marked after some "
      "shifts: the traction flanks where the mismatch has the sign of the table."),

@@ -21,7 +21,9 @@ Along the shaft, with masses and forces as in ``sim.shift.mechanism``,
 
 The integral of the shift force is known in closed form; the others are smooth over a step:
 Simpson's rule, with the middle from the cubic through both ends. About the shaft, :math:`\int M_c =
-J_1 \Delta\omega + \int M_0 \sigma`, of ring and rest together where a shaft gives way.
+J_1 \Delta\omega + \int M_0 \sigma - \int M_1`, of ring and rest together where a shaft gives way;
+*M* are the torques of a drive (``sim.shift.drive``), of whose tables and control a run keeps the
+integral.
 
 One file: the compiler's cache knows of changes in a function's own file alone.
 """
@@ -73,15 +75,18 @@ TOUCHED, BEATEN = range(2)
  STIFF, LOSS, PLAY, DOGS, REBOUND, STOP, RADIUS, WAY, SLIP_SPEED, TURN_SPEED, DEEP_STOP,
  LINKED, USED, BEHIND, SHAFT, SHAFT_LOSS, BACKLASH, AHEAD, OUT_SHAFT, OUT_LOSS,
  TWIST, PITCH, CREST, FACES, SLOPE, HEIGHT, GAP, LENGTH, BACKS, BACK_SLOPE,
- DETENT_SEAT) = range(42)  # fmt: skip
-NUMBERS = 42
+ DETENT_SEAT, DRIVEN, TORQUE_START, SLIDING_TORQUE, SLIDING_SLOPE, OUTPUT_TORQUE, OUTPUT_SLOPE,
+ SYNCHRONISER, PACK, PACK_OIL, PACK_SPEED, PACK_AHEAD, BESIDE) = range(54)  # fmt: skip
+NUMBERS = 54
 SIXTH = 1.0 / 6.0
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
 IMPACT_LAW = 7  #: numbers of a law that is IMPACT's
 SERIES = 1.0 / 64.0  #: stiction velocity over slip up to which four terms give the arctangent
 
 STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
+STEADY = 0.01  #: share by which a pack's torque may still change where rings count as blocked
 STILL = 1e-3  #: m/s of slip below which faces count as held
+FACE_DEPTH = 0.05  #: of the height, to which a touch may be one of faces that are turned
 LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
 IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
 LONGEST_TURN = 0.05  #: pitches, by which a step may turn without a look at what is between
@@ -413,6 +418,37 @@ def _drag(state, plain):
 
 
 @inlined
+def _pack(state, plain):
+    """Compute the torque of a wet pack on the side that it acts on, about the axis, N m."""
+    if plain[PACK_AHEAD] > 0.0:
+        speed = state[11] if plain[AHEAD] > 0.0 else state[3]
+    else:
+        speed = state[9] if plain[BEHIND] > 0.0 else state[5]
+    slip = plain[PACK_SPEED] - speed
+    return plain[PACK] * _smooth(slip, plain[TURN_SPEED]) + plain[PACK_OIL] * slip
+
+
+@inlined
+def _drive(time, state, plain):
+    """Compute the torques of the drive on sliding and output side, about the axis, N m."""
+    since = time - plain[TORQUE_START]
+    near = plain[SLIDING_TORQUE] + plain[SLIDING_SLOPE] * since
+    far = plain[OUTPUT_TORQUE] + plain[OUTPUT_SLOPE] * since
+    if plain[SYNCHRONISER] > 0.0:
+        near_speed = state[9] if plain[BEHIND] > 0.0 else state[5]
+        far_speed = state[11] if plain[AHEAD] > 0.0 else state[3]
+        shared = plain[SYNCHRONISER] * _smooth(far_speed - near_speed, plain[TURN_SPEED])
+        near += shared
+        far -= shared
+    if plain[PACK] > 0.0 or plain[PACK_OIL] > 0.0:
+        if plain[PACK_AHEAD] > 0.0:
+            far += _pack(state, plain)
+        else:
+            near += _pack(state, plain)
+    return near, far
+
+
+@inlined
 def _forces(state, plain, surfaces, law, work):
     """Compute force along and torque about the shaft of all dogs at a state (12,), N and N m."""
     if state[1] <= surfaces[5]:
@@ -423,7 +459,7 @@ def _forces(state, plain, surfaces, law, work):
 
 
 @inlined
-def _motion(push, along, about, state, out, plain):
+def _motion(time, push, along, about, state, out, plain):
     """Write the rates of a state (12,) into ``out``: ``push`` of the actuator, contact's forces."""
     way, speed, behind = state[1], state[4], 0.0
     if way < -plain[REBOUND]:
@@ -438,7 +474,12 @@ def _motion(push, along, about, state, out, plain):
     drive_torque, through = 0.0, about
     if plain[BEHIND] > 0.0:
         through = drive_torque = _twist(state, plain)
-    held, drag = _resistance(way, speed, through, plain), _drag(state, plain)
+    drag, far_drive = _drag(state, plain), 0.0
+    if plain[DRIVEN] > 0.0:
+        near_drive, far_drive = _drive(time, state, plain)
+        drag -= near_drive
+        through -= plain[BESIDE] * near_drive
+    held = _resistance(way, speed, through, plain)
     out[0], out[1], out[2] = state[3], speed, state[5]
     out[4] = (drive - held - plain[DAMPING] * speed - along + behind) / plain[SLEEVE]
     out[8:] = 0.0
@@ -451,16 +492,16 @@ def _motion(push, along, about, state, out, plain):
         lead, rate = state[10] - state[0], state[11] - state[3]
         back = plain[OUT_SHAFT] * lead + plain[OUT_LOSS] * rate
         out[3] = (back - about) / plain[OUTPUT]
-        out[10], out[11] = state[11], -back / plain[AHEAD]
+        out[10], out[11] = state[11], (far_drive - back) / plain[AHEAD]
     else:
-        out[3] = -about / plain[OUTPUT]
+        out[3] = (far_drive - about) / plain[OUTPUT]
 
 
 @compiled
 def rates(time, state, out, plain, knots, surfaces, law, work):
     """Write the rates of a state (12,) into ``out``; whether dogs touch."""
     along, about = _forces(state, plain, surfaces, law, work)
-    _motion(force_at(time, knots), along, about, state, out, plain)
+    _motion(time, force_at(time, knots), along, about, state, out, plain)
     return along != 0.0 or about != 0.0
 
 
@@ -487,10 +528,11 @@ def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
     for j in range(int(plain[USED])):
         small, was = _small(j, plain), state[j]
         state[j] = was + small
-        _motion(push, along + more[j], about + moved[j], state, changed, plain)
+        _motion(time, push, along + more[j], about + moved[j], state, changed, plain)
         state[j] = was
         slopes[j] = (changed - now) / small
-    _motion(force_at(time + SMALL_TIME, knots), along, about, state, changed, plain)
+    later = time + SMALL_TIME
+    _motion(later, force_at(later, knots), along, about, state, changed, plain)
     changed[:] = (changed - now) / SMALL_TIME
 
 
@@ -625,8 +667,8 @@ def _next_look(time, before, until):
 
 @making
 def advance(
-    time, step, state, before, until, plain, knots, surfaces, law, tolerance, max_step, mode,
-    times, states,
+    time, step, state, before, pause, until, plain, knots, surfaces, law, tolerance, max_step,
+    mode, times, states,
 ):  # fmt: skip
     """Integrate until the travel is made, the rings are held, or time or record are at an end.
 
@@ -636,7 +678,7 @@ def advance(
     state : (12,); holds the last state afterwards.
     before : state at the last look whether the rings stand still, every ``STILL_WINDOW``, (12,);
         NaN where there was none, and of size 0 where nobody looks.
-    until : s.
+    pause, until : end of this call and of the shift, s.
     tolerance : error of a speed in m/s and of a place in m that a step may have, (2,).
     mode : of the steps, (2,), zeros at the start; holds what the next call goes on with.
     times, states : room for the record, (n,) and (n, 12).
@@ -653,10 +695,11 @@ def advance(
     touch = rates(time, state, k1, plain, knots, surfaces, law, work)
     count, spent = 0, 1
     age, most, error = KEPT, MOST, 1.0  # of the slopes, in steps; of the last step its error
-    while time < until:
+    while time < pause:
         if count >= times.shape[0]:
             return FULL, time, step, count, spent
-        stop = _next_look(time, before, until)
+        look = _next_look(time, before, until)
+        stop = min(look, pause)
         last = time + step >= stop
         h = stop - time if last else step
         stiff = mode[BEATEN] > 0.0
@@ -678,7 +721,8 @@ def advance(
             count += 1
             age, touch = KEPT if last else age + 1, touches
             mode[TOUCHED] = mode[TOUCHED] + 1.0 if touch else 0.0
-            why = _reached(last, time, state, before, until, plain, knots)
+            looks = last and stop == look
+            why = _reached(looks, time, state, before, until, plain, knots)
             if why != PAUSED:
                 return why, time, step, count, spent
         elif h < LEAST:
@@ -716,6 +760,14 @@ def stands_still(time, before, state, left, plain, knots):
             behind = max(abs(one[9] - one[5]), abs(one[11] - one[3]))
             if plain[RADIUS] * behind > STILL:
                 return False
+    if plain[DRIVEN] > 0.0 and (plain[PACK] > 0.0 or plain[PACK_OIL] > 0.0):
+        # Held rings turn on together, and what the pack gives follows their speed.
+        earlier, now = _pack(before, plain), _pack(state, plain)
+        both[0] = state + (state - before) * (left / STILL_WINDOW)
+        later = _pack(both[0], plain)
+        if max(abs(later - now), abs(earlier - now)) > STEADY * abs(now):
+            return False
+        both[0] = before
     return stays_held(both, STILL_WINDOW, left, plain)
 
 
@@ -775,7 +827,7 @@ def faces_meet(angle, way, plain):
     of the height is allowed for the turn of one face against the other.
     """
     overlap, most, slope = facing(face_overlap(angle, plain), plain)
-    return 0.0 < overlap < most and way - plain[GAP] <= overlap * slope + 0.05 * plain[HEIGHT]
+    return 0.0 < overlap < most and way - plain[GAP] <= overlap * slope + FACE_DEPTH * plain[HEIGHT]
 
 
 @making
@@ -809,19 +861,41 @@ def _integral(s, place, knots):
     )
 
 
+@inlined
+def _midway(start, end, step, middle):
+    """Write the state in the middle of a step into ``middle``, (12,), from the cubics of ways."""
+    for k in range(len(WAYS)):
+        way, rate = WAYS[k], RATES[k]
+        middle[way] = 0.5 * (start[way] + end[way]) + 0.125 * step * (start[rate] - end[rate])
+        middle[rate] = 1.5 * (end[way] - start[way]) / step - 0.25 * (start[rate] + end[rate])
+
+
+@inlined
+def _mean_drive(i, step, start, middle, end, driven, plain):
+    """Compute the mean torque of the drive on the sliding side over the step to ``i``, N m."""
+    if plain[DRIVEN] == 0.0:
+        return 0.0
+    both = _drive(0.0, start, plain)[0] + _drive(0.0, end, plain)[0]
+    partners = (both + 4.0 * _drive(0.0, middle, plain)[0]) / 6.0
+    return partners + (driven[0, i] - driven[0, i - 1]) / step
+
+
 @making
-def contact_means(times, states, given, plain):
+def contact_means(times, states, given, driven, plain):
     """Compute the contact's force against the shift, N, and torque on the sliding ring, N m.
 
     Means over the steps that end at times, (n,) each, 0 at the first one; ``given`` (n,) is the
-    integral of the shift force.
+    integral of the shift force, ``driven`` that of ``sim.shift.drive.impulses``, (2, n), or (2, 0).
     """
     force, torque = np.zeros(times.size), np.zeros(times.size)
     held = plain[USED] > PLAIN_SIZE or plain[DAMPING] > 0.0 or plain[DETENT] > 0.0
     held |= plain[FRICTION] > 0.0 or plain[SPLINE] > 0.0 or plain[DRAG] > 0.0
+    held |= plain[DRIVEN] > 0.0
     middle = np.empty(SIZE)
     for i in range(1, times.size):
         start, end, step = states[i - 1], states[i], times[i] - times[i - 1]
+        if plain[DRIVEN] > 0.0 and step < LEAST:
+            continue  # what rounding left of a piece of the drive
         gained = plain[SLIDING] * (end[5] - start[5])
         if plain[BEHIND] > 0.0:
             gained += plain[BEHIND] * (end[9] - start[9])
@@ -830,13 +904,12 @@ def contact_means(times, states, given, plain):
         if not held:
             force[i] = (given[i] - given[i - 1] - momentum) / step
             continue
-        for k in range(len(WAYS)):
-            way, rate = WAYS[k], RATES[k]
-            middle[way] = 0.5 * (start[way] + end[way]) + 0.125 * step * (start[rate] - end[rate])
-            middle[rate] = 1.5 * (end[way] - start[way]) / step - 0.25 * (start[rate] + end[rate])
+        _midway(start, end, step, middle)
         torque[i] += (_drag(start, plain) + 4.0 * _drag(middle, plain) + _drag(end, plain)) / 6.0
-        # What the rule leaves of a drag torque is no contact.
-        if abs(torque[i]) < 0.01 * plain[DRAG]:
+        driving = _mean_drive(i, step, start, middle, end, driven, plain)
+        torque[i] -= driving
+        # What the rule leaves of a friction torque is no contact.
+        if abs(torque[i]) < 0.01 * (plain[DRAG] + plain[SYNCHRONISER] + plain[PACK]):
             torque[i] = 0.0
         if end[1] == start[1]:
             continue  # at rest friction holds the shift force, whatever it is
@@ -844,7 +917,9 @@ def contact_means(times, states, given, plain):
             momentum += plain[FAR] * (end[7] - start[7])
         resisting = 0.0
         for part, weight in ((start, 1.0), (middle, 4.0), (end, 1.0)):
-            through = _twist(part, plain) if plain[BEHIND] > 0.0 else torque[i]
+            through = torque[i] - plain[BESIDE] * driving
+            if plain[BEHIND] > 0.0:
+                through = _twist(part, plain)
             resisting += weight * _resistance(part[1], part[4], through, plain)
         pushed = given[i] - given[i - 1] - plain[DAMPING] * (end[1] - start[1])
         force[i] = (pushed - momentum) / step - resisting / 6.0
@@ -1076,6 +1151,7 @@ def energy_lost(states, push, plain):
     """Compute initial energy and work of the shift force less kinetic energy at the end, J.
 
     What a mechanism took is in it, and what shafts store; ``push`` is the shift force, N, (n,).
+    Rings are seen from a frame that turns as the sliding ring did before the shift.
     """
     place, work = 6 if plain[LINKED] > 0.0 else 1, 0.0
     for i in range(1, push.size):
@@ -1085,8 +1161,37 @@ def energy_lost(states, push, plain):
     if plain[LINKED] > 0.0:
         twice += plain[FAR] * (first[7] ** 2 - last[7] ** 2)
     for mass, rate in ((SLIDING, 5), (BEHIND, 9), (OUTPUT, 3), (AHEAD, 11)):
-        twice += plain[mass] * (first[rate] ** 2 - last[rate] ** 2)
+        twice += plain[mass] * ((first[rate] - first[5]) ** 2 - (last[rate] - first[5]) ** 2)
     return work + 0.5 * twice
+
+
+@making
+def drive_work(times, states, driven, plain):
+    """Compute the work of drive and drag on turning rings, J, in the frame of ``energy_lost``.
+
+    ``driven`` as for ``contact_means``. On rings that stand drag is a part of the mechanism.
+    """
+    frame, work, middle = states[0, 5], 0.0, np.empty(SIZE)
+    if frame == 0.0 and plain[DRIVEN] == 0.0:
+        return 0.0
+    near_way, near_rate = (8, 9) if plain[BEHIND] > 0.0 else (2, 5)
+    far_way, far_rate = (10, 11) if plain[AHEAD] > 0.0 else (0, 3)
+    for i in range(1, times.size):
+        start, end, step = states[i - 1], states[i], times[i] - times[i - 1]
+        _midway(start, end, step, middle)
+        for part, weight in ((start, 1.0), (middle, 4.0), (end, 1.0)):
+            near, far = -_drag(part, plain), 0.0
+            if plain[DRIVEN] > 0.0:
+                near_drive, far = _drive(0.0, part, plain)
+                near += near_drive
+            power = near * (part[near_rate] - frame) + far * (part[far_rate] - frame)
+            work += weight * step * power / 6.0
+        if plain[DRIVEN] > 0.0:
+            near_turn = end[near_way] - start[near_way] - frame * step
+            far_turn = end[far_way] - start[far_way] - frame * step
+            work += (driven[0, i] - driven[0, i - 1]) / step * near_turn
+            work += (driven[1, i] - driven[1, i - 1]) / step * far_turn
+    return work
 
 
 @making
@@ -1122,12 +1227,13 @@ def _shaft_peaks(states, plain):
 
 
 @making
-def summarize(times, states, plain, knots, planes, classes):
+def summarize(times, states, plain, knots, driven, planes, classes):
     """Work times, events and loads out of a run.
 
     Parameters
     ----------
     times, states : of the run, (n,) and (n, 12).
+    driven : as for ``contact_means``.
     planes : as for ``penetration``.
     classes : lower ends of classes of overlap, m, (k,).
 
@@ -1142,7 +1248,8 @@ def summarize(times, states, plain, knots, planes, classes):
     if plain[LINKED] > 0.0:
         far = crossing(times, states[:, 6], states[:, 7], plain[WAY])
     push, given = shift_force(times, knots)
-    force, torque = contact_means(times, states, given, plain)
+    force, torque = contact_means(times, states, given, driven, plain)
+    lost = energy_lost(states, push, plain) + drive_work(times, states, driven, plain)
     touches, overlap = touching(times, force, torque, push, plain), np.empty(times.size)
     faces, before, peaks = touches.copy(), 0, (0.0, 0.0)
     end = times[-1] if math.isnan(ring) else ring
@@ -1157,7 +1264,7 @@ def summarize(times, states, plain, knots, planes, classes):
     impulse, struck = _strikes(times, force, push, torque, plain)
     near, output = plain[SLIDING] + plain[BEHIND], plain[OUTPUT] + plain[AHEAD]
     loads = (
-        peaks[0], peaks[1] / plain[RADIUS], impulse, energy_lost(states, push, plain),
+        peaks[0], peaks[1] / plain[RADIUS], impulse, lost,
         struck * (near + output) / (near * output),
         states[before, 3] - states[before, 5] if marks[2] < end else np.nan,
         *_shaft_peaks(states, plain),

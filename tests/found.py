@@ -15,14 +15,14 @@ from dogshape.sim.versions import bundled_root
 
 Row = dict[str, Any]
 VARIABLES = ["chamfer_deg", "count"]
-TIME, LENGTH, FORCE = "expected_shift_time_s", "axial_length_mm", "separating_force_N"
+TIME, LENGTH, PLAY = "expected_shift_time_s", "axial_length_mm", "backlash_mm"
 
 
 def design(trial: int, time: float | None, length: float, **changes: Any) -> Row:
     """A row of a search; the prototype is trial 0."""
     row: Row = {
         "trial": trial, "prototype": trial == 0, "chamfer_deg": 8.0 + trial, "count": 15 + trial,
-        LENGTH: length, FORCE: 1000.0 * length, TIME: time,
+        LENGTH: length, PLAY: 0.1 * length, TIME: time,
         "standard_error_s": None if time is None else 0.001,
         "standard_errors": {TIME: None if time is None else 0.001},
         "points": 0 if time is None else 2, "shifts": 0 if time is None else 12,

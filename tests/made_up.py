@@ -58,7 +58,12 @@ def _shift(block: Block, angle: float) -> Record:
     time = free + max(0.0, FACE - turned) * whole
     if time > clutch.timeout:
         return {"outcome": "timed_out", "shift_time_s": None, "face_contacts": 1}
-    return {"outcome": "engaged", "shift_time_s": time, "face_contacts": int(turned < FACE)}
+    return {
+        "outcome": "engaged",
+        "shift_time_s": time,
+        "face_contacts": int(turned < FACE),
+        "slots_skipped": 0,
+    }
 
 
 class Quick:

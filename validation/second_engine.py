@@ -67,11 +67,13 @@ def stand_of(clutch: Clutch) -> Stand:
     if dog.edge_radius > 0.0:
         rule, remedy = "the second engine has sharp edges (0 mm)", "leave dog.edge_radius_mm out"
         raise InputError(refusal("dog.edge_radius_mm", dog.edge_radius / MM, "mm", rule, remedy))
+    if clutch.drive.has_torques:
+        raise InputError("the second engine has no [drive] of torques; leave its torques out")
     return Stand(
         count=dog.count, chamfer=dog.chamfer, traction=dog.traction, braking=dog.braking,
         height=dog.height, outer_radius=dog.outer_radius, inner_radius=dog.inner_radius,
         gap=dog.axial_gap, mass=rings.mass, sliding_inertia=rings.sliding_inertia,
-        sliding_speed=rings.initial_speed, output_inertia=rings.output_inertia,
+        sliding_speed=0.0, output_inertia=rings.output_inertia,
         static_friction=contact.dynamic_friction, dynamic_friction=contact.dynamic_friction,
         stiction_speed=0.0, timeout=clutch.timeout, seated=clutch.seated_tolerance,
         rebound=clutch.rebound,

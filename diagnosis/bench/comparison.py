@@ -111,7 +111,9 @@ def compare(
         error = simulated.sd / math.sqrt(max(1, simulated.n))
         if even:
             sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
-            error = math.hypot(simulated.standard_error, sampled)
+            share, cost = simulated.timed or 1.0, bench.clutch.timeout
+            retry_error = cost / share**2 * math.sqrt(share * (1.0 - share) / simulated.n)
+            error = math.hypot(simulated.engaged_error, retry_error, sampled)
         error = math.hypot(max(error, 1e-6), own)
         found.append(PointGap(cell, simulated.mean_engaged, error, simulated.engaged, simulated.n))
     return Comparison(bench, tuple(found), numerical_error(blocks, rows, run) if checked else None)

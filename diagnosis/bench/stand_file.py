@@ -18,6 +18,7 @@ from pydantic import Field
 from dogshape.diagnosis.terms import Array, Sense
 from dogshape.sim.clutch_tables import (
     DogSection,
+    DriveSection,
     OutputSection,
     Section,
     SlidingSection,
@@ -141,6 +142,7 @@ class _BenchFile(Section):
     dog: DogSection
     sliding: SlidingSection
     output: OutputSection
+    drive: DriveSection = DriveSection()
     contact: _Contact
     record: BenchRecord = BenchRecord()
     sensor: Sensor = Sensor()
@@ -223,5 +225,6 @@ def _clutch(file: _BenchFile) -> Clutch:
         remedy = "give the travel at which a shift counts as finished"
         raise DataError(refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
     require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
-    both = rings(file.sliding, file.output)
-    return Clutch(dog, both, contact, solver_for(contact), file.timeout_s, left)
+    both, drive = rings(file.sliding, file.output), file.drive.value
+    solver = solver_for(contact, drive=drive)
+    return Clutch(dog, both, contact, solver, file.timeout_s, left, drive=drive)

@@ -21,10 +21,10 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag
 
 from dogshape.sim import effects as registry
-from dogshape.sim.clutch_tables import MechanismSection, Section, later
+from dogshape.sim.clutch_tables import MechanismSection, Section, later, or_one
 from dogshape.sim.effect import Effect
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
@@ -58,11 +58,6 @@ SAME = (
 TABLE = "duty_cycles.toml"  #: beside the bundled studies
 MISMATCH, FORCE, RISE = "mismatch_set_rpm", "force_factor", "rise_factor"
 OPERATED = (MISMATCH, FORCE, RISE)  #: keys of ``[variables]`` that are none of the dog
-
-
-def or_one(*kinds: type) -> BeforeValidator:
-    """Let one value of some kinds stand for a list of it."""
-    return BeforeValidator(lambda value: [value] if type(value) in kinds else value)
 
 
 Numbers = Annotated[list[float], or_one(int, float), Field(min_length=1)]

@@ -11,43 +11,54 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from dogshape.pipeline.config.operating import ActuationSection, Numbers, OperatingSection, or_one
+from dogshape.pipeline.config.operating import ActuationSection, Numbers, OperatingSection
 from dogshape.sim.clutch_tables import (
     DogSection,
+    DriveSection,
     MechanismSection,
     OutputSection,
     Section,
     SlidingSection,
     keys_of,
     later,
+    or_one,
     section_in,
     si_fields,
 )
-from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.errors import InputError, ranges_of, refusal, require_between
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
     SCHEMES,
+    Clutch,
     ContactSet,
     OperatingPoint,
-    Rings,
     Solver,
     accuracy_of,
     contact_set,
     require_engine,
     solver_for,
 )
+from dogshape.sim.shift.drive import NO_DRIVE, Drive
 from dogshape.sim.shift.geometry import SCOPE
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
+from dogshape.sim.statistics.expectation import FIRST_WINDOW_SHARE
 from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.landing import Wear
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits, Tolerances
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.units import RPM
+from dogshape.sim.units import RPM, from_si, unit_of
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
+#: Fields that strike and mechanism share.
+PARTS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
+ROUNDING = 1e-9  #: share by which a nominal value may lie outside its range
+#: Fields of ``LoadCase`` that came later.
+LOAD_LATE = ("coast_share", "run_out", "tilt", "pull_out_share", "wear_angle")
+#: Fields of ``Tolerances`` that came later.
+TOLERANCE_LATE = ("chamfer_back", "backlash", "reject_rate", "capability")
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 #: A number, or the range that it lies in, which is judged at its worst end; tags as in ``Spread``.
@@ -99,12 +110,14 @@ class UncertainSection(Section):
 class ExpectationSection(Section):
     """Number of relative angles of an operating point, and the seed of their draw.
 
+    ``first_window_share`` defines the limit engagement speed (``sim.statistics.shiftability``).
     With 96 the standard error of a mean over 28 operating points is about 0.2 % of it, 0.5 % where
     friction and dissipation are drawn.
     """
 
     angles: Annotated[int, Field(ge=3, le=4096)] = 96
     seed: Annotated[int, Field(ge=0)] = 1
+    first_window_share: float = ranged(0.01, 0.999, FIRST_WINDOW_SHARE, late=True)
 
 
 class DrivelineSection(Section):
@@ -113,7 +126,7 @@ class DrivelineSection(Section):
     stiffness_Nm_rad: float | None = ranged(1.0, 1e7)
 
 
-class LoadSection(keys_of(LoadCase, late=("coast_share", "run_out", "tilt", "pull_out_share"))):  # type: ignore[misc]
+class LoadSection(keys_of(LoadCase, late=LOAD_LATE)):  # type: ignore[misc]
     """Load case of the strength checks (``sim.strength.load_case``)."""
 
     spectrum: list[Range] | None = later()
@@ -130,20 +143,52 @@ class LoadSection(keys_of(LoadCase, late=("coast_share", "run_out", "tilt", "pul
 
 class StrikeSection(
     keys_of(  # type: ignore[misc]
-        Strike, leave=("sliding_inertia", "output_inertia"), late=("wheel_inertia",),
-        kind_of_number=Ends,
+        Strike, leave=("sliding_inertia", "output_inertia"),
+        late=("ring_inertia", "input_stiffness", "wheel_inertia"), kind_of_number=Ends,
     )
 ):  # fmt: skip
     """Flank strike of the strength checks (``sim.strength.strike``); absent, it is not judged."""
 
     mismatch_rpm: Numbers | None = later()
 
-    def at_ends(self, rings: Rings, points: Sequence[OperatingPoint]) -> Iterator[Strike]:
-        """Build the strike at the ends of all ranges together, or the one that the keys give.
+    def _with_mechanism(self, mechanism: Mechanism) -> dict[str, Any]:
+        """Return the keys that are given, and those of the mechanism for the others.
 
-        It has the mismatches of the points where it gives none of its own.
+        Ring, wheel, shafts and play of ``[mechanism]`` are nominal: a value or range of this
+        section that leaves them out raises InputError.
         """
         given = self.model_dump(exclude={"mismatch_rpm"}, exclude_none=True)
+        for name in PARTS:
+            key, key_there = ranges_of(Strike)[name].key, ranges_of(Mechanism)[name].key
+            nominal, own = from_si(key_there, getattr(mechanism, name)), given.get(key)
+            if nominal == 0.0:
+                continue
+            if own in (None, 0.0):
+                given[key] = nominal
+                continue
+            low, high = own if isinstance(own, list) else (own, own)
+            if not low * (1.0 - ROUNDING) <= nominal <= high * (1.0 + ROUNDING):
+                said = f"[{low:.6g}, {high:.6g}]" if isinstance(own, list) else f"{own:.6g}"
+                rule = f"strike.{key} = {said} is to hold it, one value in times and loads"
+                remedy = f"correct one of them, or leave out strike.{key}"
+                quantity, unit = f"mechanism.{key_there}", unit_of(key)
+                raise InputError(refusal(quantity, nominal, unit, rule, remedy))
+        for name in ("ring_inertia", "input_stiffness"):
+            key = ranges_of(Strike)[name].key
+            if key not in given:
+                raise InputError(
+                    f"'strike.{key}' is missing; add it, or mechanism.{key}, which shifts are "
+                    "simulated with too"
+                )
+        return given
+
+    def at_ends(self, clutch: Clutch, points: Sequence[OperatingPoint]) -> Iterator[Strike]:
+        """Build the strike at the ends of all ranges together, or the one that the keys give.
+
+        What the section leaves out is that of ``[mechanism]``. It has the mismatches of the points
+        where it gives none of its own.
+        """
+        given, rings = self._with_mechanism(clutch.mechanism), clutch.rings
         if ("wheel_inertia_kgm2" in given) != ("output_stiffness_Nm_rad" in given):
             fault = "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together"
             raise InputError(f"{fault}; give both, or none for a rigid output side")
@@ -169,7 +214,7 @@ class ManufacturingSection(keys_of(ManufacturingLimits)):  # type: ignore[misc]
     """Limits of the workshop (``sim.strength.manufacture``)."""
 
 
-class ToleranceSection(keys_of(Tolerances, late=("chamfer_back", "backlash"))):  # type: ignore[misc]
+class ToleranceSection(keys_of(Tolerances, late=TOLERANCE_LATE)):  # type: ignore[misc]
     """Largest deviation of each dimension either way (``sim.strength.manufacture``)."""
 
 
@@ -237,18 +282,21 @@ class SolverSection(keys_of(Solver, solver_for, late=("max_steps", "time_limit")
     engine: str | None = later()
     scheme: str | None = None
 
-    def solver(self, contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
-        """Build the solver of a contact set and a mechanism; InputError for mistakes.
+    def solver(
+        self, contact: ContactSet, mechanism: Mechanism = NOTHING, drive: Drive = NO_DRIVE
+    ) -> Solver:
+        """Build the solver of a contact set, a mechanism and a drive; InputError for mistakes.
 
-        Forces of a mechanism with two coefficients of friction are the compiled engine's, unless
-        the section names another: Drake's ``cenic`` takes a thousand times the processor time for
-        them and is off its limit by percents (``docs/simulation.md``). The law IMPACT is
+        Forces of mechanism or drive with two coefficients of friction are the compiled engine's,
+        unless the section names another: Drake's ``cenic`` takes a thousand times the processor
+        time for them and is off its limit by percents (``docs/simulation.md``). The law IMPACT is
         the compiled engine's alone.
         """
-        plain = solver_for(contact, mechanism)
-        hard = contact.impact or (mechanism.has_forces and plain.scheme == "cenic")
+        plain = solver_for(contact, mechanism, drive)
+        forced = mechanism.has_forces or drive.has_torques
+        hard = contact.impact or (forced and plain.scheme == "cenic")
         scheme, engine = self.scheme or plain.scheme, self.engine or ("planar" if hard else "drake")
-        accuracy = accuracy_of(scheme, mechanism) if scheme in SCHEMES else plain.accuracy
+        accuracy = accuracy_of(scheme, forced=forced) if scheme in SCHEMES else plain.accuracy
         require_engine(contact, engine)
         if engine == "planar":
             accuracy = PLANAR_ACCURACY
@@ -281,6 +329,7 @@ class StudyFile(Section):
     shift: ShiftSection = ShiftSection()
     actuation: ActuationSection
     operating: OperatingSection
+    drive: DriveSection = later(DriveSection())
     mechanism: MechanismSection | None = later()
     effects: dict[str, Any] | None = later()
     uncertain: UncertainSection | None = later()

@@ -27,7 +27,7 @@ from dogshape.pipeline.config.operating import (
     replaced_keys,
     with_mechanism,
 )
-from dogshape.pipeline.config.schema import FORMAT, StudyFile
+from dogshape.pipeline.config.schema import FORMAT, ContactSection, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, refusal
@@ -108,7 +108,7 @@ class Setup:
         None where Drake does all of the work, or has no scheme or law for it (``SolverSection``).
         """
         clutch = self.clutch
-        forced = clutch.mechanism.has_forces and clutch.solver.scheme == "cenic"
+        forced = clutch.has_forces and clutch.solver.scheme == "cenic"
         hard = clutch.contact.impact or forced
         return None if hard or self.file.solver.engine == "drake" else self.in_engine("drake")
 
@@ -130,15 +130,6 @@ class Setup:
         late = " and mechanism.delay_s" if self.actuation.delay else ""
         return f"each costs shift.timeout_s and shift.retraction_s{late}, {cost:.4g} s"
 
-    def unseen_failures(self, shifts: int) -> str:
-        """Bound the share of attempts that fail where none of ``shifts`` did, and its cost."""
-        most = min(1.0, 3.0 / shifts)  # 95 %: 0.05 = (1 - p)^n
-        more = 1e3 * most * (self.clutch.timeout + self.retraction)
-        return (
-            f"none of {shifts} attempts failed; up to {100 * most:.2g} % may (95 %), which would "
-            f"add {more:.3g} ms: {self.retry_text}"
-        )
-
     @property
     def set_point(self) -> SetPoint:
         """Set-point that frees blocked shifts; one without amplitude frees none."""
@@ -158,6 +149,11 @@ class Setup:
         ends = (dict.fromkeys((f"{min(one):g}", f"{max(one):g}")) for one in every)
         speed, force = map(" to ".join, ends)
         return f"{len(self.points)} with {speed} 1/min, {force} N at the sleeve"
+
+    @property
+    def shafts_text(self) -> str:
+        """Speed of the shafts and the drive in words."""
+        return f"shafts {self.clutch.drive.text}"
 
     @property
     def mechanism(self) -> Record:
@@ -245,7 +241,43 @@ def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
     return _overridden(data, settings, f"the study {study.name}")
 
 
+#: Keys of the ring that is a part of the sliding side.
+HALF = 0.5  #: largest share of its side that a ring has where the side is made smaller (judged)
+RING_KEYS = ("mechanism.ring_inertia_kgm2", "strike.ring_inertia_kgm2")
+
+
+def ring_settings(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the inertias of the ring that shrink with a smaller ``sliding.inertia_kgm2``.
+
+    The ring is at most half of its side, or the share that it has in the file; nominal value and
+    range shrink alike. What ``settings`` give stays.
+    """
+    key = "sliding.inertia_kgm2"
+    before, after = data.get("sliding", {}).get("inertia_kgm2"), settings.get(key)
+    numbers = (int, float)
+    if not isinstance(before, numbers) or not isinstance(after, numbers) or not 0 < after < before:
+        return {}
+    rings = dict[str, Any]()
+    for ring in RING_KEYS:
+        table, _, name = ring.partition(".")
+        given = (data.get(table) or {}).get(name)
+        if given is not None and ring not in settings and table not in settings:
+            rings[ring] = given
+    ends = [end for ring in rings.values() for end in (ring if isinstance(ring, list) else [ring])]
+    if not ends or not all(isinstance(end, numbers) and end > 0.0 for end in ends):
+        return {}
+    largest = max(ends)
+    share = max(HALF, largest / before) * after / largest
+    if share >= 1.0:
+        return {}
+    return {
+        key: [share * end for end in ring] if isinstance(ring, list) else share * ring
+        for key, ring in rings.items()
+    }
+
+
 def _overridden(data: dict[str, Any], settings: Mapping[str, Any], source: str) -> Setup:
+    settings = {**ring_settings(data, settings), **settings}
     for key, value in settings.items():
         override(data, key, value)
     for key in replaced_keys(settings, data):
@@ -319,11 +351,12 @@ def build_study(file: StudyFile) -> Setup:
         seated_tolerance=shift.seated_tolerance_mm * MM,
         rebound=shift.rebound_mm * MM,
         solver=Solver(),
+        drive=file.drive.value,
     )
     rises = RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
     parts = file.mechanism, file.effects, file.contact.si()
     clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
-    clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism))
+    clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism, clutch.drive))
     points = file.operating.operating_points(actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     _require_slow(file, clutch, min(point.profile.force for point in points))
@@ -338,7 +371,9 @@ def build_study(file: StudyFile) -> Setup:
 def _require_parts(file: StudyFile) -> None:
     """Raise the faults of all sections at once, as far as these build by themselves."""
     faults = dict[str, DogshapeError]()  # each once: what wears has a dog too
-    sections = (file.dog, file.material, file.manufacturing, file.tolerance, file.contact)
+    sections = (
+        *(file.dog, file.drive, file.material, file.manufacturing, file.tolerance, file.contact),
+    )
     parts: tuple[Callable[[], Any], ...] = (
         partial(rings, file.sliding, file.output), file.require_ranges,
         partial(RiseTable, tuple(file.actuation.force_N), tuple(file.actuation.rise_s)),
@@ -378,20 +413,26 @@ def _uncertainty(
 def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
     """Return the limits; what the study leaves open of actuator and strike follows from points."""
     mechanism, shaken = clutch.mechanism, file.load.axial_vibration_m_s2
-    more = {"vibration_force": shaken * (file.sliding.mass_kg + mechanism.added_mass)}
+    more: dict[str, Any] = {
+        "vibration_force": shaken * (file.sliding.mass_kg + mechanism.added_mass)
+    }
+    if file.contact.set == ContactSection().set:  # published sets are softer than steel
+        more["contact_stiffness"] = clutch.contact.stiffness
     if mechanism.spline_friction > 0.0:
         more |= {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
     if mechanism.spline_friction > 0.0 or not file.load.release_by_itself:
         more["pull_out_force_limit"] = min(point.profile.force for point in points)
     if mechanism.detent > 0.0 and mechanism.detent_seat > 0.0:
         more["separating_force_limit"] = mechanism.detent
+    load = file.load.case(**more)
+    load.require_spline()
     return Limits(
-        load=file.load.case(**more),
+        load=load,
         material=file.material.value,
         manufacturing=file.manufacturing.value,
         tolerances=file.tolerance.value,
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
-        strikes=tuple(file.strike.at_ends(clutch.rings, points)) if file.strike else (),
+        strikes=tuple(file.strike.at_ends(clutch, points)) if file.strike else (),
     )
 
 

@@ -32,6 +32,7 @@ from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Runner, even_block
 from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.hangs import pool
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.landing import demand_checks
@@ -174,11 +175,18 @@ def consequence(
         for k, setting in enumerate(settings)
     ]))  # fmt: skip
     found = [_timed(study, settings, [next(rows) for _ in settings]) for settings in every]
-    pairs = zip(designs.items(), found[: len(designs)], found[len(designs) :], strict=True)
+    before, after = (_pooled(group) for group in (found[: len(designs)], found[len(designs) :]))
+    pairs = zip(designs.items(), before, after, strict=True)
     return Consequence(study.name, cause, tuple(
-        Candidate(name, params, before, after, landing)
-        for (name, params), (before, _), (after, landing) in pairs
+        Candidate(name, params, without, with_effect, landing)
+        for (name, params), (without, _), (with_effect, landing) in pairs
     ))  # fmt: skip
+
+
+def _pooled(timed: Sequence[tuple[Expectation, Check]]) -> list[tuple[Expectation, Check]]:
+    """Estimate times by a prior of hangs that is fitted to all designs."""
+    priors = pool([[(p.hangs, p.n) for p in expectation.points] for expectation, _ in timed])
+    return [(expectation.under(priors), check) for expectation, check in timed]
 
 
 def _timed(

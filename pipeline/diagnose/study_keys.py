@@ -70,6 +70,7 @@ def study_of(bench: Bench, name: str) -> Data:
         "format": FORMAT,
         "name": name,
         **clutch_tables(clutch),
+        **({"drive": clutch.drive.table} if clutch.drive.table else {}),
         "contact": {"set": CONTACT, **own},
         "shift": {
             "timeout_s": clutch.timeout,

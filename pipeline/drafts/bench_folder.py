@@ -26,9 +26,10 @@ from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
 from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number, ranged_record
+from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.texts import file_of, text_of
-from dogshape.sim.units import MM, RPM
+from dogshape.sim.units import MM
 from dogshape.sim.versions import bundled_root
 
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
@@ -307,12 +308,13 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> st
 def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: Report) -> Data:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
     clutch, given, said = source.clutch, dict(draft.values), report.assumed
+    drive = clutch.drive
     values: Data = {
         "name": out.resolve().name,
         "timeout_s": clutch.timeout,
         "shift_travel_mm": rounded(clutch.shift_travel / MM),
         **source.dog_values,
-        "sliding.initial_speed_rpm": rounded(clutch.rings.initial_speed / RPM),
+        **{f"drive.{key}": value for key, value in (drive.table if source.taken else {}).items()},
         **{f"contact.{key}": value for key, value in ranged_record(clutch.contact).items()},
         "source": "not measured yet",
     }
@@ -343,6 +345,9 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         (f"{mass:g} kg {of} move with the ring", mass),
         (f"{of} friction, drag and linkage are left for the diagnosis",
          replace(clutch.mechanism, added_mass=0.0) != NOTHING),
+        (f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest before "
+         "the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say otherwise",
+         drive != NO_DRIVE and not source.taken and not any("drive" in key for key in given)),
         (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),
         (sense, "record.sense" not in given),
     ) if holds]  # fmt: skip

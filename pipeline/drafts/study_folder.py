@@ -8,6 +8,7 @@ the study that explains the keys: one of the other clutch's value would be a wro
 
 from __future__ import annotations
 
+import math
 import re
 import shutil
 import tempfile
@@ -38,6 +39,7 @@ from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.drive import ENGINE_SIDES
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
@@ -86,11 +88,16 @@ CLUTCH = {
 RADIUS, DRAG, MATERIAL = "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "material.set"
 STRIKE_RING, STRIKE_SHAFT = "strike.ring_inertia_kgm2", "strike.input_stiffness_Nm_rad"
 STRIKE = (STRIKE_RING, STRIKE_SHAFT)  #: keys without which no flank strike is judged
+#: Keys of the same ring and shaft in the shifts.
+NOMINAL = {key: key.replace("strike.", "mechanism.") for key in STRIKE}
+SPEED, SIDE = "drive.shaft_speed_rpm", "drive.engine_side"
 #: Words for keys whose default follows from the clutch, and of what it does and is made of.
 USE = {
     HEIGHT: "height of the dogs, mm",
     TORQUE: "rated torque at the dogs, N m",
     RADIUS: "radius of the toothing that the ring slides on, mm",
+    SPEED: "speed of both shafts, on the wheels' side, 1/min; 0: the sliding ring stands",
+    SIDE: "ring that turns with the engine",
     DRAG: "drag torque on the sliding ring, N m",
     HELD: "force of latch or detent on the engaged ring, N; 0: unknown",
     SHARE: "share of the torque at which the ring is pulled out",
@@ -100,7 +107,7 @@ USE = {
     MATERIAL: "material",
 }
 WORDS = ACTUATION | OPERATION | CLUTCH | USE
-CHOICES = {MATERIAL: tuple(MATERIALS)}
+CHOICES = {MATERIAL: tuple(MATERIALS), SIDE: ENGINE_SIDES}
 RING = (*DIAMETERS, *INERTIAS)
 ANY = (*RING, MASS, TORQUE, ACTUATOR)
 #: Keys and tables that hold for one clutch, after the keys of the clutch that void them.
@@ -118,7 +125,7 @@ BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
 DECIDING: dict[str, tuple[str, ...]] = {
     "the shift time": (
         "shift.timeout_s", "shift.retraction_s", *ACTUATION, *OPERATION, "operating",
-        COUNT, BACKLASH, "dog.backlash_deg", "dog.axial_gap_mm", MASS, "mechanism",
+        COUNT, BACKLASH, "dog.backlash_deg", "dog.axial_gap_mm", MASS, "drive", "mechanism",
         "dog.chamfer_deg", "dog.chamfer_back_deg", *INERTIAS, "contact",
     ),
     "the checks": (
@@ -180,6 +187,8 @@ def source_of(where: str) -> Source:
         taken = {
             **{f"actuation.{key}": values for key, values in tables["actuation"].items()},
             "operating": tables["operating"],
+            SPEED: 0.0,
+            **{f"drive.{key}": value for key, value in bench.clutch.drive.table.items()},
             "contact.static_friction": contact.static_friction,
             "contact.dynamic_friction": contact.dynamic_friction,
         }
@@ -276,8 +285,14 @@ def questions_of(
     stated = zip(OPERATION, zip(*points, strict=True), strict=False)
     own |= {key: sorted(set(v)) for key, v in stated if not isinstance(own[key], list)}
     ring = rounded(tables(MASS) * (0.25e-3 * sum(map(tables, DIAMETERS))) ** 2)
+    simulated = [
+        (key, value, f"as {there}") for key, there in NOMINAL.items() if (value := tables(there))
+    ]
     for key, value, whence in (
         *_defaults(tables),
+        *simulated,
+        (SPEED, 0.0, "the sliding ring stands"),
+        (SIDE, "sliding", "an assumption"),
         (HELD, 0.0, "not judged"),
         (STRIKE_RING, [0.0], f"not judged; {tables(MASS):g} kg at the mean radius have {ring:g}"),
         (STRIKE_SHAFT, [0.0], "not judged"),
@@ -414,6 +429,7 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
     for by, keys in void:
         if changed & set(by):
             found |= {key: None for key in keys if old(key) is not None}
+    found = _simulated_strike(given, new) | found
     if len(lists) == 2 and not min(has) <= min(wants) <= max(wants) <= max(has):
         found[OPERATING] = has
         if points:  # a list of points becomes a grid
@@ -430,3 +446,17 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
     replaced = replaced_keys({**given, **found}, tomllib.loads(texts[1]))
     said += [f"replaced by values of yours: {', '.join(replaced)}"] if replaced else []
     return found | dict.fromkeys(replaced), said
+
+
+def _simulated_strike(given: Mapping[str, Any], tables: Callable[[str], Any]) -> Data:
+    """Compute ring and shaft of the shifts that a given strike does not hold: its middle."""
+    found: Data = {}
+    for key, there in NOMINAL.items():
+        ends = given.get(key)
+        ends = ends if isinstance(ends, list) else [ends]
+        if not all(isinstance(end, (int, float)) and end > 0 for end in ends):
+            continue
+        nominal = tables(there)
+        if nominal is not None and not min(ends) <= nominal <= max(ends):
+            found[there] = rounded(math.sqrt(min(ends) * max(ends)), 3)
+    return found

@@ -40,6 +40,7 @@ from dogshape.pipeline.reports.text import (
     place_name,
 )
 from dogshape.pipeline.simulate.design import (
+    KINDS,
     SIMULATED,
     SUMMARIES,
     checks_within,
@@ -49,6 +50,7 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import (
     CheckRow,
+    HangKeys,
     VerdictRow,
     check_table,
     hinge_table,
@@ -61,14 +63,18 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.locking import locking_friction
+from dogshape.sim.strength.manufacture import Kind
 from dogshape.sim.strength.verdict import Margin
 from dogshape.sim.units import MM, from_si, suffix_of, unit_of
 from dogshape.sim.versions import bundled_root, versions
 
 GENERAL = "ISO 2768-f"  #: tolerance of a dimension that the study gives none for
+TIME, ENGAGED = "expected shift time, ms", "mean of engaged shifts, ms"
+HANGS = "shifts that hang, % (95 %)"
 #: Keys of what was simulated of a design.
 SIMULATION = (
-    SIMULATED, "standard_error_s", "source", "engaged", "shifts_engaged", "gain_s",
+    SIMULATED, "standard_error_s", *HangKeys.model_fields, "source", "engaged", "shifts_engaged",
+    "gain_s",
     "gain_standard_error_s", "worst_against_prototype", "slowest_point",
 )  # fmt: skip
 HINGES = 3  #: assumptions that fit on a sheet, the strongest
@@ -78,6 +84,9 @@ TITLE_BLOCK = {
     "checker": "checked by", "decided_by": "decided by",
 }  # fmt: skip
 Values = Mapping[str, float]
+#: Words for the smallest margins within the tolerances.
+STATISTICAL_MARGIN = "at statistical tolerances, landing nominal"
+WORST_MARGIN = "at worst-case tolerances, landing nominal"
 
 
 @dataclass(frozen=True)
@@ -160,14 +169,19 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
 
 
 def design_record(
-    study: Setup, params: Values, margins: Values, worst: tuple[str, float] | None,
-    verdict: Row, **known: Any,
-) -> Row:  # fmt: skip
+    study: Setup,
+    params: Values,
+    margins: Values,
+    within: Mapping[Kind, tuple[str, float] | None],
+    verdict: Row,
+    **known: Any,
+) -> Row:
     """Record a design of a study by one set of keys, None where something is not known.
 
-    ``params`` are its searched keys in edge units, ``margins`` those of all checks, ``worst`` is
-    the check with the smallest margin at worst-case tolerances with that margin, ``verdict`` has
-    the keys of ``VerdictRow``; ``known`` is what else is known, by the keys of the record.
+    ``params`` are its searched keys in edge units, ``margins`` those of all checks, ``within`` has
+    the check with the smallest margin within the tolerances with that margin, by the addition of
+    their effects (``KINDS``), ``verdict`` has the keys of ``VerdictRow``; ``known`` is what else is
+    known, by the keys of the record.
     """
     own = {name: margin for name, margin in margins.items() if name not in SUMMARIES}
     dog, weakest = study.dog_with(dict(params)), min(own, key=lambda name: own[name])
@@ -186,8 +200,8 @@ def design_record(
         "verdict": verdict,
         "smallest_margin": own[weakest],
         "weakest_check": weakest,
-        "margin_worst_case": worst and number_or_none(worst[1]),
-        "weakest_check_worst_case": worst and worst[0],
+        **{f"margin_{k}": pair and number_or_none(pair[1]) for k, pair in within.items()},
+        **{f"weakest_check_{k}": pair and pair[0] for k, pair in within.items()},
         "locking_friction": number_or_none(friction),
         "locking_surface": surface,
         "engine": study.clutch.solver.engine,
@@ -208,6 +222,7 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
     found: Row = {"engaged": known["engaged"], "source": "search"}
     if known[SIMULATED] is not None:
         found |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
+    found |= {name: known.get(name) for name in HangKeys.model_fields}
     if confirmed is not None:
         own = result["confirmation"]["prototype"]
         found |= {"source": "new angles", "confirmed": True}
@@ -220,12 +235,17 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
             found["worst_against_prototype"] = max(
                 point_differences(own, confirmed), key=lambda one: float(one["difference_s"])
             )
-    worst, params = row["margin_worst_case"], {name: row[name] for name in study.variables}
+    params = {name: row[name] for name in study.variables}
+    margins = {kind: row[f"margin_{kind}"] for kind in KINDS}
+    within = {
+        kind: None if margin is None else (row.get(f"weakest_check_{kind}") or "", margin)
+        for kind, margin in margins.items()
+    }
     return design_record(
         study,
         params,
         margins_of(row, confirmed),
-        None if worst is None else (row.get("weakest_check_worst_case") or "", worst),
+        within,
         verdict=searched_verdict(study, params, row, confirmed),
         design=int(row["trial"]),
         prototype=bool(row["prototype"]),
@@ -276,20 +296,28 @@ def words_of(one: Row) -> dict[str, str]:
     elif not one["confirmed"]:
         time += f" ({one['source']})"
 
+    def within(kind: Kind) -> str:
+        margin = one[f"margin_{kind}"]
+        if margin is None:
+            return "no dog"
+        # What has no tolerances counts at nominal size.
+        nominal = one["smallest_margin"], one["weakest_check"]
+        least, name = min((margin, one[f"weakest_check_{kind}"]), nominal)
+        return margin_cell(name, least)
+
     def at_point(point: Row | None, key: str, sign: str = "") -> str:
         if point is None:
             return "-"
         time = ms_with_error(point[key], point["standard_error_s"], sign)
         return f"{time} at {place_name(point)}"
 
-    worst = one["margin_worst_case"], one["weakest_check_worst_case"]
     surface, engaged = check_name(one["locking_surface"]), one["engaged"]
-    if worst[0] is not None:  # what has no tolerances counts at nominal size
-        worst = min(worst, (one["smallest_margin"], one["weakest_check"]))
     verdict = one["verdict"]
     return {
         "verdict": verdict["line"] if verdict["state"] == "passes" else Bad(verdict["line"]),
-        "expected shift time, ms": time,
+        TIME: time,
+        ENGAGED: ms_with_error(one["engaged_mean_s"], one["engaged_standard_error_s"]),
+        HANGS: hang_share(one),
         "gain over the prototype, ms": ms_with_error(one["gain_s"], one["gain_standard_error_s"]),
         "worst point minus prototype, ms":
             at_point(one["worst_against_prototype"], "difference_s", "+"),
@@ -297,13 +325,22 @@ def words_of(one: Row) -> dict[str, str]:
         "engage at the first try, least": "-" if engaged is None else percent(engaged),
         "smallest margin, nominal size":
             margin_cell(one["weakest_check"], one["smallest_margin"]),
-        "at worst-case tolerances, landing nominal":
-            "no dog" if worst[0] is None else margin_cell(worst[1], worst[0]),
+        STATISTICAL_MARGIN: within("root_sum_square"),
+        WORST_MARGIN: within("worst_case"),
         "locks above friction":
             f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})" if surface
             else "-",
         "axial length, root to root, mm": f"{one['axial_length_mm']:.2f}",
     }  # fmt: skip
+
+
+def hang_share(one: Row) -> str:
+    """Print the probability of a hang in percent with its interval; a dash where unknown."""
+    if one.get("hang_probability") is None:
+        return "-"
+    keys = ("hang_probability", "hang_probability_low", "hang_probability_high")
+    mean, low, high = (100.0 * one[name] for name in keys)
+    return f"{mean:.2g} ({low:.2f} to {high:.2g})"
 
 
 def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
@@ -353,8 +390,11 @@ def write_sheet(
     rows = [CheckRow.model_construct(**{**none, **c, "name": check_name(c["name"])}) for c in own]
     missing = [not_judged_row(one) for one in verdict.not_judged]
     rows += [row.model_copy(update={"name": check_name(row.name)}) for row in missing]
-    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")
-    facts = [pair for pair in words_of(record).items() if pair[1] != "-"]
+    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square")
+    words = words_of(record)
+    # One line for both, so that the sheet stays a page.
+    words[STATISTICAL_MARGIN] += f"; worst case {words.pop(WORST_MARGIN)}"
+    facts = [pair for pair in words.items() if pair[1] != "-"]
     facts += [(f"{row.name}, margin within 95 %", row.cell("margin_interval"))
               for row in rows if row.margin_interval]  # fmt: skip
     judged, facts = facts[:1], facts[1:]
@@ -386,7 +426,7 @@ def _dimensions(study: Setup) -> list[Row]:
 
 
 def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
-    """List the command, operating points, contact, mechanism, hashes and versions of a result.
+    """List command, operating points, contact, shafts, mechanism, hashes and versions of a result.
 
     ``result`` is None for a design that was not searched.
     """
@@ -410,6 +450,7 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
         "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
         f"{contact.dynamic_friction:g} dynamic, {normal}",
+        "shafts": study.clutch.drive.text,
         "mechanism": ", ".join(f"{name} {one:.4g}" for name, one in study.mechanism.items()),
         "versions": ", ".join(f"{name} {version}" for name, version in used.items()),
         "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{own}",

@@ -17,7 +17,7 @@ MARGIN, QUANTILE_TIME = "smallest_margin", "shift_time_quantile_s"
 #: Units that are shown instead of the stored ones, and the factors that lead to them.
 SHOWN = {
     "peak_impact_force_N": "kN", "peak_axial_force_N": "kN", MARGIN: "%", "first_try_share": "%",
-    "smallest_margin_worst": "%",
+    "smallest_margin_worst": "%", "smallest_margin_statistical": "%",
 }  # fmt: skip
 FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}
 

@@ -30,8 +30,13 @@ from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.shift.trace import Phase, Trace, crests_cross
 from dogshape.sim.statistics.blocks import events_record, loads_record
+from dogshape.sim.strength.dog_strength import Limits
+from dogshape.sim.strength.peak_force import PeakForces, peak_forces
 from dogshape.sim.units import DEG, MM, MS, RPM
 
+TANGENTIAL = "peak_tangential_force_N"
+NO_STRIKE = Limits()
+SHOWN_FORCES = 5.0  #: largest shift forces on the axis of a peak beyond rigid rings
 SAMPLES = 6000  #: most points of a series on a page; longer ones are thinned
 #: Colours of the phases.
 TONES = {
@@ -79,12 +84,14 @@ def _series(result: Engagement) -> pd.DataFrame:
 
 
 def write_animation(
-    result: Engagement, path: Path, torque_peak: float | None = None, shared: bool = False
-) -> None:
+    result: Engagement, path: Path, torque_peak: float | None = None, shared: bool = False,
+    limits: Limits = NO_STRIKE,
+) -> None:  # fmt: skip
     """Write the shift as one HTML page that opens without a network.
 
-    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness; ``shared`` is
-    whether many pages in one folder share the code of their figures, megabytes each.
+    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness, ``limits`` have
+    its strikes; ``shared`` is whether many pages in one folder share the code of their figures,
+    megabytes each.
     """
     viewer = Path(FindResourceOrThrow("drake/geometry/meshcat.js")).read_text(encoding="utf-8")
     scripts = {"plotly": get_plotlyjs(), "meshcat": viewer}
@@ -124,7 +131,7 @@ def write_animation(
         f"{outcome} in {in_ms(result.shift_time)} ms",
         where=minus(where),
         how=f"{dog.count} dogs, contact {contact}, by {ENGINES[result.clutch.solver.engine]}",
-        facts=[*event_facts(result), *load_facts(result, torque_peak)],
+        facts=[*event_facts(result), *load_facts(result, torque_peak, limits)],
         phases=data["phases"],
         data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
         curves=figure_html(curves(result), "curves"),
@@ -164,6 +171,9 @@ def curves(result: Engagement) -> go.Figure:
     for row, unit in enumerate(("mm", "1/min", "N"), start=1):
         figure.update_yaxes(title={"text": unit, "standoff": 8}, nticks=5, row=row)
     figure.update_yaxes(rangemode="tozero", row=3)
+    most = SHOWN_FORCES * float(result.trace.shift_force.max())
+    if most < result.loads.peak_axial_force and not peak_forces(result, NO_STRIKE).rigid_axially:
+        figure.update_yaxes(range=[0.0, most], row=3)
     figure.update_xaxes(range=[0.0, float(time.iloc[-1])])
     figure.update_xaxes(ticksuffix=" ms", row=3)
     styled(figure, 380).update_layout(font_size=12, hovermode="x")
@@ -191,9 +201,40 @@ def event_facts(result: Engagement) -> list[str]:
     return facts
 
 
-def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
-    """List the loads of a shift, in words; ``torque_peak`` in N m."""
-    return _words({**loads_record(result), "driveline_peak_Nm": torque_peak})
+def load_facts(
+    result: Engagement, torque_peak: float | None, limits: Limits = NO_STRIKE
+) -> list[str]:
+    """List the loads of a shift, in words; ``torque_peak`` in N m.
+
+    Peak forces beyond rigid rings are marked, or replaced by those of the study's strike.
+    """
+    record, peaks = loads_record(result), peak_forces(result, limits)
+    forces = [_axial_words(peaks), _tangential_words(peaks)]
+    others = {k: v for k, v in record.items() if k not in ("peak_axial_force_N", TANGENTIAL)}
+    return [*forces, *_words({**others, "driveline_peak_Nm": torque_peak})]
+
+
+def _axial_words(peaks: PeakForces) -> str:
+    if peaks.rigid_axially:
+        return f"peak axial force {value('_N', peaks.axial)}"
+    return (
+        f"peak axial force below {value('_N', peaks.axial)}: the contact takes "
+        f"{1e6 * peaks.contact:.3g} us, a stress wave through the ring and back "
+        f"{1e6 * peaks.wave:.3g} us"
+    )
+
+
+def _tangential_words(peaks: PeakForces) -> str:
+    simulated = value("_N", peaks.tangential)
+    if peaks.shafts or peaks.tangential == 0.0:
+        return f"peak tangential force {simulated}"
+    if peaks.strike is not None and peaks.strike < peaks.tangential:
+        struck = value("_N", peaks.strike)
+        return f"peak tangential force {struck} by [strike], {simulated} if both sides were rigid"
+    return (
+        f"peak tangential force {simulated} with both sides rigid, an upper estimate; "
+        "mechanism.ring_inertia_kgm2 and input_stiffness_Nm_rad give ring and shaft"
+    )
 
 
 def _words(record: Mapping[str, Any]) -> list[str]:

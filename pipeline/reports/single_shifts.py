@@ -102,4 +102,5 @@ def _write(study: Setup, row: Record, path: Path) -> None:
     clutch, angle = variant.clutch(replace(study.clutch, dog=dog)), row["relative_angle_deg"] * DEG
     result = engage(clutch, point, angle)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_animation(result, path, study.torque_peak(result), shared=True)
+    torque_peak = study.torque_peak(result)
+    write_animation(result, path, torque_peak, shared=True, limits=study.limits)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import Bad, Table, percent
+from dogshape.pipeline.record import Bad, Table, percent, tabulate
 from dogshape.pipeline.reports.charts import (
     ENTRY_NOTE,
     effects_figure,
@@ -22,7 +24,13 @@ from dogshape.pipeline.reports.charts import (
     times_by_point,
 )
 from dogshape.pipeline.reports.data_sheet import (
+    ENGAGED,
+    HANGS,
+    STATISTICAL_MARGIN,
+    TIME,
+    WORST_MARGIN,
     difference,
+    hang_share,
     point_differences,
     provenance_of,
     searched_record,
@@ -50,6 +58,8 @@ from dogshape.pipeline.reports.surrogate_findings import learn_effects, prices_t
 from dogshape.pipeline.reports.text import (
     axis,
     check_name,
+    engaged_text,
+    hang_words,
     in_ms,
     label,
     margin_cell,
@@ -60,20 +70,34 @@ from dogshape.pipeline.reports.text import (
     time_text,
     value,
 )
-from dogshape.pipeline.simulate.design import SIMULATED, WORST, failing_words
+from dogshape.pipeline.simulate.design import (
+    SIMULATED,
+    SUMMARIES,
+    WITHIN,
+    WITHIN_WORDS,
+    failing_words,
+)
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.store.result_records import EngineAgreement, VerdictRow, hinge_table
+from dogshape.pipeline.store.result_records import (
+    EngineAgreement,
+    LimitRow,
+    PointRow,
+    VerdictRow,
+    hinge_table,
+)
+from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import naming
 from dogshape.surrogate.store import Validation
 
 BESIDE = 10  #: designs beside each other in the table of margins
 END = 0.01  #: share of a search range within which a value lies at its end
 LANDING = "_impact"  #: end of the names of the checks of a landing
-TIME = "expected shift time, ms"
+FAILS = "fails"
 #: Columns of the alternatives, of the words of a record.
 COLUMNS = (
     "smallest margin, nominal size",
-    "at worst-case tolerances, landing nominal",
+    STATISTICAL_MARGIN,
+    WORST_MARGIN,
     "locks above friction",
 )
 SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys
@@ -118,11 +142,31 @@ def write_report(folder: StudyFolder) -> Path:
         page.add("Single shifts", *shift_parts(folder, study, result))
         page.add("Life", *([life_table(result["life"])] if result.get("life") else []))
         page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
+    elif result["trials"]:
+        page.add("Nearest designs", nearest_table(study, result))
+        page.add("Checks that stop them", barriers_table(result))
+        page.add("Margins", margin_table(result, nearest_designs(result)))
+        page.add("Front", *front_parts(study, result)[:-1])
+        if effects is not None:
+            page.add("Variables", *effect_parts(effects["effects"]))
+            page.add("Limits", prices_table(effects["prices"]))
+        for row in nearest_designs(result)[:1]:
+            page.add("Drawing", *_drawing(study, row))
     file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
     run = json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
     page.add("Provenance", provenance_table(folder, study, result), file.format(run))
     page.save(folder.report)
     return folder.report
+
+
+def _drawing(study: Setup, row: Row) -> list[Part]:
+    """Draw a design that fails a check; nothing where the shape is impossible."""
+    try:
+        dog = study.dog_with({name: row[name] for name in study.variables})
+    except GeometryError:
+        return []
+    title = f"{design_name(row).capitalize()}, nearest to passing every check"
+    return [Markup(dimensioned_svg(dog, study.limits, title))]
 
 
 def headline(result: Row) -> str:
@@ -139,17 +183,25 @@ def headline(result: Row) -> str:
     failed = failed_words(c["best"])
     fails = f", but fails {failed} at the new angles" if failed else ""
     if best["prototype"]:
-        return f"No design of this search is chosen before the prototype{fails}."
+        if fails:
+            return f"No design of this search is chosen before your own dog{fails}."
+        superlative = "fastest" if lead.unit == "ms" else "best"
+        words = lead.words(*lead.estimate(c["best"]["estimates"]))
+        return f"Your own dog is the {superlative} that passes: {lead.label} {words}."
     words = " engages in {} of {} shifts".format(*engaged_shifts(c["best"]))
     if gains and gains[0][0] == lead:
         _, before, after, gain = gains[0]
+        words = f": {lead.label} {lead.words(*after)}"
+        if own_failed := failed_words(c["prototype"]):
+            return (f"{name.capitalize()}{words}{fails}; your own dog has {lead.words(*before)}, "
+                    f"but fails {own_failed}.")  # fmt: skip
         than = ", not clearly better than" if unclear(*gain) else " instead of"
-        words = f": {lead.label} {lead.words(*after)}{than} {lead.words(*before)}"
+        words += f"{than} {lead.words(*before)} of your own dog"
     return f"{name.capitalize()}{words}{fails}."
 
 
 def unclear(gain: float, error: float) -> bool:
-    """Check that a difference is within two standard errors."""
+    """Check that a difference is within two standard errors, hangs included."""
     return abs(gain) < 2.0 * error
 
 
@@ -172,9 +224,12 @@ def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
 
 
 def summary_tables(study: Setup, result: Row) -> list[Table]:
-    """Tabulate the designs worth a choice, and the facts about the chosen one."""
+    """Tabulate the designs worth a choice, and the facts about the chosen one.
+
+    Where none passes: the nearest designs, and the checks that stop them.
+    """
     if result["best"] is None:
-        return []
+        return [nearest_table(study, result), barriers_table(result)] if result["trials"] else []
     facts = list(facts_of(study, result)) if result["confirmation"] else []
     return [alternatives_table(study, result), *([Table(("", ""), facts)] if facts else [])]
 
@@ -207,6 +262,7 @@ def alternatives_table(study: Setup, result: Row) -> Table:
         cells.append([
             "prototype" if one["prototype"] else str(trial),
             *(minus(f"{row[name]:.4g}") for name in study.variables), words[TIME],
+            words[ENGAGED], words[HANGS],
             *("-" if row.get(goal.name) is None
               else goal.pair(*goal.estimate(repeated)) if goal.name in repeated
               else goal.pair(goal.shown(row), goal.error(row)) for goal in goals),
@@ -215,13 +271,92 @@ def alternatives_table(study: Setup, result: Row) -> Table:
             "" if one is chosen else "-" if cost is None else ms_with_error(*cost, "+"),
         ])  # fmt: skip
     heads = (
-        *("design", *map(axis, study.variables), TIME, *(goal.title for goal in goals)),
+        *(
+            "design",
+            *map(axis, study.variables),
+            TIME,
+            ENGAGED,
+            HANGS,
+            *(goal.title for goal in goals),
+        ),
         *("worst point minus prototype, ms", *COLUMNS, "minus chosen, ms"),
     )
     looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
     texts = [heads.index(column) for column in COLUMNS]
-    note = "Designs of the front that pass every check at the new angles; ± one standard error."
+    note = "Designs of the front that pass every check at the new angles; ± one standard error, "
+    note += "that of the expected time with the error of hangs."
     return Table(heads, cells, looks, texts, note)
+
+
+def margins_for_all(row: Row) -> dict[str, float]:
+    """Give the margins of a design by check, without those that sum up others."""
+    return {name: m for name, m in row["margins"].items() if name not in SUMMARIES}
+
+
+def nearest_designs(result: Row) -> list[Row]:
+    """List the designs with the least shortfall of their worst check, and the study's own dog."""
+    known = [row for row in result["trials"] if row["margins"]]
+    ordered = sorted(known, key=lambda row: (-min(row["margins"].values()), row["trial"]))
+    own = [row for row in ordered if row["prototype"]]
+    return [*[row for row in ordered if not row["prototype"]][:BESIDE], *own]
+
+
+def nearest_table(study: Setup, result: Row) -> Table:
+    """Tabulate the designs that fail by least, with the checks that they fail."""
+    rows, cells = nearest_designs(result), []
+    for row in rows:
+        failed = sorted((m, name) for name, m in row["margins"].items() if m < 0.0)
+        words = ", ".join(f"{check_name(name)} ({percent(margin)})" for margin, name in failed)
+        if "engines" in row["failed"]:
+            words = ", ".join(filter(None, (words, "engines disagree")))
+        cells.append([
+            "your own dog" if row["prototype"] else str(row["trial"]),
+            *(minus(f"{row[name]:.4g}") for name in study.variables),
+            ms_with_error(row[SIMULATED], row["standard_error_s"]),
+            ms_with_error(row.get("engaged_mean_s"), row.get("engaged_standard_error_s")),
+            hang_share(row),
+            Bad(words) if words else "none",
+        ])  # fmt: skip
+    heads = ("design", *map(axis, study.variables), TIME, ENGAGED, HANGS, FAILS)
+    looks = {k: "prototype" for k, row in enumerate(rows) if row["prototype"]}
+    note = (
+        "The designs whose worst check is short by least, at the angles of the search; "
+        "± is one standard error. A dash: not simulated, as a check fails before."
+    )
+    return Table(heads, cells, looks, (heads.index(FAILS),), note)
+
+
+def barriers_table(result: Row) -> Table:
+    """Tabulate the checks that stop designs, with counts and what each costs in shift time.
+
+    The cost is the time of the fastest design that passes the check, less that of the fastest of
+    all, whatever else either fails.
+    """
+    rows = [row for row in result["trials"] if row["margins"]]
+    timed = [row for row in rows if row[SIMULATED] is not None]
+    margins = [margins_for_all(row) for row in rows]
+    failing = Counter(name for one in margins for name, margin in one.items() if margin < 0.0)
+    fastest, cells = min((row[SIMULATED] for row in timed), default=None), []
+    for name, count in failing.most_common():
+        alone = sum(one[name] < 0.0 and sum(m < 0.0 for m in one.values()) == 1
+                    for one in margins if name in one)  # fmt: skip
+        near = max(one[name] for one in margins if one.get(name, 0.0) < 0.0)
+        passing = [row for row in timed if row["margins"].get(name, -1.0) >= 0.0]
+        best = min(passing, key=lambda row: float(row[SIMULATED]), default=None)
+        price = None if best is None or fastest is None else best[SIMULATED] - fastest
+        cells.append([
+            check_name(name), f"{count} of {len(rows)}", str(alone), percent(near),
+            "none passes" if best is None
+            else f"{in_ms(best[SIMULATED])} ({design_name(best)})",
+            in_ms(price),
+        ])  # fmt: skip
+    heads = ("check", "designs that fail it", "fail it alone", "nearest of them",
+             "fastest that passes it, ms", "costs, ms")  # fmt: skip
+    note = (
+        "Costs: fastest simulated design that passes the check, less the fastest of all, whatever "
+        "other checks they fail. Where none passes, widen [variables] or the limit."
+    )
+    return Table(heads, cells, {}, (4,), note)
 
 
 def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
@@ -234,6 +369,7 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         yield from _gain_facts(study, result)
     elif how := _most_failed(result):
         yield "designs that fail", how
+    yield "shafts", study.clutch.drive.text
     if landing := [m for m in margins_of(best, c["best"]).items() if m[0].endswith(LANDING)]:
         yield "hardest landing at the new angles", margin_cell(*min(landing, key=lambda m: m[1]))
     if ranged := [check for check in c["best"]["checks"] if check.get("ends")]:
@@ -291,6 +427,7 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
             loss = ms_with_error(most["difference_s"], most["standard_error_s"])
             words += f" ({len(clear)} clearly), most by {loss} ms at {place_name(most)}"
         yield "operating points slower than the prototype", Bad(words) if clear else words
+    yield from _hang_facts(c)
     (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
     words = f"{own} of {n} shifts; prototype {other} of {m}"
     yield "engaged at the first try", Bad(words) if own < n else words
@@ -313,15 +450,23 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
 
 
+def _hang_facts(confirmation: Row) -> Iterator[tuple[str, str]]:
+    """List both parts of the expected times; results of earlier versions have none."""
+    for side, name in SIDES.items():
+        if confirmation[side].get("hang_probability") is not None:
+            yield f"mean of engaged shifts, {name}", engaged_text(confirmation[side])
+            yield f"hangs, {name}", hang_words(confirmation[side])
+
+
 def _most_failed(result: Row) -> str:
     """Name the checks that most designs fail, and by how much the nearest of them does.
 
-    Of the smallest margin within the tolerances the check behind it is named.
+    Of the smallest margin within the tolerances the check behind it is named, where it is stored.
     """
     every = []
     for row in result["trials"]:
-        behind = check_name(row.get("weakest_check_worst_case") or WORST)
-        names = {WORST: f"{behind} at worst-case tolerances"}
+        behind = {n: row.get(f"weakest_check_{kind}") for n, kind in WITHIN.items()}
+        names = {n: f"{check_name(b or n)} {WITHIN_WORDS[n]}" for n, b in behind.items()}
         every.append({names.get(n, check_name(n)): m for n, m in row["margins"].items()})
     return failing_words(every)
 
@@ -342,9 +487,12 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
     ]  # fmt: skip
 
 
-def margin_table(result: Row) -> Table:
-    """Tabulate every margin of the prototype and the first designs of the front, by the search."""
-    shown = designs_shown(result)[:BESIDE]
+def margin_table(result: Row, designs: Sequence[Row] = ()) -> Table:
+    """Tabulate every margin of the prototype and the first designs of the front, by the search.
+
+    ``designs`` are others to show.
+    """
+    shown = list(designs or designs_shown(result))[:BESIDE]
     every = [row["margins"] for row in shown]
     names = dict.fromkeys(name for margins in every for name in margins)
     rows = [[check_name(n), *(margin_cell("", one.get(n)) for one in every)] for n in names]
@@ -385,8 +533,32 @@ def point_parts(study: Setup, result: Row) -> list[Part]:
         own = study.clutch.dog.count
         counts = {"prototype": own, "best": result["best"].get("count", own)}
         entries = {name: (c[key]["points"], counts[key]) for key, name in SIDES.items()}
-        parts += [shiftability_figure(entries), ENTRY_NOTE]
+        parts += [shiftability_figure(entries), ENTRY_NOTE, *_entry_tables(c)]
     return parts
+
+
+def _entry_tables(confirmation: Row) -> list[Table]:
+    """Tabulate direct entries beside their closed form, and limit engagement speeds."""
+    tables: list[Table] = []
+    for side, name in SIDES.items():
+        points = [PointRow(**point) for point in confirmation[side]["points"]]
+        entries = [(point, point.shiftability) for point in points]
+        cells = [
+            [
+                *(point.cell(key) for key in ("mismatch_rpm", "force_N")),
+                *(percent(share) for share in (entry.direct, entry.direct_closed_form)),
+            ]
+            for point, entry in entries
+            if entry is not None and entry.direct_closed_form is not None
+        ]
+        if cells:
+            heads = (axis("mismatch_rpm"), axis("force_N"), "direct entry", "closed form")
+            tables.append(Table(heads, cells, note=f"Direct entry, {name}."))
+        limits = [LimitRow(**limit) for limit in confirmation[side].get("engagement_limits") or ()]
+        if limits:
+            table = tabulate(LimitRow, limits)
+            tables.append(replace(table, note=f"Limit engagement speed, {name}; 95 % interval."))
+    return tables
 
 
 def shift_parts(folder: StudyFolder, study: Setup, result: Row) -> list[Part]:

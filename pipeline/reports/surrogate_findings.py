@@ -4,7 +4,7 @@ Both are computed once and stored beside the surrogate. For prices, designs that
 and more about the best of them under each limit, are checked by closed forms and predicted. Where
 an upper bound L becomes f L a design passes with a margin of 1 - f, where a lower one does with
 f - 1: so one pool of designs answers for all limits. Landing and other simulated limits are left
-out. Where a study bounds the smallest margin at worst-case tolerances, margins are taken there.
+out. Where a study bounds the smallest margin within tolerances, margins are taken there.
 Tolerances are a limit too: f times as large they take f times as much from each margin.
 """
 
@@ -20,14 +20,15 @@ from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, in_ms
-from dogshape.pipeline.simulate.design import WORST, check_dog, dogs_of, limits_of
+from dogshape.pipeline.simulate.design import WITHIN, check_dog, dogs_of, limits_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import first_designs
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, StorageError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import RULES, Check
-from dogshape.sim.strength.dog_strength import margin_losses
+from dogshape.sim.strength.dog_strength import margin_losses, within_tolerances
+from dogshape.sim.strength.manufacture import Kind
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range, require_same_physics
 from dogshape.surrogate.sensitivity import effects
@@ -158,9 +159,22 @@ def prices_table(rows: list[Row]) -> Table:
 
 
 def _checks(study: Setup, dog: Dog) -> tuple[Check, ...]:
-    """Work out the checks of a dog, or of ``Dogs``, that need no simulation, but for the worst."""
-    limits = [(one, limit) for one, limit in limits_of(study) if one.name != WORST]
-    return check_dog(study, {}, dog, limits, {}).checks
+    """Work out the checks of a dog, or of ``Dogs``, that need no simulation, but for sums of them.
+
+    Those that have the tolerances in them add effects as the study's limit does.
+    """
+    limits = [(one, limit) for one, limit in limits_of(study) if one.name not in WITHIN]
+    checks = check_dog(study, {}, dog, limits, {}).checks
+    kind = _kind(study)
+    if kind is None:
+        return checks
+    own = {check.name: check for check in within_tolerances(dog, study.limits, kind)}
+    return tuple(own.get(check.name, check) for check in checks)
+
+
+def _kind(study: Setup) -> Kind | None:
+    """Return how the study adds effects of tolerances; None where it bounds none of their sums."""
+    return next((WITHIN[name] for name in WITHIN if name in (study.file.search.limits or {})), None)
 
 
 def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
@@ -168,7 +182,7 @@ def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
     names = [check.name for check in _checks(study, study.clutch.dog)]
     rows = np.full((len(designs), len(names)), -np.inf)
     losses, shape = np.zeros(rows.shape), study.shape_keys
-    worst = WORST in (study.file.search.limits or {})
+    kind = _kind(study)
     of_shape = np.array([name in shape for name in study.variables])
 
     def dogs_at(places: Array) -> Dog:
@@ -193,9 +207,9 @@ def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
             places = places[(rows[places] < 0.0).sum(axis=1) <= 1]
             if places.size:
                 losses[places] = rows[places] - stacked(own, places)
-                lost = margin_losses(dogs_at(places), own.limits) if worst else {}
+                lost = margin_losses(dogs_at(places), own.limits) if kind else {}
                 for k, name in enumerate(names):
-                    losses[places, k] += lost[name].worst_case if name in lost else 0.0
+                    losses[places, k] += getattr(lost[name], kind or "") if name in lost else 0.0
     return rows, losses
 
 

@@ -34,6 +34,7 @@ ENGINES = {"drake": "Drake", "planar": "the compiled engine"}  #: words for each
 #: Checks, events and loads whose key is no name.
 CHECKS = {
     "smallest_margin_worst": "smallest margin at worst-case tolerances, landing left out",
+    "smallest_margin_statistical": "smallest margin at statistical tolerances, landing left out",
     "slower_than_reference_s": "time lost on the reference",
     "engagement": "engagement in half of the shifts of each operating point",
     "face_contacts": "touches of face on face",
@@ -122,6 +123,20 @@ def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
         for one in quantiles
         if (one["time_s"] or 0.0) > 2.0 * (one["standard_error_s"] or 0.0)
     )
+
+
+def hang_words(parts: Mapping[str, Any]) -> str:
+    """Print the probability of a hang with its interval and its cost; ``HangKeys`` has the keys."""
+    mean, low, high = (100.0 * parts[f"hang_probability{end}"] for end in ("", "_low", "_high"))
+    words = f"a shift hangs with {mean:.2g} % (95 %: {low:.2f} to {high:.2g} %)"
+    if parts["retries_s"] is None:
+        return words
+    return f"{words}, retries take {time_text(parts['retries_s'], parts['retries_error_s'])}"
+
+
+def engaged_text(parts: Mapping[str, Any]) -> str:
+    """Print the mean of engaged shifts; a dash where an operating point has none."""
+    return time_text(parts["engaged_mean_s"], parts["engaged_standard_error_s"])
 
 
 def interval_text(time: float, low: float, high: float, share: str = "95 %") -> str:

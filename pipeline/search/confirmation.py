@@ -3,7 +3,11 @@
 A search picks designs that were also lucky, and more angles find harder landings. So values and
 checks of prototype and front are those of ``DENSER`` times as many new angles. Drake simulates some
 of them too; a design on which both engines do not agree leaves the front, as does one that fails a
-check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``.
+check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``,
+and the study's own dog is confirmed as they are.
+
+The prior of hangs is fitted to all designs of search and confirmation. Where the posterior of hangs
+decides between the best design and others, these get more angles (``HangAngles``).
 
 An *audit* simulates random shifts of the search again in Drake.
 """
@@ -22,7 +26,7 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Record, key
-from dogshape.pipeline.search.state import SearchState, Trial
+from dogshape.pipeline.search.state import PointTimes, SearchState, Trial
 from dogshape.pipeline.simulate.design import (
     OBJECTIVES,
     SIMULATED,
@@ -38,6 +42,7 @@ from dogshape.pipeline.simulate.evaluation import (
     Simulated,
     design_blocks,
     evaluate,
+    expectation_of,
     forget_designs,
 )
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
@@ -46,6 +51,8 @@ from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
+from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.hangs import pool
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import result_of
 from dogshape.sim.units import DEG, MM
@@ -78,6 +85,27 @@ class OtherShape(Record):
     feasible: bool = key("whether it passes every check")
 
 
+CLEAR = 2.0  #: standard errors of a difference of designs from which it is clear
+
+
+@dataclass(frozen=True)
+class HangAngles:
+    """More angles for designs that the posterior of hangs decides between; status: judged.
+
+    Each round doubles the angles of the best design and its nearest rivals, at the operating points
+    that make most of the variance of their retries.
+    """
+
+    doublings: int = 3
+    rivals: int = 4
+    variance_share: float = 0.9  #: of the retries' variance that the chosen points make
+
+    def rounds(self, angles: int) -> list[int]:
+        """List the angles of each round, from those of the confirmation."""
+        return [angles * 2**k for k in range(1, self.doublings + 1)]
+
+
+HANG_ANGLES = HangAngles()
 PLAY_MM = 0.1  #: of backlash that a confirmation adds to the chosen design
 
 
@@ -89,11 +117,20 @@ def new_angles(study: Setup) -> int:
     return few * math.ceil(DENSER * study.file.expectation.angles / few)
 
 
+def hang_rounds(study: Setup) -> list[int]:
+    """List the angles of each round for hangs; none in Drake, where a shift takes a second."""
+    if study.clutch.solver.engine == "drake":
+        return []
+    return HANG_ANGLES.rounds(new_angles(study))
+
+
 def shifts_to_confirm(study: Setup) -> int:
     """Count the shifts of a confirmation, at most, with the numerical errors."""
     few, many = study.file.search.confirm_angles, new_angles(study)
     both = len(study.points) * (many if many == few else many + few)
-    return (1 + study.file.search.confirm_designs) * both + 2 * repeated(len(study.points) * few)
+    hangs = (1 + HANG_ANGLES.rivals) * len(study.points) * sum(hang_rounds(study))
+    designs = (2 + study.file.search.confirm_designs) * both
+    return designs + hangs + 2 * repeated(len(study.points) * few)
 
 
 def confirm(
@@ -103,23 +140,131 @@ def confirm(
 
     Give the record, None where no design passes every check, and the state at the new angles.
     """
-    state, study, found = searched, searched.study, dict[int, Simulated]()
-    prototype, most = list[Simulated](), study.file.search.confirm_designs
-    while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
-        front = f"prototype and {len(trials)} of the front at new angles"
-        more = f"{len(trials)} more that the new angles put on the front"
-        say(f"confirming {more if found else front}")
-        named = {} if found else {"the prototype": study.prototype}
-        named |= {f"design {trial.number}": trial.params for trial in trials}
-        new = _resimulated(study, named, executors)
-        prototype += new[: len(named) - len(trials)]
-        found |= {t.number: one for t, one in zip(trials, new[-len(trials) :], strict=True)}
-        state = state.renew(_renewed(study, t, found[t.number]) for t in trials)
-    if not found:
-        return None, state
+    study, own = searched.study, _own_trial(searched)
+    if not searched.front:
+        return None, searched
+    say("confirming the prototype at new angles")
+    (prototype,) = _resimulated(study, {"the prototype": study.prototype}, executors)
+    found = {} if own is None else {own.number: prototype}
+    state, found = _confirmed_front(searched, found, executors, say)
+    for angles in hang_rounds(study):
+        contested = contested_designs(state, found)
+        if not contested:
+            break
+        places = deciding_points([found[number].expectation for number in contested])
+        say(
+            f"hangs decide between {len(contested)} designs: {angles} angles at "
+            f"{len(places)} of {len(study.points)} operating points"
+        )
+        trials = [trial for trial in state.trials if trial.number in contested]
+        found |= _denser(study, trials, found, places, angles=angles, executors=executors)
+        state, found = _confirmed_front(searched, found, executors, say)
+    prototype = prototype.under(state.priors) if own is None else found[own.number]
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
     ordered = dict(sorted(found.items(), key=lambda item: (loss[item[0]], item[0])))
-    return _record(searched, state, prototype[0], ordered, executors), state
+    return _record(searched, state, prototype, ordered, executors), state
+
+
+def _confirmed_front(
+    searched: SearchState, found: dict[int, Simulated], executors: Executors, say: Say
+) -> tuple[SearchState, dict[int, Simulated]]:
+    """Confirm the front, and what comes onto it, up to ``search.confirm_designs`` in all.
+
+    ``found`` are the designs at new angles so far. Give the state at these, and all of them.
+    """
+    study, own = searched.study, _own_trial(searched)
+    most = study.file.search.confirm_designs + (own is not None)
+    state, found = _renewed_state(searched, found)
+    while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
+        say(f"confirming {len(trials)} designs of the front at new angles")
+        named = {f"design {trial.number}": trial.params for trial in trials}
+        new = _resimulated(study, named, executors)
+        found = found | {t.number: one for t, one in zip(trials, new, strict=True)}
+        state, found = _renewed_state(searched, found)
+    return state, found
+
+
+def _own_trial(state: SearchState) -> Trial | None:
+    """Select the trial of the study's own dog; None where it was not worth simulating."""
+    return next((trial for trial in state.simulated if trial.prototype), None)
+
+
+def _renewed_state(
+    searched: SearchState, found: Mapping[int, Simulated]
+) -> tuple[SearchState, dict[int, Simulated]]:
+    """Fit the prior of hangs to search and new angles; give the state and designs under it."""
+    counts, none = [], [(0, 0)] * len(searched.study.points)
+    for trial in searched.simulated:
+        one = found.get(trial.number)
+        new = [(p.hangs, p.n) for p in one.expectation.points] if one else none
+        pairs = zip(trial.counts or none, new, strict=True)
+        counts.append([(k + more, n + shifts) for (k, n), (more, shifts) in pairs])
+    priors = pool(counts)
+    found = {number: one.under(priors) for number, one in found.items()}
+    study, trials = searched.study, {trial.number: trial for trial in searched.trials}
+    state = searched.renew(_renewed(study, trials[n], one) for n, one in found.items())
+    return replace(state, priors=priors), found
+
+
+def contested_designs(state: SearchState, found: Found) -> list[int]:
+    """List the best design and those that hangs keep from being told apart.
+
+    Engaged means differ clearly, expected times do not. Empty where there are none, or where
+    another objective leads.
+    """
+    front = [trial for trial in state.feasible if trial.number in found]
+    if leading(state.study).name != SIMULATED or len(front) < 2:
+        return []
+    best, *others = sorted(front, key=state.leading_loss)
+    first, contested = found[best.number].expectation, list[int]()
+    for trial in others:
+        rival = found[trial.number].expectation
+        error = math.hypot(first.standard_error, rival.standard_error)
+        engaged_error = math.hypot(first.engaged_error, rival.engaged_error)
+        engaged_clear = abs(rival.engaged_mean - first.engaged_mean) >= CLEAR * engaged_error
+        if engaged_clear and rival.mean - first.mean < CLEAR * error:
+            contested.append(trial.number)
+    return [best.number, *contested[: HANG_ANGLES.rivals]] if contested else []
+
+
+def deciding_points(expectations: Sequence[Expectation]) -> list[int]:
+    """List the operating points that make most of the variance of retries, in their order."""
+    variances = sum(
+        (one.weights * np.array([point.retries_error for point in one.points])) ** 2
+        for one in expectations
+    )
+    order = np.argsort(-np.asarray(variances))
+    reached = np.cumsum(np.asarray(variances)[order]) / np.sum(variances)
+    number = int(np.searchsorted(reached, HANG_ANGLES.variance_share)) + 1
+    return sorted(order[:number].tolist())
+
+
+def _denser(
+    study: Setup,
+    trials: Sequence[Trial],
+    found: Found,
+    places: Sequence[int],
+    *,
+    angles: int,
+    executors: Executors,
+) -> dict[int, Simulated]:
+    """Simulate designs at more angles of some operating points; landings stay as they were."""
+    base, executor, denser = new_angles(study), _executor(study, executors), dict[int, Simulated]()
+    for trial in trials:
+        own = study.operated(trial.params)
+        every = design_blocks(study, trial.params, angles, _seed(study), base)
+        blocks = [every[place] for place in places]
+        rows = executor.run(blocks)
+        new = expectation_of(own, [own.points[place] for place in places], rows).points
+        known = found[trial.number]
+        points = list(known.expectation.points)
+        for place, point in zip(places, new, strict=True):
+            points[place] = point
+        expectation = replace(known.expectation, points=tuple(points))
+        more = sum(len(block.angles) for block in blocks) - len(places) * base
+        denser[trial.number] = replace(known, expectation=expectation, shifts=known.shifts + more)
+        forget_designs(study, executors.search, base, _seed(study))
+    return denser
 
 
 def _renewed(study: Setup, trial: Trial, one: Simulated) -> Trial:
@@ -131,6 +276,7 @@ def _renewed(study: Setup, trial: Trial, one: Simulated) -> Trial:
         estimates=one.estimates,
         measured=one.measured,
         rows=[*trial.rows, *row_record(one.rows)],
+        times=[PointTimes.of(point) for point in one.expectation.points],
         confirmed=True,
         judged=one.agreement is None or one.agreement.agrees,
     )
@@ -183,14 +329,14 @@ def _record(
 ) -> dict[str, Any]:
     """Record the confirmation of designs, by trial in the search's order.
 
-    Chosen is the design of the front whose 95 % interval of the leading objective ends first, so a
-    rare failed shift counts; where none passes, the first of all.
+    Chosen is the design of the front that is best in the leading objective, hangs by their
+    posterior; where none passes, the first of all.
     """
-    study, name = searched.study, leading(searched.study).name
+    study = searched.study
     trials = {trial.number: trial for trial in searched.simulated if trial.number in found}
-    ends = {t.number: state.leading_loss(t) + 1.96 * found[t.number].estimates[name].standard_error
-            for t in state.front if t.number in found}  # fmt: skip
-    chosen = min(ends, key=lambda number: ends[number], default=next(iter(found)))
+    front = [trial.number for trial in state.front if trial.number in found]
+    searched_ones = [number for number in found if not trials[number].prototype]
+    chosen = next(iter([*front, *searched_ones, *found]))
     params, same = trials[chosen].params, trials[chosen].prototype
     executor, both = _executor(study, executors), list[Simulated]()
     for design, one in ((study.prototype, own), (params, found[chosen])):
@@ -211,14 +357,16 @@ def _record(
             }
             for number, one in found.items()
         ],
-        "shapes": [one.to_dict() for one in _other_shapes(study, params, executors)],
+        "shapes": [one.to_dict() for one in _other_shapes(state, params, executors)],
+        "hang_prior": [vars(prior) for prior in state.priors],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
         **_gain(study, {} if same else _estimates(old), _estimates(new)),
     }
 
 
-def _other_shapes(study: Setup, params: Params, executors: Executors) -> list[OtherShape]:
+def _other_shapes(state: SearchState, params: Params, executors: Executors) -> list[OtherShape]:
     """Simulate a design with more backlash, and with a roof in the place of its one face."""
+    study = state.study
     dog = study.dog_with(params)
     changes = {f"{PLAY_MM:g} mm of backlash more": {"backlash_mm": dog.backlash / MM + PLAY_MM}}
     if not dog.has_back:
@@ -234,6 +382,7 @@ def _other_shapes(study: Setup, params: Params, executors: Executors) -> list[Ot
         except DogshapeError:  # a flat tip has no roof
             continue
         (one,) = evaluate(study, [design], executor, new_angles(study), _seed(study))
+        one = one.under(state.priors)
         time = one.expectation
         found.append(OtherShape(
             shape=words, expected_shift_time_s=time.time,

@@ -19,6 +19,8 @@ from dogshape.pipeline.store.result_records import (
     CheckRow,
     EngineAgreement,
     ExpectedTime,
+    HangKeys,
+    HangPriorRow,
     VerdictRow,
 )
 from dogshape.sim.units import unit_of
@@ -31,7 +33,7 @@ _FIELDS: Any = {n: (float | None, key(words, unit_of(n), None)) for n, words in 
 DesignKeys = create_model("DesignKeys", __base__=Record, **_FIELDS)
 
 
-class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
+class DesignRow(DesignKeys, HangKeys):  # type: ignore[misc, valid-type]
     """A design of the search; its searched keys have the units that their names end in.
 
     In `trials` values and margins are those of the search, in `best` and `front` those of the new
@@ -44,7 +46,7 @@ class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
     smallest_margin: float | None = key("smallest margin of all checks at nominal size", "1")
     weakest_check: str = key("check with the smallest margin; `geometry` if no dog has the shape")
     margins: dict[str, float] = key("margin to the limit, by check", "1")
-    expected_shift_time_s: float | None = key("mean over operating points, retries included", "s")
+    expected_shift_time_s: float | None = key("`engaged_mean_s` and `retries_s`", "s")
     standard_errors: dict[str, float | None] = key("of each estimated objective, in its unit")
     standard_error_s: float | None = key("standard error of the expected shift time", "s")
     points: int = key("operating points that were simulated")
@@ -57,6 +59,7 @@ class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
     margin_worst_case: float | None = key("smallest margin with all tolerances at worst", "1")
     weakest_check_worst_case: str | None = key("check with that margin", late=True)
     margin_root_sum_square: float | None = key("smallest margin by root sum of squares", "1")
+    weakest_check_root_sum_square: str | None = key("check with that margin", late=True)
     time_within_tolerances: ToleranceTime | None = key(
         "change of the expected shift time within tolerances; null without a surrogate"
     )
@@ -90,10 +93,13 @@ class Confirmation(Record):
     angles: int = key("relative angles at each operating point")
     prototype: ConfirmedDesign = key("the study's own design")
     chosen: int = key(
-        "trial of the chosen design, whose 95 % interval ends first at the new angles"
+        "trial of the chosen design, the best at the new angles with hangs by their posterior"
     )
     best: ConfirmedDesign = key("the chosen design")
     designs: list[ConfirmedDesign] = key("all designs, in the order of the search")
+    hang_prior: list[HangPriorRow] | None = key(
+        "prior of hangs by operating point, fitted to all designs", late=True
+    )
     shapes: list[OtherShape] | None = key("the chosen design with other features", "", None)
     left_out: list[int] = key("undominated trials beyond `search.confirm_designs`, not confirmed")
     gain_s: float | None = key(

@@ -24,7 +24,7 @@ from optuna.trial import FrozenTrial, TrialState, create_trial
 from scipy.special import ndtr
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.state import not_dominated, trial_of
+from dogshape.pipeline.search.state import not_dominated, pooled, trial_of
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -157,7 +157,8 @@ class Guide:
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
         study, constraints = self.study, {t.number: t.constraints for t in trials}
-        every = [trial for trial in map(trial_of, trials) if trial.simulated]
+        told = [trial for trial in map(trial_of, trials) if trial.simulated]
+        every, _ = pooled(study, told)
         x = self.space.coordinates([trial.params for trial in every])
         # The constraint value of the hardest landing, feasible at or below zero.
         landed = [[v for n, v in constraints[t.number].items() if n in LANDING] for t in every]
@@ -179,6 +180,12 @@ class Guide:
             elif objective.simulated:
                 others[column] = fit_response(x, losses[:, column], errors[:, column])
         return Prediction(self, timed, others, (landing, *limits))
+
+    def losses(self, trials: Trials) -> Array:
+        """Return the objectives of finished trials as losses, hangs by their posterior, (m, k)."""
+        known, _ = pooled(self.study, [trial_of(trial) for trial in trials])
+        values = np.array([trial.values for trial in known])
+        return values.reshape(len(trials), len(self.signs)) * self.signs
 
     def exact(self, params: Sequence[Params]) -> Array:
         """Return the objectives of dogs as losses, (m, k): infinite where simulation says them."""
@@ -315,7 +322,7 @@ class SurrogateSampler:
         key, rng = self._guide.space.key, np.random.default_rng([self._seed, len(before)])
         kept = [t for t in finished if max(t.constraints.values(), default=0.0) <= 0.0]
         running = [t.params for t in before if t.state == TrialState.RUNNING]
-        values = np.array([t.values for t in kept]).reshape(len(kept), len(signs)) * signs
+        values = self._guide.losses(kept)
         best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
         there = [*(t.params for t in kept), *running]
         near = self._pool.draw(rng, BESIDE, best) if best else []

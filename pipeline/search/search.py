@@ -28,11 +28,24 @@ from dogshape.pipeline.search.state import (
     PROTOTYPE,
     SIMULATION,
     SearchState,
+    pooled,
     simulation_record,
     trial_of,
 )
-from dogshape.pipeline.simulate.design import Design, design_of, leading, objectives_of, values_of
-from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, forget_designs
+from dogshape.pipeline.simulate.design import (
+    Design,
+    design_of,
+    leading,
+    objectives_of,
+    simulated_limits,
+    values_of,
+)
+from dogshape.pipeline.simulate.evaluation import (
+    TIME_ESTIMATORS,
+    Simulated,
+    evaluate,
+    forget_designs,
+)
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import Sharing, open_storage
@@ -58,9 +71,12 @@ class Search:
     _designs: dict[int, Design] = field(default_factory=dict, repr=False)  #: of finished trials
 
     def read(self) -> SearchState:
-        """Read the finished trials of the storage."""
-        trials = tuple(map(trial_of, self.trials(TrialState.COMPLETE)))
-        return SearchState(self.study, trials, self._designs)
+        """Read the finished trials of the storage, with times by the prior of all of them."""
+        told = list(map(trial_of, self.trials(TrialState.COMPLETE)))
+        trials, priors = pooled(self.study, told)
+        # A limit on a time is judged again with each prior.
+        again = TIME_ESTIMATORS.keys() & set(simulated_limits(self.study))
+        return SearchState(self.study, trials, {} if again else self._designs, priors)
 
     def trials(self, *states: TrialState) -> list[FrozenTrial]:
         """List the trials in some states."""

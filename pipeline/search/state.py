@@ -5,22 +5,50 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.simulate.design import Design, Measured, design_of, leading, objectives_of
-from dogshape.pipeline.simulate.evaluation import Params, Simulated
+from dogshape.pipeline.simulate.design import (
+    Design,
+    Measured,
+    design_of,
+    leading,
+    objectives_of,
+)
+from dogshape.pipeline.simulate.evaluation import (
+    Params,
+    Simulated,
+    limited_by,
+    time_estimates,
+)
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.elementwise import Array, Mask
-from dogshape.sim.statistics.expectation import Estimate
+from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpectation
+from dogshape.sim.statistics.hangs import HangPosterior, HangPrior, pool
 from dogshape.sim.strength.landing import Demand
 
 SIMULATION = "simulation"  #: attribute of a trial: what the shifts of its design gave
 FAILED = "failed_shifts"  #: attribute of a trial: how many shifts failed, by reason
+TIMES = ("times", "reference")  #: parts of it that searches of earlier versions lack
 PROTOTYPE = "prototype"  #: attribute of the trial of the study's own design
+
+
+class PointTimes(NamedTuple):
+    """What the expected time at an operating point follows from, but for a prior of hangs."""
+
+    engaged_mean: float  #: s
+    engaged_error: float  #: s
+    hangs: int
+    shifts: int
+    retry_cost: float  #: s
+
+    @classmethod
+    def of(cls, point: PointExpectation) -> PointTimes:
+        """Select them from an expectation."""
+        return cls(point.engaged_mean, point.engaged_error, point.hangs, point.n, point.retry_cost)
 
 
 @dataclass(frozen=True)
@@ -42,6 +70,13 @@ class Trial:
     failed: Mapping[str, int] = field(default_factory=dict)
     confirmed: bool = False
     judged: bool = True
+    times: Sequence[PointTimes] = field(default=(), repr=False)  #: by operating point
+    reference: Sequence[PointTimes] = field(default=(), repr=False)  #: of the study's own dog
+
+    @property
+    def counts(self) -> list[tuple[int, int]]:
+        """Numbers of hangs and shifts by operating point."""
+        return [(point.hangs, point.shifts) for point in self.times]
 
     @property
     def simulated(self) -> bool:
@@ -66,6 +101,8 @@ def simulation_record(found: Simulated) -> dict[str, Any]:
         "engaged": measured.engaged,
         "rows": row_record(found.rows),
         "shifts": found.shifts,
+        "times": [PointTimes.of(point) for point in found.expectation.points],
+        "reference": [PointTimes.of(p) for p in found.reference.points] if found.reference else [],
     }
 
 
@@ -77,10 +114,57 @@ def trial_of(frozen: FrozenTrial) -> Trial:
             "estimates": {name: Estimate(*pair) for name, pair in known["estimates"].items()},
             "measured": Measured(Demand(*known["demand_Pa"]), known["limited"], known["engaged"]),
             **{name: known[name] for name in ("rows", "shifts")},
+            **{k: [PointTimes(*point) for point in known.get(k, ())] for k in TIMES},
         }
     return Trial(
         frozen.number, dict(frozen.params), tuple(frozen.values), attrs.get(PROTOTYPE, False),
         failed=attrs.get(FAILED, {}), **found,
+    )  # fmt: skip
+
+
+def expectation_from(study: Setup, times: Sequence[PointTimes]) -> Expectation:
+    """Make an expectation over the operating points of a study, before any prior of hangs."""
+    return Expectation(tuple(
+        PointExpectation(
+            point, engaged_mean=one.engaged_mean, engaged_error=one.engaged_error,
+            mean_engaged=None, sd=0.0, engaged=1.0 - one.hangs / max(1, one.shifts), n=one.shifts,
+            retry_cost=one.retry_cost, hang=HangPosterior(0.0, 0.0),
+        )
+        for point, one in zip(study.points, times, strict=True)
+    ))  # fmt: skip
+
+
+def pooled(
+    study: Setup, trials: Sequence[Trial]
+) -> tuple[tuple[Trial, ...], tuple[HangPrior, ...]]:
+    """Estimate times of trials by a prior of hangs that is fitted to all of them.
+
+    Give the trials, and the prior of each operating point; none where no trial was simulated.
+    """
+    counts = [trial.counts for trial in trials if trial.times]
+    if not counts:
+        return tuple(trials), ()
+    priors = pool(counts)
+    return tuple(under_priors(study, t, priors) if t.times else t for t in trials), priors
+
+
+def under_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Trial:
+    """Estimate the times of a simulated trial by priors of the operating points."""
+    assert trial.estimates is not None
+    assert trial.measured is not None
+    expectation = expectation_from(study, trial.times).under(priors)
+    reference = None
+    if trial.reference:
+        reference = expectation_from(study, trial.reference).under(priors)
+    times = time_estimates(trial.estimates, expectation, reference)
+    objectives = [objective.name for objective in objectives_of(study)]
+    values = tuple(
+        times[name].value if name in times else value
+        for name, value in zip(objectives, trial.values, strict=True)
+    )
+    return replace(
+        trial, estimates={**trial.estimates, **times}, values=values,
+        measured=limited_by(trial.measured, times),
     )  # fmt: skip
 
 
@@ -101,6 +185,7 @@ class SearchState:
     study: Setup
     trials: tuple[Trial, ...]
     known: dict[int, Design] = field(default_factory=dict, repr=False)
+    priors: tuple[HangPrior, ...] = ()  #: of hangs, by operating point
 
     @cached_property
     def designs(self) -> Mapping[int, Design]:

@@ -22,24 +22,33 @@ from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.clutch_tables import si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, refusal, require_known
-from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs
+from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.strength.checks import RULES, Check, Rule
-from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
+from dogshape.sim.strength.dog_strength import (
+    keeps_limits,
+    margin_losses,
+    strength_checks,
+    within_tolerances,
+)
 from dogshape.sim.strength.landing import Demand, Landings, demand_checks
-from dogshape.sim.strength.locking import separating_force
-from dogshape.sim.strength.manufacture import Spread
+from dogshape.sim.strength.locking import retention_force
+from dogshape.sim.strength.manufacture import Kind, Spread
 from dogshape.sim.strength.verdict import NO_DOG, Margin, Verdict, hinges, judge, missing_checks
 from dogshape.sim.units import MM, suffix_of, to_si
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
 
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
-WORST = "smallest_margin_worst"
+WORST, STATISTICAL = "smallest_margin_worst", "smallest_margin_statistical"
+#: Quantities that sum up margins within tolerances, with the way in which effects are added.
+WITHIN: dict[str, Kind] = {WORST: "worst_case", STATISTICAL: "root_sum_square"}
+#: Words for these ways.
+WITHIN_WORDS = {WORST: "at worst-case tolerances", STATISTICAL: "at statistical tolerances"}
 #: Quantities that sum up other checks: a limit on one of them is no check of its own.
-SUMMARIES = (WORST, "smallest_margin", "utilisation")
-KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
+SUMMARIES = (*WITHIN, "smallest_margin", "utilisation")
+KINDS: tuple[Kind, ...] = ("worst_case", "root_sum_square")
 FILLING = 512  #: designs that fill the ranges
 MAX_NAMED = 3  #: failed checks that are named
 Bounds = Sequence[tuple["Objective", float]]  #: upper ones where less is better
@@ -147,17 +156,27 @@ def verdict_of(
     if landings is not None:
         moved |= {name for name, rule in RULES.items() if rule.group == "impact"}
     fixed = {margin.name: margin.value for margin in margins if margin.name not in moved}
-    mechanism = study.file.mechanism
     assumptions = hinges(
         dog,
         limits,
         landings,
         fixed,
         contact_stiffness=contact.stiffness if contact.impact is None else None,
-        radius_given=mechanism is not None and mechanism.spline_radius_mm is not None,
+        mechanism=study.clutch.mechanism,
+        given=keys_given(study),
     )
     missing = missing_checks(dog, limits, (margin.name for margin in margins))
     return judge(margins, missing, assumptions)
+
+
+def keys_given(study: Setup) -> set[str]:
+    """List the keys of toothing and strike that the file of a study gives."""
+    sections = {"mechanism": study.file.mechanism, "strike": study.file.strike}
+    return {
+        f"{name}.{key}"
+        for name, section in sections.items() if section is not None
+        for key, value in section.model_dump(exclude_none=True).items() if value != 0.0
+    }  # fmt: skip
 
 
 def check_dog(
@@ -191,7 +210,7 @@ def dogs_of(study: Setup, names: Sequence[str], x: Array) -> Dogs:
 def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
     """Mark the designs that are ``worth_simulating``, (n,): together where limits are alike.
 
-    At worst-case tolerances the checks of one design take as long as those of a hundred.
+    Within tolerances the checks of one design take as long as those of a hundred.
     """
     names = tuple(study.variables)
     if study.shape_keys != names:
@@ -246,20 +265,29 @@ class Objective:
 _losses = lru_cache(maxsize=2**12)(margin_losses)
 
 
-def margins_within(study: Setup, design: Design, kind: str = "worst_case") -> dict[str, float]:
+def margins_within(study: Setup, design: Design, kind: Kind = "worst_case") -> dict[str, float]:
     """Compute each check's margin within the tolerances; the landing has none."""
+    if design.dog is None:
+        return {}
     found = margin_losses if isinstance(design.dog, Dogs) else _losses
-    spreads = {} if design.dog is None else found(design.dog, study.limits)
-    return {
-        check.name: check.margin - getattr(spreads.get(check.name), kind, 0.0)
+    spreads = found(design.dog, study.limits)
+    margins = {
+        check.name: check.margin - getattr(spreads[check.name], kind)
         for check in design.checks
-        if check.name in spreads or check.rule.group == "tolerance"
+        if check.name in spreads
     }
+    judged = within_tolerances(design.dog, study.limits, kind)
+    return margins | {check.name: check.margin for check in judged}
 
 
-def weakest_within(study: Setup, design: Design, kind: str = "worst_case") -> tuple[str, float]:
+def weakest_within(study: Setup, design: Design, kind: Kind = "worst_case") -> tuple[str, float]:
     """Return the check with the smallest margin within the tolerances, and that margin."""
     return min(margins_within(study, design, kind).items(), key=lambda pair: pair[1])
+
+
+def _smallest(kind: Kind) -> Callable[[Setup, Design, Dog], float]:
+    """Return the smallest margin within the tolerances as a function of a design."""
+    return lambda study, design, _dog: smallest(*margins_within(study, design, kind).values())
 
 
 #: What a study can minimise or maximise, and bound by ``search.limits``.
@@ -280,17 +308,18 @@ OBJECTIVES = {
         Objective("impact_energy_J", "mean energy taken by the contact", "J"),
         Objective("smallest_margin", "smallest margin", "", maximise=True, least=-math.inf,
                   most=1.0),
-        Objective(WORST, "smallest margin at worst-case tolerances", "",
-                  lambda study, design, _dog: smallest(*margins_within(study, design).values()),
-                  maximise=True, least=-math.inf, most=1.0),
+        *(
+            Objective(name, f"smallest margin {WITHIN_WORDS[name]}", "", _smallest(kind),
+                      maximise=True, least=-math.inf, most=1.0)
+            for name, kind in WITHIN.items()
+        ),
         Objective("axial_length_mm", "axial length, root to root", "mm",
                   lambda _study, _design, dog: dog.axial_length / MM),
         Objective("backlash_mm", "backlash at the mean radius", "mm",
                   lambda _study, _design, dog: dog.backlash / MM, least=-math.inf),
-        Objective("separating_force_N", "axial separating force", "N",
-                  lambda study, _design, dog: largest(
-                      *(separating_force(dog, study.limits.load, flank) for flank in FLANKS)),
-                  least=-math.inf),
+        Objective("retention_force_N", "axial force that pulls in without friction", "N",
+                  lambda study, _design, dog: retention_force(dog, study.limits.load),
+                  maximise=True, least=-math.inf),
         Objective("utilisation", "utilisation of the most loaded check", "",
                   lambda _study, design, _dog: largest(*(c.utilisation for c in design.checks))),
     ]
@@ -377,12 +406,14 @@ def none_passes(study: Setup, drawn: int) -> str:
     for row in sobol_shares(FILLING, len(low), study.file.search.seed):
         one = design_of(study, study.named(low + row * (high - low)))
         margins = {check.name: check.margin for check in one.checks}
-        if margins.pop(WORST, None) is not None:
-            margins |= margins_within(study.operated(one.params), one)
+        for name in WITHIN.keys() & margins.keys():
+            del margins[name]
+            margins |= margins_within(study.operated(one.params), one, WITHIN[name])
         made += [(one, margins)] if margins else []
     if not made:
         return f"{whose} passes every check: no dog has such a shape; widen [variables]"
-    worst = " with tolerances at their worst" if WORST in (study.file.search.limits or {}) else ""
+    bounded = [name for name in WITHIN if name in (study.file.search.limits or {})]
+    worst = f" {WITHIN_WORDS[bounded[0]]}" if bounded else ""
     nearest, margins = max(made, key=lambda one: min(one[1].values()))
     name = min(margins, key=lambda one: margins[one])
     at = ", ".join(f"{key} {value:.4g}" for key, value in nearest.params.items())
@@ -420,7 +451,7 @@ def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
     own, known = study.operated(design.params), design.dog is not None
     found = {kind: weakest_within(own, design, kind) if known else (None, None) for kind in KINDS}
     margins = {f"margin_{kind}": number_or_none(margin) for kind, (_, margin) in found.items()}
-    return {**margins, "weakest_check_worst_case": found["worst_case"][0]}
+    return {**margins, **{f"weakest_check_{kind}": name for kind, (name, _) in found.items()}}
 
 
 def tolerance_time(
@@ -446,6 +477,7 @@ def tolerance_time(
         profiles = map(study.actuation.at_sleeve, mix.points[:, 1].tolist())
         times = np.array([[one.free_flight_time(end, mass) for end in ends] for one in profiles])
         moves["axial_gap"] = 0.5 * float(mix.weights @ (times[:, 0] - times[:, 1]))
-    spread = Spread(moves, sum(abs(move) for move in moves.values()))
+    share = study.limits.tolerances.statistical_share
+    spread = Spread(moves, sum(abs(move) for move in moves.values()), share)
     within = {f"{kind}_s": getattr(spread, kind) for kind in KINDS}
     return ToleranceTime(**within, by_dimension_s=moves)

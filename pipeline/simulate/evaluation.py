@@ -44,8 +44,15 @@ from dogshape.sim.statistics.expectation import (
     mean_over,
     time_quantile,
 )
+from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shift_records import Record as Shift
-from dogshape.sim.statistics.shift_records import entries_by_angle, landing_of, result_of
+from dogshape.sim.statistics.shift_records import (
+    entries_by_angle,
+    first_windows,
+    landing_of,
+    result_of,
+)
+from dogshape.sim.statistics.shiftability import direct_share
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import (
@@ -63,14 +70,13 @@ Rows = Sequence[Sequence[Shift]]  #: shifts by operating point
 
 @dataclass(frozen=True)
 class Shifts:
-    """All shifts of a design by operating point, and the ``reference`` of the study's own dog."""
+    """All shifts of a design by operating point."""
 
     study: Setup
     dog: Dog
     checks: tuple[Check, ...]
     expectation: Expectation
     rows: Rows
-    reference: Expectation | None = None
 
     def mean(self, value: Callable[[Shift], float]) -> Estimate:
         """Compute the mean over the mix of what each shift that did not fail has."""
@@ -82,14 +88,14 @@ class Shifts:
 SURELY = 2.0  #: standard errors of a difference that count for a design
 
 
-def _slower(shifts: Shifts) -> Estimate:
+def _slower(expectation: Expectation, reference: Expectation | None) -> Estimate:
     """Compute the largest loss of an operating point that the shifts show for sure.
 
     The largest of many differences as they are would be that of their errors.
     """
-    assert shifts.reference is not None  # ``evaluate`` simulates it for this
+    assert reference is not None  # ``evaluate`` simulates it for this
     losses = []
-    for one, other in zip(shifts.expectation.points, shifts.reference.points, strict=True):
+    for one, other in zip(expectation.points, reference.points, strict=True):
         errors = one.standard_error, other.standard_error  # not known of a few shifts
         error = math.hypot(*errors) if all(map(math.isfinite, errors)) else 0.0
         losses.append(Estimate(one.mean - other.mean - SURELY * error, error))
@@ -101,15 +107,21 @@ def _first_try(shifts: Shifts) -> Estimate:
     return shifts.mean(lambda row: float((row["shift_time_s"] or math.inf) <= within))
 
 
-#: What each simulated objective is worked out by.
-ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
-    SIMULATED: lambda shifts: Estimate(shifts.expectation.mean, shifts.expectation.standard_error),
-    "shift_time_quantile_s": lambda s: s.expectation.quantiles[s.study.file.search.quantile],
-    "worst_shift_time_s": lambda shifts: max(
-        (Estimate(point.mean, point.standard_error) for point in shifts.expectation.points),
-        key=lambda one: one.value,
-    ),
+def _slowest(expectation: Expectation, _: Expectation | None) -> Estimate:
+    slowest = max(expectation.points, key=lambda point: point.mean)
+    return Estimate(slowest.mean, slowest.standard_error)
+
+
+#: What each objective is worked out by that the prior of the probability of a hang changes.
+TIME_ESTIMATORS: dict[str, Callable[[Expectation, Expectation | None], Estimate]] = {
+    SIMULATED: lambda expectation, _: Estimate(expectation.mean, expectation.standard_error),
+    "worst_shift_time_s": _slowest,
     REFERRED: _slower,
+}
+
+#: What each other simulated objective is worked out by.
+ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
+    "shift_time_quantile_s": lambda s: s.expectation.quantiles[s.study.file.search.quantile],
     "first_try_share": _first_try,
     "peak_axial_force_N": lambda shifts: shifts.mean(lambda row: row["peak_axial_force_N"]),
     "strike_torque_Nm": lambda shifts: shifts.mean(
@@ -149,6 +161,17 @@ class Simulated:
     shifts: int
     failed: Mapping[str, int] = field(default_factory=dict)
     agreement: EngineAgreement | None = None
+    reference: Expectation | None = None  #: of the study's own dog, where an objective asks for it
+
+    def under(self, priors: Sequence[HangPrior]) -> Simulated:
+        """Return the same by other priors of the probability of a hang, one for each point."""
+        expectation = self.expectation.under(priors)
+        reference = self.reference and self.reference.under(priors)
+        times = time_estimates(self.estimates, expectation, reference)
+        return replace(
+            self, expectation=expectation, reference=reference, estimates=self.estimates | times,
+            measured=limited_by(self.measured, times),
+        )  # fmt: skip
 
     @property
     def known(self) -> bool:
@@ -156,10 +179,32 @@ class Simulated:
         return all(math.isfinite(estimate.value) for estimate in self.estimates.values())
 
 
-def design_blocks(study: Setup, params: Params, angles: int, seed: int) -> list[Block]:
-    """Return the shifts of a design at even angles, a block for each of its operating points."""
+def time_estimates(
+    names: Iterable[str], expectation: Expectation, reference: Expectation | None
+) -> dict[str, Estimate]:
+    """Estimate those of the named objectives that depend on the probability of a hang."""
+    pairs = ((name, TIME_ESTIMATORS.get(name)) for name in names)
+    return {name: estimator(expectation, reference) for name, estimator in pairs if estimator}
+
+
+def limited_by(measured: Measured, estimates: Mapping[str, Estimate]) -> Measured:
+    """Replace the values that limits judge by those of estimates."""
+    limited = {
+        name: estimates[name].value if name in estimates else value
+        for name, value in measured.limited.items()
+    }
+    return replace(measured, limited=limited)
+
+
+def design_blocks(
+    study: Setup, params: Params, angles: int, seed: int, base: int | None = None
+) -> list[Block]:
+    """Return the shifts of a design at even angles, a block for each of its operating points.
+
+    ``base`` as for ``even_phases``.
+    """
     own, clutch = study.operated(params), replace(study.clutch, dog=study.dog_with(params))
-    return even_blocks(clutch, own.points, angles, seed, uncertainty=study.uncertainty)
+    return even_blocks(clutch, own.points, angles, seed, base, uncertainty=study.uncertainty)
 
 
 def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
@@ -192,19 +237,23 @@ def evaluate(
 
 def _simulated(nominal: Setup, params: Params, rows: Rows, beside: Expectation | None) -> Simulated:
     study, dog = nominal.operated(params), nominal.dog_with(params)
-    expectation = expectation_of(study, study.points, rows)
+    expectation = expectation_of(study, study.points, rows, dog=dog)
     landings = landings_over(expectation, rows)
     demand = landings.demand(dog, study.limits)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
-    simulated = Shifts(study, dog, checks, expectation, rows, beside)
-    estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
+    simulated = Shifts(study, dog, checks, expectation, rows)
+    names = estimated(study)
+    estimates = {name: ESTIMATORS[name](simulated) for name in names if name in ESTIMATORS}
+    estimates |= time_estimates(names, expectation, beside)
+    estimates = {name: estimates[name] for name in names}
     # Shifts whose integration failed say nothing of engagement.
     share = min((p.timed for p in expectation.points if p.n), default=1.0)
     shifts = [shift for mine in rows for shift in mine]
     limited = {k: estimates[k].value for k in simulated_limits(study)}
     measured = Measured(demand, limited, share, landings)
     x = rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows))
-    return Simulated(expectation, measured, x, estimates, len(shifts), failures(shifts))
+    failed = failures(shifts)
+    return Simulated(expectation, measured, x, estimates, len(shifts), failed, reference=beside)
 
 
 def failures(shifts: Iterable[Shift]) -> dict[str, int]:
@@ -233,16 +282,26 @@ def landings_over(expectation: Expectation, rows: Rows) -> Landings:
     return Landings(np.array(loads), np.array(weights))
 
 
-def expectation_of(study: Setup, points: Points, rows: Rows, even: bool = True) -> Expectation:
-    """Return the expectation over points from the records of each, with its quantiles."""
+def expectation_of(
+    study: Setup, points: Points, rows: Rows, even: bool = True, dog: Dog | None = None
+) -> Expectation:
+    """Return the expectation over points from the records of each, with its quantiles.
+
+    ``dog`` is that of the shifts, by default the study's own.
+    """
+    clutch = replace(study.clutch, dog=dog or study.clutch.dog)
     lost, found, shifts = (study.clutch.timeout, study.retraction), [], []
     for point, mine in zip(points, rows, strict=True):
         shifts.append(study.set_point.freed([result_of(row) for row in mine]))
         one = expect_point(point, shifts[-1], *lost, even=even)
-        found.append(replace(one, by_angle=entries_by_angle(mine)))
+        found.append(replace(
+            one, by_angle=entries_by_angle(mine), first_window=first_windows(mine),
+            direct_share=direct_share(clutch, point),
+        ))  # fmt: skip
     weights, levels = [point.weight for point in points], (study.file.search.quantile, RARE)
     quantiles = {share: time_quantile(weights, shifts, share, *lost) for share in levels}
-    return replace(expect(found), quantiles=quantiles)
+    first_window = study.file.expectation.first_window_share
+    return replace(expect(found), quantiles=quantiles, first_window_share=first_window)
 
 
 RARE = 0.999  #: of the shifts over a life, the quantile beside that of ``search.quantile``
@@ -295,9 +354,16 @@ class LifeStage(Record):
     margins: dict[str, float] = key("margin of each check", "1")
 
 
-def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> list[LifeStage]:
+def life_of(
+    study: Setup,
+    params: Params,
+    wear: Wear,
+    executor: Executor,
+    priors: Sequence[HangPrior] | None = None,
+) -> list[LifeStage]:
     """Simulate a design over its life, at each of ``STAGES`` and at new angles.
 
+    ``priors`` are those of hangs by operating point.
     Wear by a rate follows the energy of the stage before. GeometryError where no worn dog can be.
     """
     own, new = study.operated(params), study.dog_with(dict(params))
@@ -314,7 +380,9 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
         clutch, seed = replace(own.clutch, dog=dog), settings.seed + NEW_ANGLES
         blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
         rows = executor.run(blocks)
-        expectation = expectation_of(own, own.points, rows)
+        expectation = expectation_of(own, own.points, rows, dog=dog)
+        if priors:
+            expectation = expectation.under(priors)
         demand = landings_over(expectation, rows).demand(dog, own.limits)
         checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
         weakest = smallest_margin(checks)

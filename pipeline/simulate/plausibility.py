@@ -1,4 +1,4 @@
-"""Plausibility of a study's own clutch: units in doubt, dogs that cannot engage.
+"""Plausibility of a study's own clutch: units in doubt, dogs that cannot engage, lossy slides.
 
 Nothing here is refused: a clutch may be as unusual as its values say.
 """
@@ -11,13 +11,15 @@ from dataclasses import replace
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mechanism import SPLINE
+from dogshape.sim.shift.slide import LOSS_LIMIT, slide_loss, sliding_faces, stiffness_for_loss
 from dogshape.sim.strength.dog_strength import outside_fit, strength_checks
+from dogshape.sim.strength.materials import DENSITY, STATIC_CYCLES
 from dogshape.sim.units import DEG, MM
 
 IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
 RADIANS = 0.55  #: deg below which an angle may be in radians; no dog has 32 deg and more
 PITCH_ERROR = 5e-5  #: m that pitch errors of both rings take; some 0.03 in class 6 of ISO 1328-1
-STEEL = 7850.0  #: kg/m3
 #: Least and largest mass over that of a steel ring of the dogs' size, inertia over the ring's,
 #: inertia of the other side over that, with words. The prototype has 9, 58 and 60, a truck some
 #: 10, 50 and 10,000.
@@ -30,8 +32,64 @@ USUAL = {
 
 def notes_of(study: Setup) -> list[str]:
     """Return warnings about the study's own dog, of a root outside its formula's fit too."""
-    outside = outside_fit(study.clutch.dog, study.limits.root_radius)
-    return [*(f"{note}; --fem checks it" for note in outside), *slips_of(study)]
+    clutch = study.clutch
+    notes = [f"{n}; --fem checks it" for n in outside_fit(clutch.dog, study.limits.root_radius)]
+    if study.limits.strikes and clutch.mechanism.ring_inertia == 0.0:
+        notes.append(
+            f"times are simulated with {clutch.rings.sliding_inertia:.4g} kg m2 rigid at the "
+            "flanks, [strike] judges a ring on its shaft; give mechanism.ring_inertia_kgm2 and "
+            "input_stiffness_Nm_rad for both"
+        )
+    return [*notes, *slips_of(study), *drag_notes(study), *slide_notes(study)]
+
+
+def drag_notes(study: Setup) -> list[str]:
+    """Return a note on drag where the shafts stand, as they do on a stand alone."""
+    drag = study.clutch.mechanism.drag_torque
+    if drag == 0.0 or study.clutch.drive.turns:
+        return []
+    return [
+        f"mechanism.drag_torque_Nm is {drag:.4g} N m and the sliding ring stands before the shift: "
+        "the drag holds it, where it brakes a ring that turns in a gearbox; "
+        "drive.shaft_speed_rpm makes both shafts turn"
+    ]
+
+
+def slide_notes(study: Setup) -> list[str]:
+    """Return a note on each face whose slide loses more than ``LOSS_LIMIT`` to dissipation.
+
+    Of faces that slide from rest; friction holds the others, and the mismatch alone moves them.
+    """
+    contact = study.clutch.contact
+    if study.uncertainty is not None:
+        factor = study.uncertainty.mean("dissipation_factor")
+        contact = replace(contact, dissipation=factor * contact.dissipation)
+    clutch = replace(study.clutch, contact=contact)
+    force, notes = max(point.profile.force for point in study.points), list[str]()
+    for face in sliding_faces(clutch):
+        loss = slide_loss(clutch, force, face)
+        if loss <= LOSS_LIMIT or math.tan(face.slope) <= contact.dynamic_friction:
+            continue
+        stiffness = stiffness_for_loss(clutch, force, face, LOSS_LIMIT)
+        damping = contact.dissipation * LOSS_LIMIT / loss
+        remedy = f"contact.stiffness_Pa_m = {_rounded_up(stiffness):.2g}"
+        if math.isnan(stiffness):
+            remedy = f"a contact.dissipation_s_m of {damping:.2g} on the mean"
+        notes.append(
+            f"faces of {face.slope / DEG:.3g} deg that slide under {force:.4g} N lose about "
+            f"{100.0 * min(loss, 1.0):.2g} % of the axial power to the dissipation of the contact, "
+            f"{contact.dissipation:.3g} s/m, and none of it is friction; "
+            f"{remedy} keeps it to {100.0 * LOSS_LIMIT:g} %"
+        )
+    return list(dict.fromkeys(notes))
+
+
+def _rounded_up(value: float) -> float:
+    """Round a positive number up to two digits; NaN stays."""
+    if math.isnan(value):
+        return value
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit) * unit
 
 
 def slips_of(study: Setup) -> list[str]:
@@ -49,15 +107,52 @@ def slips_of(study: Setup) -> list[str]:
                          f"{angle:.4g} rad are {math.degrees(angle):.3g} deg")  # fmt: skip
     area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
     values = rings.mass, rings.sliding_inertia, rings.output_inertia
-    wholes = STEEL * area * 2.0 * dog.height, rings.mass * dog.mean_radius**2, rings.sliding_inertia
+    wholes = (
+        DENSITY * area * 2.0 * dog.height,
+        rings.mass * dog.mean_radius**2,
+        rings.sliding_inertia,
+    )
     for (key, (least, most, words)), one, whole in zip(USUAL.items(), values, wholes, strict=True):
         if not least <= one / whole <= most:
             notes.append(f"{key} is {one:.6g}, {one / whole:.3g} times {words}")
+    notes += _ring_slips(study)
     if (play := dog.passing_play if dog.lean < 0.0 else dog.entry_play) < PITCH_ERROR:
         notes.append(
             f"the flanks leave {play / MM:.3g} mm between a tip and the mouth of its "
             f"slot, and pitch errors take {PITCH_ERROR / MM:.2g} mm: this dog engages in the model "
             "alone, not when made; give it backlash (dog.backlash_mm)"
+        )
+    return notes
+
+
+def _ring_slips(study: Setup) -> list[str]:
+    """Return questions about toothing, inertia and life that no ring has."""
+    dog, rings, load = study.clutch.dog, study.clutch.rings, study.limits.load
+    mechanism, notes = study.clutch.mechanism, list[str]()
+    toothed = mechanism.spline_friction > 0.0
+    radius = mechanism.spline_radius if toothed else SPLINE * dog.inner_radius
+    if toothed and radius > dog.outer_radius:
+        notes.append(
+            f"mechanism.spline_radius_mm is {radius / MM:.4g} mm, outside the dogs, whose outer "
+            f"radius is {dog.outer_radius / MM:.4g} mm; is it a diameter?"
+        )
+    # What slides on a toothing lies around it.
+    least = rings.mass * min(radius, dog.inner_radius) ** 2
+    for key, inertia in (
+        ("sliding.inertia_kgm2", rings.sliding_inertia),
+        ("mechanism.ring_inertia_kgm2", mechanism.ring_inertia or rings.sliding_inertia),
+    ):
+        if inertia < least:
+            notes.append(
+                f"{key} is {inertia:.3g} kg m2, but a ring of sliding.mass_kg = {rings.mass:.3g} "
+                f"around a toothing of {radius / MM:.3g} mm has at least {least:.3g}; is the mass "
+                "of the fork in it (mechanism.added_mass_kg), or the inertia in another unit?"
+            )
+            break
+    if load.shifts < STATIC_CYCLES and not load.spectrum:
+        notes.append(
+            f"load.shifts is {load.shifts:.4g} over the life, which the static strength bears; is "
+            "it in shifts?"
         )
     return notes
 

@@ -16,6 +16,8 @@ from dogshape.pipeline.record import (
     tabulate,
 )
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
+from dogshape.sim.statistics.hangs import HangPrior
+from dogshape.sim.statistics.shiftability import SpeedLimit, speed_limits
 from dogshape.sim.strength.checks import GROUPS, RULES, Check, safety_factor
 from dogshape.sim.strength.verdict import STANDARD
 from dogshape.sim.units import RPM, short
@@ -33,6 +35,12 @@ class Shiftability(Record):
     engaged_interval: list[float] = key("ends of the interval of `engaged`", SHARE)
     direct: float = key("share of the shifts that enter a slot without touching a face", SHARE)
     direct_interval: list[float] = key("ends of its interval", SHARE)
+    direct_closed_form: float | None = key(
+        "`direct` of flat tips in closed form; null for tips that slope", SHARE, late=True
+    )
+    first_window: float | None = key(
+        "share of the shifts that engage and are carried past no slot", SHARE, late=True
+    )
     by_angle: list[list[int]] = key(
         "shifts by bin of a pitch, from dogs facing dogs: direct, after face contact, not engaged"
     )
@@ -47,6 +55,8 @@ class Shiftability(Record):
         engaged, own = ([*one.proportion_ci(method="wilson")] for one in tests)
         return cls(
             engaged_interval=engaged, direct=direct / p.n, direct_interval=own,
+            direct_closed_form=p.direct_share,
+            first_window=None if p.first_window is None else p.first_window / p.n,
             by_angle=[list(one) for one in p.by_angle],
         )  # fmt: skip
 
@@ -66,16 +76,43 @@ class PlaceRow(Record):
     force_N: float = key("final shift force", "N", head="force, N", form=".1f")
 
 
+class HangPriorRow(Record):
+    """Prior of the probability that a shift of an operating point hangs."""
+
+    rate: float = key("mean of rare hangs", SHARE)
+    strength: float = key("number of shifts that the rate counts for", "1")
+    blocked_share: float = key("probability that the shape blocks there", SHARE)
+
+    @classmethod
+    def of(cls, prior: HangPrior | None) -> HangPriorRow | None:
+        """Record a prior."""
+        return None if prior is None else cls(**vars(prior))
+
+
 class PointRow(PlaceRow):
     """An operating point of an expected shift time."""
 
     mean_s: float | None = key(
-        "mean with retries; null if under half engage", "s", head="mean, ms", scale=1e3, form=".2f"
-    )
+        "mean with retries; null if under half engage", "s",
+        head="with retries, ms", scale=1e3, form=".2f",
+    )  # fmt: skip
     mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
     standard_error_s: float | None = key(
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
     )
+    engaged_mean_s: float | None = key(
+        "mean time of the shifts that engage or are freed", "s", late=True,
+        head="engaged mean, ms", scale=1e3, form=".2f",
+    )  # fmt: skip
+    engaged_standard_error_s: float | None = key(
+        "standard error of `engaged_mean_s`", "s", late=True,
+        head="s.e., ms", scale=1e3, form=".2f",
+    )  # fmt: skip
+    hang_probability: float | None = key(
+        "probability that a shift hangs and is tried again", SHARE, late=True,
+        head="hangs", form=".2%",
+    )  # fmt: skip
+    hang_prior: HangPriorRow | None = key("prior of that probability", late=True)
     sd_s: float = key("standard deviation of the time of a shift", "s", head="sd, ms", **IN_MS)
     engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form="z.0%")
     n: int = key("number of shifts", head="n", form="d")
@@ -91,6 +128,10 @@ class PointRow(PlaceRow):
             mean_s=p.time,
             mean_engaged_s=p.mean_engaged,
             standard_error_s=number_or_none(p.standard_error if p.engages else None),
+            engaged_mean_s=None if p.silent else p.engaged_mean,
+            engaged_standard_error_s=None if p.silent else number_or_none(p.engaged_error),
+            hang_probability=p.hang.mean,
+            hang_prior=HangPriorRow.of(p.prior),
             sd_s=p.sd,
             engaged=p.engaged,
             n=p.n,
@@ -99,11 +140,84 @@ class PointRow(PlaceRow):
         )
 
 
-class ExpectedTime(Record):
+class HangKeys(Record):
+    """Both parts of an expected shift time: mean of engaged shifts, and retries of hangs."""
+
+    engaged_mean_s: float | None = key(
+        "mean time of the shifts that engage at the first try or are freed by a set-point", "s",
+        late=True,
+    )  # fmt: skip
+    engaged_standard_error_s: float | None = key("its standard error", "s", late=True)
+    hang_probability: float | None = key(
+        "probability that a shift hangs and is tried again, posterior mean", SHARE, late=True
+    )
+    hang_probability_low: float | None = key("lower end of its 95 % interval", SHARE, late=True)
+    hang_probability_high: float | None = key("upper end", SHARE, late=True)
+    retries_s: float | None = key("expected time of retries", "s", late=True)
+    retries_error_s: float | None = key("its standard error", "s", late=True)
+
+
+def hang_keys(found: Expectation) -> dict[str, float | None]:
+    """Give both parts of an expected time by the keys of ``HangKeys``."""
+    silent, (low, high) = any(p.silent for p in found.points), found.hang_interval
+    return {
+        "engaged_mean_s": None if silent else found.engaged_mean,
+        "engaged_standard_error_s": None if silent else number_or_none(found.engaged_error),
+        "hang_probability": found.hang_probability,
+        "hang_probability_low": low,
+        "hang_probability_high": high,
+        "retries_s": found.retries if found.engages else None,
+        "retries_error_s": found.retries_error if found.engages else None,
+    }
+
+
+class LimitRow(Record):
+    """Limit engagement speed: largest mismatch at which a share engages in the first window."""
+
+    sense: int = key("sense of the mismatch, 1 or -1", head="mismatch", form="+d")
+    force_N: float = key("final shift force", "N", head="force, N", form=".1f")
+    share: float = key("share that engages", SHARE, head="in the first window", form="z.0%")
+    limit_engagement_speed_rpm: float | None = key(
+        "median; 0: no tested mismatch reaches the share, null: the largest tested one does",
+        "1/min", head="limit engagement speed, 1/min",
+    )  # fmt: skip
+    limit_engagement_speed_low_rpm: float | None = key(
+        "end of the 95 % interval; 0 and null as for the median", "1/min"
+    )
+    limit_engagement_speed_high_rpm: float | None = key("its other end", "1/min")
+    tested_rpm: float = key("largest tested mismatch in that sense", "1/min")
+
+    @classmethod
+    def of(cls, limit: SpeedLimit, share: float) -> LimitRow:
+        """Record a limit."""
+        speeds = (limit.speed, limit.low, limit.high)
+        middle, low, high = (number_or_none(speed / RPM) for speed in speeds)
+        return cls(
+            sense=limit.sense, force_N=limit.force, share=share, tested_rpm=limit.tested / RPM,
+            limit_engagement_speed_rpm=middle, limit_engagement_speed_low_rpm=low,
+            limit_engagement_speed_high_rpm=high,
+        )  # fmt: skip
+
+    def cell(self, name: str) -> str:
+        """Print a value: the limit with its interval, or that it lies over what was tested."""
+        if name != "limit_engagement_speed_rpm":
+            return super().cell(name)
+        ends = (self.limit_engagement_speed_low_rpm, self.limit_engagement_speed_high_rpm)
+        low, high = map(self._speed_text, ends)
+        middle = self._speed_text(self.limit_engagement_speed_rpm)
+        return middle if low == high else f"{middle} ({low} to {high})"
+
+    def _speed_text(self, speed: float | None) -> str:
+        return f"over {self.tested_rpm:.4g}" if speed is None else f"{speed:.3g}"
+
+
+class ExpectedTime(HangKeys):
     """Expected shift time over operating points and relative angles."""
 
-    expected_shift_time_s: float | None = key("mean shift time; null where too few engage", "s")
-    standard_error_s: float | None = key("its standard error", "s")
+    expected_shift_time_s: float | None = key(
+        "`engaged_mean_s` and `retries_s`; null where too few engage", "s"
+    )
+    standard_error_s: float | None = key("its standard error, of both parts", "s")
     numerical_error_s: float | None = key("by finer integration; null where not computed", "s")
     engages: bool = key("whether at least half of the shifts engage at each operating point")
     engaged: float = key("least share of the shifts that engaged at a point", SHARE)
@@ -113,6 +227,9 @@ class ExpectedTime(Record):
     held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
     quantiles: list[QuantileRow] | None = key("quantiles of the time", late=True)
     points: list[PointRow] = key("the operating points")
+    engagement_limits: list[LimitRow] | None = key(
+        "limit engagement speeds by force and sense of the mismatch", late=True
+    )
 
     @classmethod
     def of(cls, found: Expectation) -> ExpectedTime:
@@ -129,11 +246,16 @@ class ExpectedTime(Record):
             engages=found.engages,
             engaged=found.engaged,
             mean_engaged_s=found.mean_engaged,
+            **hang_keys(found),
             shifts=found.shifts,
             not_engaged=found.lost,
             held_dog_on_dog=found.blocked,
             quantiles=quantiles,
             points=[PointRow.of(point) for point in found.points],
+            engagement_limits=[
+                LimitRow.of(limit, found.first_window_share)
+                for limit in speed_limits(found.points, found.first_window_share)
+            ],
         )
 
 
@@ -158,7 +280,10 @@ class CheckRow(Record):
         "margin at worst-case tolerances; null without any or a dog", "1", None, head="worst case"
     )
     margin_root_sum_square: float | None = key(
-        "margin with tolerances as root of the sum of squares", "1", None, head="rss"
+        "margin by root sum of squares of the tolerances, at the reject rate",
+        "1",
+        None,
+        head="rss",
     )
     margin_interval: list[float] | None = key(
         "ends of the 95 % interval of the margin; absent where it is exact", "1", None, head="95 %"
@@ -206,7 +331,7 @@ def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
     interval = ("margin_interval",) if any(row.margin_interval for row in rows) else ()
     columns = names or (
         *("name", "value", "limit", "unit", "safety", "margin"),
-        *(*interval, "margin_worst_case", "margin_root_sum_square", "passed"),
+        *(*interval, "margin_root_sum_square", "margin_worst_case", "passed"),
     )
     cells, looks = list[Sequence[str]](), dict[int, str]()
     for group, title in GROUPS.items():

@@ -20,6 +20,7 @@ from dogshape.sim.errors import (
     within,
 )
 from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.drive import NO_DRIVE, Drive
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import (
     DEEP,
@@ -118,8 +119,6 @@ class Rings:
     mass: float = within("sliding.mass_kg", 1e-3, 50.0)
     sliding_inertia: float = within("sliding.inertia_kgm2", 1e-6, 100.0)
     output_inertia: float = within("output.inertia_kgm2", 1e-6, 1e4)
-    #: of the sliding ring before the shift, rad/s
-    initial_speed: float = within("sliding.initial_speed_rpm", -2e4, 2e4, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "", "check the value and its unit")
@@ -166,7 +165,7 @@ ENGINES = ("drake", "planar")
 PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
 #: Schemes with the accuracy that each needs.
 SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
-CENIC_WITH_FORCES = 1e-9  #: where a mechanism has forces, taken from the start of a step
+CENIC_WITH_FORCES = 1e-9  #: where mechanism or drive have forces, taken from the start of a step
 SLOW = 1e-3  #: m/s, stiction velocity from which slip of a tooth-to-tooth contact lies in its ramp
 
 
@@ -180,8 +179,10 @@ def require_engine(contact: ContactSet, engine: str) -> None:
         )
 
 
-def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
-    """Return the solver that a contact set needs, with its accuracy for a mechanism.
+def solver_for(
+    contact: ContactSet, mechanism: Mechanism = NOTHING, drive: Drive = NO_DRIVE
+) -> Solver:
+    """Return the solver that a contact set needs, with its accuracy for a mechanism and a drive.
 
     The explicit scheme knows the dynamic coefficient alone, that of slip above ten stiction
     velocities. Where the two differ by more than a quarter (0.30 and 0.16), or dogs slip more
@@ -190,12 +191,12 @@ def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
     falls = contact.dynamic_friction < 0.75 * contact.static_friction
     falls = falls or contact.stiction_velocity > SLOW
     scheme = "cenic" if falls else "runge_kutta3"
-    return Solver(scheme, accuracy_of(scheme, mechanism))
+    return Solver(scheme, accuracy_of(scheme, forced=mechanism.has_forces or drive.has_torques))
 
 
-def accuracy_of(scheme: str, mechanism: Mechanism) -> float:
-    """Return the accuracy that Drake's scheme needs for a clutch with this mechanism."""
-    return CENIC_WITH_FORCES if scheme == "cenic" and mechanism.has_forces else SCHEMES[scheme]
+def accuracy_of(scheme: str, *, forced: bool) -> float:
+    """Return the accuracy that Drake's scheme needs, with forces of a mechanism or without."""
+    return CENIC_WITH_FORCES if scheme == "cenic" and forced else SCHEMES[scheme]
 
 
 @dataclass(frozen=True)
@@ -212,6 +213,7 @@ class Clutch:
     #: the dogs stand ahead, there the neighbouring gear begins
     rebound: float = 1e-3
     mechanism: Mechanism = NOTHING  #: the shift force acts on the ring, which nothing else holds
+    drive: Drive = NO_DRIVE  #: speed of the shafts and torques on them
 
     def __post_init__(self) -> None:
         remedy = "give what turns with the dogs alone"
@@ -231,15 +233,21 @@ class Clutch:
             shaft_of(own.wheel_inertia, rings.output_inertia, own.output_stiffness),
         )
 
+    @property
+    def has_forces(self) -> bool:
+        """Whether forces beside the shift force and the contact act."""
+        return self.mechanism.has_forces or self.drive.has_torques
+
     @cached_property
     def numbers(self) -> Array:
-        """Masses, mechanism, stop and faces, in the places of ``sim.kernel``, (NUMBERS,)."""
+        """Masses, mechanism, drive, stop and faces, in the places of ``sim.kernel``, (NUMBERS,)."""
         from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and few verbs simulate
 
         (near, far), dog, rings, own = self.shafts, self.dog, self.rings, self.mechanism
         stiff, loss = own.linkage(rings.mass) if own.has_linkage else (0.0, 0.0)
         share = own.spline_share(rings.mass, dog.mean_radius, near.near) if not near.far else 1.0
         used = kernel.LINKED_SIZE if own.has_linkage else kernel.PLAIN_SIZE
+        drive = self.drive
         places: dict[int, float] = {
             kernel.SLEEVE: own.sleeve_mass(rings.mass), kernel.SLIDING: near.near,
             kernel.FAR: own.actuator_mass(rings.mass) or 1.0, kernel.OUTPUT: far.near,
@@ -261,6 +269,11 @@ class Clutch:
             kernel.FACES: 2.0 * dog.face_width, kernel.SLOPE: dog.tangents[0],
             kernel.BACKS: 2.0 * dog.back_width, kernel.BACK_SLOPE: math.tan(dog.chamfer_back),
             kernel.HEIGHT: dog.height, kernel.GAP: dog.axial_gap, kernel.LENGTH: dog.radial_width,
+            kernel.DRIVEN: drive.has_torques, kernel.SYNCHRONISER: drive.synchroniser,
+            kernel.PACK: drive.pack_torque, kernel.PACK_OIL: drive.pack_viscous,
+            kernel.PACK_SPEED: drive.sense * drive.pack_speed,
+            kernel.PACK_AHEAD: drive.engine_side == "output",
+            kernel.BESIDE: (1.0 - share) / share if share > 0.0 else 0.0,
         }  # fmt: skip
         return np.array([places.get(place, 0.0) for place in range(kernel.NUMBERS)])
 
@@ -272,7 +285,7 @@ class Clutch:
 
     def with_engine(self, engine: str) -> Clutch:
         """Return the same clutch for another engine, at that engine's own accuracy."""
-        solver = solver_for(self.contact, self.mechanism)
+        solver = solver_for(self.contact, self.mechanism, self.drive)
         accuracy = PLANAR_ACCURACY if engine == "planar" else solver.accuracy
         return replace(self, solver=replace(self.solver, engine=engine, accuracy=accuracy))
 

@@ -20,6 +20,7 @@ from dogshape.sim.elementwise import Array, bisect
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.drive import impulses
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
 from dogshape.sim.shift.trace import OVERLAPS, PHASES, Events, Loads, Phase, Trace, trace_of
@@ -145,7 +146,8 @@ class Engagement:
     @cached_property
     def trace(self) -> Trace:
         """Time series, worked out when they are first asked for."""
-        made = trace_of(self.clutch, self.point.profile, self.run.times, self.run.states)
+        run, profile = self.run, self.point.profile
+        made = trace_of(self.clutch, profile, run.times, run.states, run.driven)
         return replace(made, time=made.time + self.point.profile.delay)
 
 
@@ -163,6 +165,14 @@ class Run:
     blocked: bool  #: whether the rings stood still on each other
     failure: str  #: why the integration was lost; empty where it was not
     evaluations: int  #: derivatives that the integrator asked for
+    torques: Array | None = None  #: knots of ``sim.shift.drive.TorqueCourse``; None without a drive
+
+    @property
+    def driven(self) -> Array:
+        """Integrals of the drive's torques at the times, N m s, (2, n), or (2, 0) without any."""
+        if self.torques is None:
+            return np.empty((2, 0))
+        return impulses(self.times, self.torques)
 
 
 def failure_of(clutch: Clutch, now: float, state: Array, steps: int, deadline: float) -> str:
@@ -188,8 +198,8 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
     ends, limits, missed, marks, events, loads, line_loads = kernel.summarize(
-        run.times, run.states, clutch.numbers, point.profile.knots, section_planes(clutch.dog),
-        _CLASSES,
+        run.times, run.states, clutch.numbers, point.profile.knots, run.driven,
+        section_planes(clutch.dog), _CLASSES,
     )  # fmt: skip
     done, far = map(_given, ends)
     fields: list[Any] = [*loads[:5], *map(_given, loads[5:]), tuple(line_loads.tolist())]
@@ -262,7 +272,7 @@ def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Ar
     The last state is where the motion of both rings begins; ``angle`` as for ``Engagement``.
     """
     times, *actuator = release(clutch, point.profile)
-    sliding, still = clutch.rings.initial_speed, np.zeros_like(times)
+    sliding, still = clutch.drive.sliding_speed(point.mismatch), np.zeros_like(times)
     output = sliding + point.mismatch
     ahead, turned = angle + output * times, sliding * times
     given, rings = output + still, sliding + still
@@ -281,7 +291,7 @@ def release(clutch: Clutch, profile: ForceProfile) -> Array:
     """
     mechanism, mass = clutch.mechanism, clutch.rings.mass
     held = mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0
-    slows = clutch.rings.initial_speed != 0.0 and mechanism.drag_torque > 0.0
+    slows = clutch.drive.has_torques or (clutch.drive.turns and mechanism.drag_torque > 0.0)
     low, high = 0.0, LATEST_RELEASE * clutch.timeout
     if not held or slows:
         return np.zeros((3, 1))

@@ -20,6 +20,7 @@ from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import LATEST_RELEASE, Run, failure_of, states_held
+from dogshape.sim.shift.drive import TorqueCourse
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import rigid_dog, stacked, touching_planes, touching_quads
 
@@ -87,11 +88,20 @@ class PlanarClutch:
         count, why, failure = len(held), kernel.FULL, ""
         parts, mode, before = [(held, begun)], np.zeros(2), np.full(kernel.SIZE, math.nan)
         deadline = time.monotonic() + solver.time_limit
-        while why == kernel.FULL and not failure:
+        numbers, pause, look = clutch.numbers, clutch.timeout, before
+        course = TorqueCourse(clutch.drive, clutch.timeout) if clutch.drive.has_torques else None
+        if course is not None:
+            numbers, pause = numbers.copy(), now
+        while not failure and why in (kernel.FULL, kernel.PAUSED) and now < clutch.timeout:
+            if course is not None and now >= pause:
+                pause = self._drive(course, now, state, numbers)
+                look = before if course.settled(now) else NO_LOOK
+                if look is NO_LOOK:
+                    before[:] = math.nan
             size = max(0, min(RECORD_SIZE, solver.max_steps + 1 - count))
             times, states = np.empty(size), np.empty((size, kernel.SIZE))
             why, now, step, made, tried = kernel.advance(
-                now, step, state, before, clutch.timeout, clutch.numbers, point.profile.knots,
+                now, step, state, look, pause, clutch.timeout, numbers, point.profile.knots,
                 self.surfaces, self.law, tolerance, solver.max_step, mode, times, states,
             )  # fmt: skip
             parts.append((times[:made], states[:made]))
@@ -100,7 +110,19 @@ class PlanarClutch:
                 state[:] = math.nan
             failure = failure_of(clutch, now, state, count, deadline)
         whole, there = (np.concatenate(one) for one in zip(*parts, strict=True))
-        return Run(whole, there, why == kernel.HELD, failure, spent)
+        torques = None if course is None else course.knots
+        return Run(whole, there, why == kernel.HELD, failure, spent, torques)
+
+    def _drive(self, course: TorqueCourse, now: float, state: Array, numbers: Array) -> float:
+        """Write the torques from ``now`` on into ``numbers``, and return the end of them, s."""
+        near, far = self.clutch.shafts
+        sliding = state[9] if near.far else state[5]
+        output = state[11] if far.far else state[3]
+        piece = course.piece(now, float(output - sliding))
+        numbers[kernel.TORQUE_START] = piece.start
+        numbers[kernel.SLIDING_TORQUE], numbers[kernel.OUTPUT_TORQUE] = piece.torques
+        numbers[kernel.SLIDING_SLOPE], numbers[kernel.OUTPUT_SLOPE] = piece.slopes
+        return piece.end
 
 
 def free_flight(clutch: Clutch, profile: ForceProfile, way: float) -> tuple[Array, Array, float]:
@@ -116,8 +138,8 @@ def free_flight(clutch: Clutch, profile: ForceProfile, way: float) -> tuple[Arra
     numbers[kernel.WAY], numbers[kernel.REBOUND] = 1.02 * way, 1e9
     times, states = np.empty(FREE_SIZE), np.empty((FREE_SIZE, kernel.SIZE))
     *_, made, _ = kernel.advance(
-        rest, FIRST_STEP, begun[-1].copy(), NO_LOOK, clutch.timeout, numbers, profile.knots,
-        NO_DOGS, NO_LAW, FREE_ERROR, FREE_STEP, np.zeros(2), times, states,
+        rest, FIRST_STEP, begun[-1].copy(), NO_LOOK, clutch.timeout, clutch.timeout, numbers,
+        profile.knots, NO_DOGS, NO_LAW, FREE_ERROR, FREE_STEP, np.zeros(2), times, states,
     )  # fmt: skip
     return np.append(held, times[:made]), np.concatenate([begun, states[:made]]), rest
 

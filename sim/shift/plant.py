@@ -39,6 +39,7 @@ from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, require_engine
 from dogshape.sim.shift.conclusion import Run, failure_of, states_held
+from dogshape.sim.shift.drive import TorqueCourse, TorquePiece
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
 #: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
@@ -53,22 +54,25 @@ AXIS = np.array([0.0, 0.0, 1.0])
 
 
 class _Forces(LeafSystem):  # type: ignore[misc]
-    """Forces of the actuators from the shift force, the state and the contact's torque."""
+    """Forces of the actuators from shift force, drive, state and the contact's torque."""
 
     def __init__(self, own: ClutchPlant) -> None:
         super().__init__()
         plant, clutch, share = own.plant, own.clutch, own.share
         rings, mechanism, radius = clutch.rings, clutch.mechanism, clutch.dog.mean_radius
         self._mechanism, self._share, self._order = mechanism, share, own.order
+        self._drive = clutch.drive if clutch.drive.has_torques else None
         self._shafts, self._contact_set = clutch.shafts, clutch.contact
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
-        self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia) * share
+        self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia)
         self._torque = plant.GetJointByName(SLIDING).velocity_start()
         actuators = plant.GetJointActuatorIndices()
         self._joints = [plant.get_joint_actuator(i).joint().name() for i in actuators]
         places = plant.num_positions()
         self.push = self.DeclareVectorInputPort("push", BasicVector(1))
         self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
+        # Start of the piece, torques and slopes of ``TorquePiece``.
+        self.torques = self.DeclareVectorInputPort("torques", BasicVector(5))
         ring = plant.GetBodyByName("sliding_ring")
         self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
         self.contact = self.shapes = None
@@ -92,7 +96,9 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             torque = ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
         elif self.contact is not None:
             torque = float(self.contact.Eval(context)[self._torque])
-        torque *= self._spline
+        torque *= self._spline * share
+        drives = self._driven(context, state) if self._drive else (0.0, 0.0)
+        torque -= (1.0 - self._spline) * drives[0]
         forces = dict.fromkeys(self._joints, 0.0)
         for (ring, behind), shaft in zip(BEHIND.items(), self._shafts, strict=True):
             if shaft.far:
@@ -106,8 +112,20 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             forces[ACTUATOR] = push - drive
         forces[SHIFT] = drive - mechanism.resistance(way, speed, torque) / share
         dragged = BEHIND[SLIDING] if self._shafts[0].far else SLIDING
-        forces[dragged] -= mechanism.drag(state[9]) / share
+        forces[dragged] -= (mechanism.drag(state[9]) - drives[0]) / share
+        if self._drive:
+            driven = BEHIND[OUTPUT] if self._shafts[1].far else OUTPUT
+            forces[driven] += drives[1] / share
         output.SetFromVector([forces[name] for name in self._joints])
+
+    def _driven(self, context: Context, state: list[float]) -> tuple[float, float]:
+        """Compute the torques of the drive on sliding and output side, N m."""
+        assert self._drive is not None
+        start, sliding, output, *slopes = self.torques.Eval(context).tolist()
+        piece = TorquePiece(start, start, (sliding, output), (slopes[0], slopes[1]))
+        given = piece.at(context.get_time())
+        partner = self._drive.partner_torques(state[9], state[11])
+        return given[0] + partner[0], given[1] + partner[1]
 
 
 def ring_torque(
@@ -186,8 +204,9 @@ class ClutchPlant:
         same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
         self.order = [self._columns.get(k, self._columns[same.get(k, k)]) for k in range(12)]
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
-        if clutch.mechanism.has_forces:
-            self._add_forces(builder)
+        self._forces: _Forces | None = None
+        if clutch.has_forces:
+            self._forces = self._add_forces(builder)
         else:
             builder.Connect(self._force.get_output_port(), self.plant.get_actuation_input_port())
         self.diagram = builder.Build()
@@ -223,6 +242,7 @@ class ClutchPlant:
     def run(self, point: OperatingPoint, angle: float) -> Run:
         """Integrate up to the end of the travel or the time-out; the monitor records every step."""
         simulator, clutch = self.start(point, angle), self.clutch
+        course = TorqueCourse(clutch.drive, clutch.timeout) if clutch.drive.has_torques else None
         # Places in the state of what has not made its travel: ring, actuator.
         under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
         # Beside where the run begins: the time in which the ring was held.
@@ -239,6 +259,8 @@ class ClutchPlant:
             under_way.difference_update([i for i in under_way if state[i] >= clutch.shift_travel])
             if under_way and len(times) > 1:
                 failure = failure_of(clutch, now, state, len(times), deadline)
+            if course is not None and not course.settled(now):
+                last, check_at = np.full(12, np.nan), now + kernel.STILL_WINDOW
             if under_way and not failure and now >= check_at:
                 left, knots = clutch.timeout - now, point.profile.knots
                 blocked = kernel.stands_still(now, last, state, left, clutch.numbers, knots)
@@ -249,7 +271,10 @@ class ClutchPlant:
         simulator.set_monitor(record)
         try:
             record(self.context)
-            simulator.AdvanceTo(clutch.timeout)
+            pause = self.context.get_time()
+            while pause < clutch.timeout and under_way and not blocked and not failure:
+                pause = clutch.timeout if course is None else self._drive(course, pause)
+                simulator.AdvanceTo(pause)
         except RuntimeError as error:
             if len(times) < 2:
                 raise  # not a step was made: the model is wrong, not the motion
@@ -258,7 +283,19 @@ class ClutchPlant:
             simulator.clear_monitor()
         spent = simulator.get_integrator().get_num_derivative_evaluations()
         grown = np.diff(times, prepend=-1.0) > 0.0
-        return Run(np.array(times)[grown], np.array(states)[grown], blocked, failure, spent)
+        torques = None if course is None else course.knots
+        return Run(
+            np.array(times)[grown], np.array(states)[grown], blocked, failure, spent, torques
+        )
+
+    def _drive(self, course: TorqueCourse, now: float) -> float:
+        """Set the torques of the drive from ``now`` on, and return the end of them, s."""
+        assert self._forces is not None
+        state = self.state()
+        piece = course.piece(now, float(state[11] - state[9]))
+        context = self._forces.GetMyMutableContextFromRoot(self.context)
+        self._forces.torques.FixValue(context, [piece.start, *piece.torques, *piece.slopes])
+        return piece.end
 
     def state(self) -> Array:
         """Return the state as ``sim.shift.conclusion.Run`` has it, (12,)."""
@@ -272,7 +309,7 @@ class ClutchPlant:
         joint = joint_type(name, plant.world_frame(), body.body_frame(), axis, damping=0.0)
         plant.AddJointActuator(actuator, plant.AddJoint(joint))
 
-    def _add_forces(self, builder: DiagramBuilder) -> None:
+    def _add_forces(self, builder: DiagramBuilder) -> _Forces:
         plant = self.plant
         forces = builder.AddSystem(_Forces(self))
         builder.Connect(self._force.get_output_port(), forces.push)
@@ -283,6 +320,7 @@ class ClutchPlant:
             world = plant.GetBodyByName("carriage").model_instance()
             builder.Connect(plant.get_generalized_contact_forces_output_port(world), forces.contact)
         builder.Connect(forces.get_output_port(), plant.get_actuation_input_port())
+        return forces
 
     def _add_output_ring(self) -> None:
         clutch, plant, (_, shaft) = self.clutch, self.plant, self.clutch.shafts
@@ -291,7 +329,7 @@ class ClutchPlant:
         joint = plant.AddJoint(
             tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), AXIS, damping=0.0)
         )
-        if shaft.far:
+        if shaft.far or clutch.drive.has_torques:
             plant.AddJointActuator("output_torque", joint)
         properties = geo.ProximityProperties()
         geo.AddRigidHydroelasticProperties(properties)
@@ -350,7 +388,7 @@ class ClutchPlant:
             tree.RevoluteJoint(SLIDING, frame, body.body_frame(), AXIS, damping=0.0)
         )
         plant.AddJointActuator("shift_force", joint)
-        if clutch.mechanism.has_forces:
+        if clutch.has_forces:
             plant.AddJointActuator("drag_torque", turning)
         properties = geo.ProximityProperties()
         modulus = clutch.contact.stiffness * pressure_apex(clutch.dog)[1]

@@ -123,12 +123,17 @@ class Trace:
 _COLUMNS = {"displacement": 1, "axial_speed": 4, "sliding_speed": 5, "output_speed": 3}
 
 
-def trace_of(clutch: Clutch, profile: ForceProfile, time: Array, state: Array) -> Trace:
-    """Return the trace of a run, times and states as ``sim.shift.conclusion.Run`` has them."""
+def trace_of(
+    clutch: Clutch, profile: ForceProfile, time: Array, state: Array, driven: Array
+) -> Trace:
+    """Return the trace of a run, times and states as ``sim.shift.conclusion.Run`` has them.
+
+    ``driven`` are integrals of the drive's torques, N m s, (2, n), or (2, 0) without a drive.
+    """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
     push, given = kernel.shift_force(time, profile.knots)
-    force, torque = kernel.contact_means(time, state, given, clutch.numbers)
+    force, torque = kernel.contact_means(time, state, given, driven, clutch.numbers)
     far = state[:, 6:8] if clutch.mechanism.has_linkage else state[:, [1, 4]]
     return Trace(
         time=time,

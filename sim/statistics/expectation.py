@@ -1,10 +1,11 @@
 r"""Expected shift time over the random relative angle and the operating points, and other numbers.
 
 The angle is uniform over one pitch, sampled at *n* even angles with a random start that is common
-to all designs. A shift that does not engage is tried again; with the share *p* that engages
+to all designs. A shift that does not engage hangs and is tried again. The expected time is the mean
+of engaged shifts and the time of retries, by the posterior of the probability of a hang
+(``hangs``); the error of either is known on its own, and that of the mean is
 
-.. math:: E = E[t | engaged] + \frac{1-p}{p} (t_{timeout} + t_{retraction}), \qquad
-   s^2 = \frac{\sum d_k^2}{12 n^2} + \frac{5 \hat\sigma^2}{6 n}, \quad
+.. math:: s^2 = \frac{\sum d_k^2}{12 n^2} + \frac{5 \hat\sigma^2}{6 n}, \quad
    \hat\sigma^2 = \max(0, -\overline{d_k d_{k+1}}),
 
 :math:`d_k` being differences round the pitch: the variance of a saw-tooth and of scatter (Wolter
@@ -25,7 +26,9 @@ import numpy as np
 from dogshape.sim.elementwise import Array, by_weight
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.statistics.hangs import HangPosterior, HangPrior, interval, weak_priors
 
+FIRST_WINDOW_SHARE = 0.9  #: of the relative angles, up to the limit engagement speed (judged)
 LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
 NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
 
@@ -86,15 +89,59 @@ class PointExpectation:
     """Expected shift time at one operating point, s."""
 
     point: OperatingPoint
-    mean: float  #: with retries; where no shift engaged, an estimate with p = 1/(n + 1)
-    mean_engaged: float | None  #: without retries; None where no shift engaged
-    standard_error: float  #: NaN for fewer than three shifts
+    engaged_mean: float  #: of shifts that engage or are freed; the time-out where none does
+    engaged_error: float  #: its standard error, NaN for fewer than three shifts
+    mean_engaged: float | None  #: without those that are freed; None where no shift engaged
     sd: float
     engaged: float  #: share at the first try
     n: int
+    retry_cost: float  #: of a shift that hangs
+    hang: HangPosterior  #: probability that a shift hangs
     blocked: int = 0  #: number that stood still dog on dog, held by friction
     freed: int = 0  #: number of these that a set-point freed
     by_angle: Sequence[Sequence[int]] = ()  #: of ``entries_by_angle``
+    prior: HangPrior | None = None  #: of the probability of a hang
+    #: number that engaged without being carried past a slot; None where the shifts do not tell
+    first_window: int | None = None
+    direct_share: float | None = None  #: of ``sim.statistics.shiftability``
+
+    @property
+    def hangs(self) -> int:
+        """Number of the shifts that are tried again."""
+        return self.lost - self.freed
+
+    @property
+    def silent(self) -> bool:
+        """Whether no shift tells a time: retries then count as one in n + 1 that engages."""
+        return self.hangs >= self.n
+
+    @property
+    def retries(self) -> float:
+        """Expected time of retries, s."""
+        if self.silent:
+            return max(1, self.n) * self.retry_cost
+        return self.retry_cost * self.hang.mean / (1.0 - self.hang.mean)
+
+    @property
+    def retries_error(self) -> float:
+        """Standard error of ``retries``, s."""
+        if self.silent:
+            return self.retry_cost
+        return self.retry_cost * math.sqrt(self.hang.variance) / (1.0 - self.hang.mean) ** 2
+
+    @property
+    def mean(self) -> float:
+        """Mean of engaged shifts and time of retries, s."""
+        return self.engaged_mean + self.retries
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of ``mean``, s; NaN for fewer than three shifts."""
+        return math.hypot(self.engaged_error, self.retries_error)
+
+    def under(self, prior: HangPrior) -> PointExpectation:
+        """Return the expectation by another prior of the probability of a hang."""
+        return replace(self, hang=prior.posterior(self.hangs, self.n), prior=prior)
 
     @property
     def timed(self) -> float:
@@ -122,16 +169,78 @@ class Expectation:
     """Expected shift time over all operating points, weighted, s."""
 
     points: tuple[PointExpectation, ...]
-    mean: float
-    standard_error: float
     numerical_error: float | None = None  #: by repeating some shifts with a far smaller tolerance
     #: of the time of all shifts of the mix, by their share, retries included
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
+    first_window_share: float = FIRST_WINDOW_SHARE  #: that defines the limit engagement speed
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the operating points, of sum one, (points,)."""
+        weights = np.array([p.point.weight for p in self.points])
+        return weights / weights.sum()
+
+    def _weighted(self, values: Sequence[float]) -> float:
+        return float(self.weights @ np.array(values))
+
+    def _combined(self, errors: Sequence[float]) -> float:
+        return float(np.linalg.norm(self.weights * np.array(errors)))
+
+    @property
+    def engaged_mean(self) -> float:
+        """Mean of the shifts that engage or are freed by a set-point, s."""
+        return self._weighted([p.engaged_mean for p in self.points])
+
+    @property
+    def engaged_error(self) -> float:
+        """Standard error of ``engaged_mean``, s."""
+        return self._combined([p.engaged_error for p in self.points])
+
+    @property
+    def retries(self) -> float:
+        """Expected time of retries, s."""
+        return self._weighted([p.retries for p in self.points])
+
+    @property
+    def retries_error(self) -> float:
+        """Standard error of ``retries``, s."""
+        return self._combined([p.retries_error for p in self.points])
+
+    @property
+    def mean(self) -> float:
+        """Expected shift time, s: ``engaged_mean`` and ``retries``."""
+        return self._weighted([p.mean for p in self.points])
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of ``mean``, s, of both of its parts."""
+        return self._combined([p.standard_error for p in self.points])
+
+    @property
+    def hang_probability(self) -> float:
+        """Posterior mean of the probability that a shift hangs."""
+        return self._weighted([p.hang.mean for p in self.points])
+
+    @property
+    def hang_interval(self) -> tuple[float, float]:
+        """Interval of that probability, 95 %."""
+        variance = self.weights**2 @ np.array([p.hang.variance for p in self.points])
+        return interval(self.hang_probability, float(variance))
+
+    @property
+    def hangs(self) -> int:
+        """Number of the shifts that are tried again."""
+        return sum(p.hangs for p in self.points)
+
+    def under(self, priors: Sequence[HangPrior]) -> Expectation:
+        """Return the expectation by other priors, one for each operating point."""
+        pairs = zip(self.points, priors, strict=True)
+        return replace(self, points=tuple(point.under(prior) for point, prior in pairs))
 
     @property
     def relative_error(self) -> float:
-        """Standard error over the mean."""
-        return self.standard_error / self.mean
+        """Standard error of the mean of engaged shifts over that mean."""
+        return self.engaged_error / self.engaged_mean
 
     @property
     def engages(self) -> bool:
@@ -212,24 +321,34 @@ def expect_point(
     ``shifts`` are in the order of their angles; ``timeout`` and ``retraction`` in s.
     Shifts whose integration failed say nothing and are left out.
     """
-    asked = len(shifts)
     n = sum(s.outcome is not Outcome.DIVERGED for s in shifts)
     held = [s.shift_time for s in shifts if s.outcome is Outcome.BLOCKED]
     blocked, freed = len(held), sum(time is not None for time in held)
     times = np.array([s.shift_time for s in shifts if s.shift_time is not None], dtype=float)
     lost = timeout + retraction
+    (prior,) = weak_priors(1)
+    hang = prior.posterior(n - times.size, n)
     if times.size == 0:
-        return PointExpectation(point, timeout + asked * lost, None, lost, 0.0, 0.0, n, blocked)
-    share = times.size / n
-    mean = float(times.mean())
-    variance = variance_of_mean(times, even=even and share == 1.0)
-    retry = (1.0 - share) / share * lost
-    retry_variance = (lost / share**2) ** 2 * share * (1.0 - share) / n
-    error = math.sqrt(variance + retry_variance) if asked > 2 else math.nan
-    sd = float(times.std(ddof=1)) if times.size > 1 else 0.0
+        return PointExpectation(
+            point, engaged_mean=timeout, engaged_error=0.0, mean_engaged=None, sd=0.0, engaged=0.0,
+            n=n, retry_cost=lost, hang=hang, blocked=blocked, prior=prior,
+        )  # fmt: skip
+    variance = variance_of_mean(times, even=even and times.size == n)
     kept = [s.shift_time for s in shifts if s.outcome is not Outcome.BLOCKED and s.shift_time]
-    bare, share = float(np.mean(kept)) if kept else None, len(kept) / n
-    return PointExpectation(point, mean + retry, bare, error, sd, share, n, blocked, freed)
+    return PointExpectation(
+        point,
+        engaged_mean=float(times.mean()),
+        engaged_error=math.sqrt(variance) if len(shifts) > 2 else math.nan,
+        mean_engaged=float(np.mean(kept)) if kept else None,
+        sd=float(times.std(ddof=1)) if times.size > 1 else 0.0,
+        engaged=len(kept) / n,
+        n=n,
+        retry_cost=lost,
+        hang=hang,
+        blocked=blocked,
+        freed=freed,
+        prior=prior,
+    )
 
 
 def variance_of_mean(times: Array, *, even: bool = True) -> float:
@@ -244,13 +363,14 @@ def variance_of_mean(times: Array, *, even: bool = True) -> float:
     return float(times.var(ddof=1) / n)
 
 
-def expect(points: Sequence[PointExpectation]) -> Expectation:
-    """Return the weighted expectation over operating points with independent errors."""
-    weights = np.array([p.point.weight for p in points])
-    weights = weights / weights.sum()
-    mean = float(weights @ np.array([p.mean for p in points]))
-    error = float(np.sqrt((weights**2) @ np.array([p.standard_error**2 for p in points])))
-    return Expectation(tuple(points), mean, error)
+def expect(
+    points: Sequence[PointExpectation], priors: Sequence[HangPrior] | None = None
+) -> Expectation:
+    """Return the weighted expectation over operating points with independent errors.
+
+    ``priors`` of the probability of a hang, one for each point; ``weak_priors`` by default.
+    """
+    return Expectation(tuple(points)).under(priors or weak_priors(len(points)))
 
 
 TAIL = 1e-6  #: of a point's weight, left out of its retries

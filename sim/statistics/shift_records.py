@@ -31,15 +31,17 @@ DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "bac
 def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
 
-    A limit of steps, later keys of the dog, IMPACT, engine and mechanism are named where they are
-    not the usual ones; the limit of time never is, since a shift that it ends is not kept
-    (``unfinished``).
+    A limit of steps, later keys of the dog, IMPACT, engine, mechanism and drive are named where
+    they are not the usual ones; the limit of time never is, since a shift that it ends is not
+    kept (``unfinished``).
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
         **{k: one for k, one in ranged_record(dog).items() if one != DEFAULTS.get(k)},
         "sliding_mass_kg": rings.mass,
-        **edge_record(rings, ("sliding_inertia_kgm2", "output_inertia_kgm2", "initial_speed_rpm")),
+        **edge_record(rings, ("sliding_inertia_kgm2", "output_inertia_kgm2")),
+        # Records of shafts that stand have the key of the speed that earlier versions had.
+        **({} if clutch.drive.turns else {"initial_speed_rpm": 0.0}),
         "contact_set": contact.name,
         **ranged_record(contact),
         **(ranged_record(contact.impact) if contact.impact else {}),
@@ -53,6 +55,7 @@ def clutch_record(clutch: Clutch) -> Record:
         **({} if solver.engine == "drake" else {"engine": solver.engine}),
         **({} if solver.max_steps == MAX_STEPS else {"max_steps": solver.max_steps}),
         **clutch.mechanism.record,
+        **clutch.drive.record,
     }
 
 
@@ -107,6 +110,12 @@ def entries_by_angle(records: Sequence[Record]) -> list[list[int]]:
         entry = 2 if one["shift_time_s"] is None else int(one["face_contacts"] > 0)
         counts[int(phase * len(counts))][entry] += 1
     return counts
+
+
+def first_windows(records: Sequence[Record]) -> int:
+    """Count the shifts that engage without being carried past a slot."""
+    engaged = (row for row in records if row["shift_time_s"] is not None)
+    return sum(row["slots_skipped"] == 0 for row in engaged)
 
 
 def unfinished(record: Record) -> bool:

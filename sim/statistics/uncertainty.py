@@ -143,6 +143,7 @@ def sobol_shares(count: int, dimensions: int, seed: int) -> Array:
     return np.clip(whole[:count], 1e-12, 1.0 - 1e-12)
 
 
+MEAN_SHARES = 1000  #: quantiles in the mean of a factor
 #: in the order of the draws
 FACTORS = ("friction_factor", "force_factor", "inertia_factor", "dissipation_factor")
 STREAM = 101  #: keeps the draws of the factors apart from that of the angles
@@ -201,6 +202,12 @@ class Uncertainty:
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a factor."""
         return next((d.bounds for key, d in self.distributions if key == name), (1.0, 1.0))
+
+    def mean(self, name: str) -> float:
+        """Compute the mean of a factor."""
+        shares = (np.arange(MEAN_SHARES) + 0.5) / MEAN_SHARES
+        means = (d.at(shares).mean() for key, d in self.distributions if key == name)
+        return float(next(means, 1.0))
 
     def variants(
         self, point: OperatingPoint, count: int, seed: int, index: int, base: int | None = None

@@ -147,7 +147,8 @@ REMEDIES: dict[str, str] = {
     "module": "use fewer dogs or a larger diameter",
     "chamfer_release": "use a larger chamfer, or for flat tips load.faces_release = false",
     **{f"{flank}_release": _SIDE for flank in FLANKS},
-    "separating_force": "use smaller side angles",
+    "retention": "use undercut of more than load.wear_angle_deg, smaller side angles, or a detent "
+    "or latch that holds the force",
     "pull_out_force": "use larger side angles, or less torque left then (load.pull_out_share), or "
     "less mechanism.spline_friction",
     "engagement": "use a larger chamfer where faces hold each other, less mismatch or more "
@@ -205,11 +206,17 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "{flank} flank, which is self-locking below the friction angle",
          "angle against arctan of the static coefficient + arctan(mu_t r/r_t) of the spline",
          _STATIC),
-        ("separating_force_{flank}", "N", "load.separating_force_limit_N", True,
-         "axial force that the {flank} flank puts on the blocking mechanism",
-         "K_A T/r tan(side angle - rho) - min(mu_t, mu) K_A T/r_t + m a, rho = arctan mu of the "
-         "low dynamic coefficient, mu_t and r_t of the spline, T of coast on the braking flank",
-         "Jasny et al. 2019; limit: what latch or detent hold (in mq200 an assumption)"),
+        ("retention_{flank}", "N", "load.separating_force_limit_N", True,
+         "axial force that pushes the worn {flank} flank out of gear without friction, below 0 it "
+         "pulls in",
+         "K_A T/r tan(worn side angle) + m a, T of coast on the braking flank; a flank up to 0 "
+         "wears by load.wear_angle_deg",
+         "Jasny et al. 2019 without friction, which gives way under vibration; limit: what latch, "
+         "detent or fork hold"),
+        ("retention_reversal", "N", "load.separating_force_limit_N", True,
+         "axial force on the blocking mechanism as the torque reverses",
+         "m a of ring and fork: flanks without torque hold nothing",
+         "equilibrium of the ring; limit: what latch, detent or fork hold"),
         ("pull_out_force", "N", "load.pull_out_force_limit_N", True,
          "axial force that pulls the ring out under load.pull_out_share of the torque, the worse "
          "flank",
@@ -273,12 +280,12 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
     ),
     "tolerance": (
         ("contact_ratio", "", "tolerance.contact_ratio", False,
-         "share of the height that touches on the worse flank, every tolerance at its worst",
-         "(height that touches - seated tolerance)/h less all losses",
-         "worst case of all dimensions; limit an assumption"),
+         "share of the height that touches on the worse flank, within the tolerances",
+         "(height that touches - seated tolerance)/h less the root sum of squares of all losses",
+         "normal dimensions at tolerance.reject_rate; limit an assumption"),
         ("clearance", "mm", "tolerance.clearance_mm", False,
-         "gap between the crests in neutral, gap and both heights at their worst",
-         "axial gap - its tolerance - 2 tolerances of the height",
+         "gap between the crests in neutral, within the tolerances of gap and heights",
+         "axial gap less the root sum of squares of its tolerance and twice that of the height",
          "dogs that meet in neutral ratchet; limit an assumption"),
     ),
 }  # fmt: skip

@@ -29,6 +29,7 @@ from dogshape.sim.strength.checks import Check, checks_of, feasible, worse
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
+    Kind,
     ManufacturingLimits,
     Spread,
     Tolerances,
@@ -265,6 +266,12 @@ def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> floa
     return equal / sqrt(limits.load.blow(dog, equal))
 
 
+def within_tolerances(dog: Dog, limits: Limits, kind: Kind) -> tuple[Check, ...]:
+    """Return the checks that have the tolerances in them, with effects added by ``kind``."""
+    seated = limits.seated_tolerance
+    return tolerance_checks(dog, limits.root_radius, limits.tolerances, seated, kind)
+
+
 def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     """Return every check of a design, or of ``Dogs``, that needs no simulation.
 
@@ -345,7 +352,5 @@ _GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
     lambda dog, limits: locking_checks(dog, limits.load),
     _load_checks,
     _strike_checks,
-    lambda dog, limits: tolerance_checks(
-        dog, limits.root_radius, limits.tolerances, limits.seated_tolerance
-    ),
+    lambda dog, limits: within_tolerances(dog, limits, "root_sum_square"),
 )

@@ -23,11 +23,13 @@ from dogshape.sim.elementwise import ARRAY, Array, each, largest, where
 from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
-from dogshape.sim.units import MM
+from dogshape.sim.units import DEG, MM
 
 SAMPLES = 4096  #: pairs of rings; the mean is known to half a percent
 SEED = 20261123
-STIFFNESS = 25e9  #: N/m of a pair of dogs per m of their radial width
+#: Pa/m of the contact in shifts (design set), and m of flank over which c' of ISO 6336-1 gives it
+#: (``sim.shift.clutch``): together N/m of a pair of dogs per m of their radial width
+STIFFNESS, FLANK_HEIGHT = 5e12, 3.1e-3
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
 LEAST_ERROR, MOST_ERROR = 1e-2, 1e3  #: of tabled errors, over the approach of perfect dogs
 
@@ -131,7 +133,9 @@ class LoadCase:
 
     Classes of ``spectrum`` replace the ``shifts`` in the fatigue of the root: torque over the rated
     one, negative on the braking flank, and cycles. Without ``accuracy`` (ISO 1328-1) or
-    ``pitch_sd``, ``run_out`` and ``tilt`` the load sharing is fixed.
+    ``pitch_sd``, ``run_out`` and ``tilt`` the load sharing is fixed. Friction of dogs and toothing
+    lies between ``friction_hold`` and ``friction_release``; the toothing may have its own ends. A
+    ``spline_friction`` of 0 is a ring without a toothing.
     """
 
     torque: float = within("torque_Nm", 1e-3, 1e5, 200.0)
@@ -145,6 +149,7 @@ class LoadCase:
     friction_release: float = within("friction_release", 0.0, 1.0, 0.12)
     friction_hold: float = within("friction_hold", 0.0, 1.0, 0.05)
     separating_force_limit: float | None = within("separating_force_limit_N", 1.0, 1e6, None)
+    wear_angle: float = within("wear_angle_deg", 0.0, 10.0, 1.0 * DEG)
     vibration_force: float = 0.0  #: inertia of the ring in gearbox vibration, N
     coast_share: float = within("coast_share", 0.0, 1.0, 1.0)
     pull_out_force_limit: float | None = within("pull_out_force_limit_N", 1.0, 1e6, None)
@@ -157,9 +162,11 @@ class LoadCase:
     pitch_sd: float | None = within("pitch_sd_um", 0.0, 1000.0, None)
     run_out: float = within("run_out_um", 0.0, 1000.0, 0.0)
     tilt: float = within("tilt_mrad", 0.0, 50.0, 0.0)
-    dog_stiffness: float | None = within("dog_stiffness_N_um", 0.1, 1e5, None)
+    contact_stiffness: float = STIFFNESS  #: of the shifts, Pa/m
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
+    spline_friction_release: float | None = within("spline_friction_release", 0.0, 1.5, None)
+    spline_friction_hold: float | None = within("spline_friction_hold", 0.0, 1.5, None)
     landing_share: float | None = within("landing_share", 1e-4, 0.5, None)
 
     def __post_init__(self) -> None:
@@ -178,6 +185,40 @@ class LoadCase:
             rule = f"it must not exceed load.friction_release = {self.friction_release:.6g}"
             remedy = "holding is judged with the lower coefficient; exchange or correct them"
             raise InputError(refusal("load.friction_hold", self.friction_hold, "", rule, remedy))
+
+    def require_spline(self) -> None:
+        """Raise InputError where the toothing's own interval leaves out its nominal friction."""
+        nominal, key = self.spline_friction, "mechanism.spline_friction"
+        ends = {"spline_friction_hold": -1.0, "spline_friction_release": 1.0}
+        for name, side in ends.items():
+            end = getattr(self, name)
+            if end is None:
+                continue
+            if nominal == 0.0:
+                raise InputError(f"load.{name} belongs to {key}, which is not given; give it too")
+            if side * (end - nominal) < 0.0:
+                bound = "at most" if side < 0.0 else "at least"
+                rule = f"it must be {bound} {key} = {nominal:.6g}, which shifts are simulated with"
+                raise InputError(refusal(f"load.{name}", end, "", rule, "correct one of them"))
+
+    @property
+    def spline_interval(self) -> tuple[float, float]:
+        """Friction of the toothing that holds at least, and that has to be overcome at most.
+
+        The interval of the dogs, widened to the friction of the simulation, unless it has its own.
+        """
+        nominal, low, high = self.spline_friction, self.spline_friction_hold, self.release_friction
+        if nominal == 0.0:
+            return 0.0, 0.0
+        return min(nominal, self.friction_hold) if low is None else low, high
+
+    @property
+    def release_friction(self) -> float:
+        """Upper end of the toothing's friction, 0 without a toothing."""
+        if self.spline_friction == 0.0:
+            return 0.0
+        own = self.spline_friction_release
+        return max(self.spline_friction, self.friction_release) if own is None else own
 
     @property
     def design_torque(self) -> float:
@@ -203,8 +244,8 @@ class LoadCase:
         return pitch_tolerance(self.accuracy, 2.0 * dog.mean_radius, dog.count) / SIGMAS
 
     def stiffness(self, dog: Dog) -> float:
-        """Stiffness of a pair of dogs, N/m."""
-        return self.dog_stiffness or STIFFNESS * dog.radial_width
+        """Stiffness of a pair of dogs, N/m: that of the shifts on a flank of usual height."""
+        return self.contact_stiffness * FLANK_HEIGHT * dog.radial_width
 
     def sharing(self, dog: Dog, torque: float) -> float:
         """Return the equal load of a dog under ``torque`` (N m) over that of the most loaded."""

@@ -4,17 +4,22 @@ r"""Engaging and letting go: friction angles and the axial force of a loaded fla
 - A flank lets go under torque when :math:`\beta \ge \rho + \arctan(\mu_t r/r_t)`, :math:`\rho =
   \arctan \mu_s`, with the friction :math:`\mu_t` of the spline at radius :math:`r_t`; below it
   takes the pull :math:`F = \mu_t T/r_t - T/r \tan(\beta - \rho)` at the share of the rated torque
-  that is left as the ring is pulled out. An undercut flank, :math:`\beta < 0`, holds itself.
-- The blocking mechanism holds :math:`K_A T/r \tan(\gamma - \rho) - \mu K_A T/r_t + m a`, with the
-  low dynamic coefficient, the lower one of spline and flank, and the axial vibration *a* of the
-  gearbox.
+  that is left as the ring is pulled out. Friction is at the upper end of its interval.
+- *Retention*: friction that holds still gives way under vibration, so latch, detent or fork hold
+  :math:`K_A T/r \tan\beta_w + m a`, with the axial vibration *a* of the gearbox; as the torque
+  reverses :math:`m a` alone. A flank that holds itself is undercut after its wear: :math:`\beta_w =
+  \max(\beta, \min(\beta, 0) + w)`, *w* the lean that wear gives a straight flank; one that leans
+  more keeps its angle. With the lowest friction the force is :math:`K_A T/r \tan(\beta_w - \rho) -
+  \mu_t K_A T/r_t + m a`: where that alone is not positive the flank holds by friction.
 
-The braking flank has the coast torque. Source: Jasny et al. 2019; the spline by equilibrium.
+The braking flank has the coast torque. Source: Jasny et al. 2019; the spline by equilibrium. Field
+reports of workshops: straight dogs worn to +1 degree jump out, undercut of 1.5 to 5 degrees holds.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from dogshape.sim.elementwise import arctan, largest, smallest, tan, where
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
@@ -29,7 +34,7 @@ def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float
 
 def release_angle(dog: Dog, load: LoadCase) -> float:
     """Return the least side angle of a flank that lets go by itself, rad."""
-    spline = load.spline_friction * dog.mean_radius / load.spline_radius
+    spline = load.release_friction * dog.mean_radius / load.spline_radius
     return arctan(load.friction_release) + arctan(spline)
 
 
@@ -37,23 +42,66 @@ def pull_out_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
     """Return the axial force that pulls the ring out under torque, N; below 0 it lets go."""
     torque = load.torque * load.share_of(flank) * load.pull_out_share
     push = axial_force(dog, torque, side_angle(dog, flank), load.friction_release)
-    return load.spline_friction * torque / load.spline_radius - push
+    return load.release_friction * torque / load.spline_radius - push
 
 
-def separating_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
-    """Return the axial force of a loaded flank at low friction, N; positive separates.
+def worn_angle(dog: Dog, load: LoadCase, flank: Flank) -> float:
+    """Return the side angle of a flank at the end of its life, rad."""
+    angle = side_angle(dog, flank)
+    return largest(angle, smallest(angle, 0.0) + load.wear_angle)
 
-    What friction in the spline holds of it is taken off, and the ring's inertia is added.
+
+def separating_force(dog: Dog, load: LoadCase, flank: Flank, friction: float = 0.0) -> float:
+    """Return the axial force of a worn, loaded flank and of vibration, N; positive separates.
+
+    ``friction`` is the flank's; the toothing has none.
     """
     torque = load.design_torque * load.share_of(flank)
-    held = min(load.spline_friction, load.friction_hold) * torque / load.spline_radius
-    pushed = axial_force(dog, torque, side_angle(dog, flank), load.friction_hold)
-    return pushed - held + load.vibration_force
+    return axial_force(dog, torque, worn_angle(dog, load, flank), friction) + load.vibration_force
+
+
+@dataclass(frozen=True)
+class Retention:
+    """Axial forces in N on a loaded, worn flank, positive where they separate, and their answer."""
+
+    flank: Flank
+    frictionless: float  #: without any friction, as under vibration
+    flank_friction: float  #: with the lowest friction of the flank, the toothing without
+    all_friction: float  #: with the lowest friction of flank and toothing
+    held: float | None  #: what latch, detent or fork hold; None where that is not known
+
+    @property
+    def answer(self) -> str:
+        """What holds the ring."""
+        if self.frictionless <= 0.0:
+            return "undercut"
+        if self.held is not None and self.frictionless <= self.held:
+            return "blocking mechanism"
+        if self.all_friction <= (self.held or 0.0):
+            return "friction alone"
+        return "blocking mechanism, not judged" if self.held is None else "nothing: it jumps out"
+
+
+def retention(dog: Dog, load: LoadCase, flank: Flank) -> Retention:
+    """Compute what separates the rings under torque on a flank, and what holds them."""
+    least, torque = load.friction_hold, load.design_torque * load.share_of(flank)
+    rubbing = separating_force(dog, load, flank, least)
+    held = load.spline_interval[0] * torque / load.spline_radius
+    free = separating_force(dog, load, flank)
+    return Retention(flank, free, rubbing, rubbing - held, load.separating_force_limit)
+
+
+def retention_force(dog: Dog, load: LoadCase) -> float:
+    """Return the axial force in N with which the weaker worn flank pulls in without friction.
+
+    Less vibration; negative where the flank pushes out.
+    """
+    return -largest(*(separating_force(dog, load, flank) for flank in FLANKS))
 
 
 def blocking_force(dog: Dog, load: LoadCase) -> float:
     """Compute the force on the blocking mechanism, N; 0 where both flanks hold themselves."""
-    return max(0.0, *(separating_force(dog, load, flank) for flank in FLANKS))
+    return largest(0.0, -retention_force(dog, load))
 
 
 def face_angle(dog: Dog) -> float:
@@ -72,7 +120,9 @@ def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
         rows += [(f"{flank}_release", side_angle(dog, flank), least) for flank in FLANKS]
     if (held := load.separating_force_limit) is not None:
         forces = ((flank, separating_force(dog, load, flank)) for flank in FLANKS)
-        rows += [(f"separating_force_{flank}", force, held) for flank, force in forces]
+        rows += [(f"retention_{flank}", force, held) for flank, force in forces]
+        if load.vibration_force > 0.0:
+            rows.append(("retention_reversal", load.vibration_force, held))
     if load.pull_out_force_limit is not None:
         pull = largest(*(pull_out_force(dog, load, flank) for flank in FLANKS))
         rows.append(("pull_out_force", pull, load.pull_out_force_limit))
@@ -85,11 +135,29 @@ def locking_friction(dog: Dog, load: LoadCase) -> tuple[float, str]:
     A flank locks where its release angle reaches its side angle, a face where it no longer slides
     from rest. Those do not count that the load case lets hold.
     """
-    spline = math.atan(load.spline_friction * dog.mean_radius / load.spline_radius)
-    found = {"chamfer_release": face_angle(dog)} if load.faces_release else {}
+    found = {"chamfer_release": math.tan(face_angle(dog))} if load.faces_release else {}
     if load.release_by_itself:
-        found |= {f"{flank}_release": side_angle(dog, flank) - spline for flank in FLANKS}
+        angles = {flank: side_angle(dog, flank) for flank in FLANKS}
+        found |= {f"{f}_release": _flank_locks(dog, load, angle) for f, angle in angles.items()}
     if not found:
         return math.inf, ""
     name = min(found, key=lambda one: found[one])
-    return math.tan(max(0.0, found[name])), name
+    return max(0.0, found[name]), name
+
+
+def _flank_locks(dog: Dog, load: LoadCase, angle: float) -> float:
+    r"""Return the friction at which a flank of a side angle in rad locks.
+
+    Where the toothing has the friction of the flank above its nominal one: :math:`\arctan\mu +
+    \arctan(\mu k) = \beta`, :math:`k = r/r_t`, a quadratic equation.
+    """
+    lever = dog.mean_radius / load.spline_radius
+    own = load.spline_friction_release
+    spline = load.spline_friction if own is None else own
+    alone = math.tan(angle - math.atan(spline * lever))
+    if own is not None or spline == 0.0 or alone <= spline:
+        return alone
+    slope = lever * math.tan(angle)
+    return (math.sqrt((1.0 + lever) ** 2 + 4.0 * slope * math.tan(angle)) - 1.0 - lever) / (
+        2.0 * slope
+    )

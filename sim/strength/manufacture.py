@@ -1,15 +1,25 @@
-"""Limits of manufacture on the shape, and margins within manufacturing tolerances."""
+r"""Limits of manufacture on the shape, and margins within manufacturing tolerances.
+
+*Root sum of squares*: independent dimensions, each normal about its nominal size with the tolerance
+:math:`t = 3 C \sigma` (*C* the capability of the process, by default 1: three standard deviations,
+as for a pitch in ``sim.strength.load_case``), move a margin by a normal deviate of
+:math:`\sqrt{\sum e_i^2}/(3 C)`, :math:`e_i` its loss at the tolerance. The share *p* of the dogs,
+the reject rate, lies beyond :math:`z_p/(3 C) \sqrt{\sum e_i^2}`. Dimensions that are even over the
+whole tolerance have :math:`C = 1/\sqrt 3`. No more is lost than in the worst case.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from functools import reduce
+from statistics import NormalDist
+from typing import Any, Literal
 
 import numpy as np
 
-from dogshape.sim.elementwise import key, largest, smallest, where
+from dogshape.sim.elementwise import hypot, key, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import RULES, Check, checks_of
@@ -76,7 +86,8 @@ class Tolerances:
     """Largest deviation of each dimension either way, rad and m, and the limits of two checks.
 
     Height and diameters by default of ISO 2768-1 fine, the rest of ground or precision-forged dogs
-    (assumptions). ``RULES`` has the meaning of ``contact_ratio`` and ``clearance``.
+    (assumptions). ``RULES`` has the meaning of ``contact_ratio`` and ``clearance``. The reject rate
+    is that of a normal deviate beyond 3 standard deviations on one side, of each check.
     """
 
     chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
@@ -91,6 +102,8 @@ class Tolerances:
     clearance: float = within("clearance_mm", 0.0, 2.0, 0.3 * MM)
     chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     backlash: float = within("backlash_mm", 0.0, 2.0, 0.05 * MM)
+    reject_rate: float = within("reject_rate", 1e-9, 0.5, 0.00135)
+    capability: float = within("capability", 0.3, 3.0, 1.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "tolerance", "give a length in mm")
@@ -98,25 +111,40 @@ class Tolerances:
     @property
     def dimensions(self) -> dict[str, float]:
         """Dimensions with their tolerance, those without one left out."""
-        names = [f.name for f in fields(self) if f.name not in ("contact_ratio", "clearance")]
+        names = [f.name for f in fields(self) if f.name not in NO_DIMENSIONS]
         return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
+
+    @property
+    def statistical_share(self) -> float:
+        """Loss at the reject rate over the root sum of squares of the losses at the tolerances."""
+        return -NormalDist().inv_cdf(self.reject_rate) / (3.0 * self.capability)
 
     def without_sizes(self) -> Tolerances:
         """Return the limits alone, with every dimension exact."""
         return replace(self, **dict.fromkeys(self.dimensions, 0.0))
 
 
+#: Fields of ``Tolerances`` that are no dimension.
+NO_DIMENSIONS = ("contact_ratio", "clearance", "reject_rate", "capability")
+Kind = Literal["worst_case", "root_sum_square"]  #: addition of the effects of all dimensions
+
+
 @dataclass(frozen=True)
 class Spread:
-    """Move of a quantity within the tolerances, by dimension and at the worst."""
+    """Move of a quantity within the tolerances, by dimension and at the worst.
+
+    ``share`` is ``Tolerances.statistical_share``.
+    """
 
     by_dimension: dict[str, float]
     worst_case: float
+    share: float = 1.0
 
     @property
     def root_sum_square(self) -> float:
-        """Root of the sum of the squares of all effects."""
-        return math.hypot(*self.by_dimension.values())
+        """Move at the reject rate: root of the sum of the squares of all effects."""
+        total = reduce(hypot, self.by_dimension.values(), 0.0)
+        return smallest(self.share * total, self.worst_case)
 
 
 SIDES = (-1.0, 1.0)
@@ -176,7 +204,8 @@ def losses(
         if corner not in corners:
             corners[corner] = fall(signs)
         by_dimension = {size: largest(*two, 0.0) for size, two in sides.items()}
-        found[name] = Spread(by_dimension, largest(corners[corner][name], *by_dimension.values()))
+        worst = largest(corners[corner][name], *by_dimension.values())
+        found[name] = Spread(by_dimension, worst, tolerances.statistical_share)
     return found
 
 
@@ -185,13 +214,16 @@ def _contact(dog: Dog, root_radius: float) -> dict[str, float]:
 
 
 def tolerance_checks(
-    dog: Dog, root_radius: float, tolerances: Tolerances, seated: float
-) -> tuple[Check, ...]:
+    dog: Dog, root_radius: float, tolerances: Tolerances, seated: float,
+    kind: Kind = "root_sum_square",
+) -> tuple[Check, ...]:  # fmt: skip
     """Return the checks of contact and of the gap in neutral within tolerances; lengths in m."""
     spreads, contact = losses(dog, root_radius, tolerances, _contact), _contact(dog, root_radius)
     short = seated / dog.height
-    left = [contact[flank] - short - spread.worst_case for flank, spread in spreads.items()]
-    gap = dog.axial_gap - tolerances.axial_gap - 2.0 * tolerances.height
+    left = [contact[flank] - short - getattr(spread, kind) for flank, spread in spreads.items()]
+    losses_of_gap = {"axial_gap": tolerances.axial_gap, "height": 2.0 * tolerances.height}
+    total = sum(losses_of_gap.values())
+    gap = dog.axial_gap - getattr(Spread(losses_of_gap, total, tolerances.statistical_share), kind)
     return checks_of([
         ("contact_ratio", largest(smallest(*left), -1.0), tolerances.contact_ratio),
         ("clearance", gap, tolerances.clearance),

@@ -24,6 +24,7 @@ STATIC_CYCLES, ENDURANCE_CYCLES, LONG_CYCLES = 1e3, 3e6, 1e10
 LONG_FACTOR = 0.85  #: Y_NT at LONG_CYCLES
 HARDNESS = 9.80665 * MPA  #: Pa of one HV
 YOUNG, POISSON = 210e9, 0.3  #: of steel; Pa
+DENSITY = 7850.0  #: of steel, kg/m3
 
 
 @dataclass(frozen=True)

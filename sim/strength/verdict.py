@@ -5,24 +5,26 @@ A design *fails* by a check that clearly fails, is *not clear* where a check may
 is *not judged* where all checks pass and a standard one is missing. Else it *passes*.
 
 *Assumptions* are moved to either end of their ranges, one at a time. The checks follow by their
-closed forms; landings scale with the root of the contact's stiffness, and engagement stays.
+closed forms. Dogs are as stiff as the contact; landings scale with the root of its stiffness, and
+engagement stays. Friction counts by the upper end of its interval: what holds a ring has none.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
 from dogshape.sim.shift.geometry import FLANKS, Dog
+from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
-from dogshape.sim.strength.landing import LANDING_RULES, Demand, Landings, demand_checks
+from dogshape.sim.strength.landing import LANDING_RULES, Landings, demand_checks
 from dogshape.sim.strength.locking import blocking_force
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.units import MM, from_si, short, suffix_of, to_si, unit_of
+from dogshape.sim.units import MM, short, suffix_of, unit_of
 
 State = Literal["passes", "fails", "not_judged", "not_clear"]
 WORDS: dict[State, str] = {
@@ -60,10 +62,12 @@ STANDARD = (
         "a dog that does not engage has neither a shift time nor a use",
     ),
     Standard(
-        "separating_force", tuple(f"separating_force_{flank}" for flank in FLANKS),
+        "retention", (*(f"retention_{flank}" for flank in FLANKS), "retention_reversal"),
         "load.separating_force_limit_N, or mechanism.detent_N and mechanism.detent_seat_mm",
-        "a flank that pushes the ring out needs a force that holds it",
-        lambda dog, limits: blocking_force(dog, limits.load) > 0.0,
+        "a worn flank that pushes the ring out without friction, or vibration as the torque "
+        "reverses, needs a force that holds it",
+        lambda dog, limits: blocking_force(dog, limits.load) > 0.0
+        or limits.load.vibration_force > 0.0,
     ),
     Standard(
         "pull_out_force", ("pull_out_force", *(f"{flank}_release" for flank in FLANKS)),
@@ -133,16 +137,11 @@ class Spans:
     """Ranges of the assumptions that checks depend on."""
 
     friction_release: Span = Span(0.08, 0.16, OILED, "standard")
-    friction_hold: Span = Span(0.02, 0.10, "oil film to boundary friction", "assumption")
-    spline_friction: Span = Span(0.08, 0.16, OILED, "standard")
+    spline_friction_release: Span = Span(0.08, 0.16, OILED, "standard")
     #: over 0.8 of the inner radius, up to a sleeve that slides on the roots of its own teeth
     spline_radius: Span = Span(
         0.75, 1.4, "shaft below the ring, or a sleeve on its own teeth", "assumption", "factor"
     )
-    dog_stiffness: Span = Span(
-        0.56, 2.0, "14 N/(mm um) of gear teeth (ISO 6336-1, method C) to a dog on a solid ring",
-        "estimate", "factor",
-    )  # fmt: skip
     application_factor: Span = Span(
         -0.25, 0.25, "a step of the table of ISO 6336-6, annex B", "assumption", "step"
     )
@@ -330,14 +329,15 @@ def hinges(
     fixed: Mapping[str, float] | None = None,
     *,
     contact_stiffness: float | None = None,
-    radius_given: bool = False,
+    mechanism: Mechanism = NOTHING,
+    given: Collection[str] = (),
     spans: Spans = SPANS,
 ) -> tuple[Hinge, ...]:
     """Compute the effect of each assumption on the smallest margin, the strongest first.
 
     ``fixed`` are margins by check that no closed form has. ``contact_stiffness`` in Pa/m is None
-    for a contact without one, ``radius_given`` whether the study gives the radius of the toothing.
-    Those without any effect are left out.
+    for a contact without one, ``mechanism`` has the nominal ring and shaft of a strike, ``given``
+    are the keys of toothing and strike in the study file. Those without any effect are left out.
     """
     constant = dict(fixed or {})
 
@@ -350,12 +350,14 @@ def hinges(
         return max(margin, LEAST_MARGIN), name
 
     nominal, found = smallest(limits)[0], list[Hinge]()
-    moves = list(_load_moves(dog, limits, radius_given, spans)) + list(_strike_moves(limits, spans))
-    if contact_stiffness is not None and landings is not None:
+    moves = [*_load_moves(dog, limits, given, spans)]
+    moves += _strike_moves(limits, mechanism, given, spans)
+    if contact_stiffness is not None:
         span = spans.contact_stiffness
         moves.append(_Move(
             "contact.stiffness_Pa_m", contact_stiffness, span.ends(contact_stiffness), span,
-            lambda _: limits, lambda end: math.sqrt(end / contact_stiffness),
+            partial(_stiffened, limits, contact_stiffness),
+            lambda end: math.sqrt(end / contact_stiffness),
         ))  # fmt: skip
     for move in moves:
         (low, check_low), (high, check_high) = (
@@ -381,16 +383,14 @@ def hinges(
 #: Numbers of a load case that its friction, toothing and loads are assumed by, and their bounds.
 _LOADS: dict[str, tuple[str, tuple[float, float]]] = {
     "friction_release": ("load.friction_release", (0.0, 1.0)),
-    "friction_hold": ("load.friction_hold", (0.0, 1.0)),
-    "spline_friction": ("mechanism.spline_friction", (0.0, 1.5)),
     "application_factor": ("load.application_factor", (0.5, 10.0)),
     "load_sharing": ("load.load_sharing", (0.01, 1.0)),
     "accuracy": ("load.accuracy", (1, 11)),
 }
 
 
-def _load_moves(dog: Dog, limits: Limits, radius_given: bool, spans: Spans) -> Iterable[_Move]:
-    """List the moves of the load case: friction, toothing, stiffness and sharing of the dogs."""
+def _load_moves(dog: Dog, limits: Limits, given: Collection[str], spans: Spans) -> Iterable[_Move]:
+    """List the moves of the load case: friction, toothing and sharing of the dogs."""
     load = limits.load
     scattered = load.scatter(dog) is not None or load.run_out > 0.0
     for name, (key, (least, most)) in _LOADS.items():
@@ -400,11 +400,20 @@ def _load_moves(dog: Dog, limits: Limits, radius_given: bool, spans: Spans) -> I
         span: Span = getattr(spans, name)
         low, high = (min(max(end, least), most) for end in span.ends(value))
         if name == "friction_release":
-            low = max(low, load.friction_hold)  # the higher coefficient by its meaning
-        if name == "friction_hold":
-            high = min(high, load.friction_release)
+            low = max(low, load.friction_hold)  # the upper end of the interval by its meaning
         yield _Move(key, value, (low, high), span, partial(_loaded, limits, name))
-    if not radius_given and load.spline_friction > 0.0:
+    if load.spline_friction == 0.0:
+        return
+    span = spans.spline_friction_release
+    low, high = span.ends(load.release_friction)
+    yield _Move(
+        "load.spline_friction_release",
+        load.release_friction,
+        (max(low, load.spline_friction), high),
+        span,
+        partial(_loaded, limits, "spline_friction_release"),
+    )
+    if "mechanism.spline_radius_mm" not in given:
         radius, span = load.spline_radius / MM, spans.spline_radius
         yield _Move(
             "mechanism.spline_radius_mm",
@@ -413,14 +422,6 @@ def _load_moves(dog: Dog, limits: Limits, radius_given: bool, spans: Spans) -> I
             span,
             lambda end: _loaded(limits, "spline_radius", end * MM),
         )
-    stiffness, span = from_si("_N_um", load.stiffness(dog)), spans.dog_stiffness
-    yield _Move(
-        "load.dog_stiffness_N_um",
-        stiffness,
-        span.ends(stiffness),
-        span,
-        lambda end: _loaded(limits, "dog_stiffness", to_si("_N_um", end)),
-    )
 
 
 def _loaded(limits: Limits, name: str, value: float) -> Limits:
@@ -428,8 +429,20 @@ def _loaded(limits: Limits, name: str, value: float) -> Limits:
     return replace(limits, load=replace(limits.load, **changed))
 
 
-def _strike_moves(limits: Limits, spans: Spans) -> Iterable[_Move]:
-    """List the moves of a strike: to an end of the study's own range, or of the assumed one."""
+def _stiffened(limits: Limits, nominal: float, value: float) -> Limits:
+    """Return limits with dogs as stiff as a contact of ``value``, where they are so at nominal."""
+    if limits.load.contact_stiffness != nominal:  # a published set is softer than steel
+        return limits
+    return _loaded(limits, "contact_stiffness", value)
+
+
+def _strike_moves(
+    limits: Limits, mechanism: Mechanism, given: Collection[str], spans: Spans
+) -> Iterable[_Move]:
+    """List the moves of a strike: to an end of the study's own range, or of the assumed one.
+
+    Ring and shaft that ``[strike]`` does not give are those of ``[mechanism]``.
+    """
     strikes = limits.strikes
     if not strikes:
         return
@@ -438,8 +451,8 @@ def _strike_moves(limits: Limits, spans: Spans) -> Iterable[_Move]:
         kept = [one for one in strikes if getattr(one, name) == end]
         return replace(limits, strikes=tuple(kept or (_struck(one, name, end) for one in strikes)))
 
-    for key, name in (("strike.ring_inertia_kgm2", "ring_inertia"),
-                      ("strike.input_stiffness_Nm_rad", "input_stiffness")):  # fmt: skip
+    for key, name in (("ring_inertia_kgm2", "ring_inertia"),
+                      ("input_stiffness_Nm_rad", "input_stiffness")):  # fmt: skip
         values = [getattr(strike, name) for strike in strikes]
         span: Span = getattr(spans, name)
         ends = min(values), max(values)
@@ -447,7 +460,10 @@ def _strike_moves(limits: Limits, spans: Spans) -> Iterable[_Move]:
             ends = span.ends(ends[0])
         else:
             span = Span(*ends, source="range of the study", status="estimate")
-        yield _Move(key, math.sqrt(ends[0] * ends[1]), ends, span, partial(at_end, name))
+        nominal: float = getattr(mechanism, name)
+        section = "mechanism" if nominal and f"strike.{key}" not in given else "strike"
+        value = nominal or math.sqrt(min(values) * max(values))
+        yield _Move(f"{section}.{key}", value, ends, span, partial(at_end, name))
 
 
 def _struck(strike: Strike, name: str, end: float) -> Strike:
@@ -458,11 +474,16 @@ def _struck(strike: Strike, name: str, end: float) -> Strike:
 
 
 def landing_by_stiffness(
-    dog: Dog, limits: Limits, landings: Landings, span: Span = SPANS.contact_stiffness
+    dog: Dog,
+    limits: Limits,
+    landings: Landings,
+    contact_stiffness: float,
+    span: Span = SPANS.contact_stiffness,
 ) -> tuple[float, float]:
-    """Compute the smallest margin of a landing at either end of the contact's stiffness."""
-    demands: list[Demand] = [
-        landings.demand(dog, limits, math.sqrt(factor)) for factor in (span.low, span.high)
-    ]
-    low, high = (min(c.margin for c in demand_checks(one, limits)) for one in demands)
-    return low, high
+    """Compute the smallest margin of a landing at either end of the contact's stiffness, Pa/m."""
+    margins = []
+    for end in span.ends(contact_stiffness):
+        case = _stiffened(limits, contact_stiffness, end)
+        demand = landings.demand(dog, case, math.sqrt(end / contact_stiffness))
+        margins.append(min(check.margin for check in demand_checks(demand, case)))
+    return margins[0], margins[1]

@@ -71,7 +71,7 @@ def test_an_own_clutch_ends_in_a_usable_answer(kind: str, tmp_path: Path) -> Non
     assert all(math.isfinite(check.margin) for check in checks.values())
     # What latch or detent hold is not known: the force is printed, and not judged by itself.
     assert load.separating_force_limit is None
-    assert "separating_force_traction" not in checks
+    assert "retention_traction" not in checks
     printed = "\n".join(part for part in found.to_parts() if isinstance(part, str))
     assert f"has to hold {found.blocking_force_N:.0f} N" in printed
     assert "each costs shift.timeout_s and shift.retraction_s, 1.2 s" in printed

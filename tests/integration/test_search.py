@@ -26,7 +26,8 @@ from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.pipeline.study import run_study
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.errors import InputError, StorageError
-from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpectation
+from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.statistics.expectation import Estimate, ShiftResult, expect, expect_point
 from dogshape.sim.strength.landing import Demand
 from dogshape.sim.units import RPM
 from tests.conftest import SMALL, searching
@@ -70,7 +71,9 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
     assert best["expected_shift_time_s"] == confirmed[0]["expected_shift_time_s"]
     assert {row["trial"] for row in result["front"]} <= {d["trial"] for d in confirmed}
     # At the new angles twice as many of the compiled engine, three of them of Drake too.
-    assert result["n_simulated_shifts"] == 12 * 6 + 2 * (12 + 6)
+    shifts = [design["shifts"] for design in confirmed]
+    assert min(shifts) == 12
+    assert result["n_simulated_shifts"] == 12 * 6 + sum(shifts) + 6 * len(confirmed)
     assert len(lines_of(folder, "shifts.jsonl")) == 2 * 6 + 4  # of confirmation and audit, in Drake
     assert not (folder / "running.jsonl").read_text()
     assert result["audit"]["shifts"] == 4
@@ -259,9 +262,9 @@ def test_what_another_run_told_leaves_no_trial_running(monkeypatch: pytest.Monke
     study, storage, trials = search.study, search.optuna, next_round(search)
 
     def evaluated(_: Setup, designs: Sequence[Any], *__: Any) -> list[Simulated]:
-        point = PointExpectation(study.points[0], 0.1, 0.1, 0.001, 0.0, 1.0, 3)
+        times = [ShiftResult(Outcome.ENGAGED, 0.1)] * 3
+        expectation = expect([expect_point(point, times, 1.0, 0.2) for point in study.points])
         found = {"expected_shift_time_s": Estimate(0.1, 0.001)}
-        expectation = Expectation((point,), 0.1, 0.001)
         one = Simulated(expectation, Measured(Demand()), np.zeros((0, 13)), found, 3)
         return [one] * len(designs)
 

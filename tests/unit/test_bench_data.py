@@ -15,9 +15,14 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.next_test import require_terms
 from dogshape.diagnosis.report.wording import chance, summary
+from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.study_file import build_study
+from dogshape.pipeline.diagnose.study_keys import study_of
+from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.shift.drive import Drive
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set, state
@@ -256,3 +261,22 @@ def test_a_step_that_the_times_do_not_have_is_refused(planar: Path) -> None:
     words = r"10 ms, but 1 of 6 times of single shifts .* of it \(row 7: 0.1234 s\)"
     with pytest.raises(DogshapeError, match=words):
         load_bench(planar)
+
+
+def test_a_bench_keeps_how_its_shafts_turned(planar: Path, tmp_path: Path) -> None:
+    """``[drive]`` of a data set, and of the study that is made of it; a standing ring has none."""
+    folder = tmp_path / "turning"
+    shutil.copytree(planar, folder)
+    text = (folder / "bench.toml").read_text()
+    assert "drive" not in study_of(load_bench(folder), "own")
+    drive = '[drive]\nshaft_speed_rpm = 800.0\nengine_side = "output"\noutput_torque_Nm = -4.0\n\n'
+    (folder / "bench.toml").write_text(text.replace("[contact]", f"{drive}[contact]"))
+    bench = load_bench(folder)
+    assert bench.clutch.drive == Drive(800 * RPM, "output", output_torque=(-4.0,))
+    study = build_study(validate(StudyFile, study_of(bench, "own"), "own"))
+    assert study.clutch.drive.sliding_speed(3.0) == pytest.approx(800 * RPM)
+    (folder / "bench.toml").write_text(
+        text.replace("[sliding]", "[sliding]\ninitial_speed_rpm = 5.0")
+    )
+    with pytest.raises(DogshapeError, match=r"drive\.shaft_speed_rpm"):
+        load_bench(folder)

@@ -191,7 +191,7 @@ def _row(block: Block) -> Record:
     dog, heavy = block.clutch.dog, block.clutch.mechanism.added_mass > 0.0
     time = dog.height * 10.0 + (0.1 * math.degrees(dog.chamfer) if heavy else 0.0)
     loads = [0.0] * (len(OVERLAPS) - 1) + [20000.0 if heavy and dog.height < 3.1e-3 else 1.0]
-    entry = {"relative_angle_deg": 0.0, "count": dog.count, "face_contacts": 0}
+    entry = {"relative_angle_deg": 0.0, "count": dog.count, "face_contacts": 0, "slots_skipped": 0}
     times = {"outcome": "engaged", "shift_time_s": time, "actuator_time_s": 9.0}
     return {**times, **entry, "landing_loads_N_mm": loads}
 

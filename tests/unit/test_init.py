@@ -15,6 +15,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import SOURCE
+from dogshape.sim.shift.drive import Drive
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Call, Said, sets
@@ -49,9 +50,9 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
     # Actuator; points, at once refused; actuator and points again; dogs, ring and what turns with
-    # it; height, torque; toothing, drag, latch, torque left, shifts, strike, steel.
+    # it; height, torque; toothing, shafts, engine, drag, latch, torque left, shifts, strike, steel.
     answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30 8 12 22 140 124 1 0,2 2,5"
-    typed = f"{answers} 0,05 0,6 5 1500  0,8 9000 0,1 1e6 0,004&0,02 1e5 steel 20MnCr5"
+    typed = f"{answers} 0,05 0,6 5 1500  1800 output 0,8 9000 0,1 1e6 0,004&0,02 1e5 steel 20MnCr5"
     typed = typed.replace(" ", "\n").replace("&", " ")
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
     assert done.exit_code == 0, done.stderr
@@ -59,6 +60,7 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     dog, mechanism = study.clutch.dog, study.clutch.mechanism
     assert (dog.count, dog.height, dog.backlash) == pytest.approx((30, 5e-3, 2e-4))
     assert mechanism.spline_radius == pytest.approx(0.8 * 0.062)
+    assert study.clutch.drive == Drive(1800 * RPM, engine_side="output")
     assert (mechanism.drag_torque, study.limits.material.name) == (0.8, "20MnCr5")
     load = study.limits.load
     given = study.clutch.timeout, load.separating_force_limit, load.pull_out_share, load.shifts
@@ -70,6 +72,7 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         "kinds of clutch: amt (30 dogs, 140/124 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
         "chamfer of the face, deg (the MQ200 prototype, thesis table 5) [8]:",
         "slides on, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
+        "1/min; 0: the sliding ring stands", "ring that turns with the engine",
         "mq200_three (15 dogs, 52/44 mm, 200 N m)\n", "ring is pulled out (all of it) [1]:",
         "give one of 16MnCr5, 20MnCr5", "forces of the shifts, N [1500]:",
         "shift force is 1600 N, but the study has a rise time for 1500 N alone",
@@ -166,7 +169,7 @@ def test_what_follows_from_the_ring(dogshape: Call) -> None:
     assert study.limits.load.separating_force_limit is None
     assert "load.separating_force_limit_N" in " ".join(said.json["assumed"])
     assert study.file.driveline.stiffness_Nm_rad is None
-    assert study.file.search.limits == {"smallest_margin_worst": 0.0}
+    assert study.file.search.limits == {"smallest_margin_statistical": 0.0}
     assert "search.limits.slower_than_reference_s" in " ".join(said.json["assumed"])
     text = Path("own/study.toml").read_text()
     # The output side is the prototype's.
@@ -193,6 +196,15 @@ def test_a_source_before_a_key_goes_with_its_number(dogshape: Call) -> None:
     text = Path("own/study.toml").read_text()
     assert "ring alone, 0.3 kg at 24 mm" not in text
     assert "steel shaft of 22 mm" in text
+
+
+def test_the_ring_of_shifts_follows_a_strike_that_does_not_hold_it(dogshape: Call) -> None:
+    said, study = _begun(dogshape, "strike.ring_inertia_kgm2=[0.001, 0.004]")
+    assert study.clutch.mechanism.ring_inertia == 0.002
+    assert "mechanism.ring_inertia_kgm2 0.002" in " ".join(said.json["assumed"])
+    shutil.rmtree("own")
+    _, held = _begun(dogshape, "strike.ring_inertia_kgm2=[0.0004, 0.004]")
+    assert held.clutch.mechanism.ring_inertia == 0.0005
 
 
 def test_a_strike_of_ones_own_stays_with_another_ring(dogshape: Call) -> None:
@@ -235,3 +247,14 @@ def test_a_limit_that_the_own_dog_breaks_is_said(
 ) -> None:
     said, _ = _begun(dogshape, *settings)
     assert words in " ".join(said.json["warnings"])
+
+
+def test_shafts_of_a_gearbox_are_not_those_of_a_stand(dogshape: Call) -> None:
+    """A study of a stand's clutch has its standing ring, and a bench of a gearbox' clutch too."""
+    _, study = _begun(dogshape, origin="mq200_stand")
+    assert not study.clutch.drive.turns
+    assert load_study("mq200").clutch.drive.turns
+    said = dogshape("init", "bench", "--from", "mq200", "--out", "stand", "--yes", "--json")
+    assert said.status == 0, said.err
+    assert "turn at 2000 1/min" in " ".join(said.json["assumed"])
+    assert load_bench("stand").clutch.drive == Drive()

@@ -8,9 +8,15 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.plausibility import folded, slips_of
+from dogshape.pipeline.simulate.plausibility import (
+    drag_notes,
+    folded,
+    notes_of,
+    slide_notes,
+    slips_of,
+)
 from dogshape.sim.errors import InputError
-from tests.conftest import Call
+from tests.conftest import Call, sets
 
 POINT = ("--engine", "planar", "--mismatch-rpm", "50", "--force-N", "469")
 
@@ -41,6 +47,9 @@ def test_what_the_model_lacks_is_refused_with_what_it_has(value: str) -> None:
         (("dog.crest=0.5", "dog.chamfer_back_deg=0.2"), "dog.chamfer_back_deg is 0.2 deg"),
         (("output.inertia_kgm2=6048",), "output.inertia_kgm2 is 6048"),
         (("sliding.mass_kg=0.003",), "is it in kg?"),
+        (("mechanism.spline_radius_mm=35.2",), "outside the dogs, whose outer radius is 26 mm"),
+        (("sliding.inertia_kgm2=0.00005", "strike="), "17.6 mm has at least 9.29e-05"),
+        (("load.shifts=5",), "load.shifts is 5 over the life"),
         (("load.torque_Nm=0.2",), "is load.torque_Nm in N m?"),
         (("dog.traction_deg=0", "dog.braking_deg=0"), "flanks leave 0 mm"),
         (("dog.traction_deg=0.1", "dog.braking_deg=0"), "the model alone, not when made"),
@@ -57,11 +66,11 @@ def test_odd_units_and_flanks_without_play_are_said(values: tuple[str, ...], wor
         (  # a truck
             "dog.outer_diameter_mm=140", "dog.inner_diameter_mm=124", "dog.height_mm=6",
             "sliding.mass_kg=2.5", "sliding.inertia_kgm2=0.1", "output.inertia_kgm2=1100",
-            "load.torque_Nm=1500",
+            "load.torque_Nm=1500", "mechanism.ring_inertia_kgm2=0.005", "strike=",
         ),
         (  # a motorcycle
             "dog.outer_diameter_mm=62", "dog.count=6", "dog.height_mm=6", "sliding.mass_kg=0.25",
-            "sliding.inertia_kgm2=0.002", "output.inertia_kgm2=0.05",
+            "sliding.inertia_kgm2=0.002", "output.inertia_kgm2=0.05", "load.shifts=1000",
         ),
     ],
 )  # fmt: skip
@@ -138,3 +147,73 @@ def test_forces_of_a_mechanism_with_two_coefficients_and_impact_are_the_compiled
 ) -> None:
     solver = ds.Study("mq200_paper", {"contact.set": "adams2019", **settings}).config.clutch.solver
     assert (solver.engine, solver.accuracy) == (engine, accuracy)
+
+
+def test_a_drag_on_a_ring_that_stands_is_said() -> None:
+    """It holds the ring there; shafts that turn, or no drag, leave nothing to say."""
+    turning, standing = "drive.shaft_speed_rpm=2000", "drive.shaft_speed_rpm=0"
+    (note,) = drag_notes(load_study("mq200", [standing]))
+    assert "mechanism.drag_torque_Nm is 0.1 N m and the sliding ring stands" in note
+    assert drag_notes(load_study("mq200", [turning])) == []
+    assert drag_notes(load_study("mq200_paper")) == []
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ((), "shafts stand: sliding ring at rest, output ring at the mismatch"),
+        (
+            ("drive.shaft_speed_rpm=2000",),
+            "turn at 2000 1/min on the wheels' side, engine at the s",
+        ),
+        (
+            ("drive.shaft_speed_rpm=900", "drive.engine_side=output", "drive.output_torque_Nm=-50"),
+            "turn at 900 1/min on the wheels' side, engine at the output ring, torque over time",
+        ),
+    ],
+)
+def test_the_speed_of_the_shafts_is_said(
+    dogshape: Call, settings: tuple[str, ...], words: str
+) -> None:
+    given = sets(settings)
+    said = dogshape("shift", "mq200_paper", *POINT, "--relative-angle-deg", "3", *given)
+    assert words in said.out
+    found = dogshape("expect", "mq200_paper", "--angles", "3", *POINT[2:], *given, "--json")
+    assert words.removeprefix("shafts ") in found.json["shafts"]
+
+
+#: Pointed teeth of a light sleeve in place of the prototype's dogs.
+SLEEVE = (
+    "dog.count=27", "dog.chamfer_deg=34", "dog.chamfer_back_deg=34", "dog.crest=0.5",
+    "dog.traction_deg=0", "dog.braking_deg=0", "dog.height_mm=4", "dog.backlash_mm=0.2",
+    "dog.outer_diameter_mm=57", "dog.inner_diameter_mm=55", "sliding.mass_kg=0.05",
+    "sliding.inertia_kgm2=0.000351", "output.inertia_kgm2=20", "strike=",
+)  # fmt: skip
+
+
+def test_a_slide_that_loses_power_is_said_with_the_stiffness_that_bounds_it() -> None:
+    """By the mean of a drawn dissipation, and on the stiffness of the remedy no more."""
+    (note,) = slide_notes(load_study("mq200_both", SLEEVE))
+    assert "faces of 34 deg that slide under 641.5 N lose about 8.6 %" in note
+    assert note in notes_of(load_study("mq200_both", SLEEVE))
+    (certain,) = slide_notes(load_study("mq200_both", [*SLEEVE, "uncertain.dissipation_factor="]))
+    assert "14 %" in certain
+    assert "20 s/m" in certain
+    stiffness = note.split("contact.stiffness_Pa_m = ")[1].split()[0]
+    remedy = f"contact.stiffness_Pa_m={stiffness}"
+    assert slide_notes(load_study("mq200_both", [*SLEEVE, remedy])) == []
+
+
+def test_a_slide_that_no_stiffness_bounds_has_a_dissipation_as_remedy() -> None:
+    values = ("uncertain.dissipation_factor=", "contact.dissipation_s_m=9000")
+    (note,) = slide_notes(load_study("mq200_both", [*SLEEVE, *values]))
+    assert "a contact.dissipation_s_m of" in note
+
+
+@pytest.mark.parametrize("study", ["mq200", "mq200_both", "motorcycle", "amt", "ev_disconnect"])
+def test_slides_of_bundled_clutches_lose_little(study: str) -> None:
+    assert slide_notes(load_study(study)) == []
+
+
+def test_faces_that_friction_holds_have_no_slide_of_their_own() -> None:
+    assert slide_notes(load_study("mq200_paper", ["contact.set=adams2019"])) == []

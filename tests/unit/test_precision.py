@@ -39,7 +39,7 @@ def _run(study: Setup, time: Time, precision: float, said: list[str]) -> Expecta
 
 def _row(time: float | None) -> Record:
     outcome = "engaged" if time else "timed_out"
-    return {"outcome": outcome, "shift_time_s": time, "face_contacts": 1}
+    return {"outcome": outcome, "shift_time_s": time, "face_contacts": 1, "slots_skipped": 0}
 
 
 def test_numerical_error_is_mean_and_scatter_of_repetitions(clutch: Clutch, point: Point) -> None:
@@ -83,15 +83,15 @@ def test_rounds_end_at_the_precision(study: Setup) -> None:
     assert {p.n for p in fine.points} == {2 * FIRST}
     assert len(said) == 1
     for found, goal in ((wide, 0.01), (fine, 0.003)):
-        assert found.standard_error <= goal * found.mean
-        assert found.mean == pytest.approx(0.06, abs=3.0 * found.standard_error)
+        assert found.engaged_error <= goal * found.engaged_mean
+        assert found.engaged_mean == pytest.approx(0.06, abs=3.0 * found.engaged_error)
 
 
 def test_a_precision_out_of_reach_is_told(study: Setup) -> None:
     said: list[str] = []
     found = _run(study, lambda phase: 0.05 + 0.06 * ((1e4 * phase) % 1.0), 0.0001, said)
     assert {p.n for p in found.points} == {MOST}
-    share = found.standard_error / found.mean
+    share = found.engaged_error / found.engaged_mean
     result = results.Expectation(study, found, 0.0001)
     (line,) = (part for part in result.to_parts() if str(part).startswith("warning: precision not"))
     assert f"error {share:.3g}, wanted 0.0001 ({share - 0.0001:.3g} more), with {MOST}" in str(line)

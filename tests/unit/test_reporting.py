@@ -12,13 +12,19 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.record import Bad
+from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports import single_shifts, surrogate_findings
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import command_of, searched_record
 from dogshape.pipeline.reports.designs import designs_frame
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
-from dogshape.pipeline.reports.study_page import alternatives_table, facts_of, headline
+from dogshape.pipeline.reports.study_page import (
+    alternatives_table,
+    facts_of,
+    headline,
+    point_parts,
+    summary_tables,
+)
 from dogshape.pipeline.reports.surrogate_findings import (
     FACTORS,
     TOLERANCES,
@@ -32,6 +38,7 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.strength.locking import locking_checks, locking_friction
+from dogshape.study import Study
 from dogshape.surrogate.store import save
 from tests.found import LENGTH, TIME, VARIABLES, Row, kept_result, shift
 
@@ -72,7 +79,7 @@ def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: 
 
 def test_headline_is_the_time_of_the_chosen_design_and_the_prototype(result: Row) -> None:
     assert headline(result) == (
-        "Design 2: expected shift time 80.0 ± 0.6 ms instead of 100.0 ± 0.6 ms."
+        "Design 2: expected shift time 80.0 ± 0.6 ms instead of 100.0 ± 0.6 ms of your own dog."
     )
     assert "not confirmed" in headline(result | {"confirmation": None})
     for row in result["trials"]:
@@ -88,6 +95,41 @@ def test_headline_is_the_time_of_the_chosen_design_and_the_prototype(result: Row
     assert "90 % quantile of the shift time 150.0 ± 2.0 ms instead of 200.0" in headline(result)
     c["gains"][name]["standard_error"] = 0.03
     assert "150.0 ± 2.0 ms, not clearly better than 200.0" in headline(result)
+
+
+def test_headline_says_by_what_a_faster_own_dog_fails(result: Row) -> None:
+    c = result["confirmation"]
+    c["prototype"]["checks"] = [{"name": "pull_out_force", "margin": -1.13, "passed": False}]
+    assert headline(result) == (
+        "Design 2: expected shift time 80.0 ± 0.6 ms; your own dog has 100.0 ± 0.6 ms, but fails "
+        "pull out force (\N{MINUS SIGN}113 %)."
+    )
+
+
+def test_headline_of_an_own_dog_that_is_the_fastest(result: Row) -> None:
+    own = next(row for row in result["trials"] if row["prototype"])
+    result["confirmation"]["best"] = result["confirmation"]["prototype"]
+    said = headline(result | {"best": own})
+    assert said == ("Your own dog is the fastest that passes: expected shift time 100.0 ± 0.6 ms.")
+    failed = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
+    result["confirmation"]["best"]["checks"] = [failed]
+    assert "but fails edge pressure impact" in headline(result | {"best": own})
+
+
+def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
+    few: Setup, result: Row
+) -> None:
+    for row in result["trials"]:
+        row["margins"] = {"module": 0.5, "root_stress": -0.1 * (1 + row["trial"])}
+    result["trials"][5]["margins"] = {"module": -0.2, "root_stress": 0.3}
+    nearest, barriers = summary_tables(few, result | {"best": None, "front": []})
+    fails = nearest.heads.index("fails")
+    assert [row[0] for row in nearest.rows][-1] == "your own dog"
+    assert nearest.rows[0][fails] == "root stress (\N{MINUS SIGN}20 %)"
+    assert {row[0]: row[1:4] for row in barriers.rows} == {
+        "root stress": ["5 of 6", "5", "\N{MINUS SIGN}10 %"],
+        "module": ["1 of 6", "1", "\N{MINUS SIGN}20 %"],
+    }
 
 
 @pytest.mark.parametrize(("share", "keys"), [(0.0625, ("best", "prototype")), (0.25, ("best",))])
@@ -375,3 +417,19 @@ def test_limits_without_a_source_come_first() -> None:
     assert names[:2] == ["limits without a source, assumed", "contact ratio"]
     assert names[2:] == ["other limits", "root fatigue", "time lost on the reference"]
     assert table.looks == {0: "group", 2: "group"}
+
+
+def test_entries_of_both_designs_stand_beside_their_closed_form() -> None:
+    """And limit engagement speeds; of an earlier result, without either, there is no table."""
+    study = load_study("motorcycle")
+    own = Study("motorcycle").expect(angles=3, jobs=1).to_dict()
+    result: Row = {
+        "confirmation": {"prototype": own, "best": own}, "best": {"prototype": False, "count": 6}
+    }  # fmt: skip
+    notes = [part.note for part in point_parts(study, result) if isinstance(part, Table)]
+    assert len(notes) == 4
+    assert {note.split(",")[0] for note in notes} == {"Direct entry", "Limit engagement speed"}
+    for point in own["points"]:
+        del point["shiftability"]["direct_closed_form"], point["shiftability"]["first_window"]
+    del own["engagement_limits"]
+    assert not any(isinstance(part, Table) for part in point_parts(study, result))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
@@ -13,8 +14,10 @@ from pydantic import BaseModel, ValidationError
 from dogshape.diagnosis.bench.stand_file import _BenchFile
 from dogshape.pipeline.config.schema import SearchSection, StudyFile, keys_like
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.clutch_tables import RULES, broken_rule
-from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.pipeline.config.toml_text import toml_text
+from dogshape.sim.clutch_tables import RULES, DriveSection, broken_rule
+from dogshape.sim.errors import DogshapeError, InputError, ranged_record
+from dogshape.sim.shift.drive import NO_DRIVE, Drive, SpeedControl
 from dogshape.sim.units import DEG, RPM
 
 DRAWN = "operating.mismatch_rpm={distribution="
@@ -64,7 +67,6 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ([*STRIKE, "strike.ring_inertia_kgm2=[1e-4,0.02]"], "it is a part of sliding.inertia_kgm2"),
     ("load.accuracy=14", "load.accuracy is 14, but it must lie between 1 and 11"),
     ("load.pitch_sd_um=-1", "load.pitch_sd_um is -1 um"),
-    ("load.dog_stiffness_N_um=0", "load.dog_stiffness_N_um is 0 N/um"),
     (["load.accuracy=6", "load.pitch_sd_um=3"], "leave out one"),
     ("load.tilt_mrad=-1", "load.tilt_mrad is -1 mrad, but"),
     ("load.run_out_um=2000", "load.run_out_um is 2000 um"),
@@ -297,3 +299,42 @@ def test_all_mistakes_of_a_study_are_told_at_once(
     first, *lines = str(refused.value).split("\n- ")
     assert first.endswith(head)
     assert all(one.startswith(words) for one, words in zip(lines, faults, strict=True)), lines
+
+
+def test_a_drive_is_read_with_its_units_and_its_faults() -> None:
+    """Numbers and lists of torques, the control, and the key that it has replaced."""
+    settings = [
+        "drive.shaft_speed_rpm=1500", "drive.engine_side=output", "drive.sliding_torque_Nm=[0, 4]",
+        "drive.output_torque_Nm=-30", "drive.torque_time_s=[0, 0.1]", "drive.pack_torque_Nm=2",
+        "drive.pack_speed_rpm=900", "drive.synchroniser_torque_Nm=1.5",
+        "drive.control={set_point_rpm = 20, integral_Nm_rad = 8.0, cycle_s = 0.005}",
+    ]  # fmt: skip
+    study = load_study("mq200_paper", settings)
+    control = SpeedControl(20 * RPM, integral=8.0, cycle=0.005)
+    assert study.clutch.drive == Drive(
+        1500 * RPM, "output", (0.0, 4.0), (-30.0,), (0.0, 0.1), pack_torque=2.0,
+        pack_speed=900 * RPM, synchroniser=1.5, control=control,
+    )  # fmt: skip
+    written = tomllib.loads(toml_text({"drive": study.clutch.drive.table}, {}))
+    again = DriveSection.model_validate(written["drive"]).value
+    assert ranged_record(again) == pytest.approx(ranged_record(study.clutch.drive))
+    assert ranged_record(again.control) == pytest.approx(ranged_record(control))
+    assert (again.engine_side, again.sliding_torque, again.output_torque, again.times) == (
+        "output", (0.0, 4.0), (-30.0,), (0.0, 0.1),
+    )  # fmt: skip
+    plain = load_study("mq200_paper")
+    assert plain.clutch.drive == NO_DRIVE
+    assert plain.physics_hash == load_study("mq200_paper", ["drive.shaft_speed_rpm=0"]).physics_hash
+    assert plain.config_hash == load_study("mq200_paper", ["drive.shaft_speed_rpm=0"]).config_hash
+    for fault, words in (
+        ("sliding.initial_speed_rpm=-2000", "drive.shaft_speed_rpm, of the ring on the wheels"),
+        ("drive.shaft_speed_rpm=3e4", "drive.shaft_speed_rpm is 30000 1/min"),
+        ("drive.engine_side=wheel", "drive.engine_side is 'wheel'"),
+        ("drive.shaft_rpm=2000", "'drive.shaft_rpm' is not a known key"),
+        ("drive.sliding_torque_Nm=[1, 2]", "give lists of equal length, or one torque"),
+        ("drive.control={set_point_rpm = 20}", "needs a gain"),
+        ("drive.control={integral_Nm_rad = 1, cycle_s = 0}", "drive.control.cycle_s is 0 s"),
+    ):
+        with pytest.raises(InputError) as refused:
+            load_study("mq200_paper", [fault])
+        assert words in str(refused.value)

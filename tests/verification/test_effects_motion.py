@@ -13,6 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, engage
+from dogshape.sim.shift.drive import Drive
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK, Mechanism
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
@@ -167,7 +168,7 @@ def test_drag_slows_a_turning_ring_and_holds_a_standing_one(clutch: Clutch) -> N
     """w = w0 - M t / J; a ring at rest stays there, whatever the output ring does."""
     far = _far(clutch, 0.02, drag_torque=2.0)
     point = OperatingPoint(50 * RPM, ForceProfile(100.0, 0.1))
-    turning = replace(far, rings=replace(far.rings, initial_speed=40.0))
+    turning = replace(far, drive=Drive(40.0, engine_side="output"))
     trace = engage(ClutchPlant(turning), point, 0.0).trace
     assert trace.sliding_speed == pytest.approx(40.0 - 2.0 / 0.01 * trace.time, rel=1e-4)
     assert not trace.tangential_force.any()

@@ -19,6 +19,7 @@ from dogshape.sim.statistics.expectation import (
     expect,
     expect_point,
 )
+from dogshape.sim.statistics.hangs import weak_priors
 from tests.conftest import Point
 
 
@@ -29,15 +30,16 @@ def _shifts(*times: float | None) -> list[ShiftResult]:
 def test_retries_until_it_engages(point: Point) -> None:
     """p = 3/4: a third of a failed attempt on average, each 1.2 s; failed runs are left out."""
     failed = ShiftResult(Outcome.DIVERGED, None)
-    shifts = [*_shifts(0.05, 0.06, None, 0.07), failed]
+    shifts = [*_shifts(0.05, 0.06, None, 0.07) * 5000, failed]
     result = expect_point(point(50, 469.0), shifts, 1.0, 0.2)
     assert result.mean_engaged == pytest.approx(0.06)
-    assert result.mean == pytest.approx(0.06 + 1.2 / 3)
-    assert result.engaged == 0.75
+    assert result.engaged_mean == pytest.approx(0.06)
+    assert result.mean == pytest.approx(0.06 + 1.2 / 3, rel=1e-3)
+    assert (result.engaged, result.n) == (0.75, 20000)
 
 
 def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: Point) -> None:
-    """One hang in six angles of one of two points: 1.2 s over five, times the point's weight."""
+    """One hang in six angles of one of two points: its posterior odds, times the point's weight."""
     heavy = replace(point(5, 469.0), weight=3.0)
     both = expect(
         [
@@ -47,16 +49,22 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
     )
     assert (both.shifts, both.lost, both.blocked) == (12, 1, 1)
     assert both.mean_engaged == pytest.approx(0.75 * 0.09 + 0.25 * 0.05)
-    assert both.mean == pytest.approx(both.mean_engaged + 0.75 * 1.2 / 5)
-    assert "1 of 12 shifts did not engage: 1 held dog on dog by friction;" in _printed(both)
-    assert "without their retries the mean is 80.0 ms" in _printed(both)
+    assert both.engaged_mean == pytest.approx(both.mean_engaged)
+    prior, _ = weak_priors(2)
+    hung, none = (prior.posterior(hangs, 6).mean for hangs in (1, 0))
+    retries = 1.2 * (0.75 * hung / (1.0 - hung) + 0.25 * none / (1.0 - none))
+    assert both.mean == pytest.approx(both.engaged_mean + retries)
+    assert both.hang_probability == pytest.approx(0.75 * hung + 0.25 * none)
+    assert "1 of 12 shifts did not engage: 1 held dog on dog by friction" in _printed(both)
+    assert "mean of engaged shifts 80.0 ± " in _printed(both)
     late = [ShiftResult(Outcome.TIMED_OUT, None), *_shifts(None, 0.05, 0.06, 0.07)]
     mixed = _printed(expect([expect_point(heavy, late, 1.0, 0.2)]))
     assert "2 of 5 shifts did not engage: 1 held" in mixed
     assert "friction, 1 short of full depth at the time-out" in mixed
     whole = expect([expect_point(heavy, _shifts(0.05, 0.06, 0.07), 1.0, 0.2)])
-    assert whole.mean_engaged == pytest.approx(whole.mean)
-    assert re.search(r"expected shift time 60\.00 ± \d+\.\d\d ms", _printed(whole))
+    assert whole.mean_engaged == pytest.approx(whole.engaged_mean) == pytest.approx(0.06)
+    assert re.search(r"expected shift time \d+\.\d\d ± \d+\.\d\d ms", _printed(whole))
+    assert "none of 3 shifts hung" in _printed(whole)
 
 
 def _printed(result: Expectation) -> str:
@@ -82,7 +90,7 @@ def test_times_need_half_the_shifts_at_each_point(engaged: int, timed: bool, poi
     )
     both = expect([rare, sure])
     assert (rare.time is not None) == (both.time is not None) == timed
-    assert sure.time == pytest.approx(0.06)
+    assert sure.engaged_mean == pytest.approx(0.06)
     assert (both.shifts, both.lost) == (20, 10 - engaged)
     assert (f"engages in {10 + engaged} of 20 shifts" in _printed(both)) is not timed
 
@@ -93,8 +101,8 @@ def _errors(point: Point, time: Callable[[float], float], n: int) -> tuple[float
         expect_point(point(50, 469.0), _shifts(*[time(p) for p in even_phases(n, s, 0)]), 1.0, 0.2)
         for s in range(400)
     ]
-    means = np.array([d.mean for d in drawn])
-    return means.mean(), means.std(), float(np.sqrt(np.mean([d.standard_error**2 for d in drawn])))
+    means = np.array([d.engaged_mean for d in drawn])
+    return means.mean(), means.std(), float(np.sqrt(np.mean([d.engaged_error**2 for d in drawn])))
 
 
 def test_standard_error_covers_slopes_with_jumps(point: Point) -> None:

@@ -112,7 +112,7 @@ def _bounced(clutch: Clutch, law: ImpactLaw, speed: float) -> Impact:
     state, record = np.zeros(kernel.SIZE), (np.empty(30_000), np.empty((30_000, kernel.SIZE)))
     state[[1, 4]] = gap, speed
     _, _, _, count, _ = kernel.advance(
-        0.0, 1e-7, state, np.empty(0), 0.02, flat.numbers, ForceProfile(1.0, 10.0).knots,
+        0.0, 1e-7, state, np.empty(0), 0.02, 0.02, flat.numbers, ForceProfile(1.0, 10.0).knots,
         plant.surfaces, plant.law, np.array([1e-6, 1e-12]), 1e-6, np.zeros(2), *record,
     )  # fmt: skip
     time, depth = record[0][:count], record[1][:count, 1] - gap

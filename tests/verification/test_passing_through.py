@@ -20,6 +20,7 @@ from dogshape.sim.shift.conclusion import (
     require_stiff_enough,
     section_planes,
 )
+from dogshape.sim.shift.drive import NO_DRIVE, Drive
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
 from dogshape.sim.shift.planar import PlanarClutch
@@ -143,10 +144,9 @@ def test_a_ring_that_drag_slows_touches_nothing() -> None:
     """The flight of a ring that turns in drag ends at the first touch, as without drag."""
     clutch = load_study("mq200").clutch.with_engine("planar")
     point = OperatingPoint(100 * RPM, ForceProfile(469.0, 0.1766))
-    rings = replace(clutch.rings, initial_speed=2000 * RPM)
     still, turning = (
-        engage(PlanarClutch(replace(clutch, rings=own)), point, 0.05)
-        for own in (clutch.rings, rings)
+        engage(PlanarClutch(replace(clutch, drive=own)), point, 0.05)
+        for own in (NO_DRIVE, Drive(2000 * RPM, engine_side="output"))
     )
     assert turning.phases[0].end == pytest.approx(still.phases[0].end, rel=0.02)
     assert turning.phases[0].end > 0.015

@@ -52,8 +52,8 @@ def _free(mechanism: Mechanism, start: dict[int, float], until: float) -> np.nda
     knots = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
     room, states = np.empty(200_000), np.empty((200_000, kernel.SIZE))
     why, *_ = kernel.advance(
-        0.0, 1e-6, state, np.zeros(0), until, plant.clutch.numbers, knots, plant.surfaces,
-        plant.law, np.array([1e-7, 1e-11]), 1e-4, np.zeros(2), room, states,
+        0.0, 1e-6, state, np.zeros(0), until, until, plant.clutch.numbers, knots,
+        plant.surfaces, plant.law, np.array([1e-7, 1e-11]), 1e-4, np.zeros(2), room, states,
     )  # fmt: skip
     assert why == kernel.PAUSED
     return state

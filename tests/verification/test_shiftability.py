@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import SURE
-from dogshape.pipeline.store.result_records import PointRow
+from dogshape.pipeline.store.result_records import LimitRow, PointRow
 from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -17,8 +17,9 @@ from dogshape.sim.shift.conclusion import Outcome, engage
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.sim.statistics.expectation import SetPoint, ShiftResult, expect_point, time_quantile
-from dogshape.sim.statistics.shift_records import entries_by_angle, result_of
-from dogshape.sim.units import RPM
+from dogshape.sim.statistics.shift_records import entries_by_angle, first_windows, result_of
+from dogshape.sim.statistics.shiftability import direct_share, limit_draws, speed_limits
+from dogshape.sim.units import DEG, RPM
 
 SLOW = SetPoint(amplitude=2.0, period=0.5, start=0.1)  #: swings by 1/pi rad
 
@@ -61,7 +62,8 @@ def test_the_mean_passage_is_the_closed_form() -> None:
     f = math.acos(1.0 - 2.0 * math.pi * (held / n * pitch) / (SLOW.amplitude * SLOW.period))
     passage = SLOW.period / (2.0 * math.pi) * (math.sin(f) - f * math.cos(f)) / (1.0 - math.cos(f))
     found = expect_point(_slow(5.0), freed, 1.0, 0.2)
-    assert found.mean == pytest.approx(0.3 * 0.08 + 0.7 * (SLOW.start + passage), rel=1e-6)
+    assert found.hangs == 0
+    assert found.engaged_mean == pytest.approx(0.3 * 0.08 + 0.7 * (SLOW.start + passage), rel=1e-6)
     assert (found.engaged, found.timed, found.blocked, found.freed) == (0.3, 1.0, held, held)
     assert found.mean_engaged == pytest.approx(0.08)
     last = SLOW.passages(np.array([held / n * pitch]))[0]
@@ -121,3 +123,91 @@ def test_entries_of_flat_dogs_are_those_of_closed_forms(flat: Clutch, mismatch_r
     direct = [counts[0] for counts in found.by_angle]
     assert direct.count(4) >= 4
     assert np.count_nonzero(np.diff(np.sign([*direct, direct[0]]))) == 2  # one run of angles
+
+
+@pytest.mark.parametrize("mismatch_rpm", [5.0, 100.0, -150.0, 249.0])
+@pytest.mark.parametrize(("flank_deg", "backlash"), [(0.0, 2e-3), (-4.0, 2.6e-3)])
+def test_direct_entries_fall_with_the_mismatch_as_the_closed_form(
+    flat: Clutch, mismatch_rpm: float, flank_deg: float, backlash: float
+) -> None:
+    """Straight and undercut flanks with a backlash, which throw no ring back."""
+    flank, n = flank_deg * DEG, 96
+    own = replace(flat, dog=replace(flat.dog, traction=flank, braking=flank, backlash=backlash))
+    point = OperatingPoint(mismatch_rpm * RPM, ForceProfile(469.0, 0.18))
+    rows = list(run_block(even_block(own, point, n, (1, 0))))
+    direct = sum(counts[0] for counts in entries_by_angle(rows)) / n
+    closed = direct_share(own, point)
+    assert closed is not None
+    assert direct == pytest.approx(closed, abs=1.5 / n)
+
+
+def test_sloped_tips_have_no_closed_form_of_direct_entries(clutch: Clutch) -> None:
+    assert direct_share(clutch, _slow(50.0)) is None
+
+
+def test_a_first_window_is_one_that_no_slot_was_passed_for() -> None:
+    rows = [
+        {"shift_time_s": time, "slots_skipped": skipped}
+        for time, skipped in ((0.1, 0), (0.1, 1), (None, 0), (0.2, 0))
+    ]
+    assert first_windows(rows) == 2
+
+
+LINE = np.array([10.0, 30.0, 50.0, 70.0, 90.0])  #: tested mismatches
+
+
+def _shares(speeds: np.ndarray) -> np.ndarray:
+    """Fall in a line from 1 at a mismatch of 10 to 0.6 at 90: 0.9 at 30, 0.8 at 50."""
+    return 1.0 - (speeds - 10.0) / 200.0
+
+
+def test_the_limit_of_many_shifts_is_where_the_line_passes_the_share() -> None:
+    """By straight lines between the tested mismatches; blocked shifts at a low one do not count."""
+    many = np.full(5, 1e6)
+    engaged = np.round(many * _shares(LINE))
+    for share, speed in ((0.85, 40.0), (0.7, 70.0)):
+        assert limit_draws(LINE, engaged, many, share) == pytest.approx(speed, abs=0.5)
+    engaged[0] = 0.2 * many[0]
+    assert limit_draws(LINE, engaged, many, 0.85) == pytest.approx(40.0, abs=0.5)
+
+
+def test_limits_beyond_the_tested_mismatches_are_said() -> None:
+    many = np.full(5, 1e6)
+    engaged = np.round(many * _shares(LINE))
+    assert np.isinf(limit_draws(LINE, engaged, many, 0.55)).all()
+    assert (limit_draws(LINE, 0.5 * engaged, many, 0.9) == 0.0).all()
+
+
+def test_the_interval_of_a_limit_holds_the_limit() -> None:
+    """95 % of repetitions with 96 random angles, in 200 of them at least 90 %."""
+    rng, shifts, inside = np.random.default_rng(5), np.full(5, 96.0), 0
+    for _ in range(200):
+        engaged = rng.binomial(96, _shares(LINE)).astype(float)
+        low, high = np.quantile(limit_draws(LINE, engaged, shifts, 0.85), (0.025, 0.975))
+        inside += low <= 40.0 <= high
+    assert inside >= 180
+
+
+def test_limits_are_by_force_and_sense_of_the_mismatch() -> None:
+    """Two mismatches of a sense at least; standing rings have no sense."""
+    found = [
+        replace(
+            expect_point(
+                OperatingPoint(mismatch, ForceProfile(force, 0.01)),
+                [ShiftResult(Outcome.ENGAGED, 0.1)] * 96, 1.0, 0.2,
+            ),
+            first_window=count,
+        )
+        for force, mismatch, count in (
+            (200.0, 5.0, 96), (200.0, 20.0, 30), (200.0, -5.0, 96), (300.0, 5.0, 96),
+            (300.0, 0.0, 0), (300.0, 9.0, 96),
+        )
+    ]  # fmt: skip
+    first, second = speed_limits(found, 0.9)
+    assert (first.force, first.sense, first.tested) == (200.0, 1, 20.0)
+    assert 5.0 < first.low < first.speed < first.high < 20.0
+    assert (second.force, second.speed) == (300.0, math.inf)
+    rows = [LimitRow.of(limit, 0.9) for limit in (first, second)]
+    assert rows[0].limit_engagement_speed_rpm == pytest.approx(first.speed / RPM)
+    assert rows[1].limit_engagement_speed_rpm is None
+    assert rows[1].cell("limit_engagement_speed_rpm") == f"over {9.0 / RPM:.4g}"

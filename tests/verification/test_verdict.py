@@ -76,12 +76,21 @@ def test_a_margin_within_its_interval_is_not_clear(
     assert judge([Margin.of(check)], ()).state == state
 
 
-def test_a_flank_that_holds_itself_needs_no_limit_of_its_separating_force(prototype: Dog) -> None:
-    lean = math.radians(-3.0)
-    undercut = replace(prototype, traction=lean, braking=lean, backlash=2e-3)
-    for dog, wanted in ((prototype, True), (undercut, False)):
-        names = {one.check for one in missing_checks(dog, Limits(), ())}
-        assert ("separating_force" in names) is wanted
+def test_retention_is_wanted_where_a_worn_flank_pushes_out_without_friction(
+    prototype: Dog,
+) -> None:
+    """Undercut holds as far as the wear of a degree leaves some; vibration needs a holder too."""
+
+    def undercut(degrees: float) -> Dog:
+        lean = math.radians(-degrees)
+        return replace(prototype, traction=lean, braking=lean, backlash=2e-3)
+
+    shaken = Limits(load=LoadCase(vibration_force=20.0))
+    for dog, limits, wanted in (
+        (prototype, Limits(), True), (undercut(0.5), Limits(), True),
+        (undercut(3.0), Limits(), False), (undercut(3.0), shaken, True),
+    ):  # fmt: skip
+        assert ("retention" in {one.check for one in missing_checks(dog, limits, ())}) is wanted
 
 
 def _hinge(found: tuple[Hinge, ...], key: str) -> Hinge:
@@ -112,7 +121,7 @@ def test_an_end_of_a_range_is_the_check_of_that_value(prototype: Dog) -> None:
     limits = Limits(load=load)
     found = hinges(prototype, limits)
     for key, name, scale in (
-        ("mechanism.spline_friction", "spline_friction", 1.0),
+        ("load.spline_friction_release", "spline_friction_release", 1.0),
         ("load.friction_release", "friction_release", 1.0),
         ("mechanism.spline_radius_mm", "spline_radius", 1e-3),
     ):
@@ -121,7 +130,7 @@ def test_an_end_of_a_range_is_the_check_of_that_value(prototype: Dog) -> None:
             case = replace(limits, load=replace(load, **{name: scale * end}))
             expected = min(check.margin for check in strength_checks(prototype, case))
             assert margin == pytest.approx(expected, rel=1e-9)
-    given = hinges(prototype, limits, radius_given=True)
+    given = hinges(prototype, limits, given=["mechanism.spline_radius_mm"])
     assert all(hinge.key != "mechanism.spline_radius_mm" for hinge in given)
     assert [h.effect for h in found if not h.flips] == sorted(
         (h.effect for h in found if not h.flips), reverse=True
@@ -149,6 +158,35 @@ def test_a_strike_is_judged_at_the_ends_of_the_range_of_a_study(prototype: Dog) 
     own = _hinge(hinges(prototype, ranged), "strike.ring_inertia_kgm2")
     assert (own.margin_low, own.margin_high) == pytest.approx((margin(0.0005), margin(0.003)))
     assert own.margin == pytest.approx(margin(0.0005, 0.003))
+
+
+def test_a_strike_of_the_mechanism_moves_by_its_keys() -> None:
+    """Ring and shaft that shifts are simulated with, unless [strike] has a range about them."""
+    ring, shaft = "mechanism.ring_inertia_kgm2", "mechanism.input_stiffness_Nm_rad"
+    keys = {ring: 5e-4, shaft: 15e3, "strike.mismatch_rpm": [900.0]}
+    alone = load_study("mq200_paper", keys)
+    ranged = load_study("mq200_paper", {**keys, "strike.ring_inertia_kgm2": [2e-4, 1e-3]})
+    for study, key, ends in (
+        (alone, ring, (2.5e-4, 1e-3)), (ranged, "strike.ring_inertia_kgm2", (2e-4, 1e-3)),
+    ):  # fmt: skip
+        _, verdict = judged_design(study, design_of(study, {}))
+        found = _hinge(verdict.hangs_on, key)
+        assert (found.value, found.low, found.high) == pytest.approx((5e-4, *ends))
+        assert "strike.input_stiffness_Nm_rad" not in {one.key for one in verdict.hangs_on}
+
+
+def test_dogs_are_as_stiff_as_the_contact(prototype: Dog) -> None:
+    """By a second way, strikes and sharing of a case with that stiffness; not with a soft set."""
+    load = LoadCase(release_by_itself=False, faces_release=False, accuracy=9)
+    strike = Strike(ring_inertia=0.002, sliding_inertia=0.01, input_stiffness=1e4,
+                    wheel_inertia=0.6, output_inertia=0.6, mismatch=(900.0 * RPM,))  # fmt: skip
+    limits, nominal = Limits(load=load, strikes=(strike,)), load.contact_stiffness
+    one = _hinge(hinges(prototype, limits, contact_stiffness=nominal), "contact.stiffness_Pa_m")
+    for end, margin in ((one.low, one.margin_low), (one.high, one.margin_high)):
+        case = replace(limits, load=replace(load, contact_stiffness=end))
+        assert margin == pytest.approx(min(c.margin for c in strength_checks(prototype, case)))
+    soft = hinges(prototype, limits, contact_stiffness=1e-3 * nominal)
+    assert "contact.stiffness_Pa_m" not in {hinge.key for hinge in soft}
 
 
 def test_landings_follow_the_root_of_the_stiffness(prototype: Dog) -> None:
@@ -214,8 +252,11 @@ def test_an_interval_does_not_depend_on_the_scale_of_weights_nor_of_loads() -> N
 
 
 def test_landings_of_other_seeds_hold_what_many_angles_say() -> None:
-    """Three seeds of one dog, 32 angles at each point, beside 512 angles of another seed."""
-    study = load_study("motorcycle", SMALL).in_engine("planar")
+    """Of 40 seeds of one dog, 32 angles at each point, beside 512 angles of another seed.
+
+    At 95 % 38 hold it; 34 is 3 standard errors of that below.
+    """
+    study, count = load_study("motorcycle", SMALL).in_engine("planar"), 40
     executor = scratch_executor(1)
 
     def landings(angles: int, seed: int) -> Landings:
@@ -224,11 +265,10 @@ def test_landings_of_other_seeds_hold_what_many_angles_say() -> None:
         return found.measured.landings
 
     dog, limits = study.clutch.dog, study.limits
-    true = landings(512, 777).demand(dog, limits)
-    for seed in (1, 2, 3):
-        low, high = landings(32, seed).interval(dog, limits)
-        for name in Demand._fields:
-            assert getattr(low, name) <= getattr(true, name) <= getattr(high, name), (seed, name)
+    true = np.array(landings(512, 777).demand(dog, limits))
+    ends = np.array([landings(32, 1 + k).interval(dog, limits) for k in range(count)])
+    held = (ends[:, 0] <= true) & (true <= ends[:, 1])
+    assert (held.sum(axis=0) >= 34).all()
 
 
 def test_a_study_names_what_its_verdict_lacks() -> None:

@@ -65,7 +65,7 @@ def clutch_of(stand: Stand, truth: Truth) -> Clutch:
         axial_gap=stand.gap + truth.gap_offset,
     )
     inertia = truth.inertia_factor * stand.sliding_inertia
-    rings = Rings(stand.mass, inertia, stand.output_inertia, stand.sliding_speed)
+    rings = Rings(stand.mass, inertia, stand.output_inertia)
     static, dynamic = truth.static_friction, truth.dynamic_friction
     contact = replace(
         contact_set("adams2019"),

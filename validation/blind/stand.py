@@ -152,10 +152,14 @@ def read_stand(folder: Path) -> Stand:
         for name, key in _KEYS.items():
             section, _, short = key.partition(".")
             found[name] = to_si(key, data[section][short]) * (0.5 if "radius" in name else 1.0)
-        speed = data["sliding"].get("initial_speed_rpm", 0.0) * RPM
+        if (
+            data.get("drive", {}).get("shaft_speed_rpm", 0.0) != 0.0
+            or len(data.get("drive", {})) > 1
+        ):
+            raise DataError(f"{path} has a [drive], but a blind check knows a ring that stands")
         travel = data["dog"]["height_mm"] + data["dog"]["axial_gap_mm"]
         seated = (travel - data["shift_travel_mm"]) * MM
-        times = {"timeout": data["timeout_s"], "seated": seated, "sliding_speed": speed}
+        times = {"timeout": data["timeout_s"], "seated": seated, "sliding_speed": 0.0}
         return Stand(count=data["dog"]["count"], **found, **times)
     except KeyError as error:
         raise DataError(f"{path} has no key {error}, which a blind check needs; add it") from error

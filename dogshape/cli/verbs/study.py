@@ -39,10 +39,15 @@ ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
 
 
 def _plausible(study: ds.Study, angles: Collection[float] = ()) -> None:
-    """Warn of values of a study whose unit is in doubt, and of angles beyond a pitch."""
-    from dogshape.pipeline.simulate.plausibility import folded, slips_of  # noqa: PLC0415
+    """Warn of units in doubt, of slides that lose power, and of angles beyond a pitch."""
+    from dogshape.pipeline.simulate.plausibility import (  # noqa: PLC0415
+        folded,
+        slide_notes,
+        slips_of,
+    )
 
-    warn([*slips_of(study.config), *folded(study.config.clutch.dog, angles)])
+    config = study.config
+    warn([*slips_of(config), *slide_notes(config), *folded(config.clutch.dog, angles)])
 
 
 def shift(

@@ -1,0 +1,123 @@
+r"""Entry into the first window: direct entries in closed form, and the limit engagement speed.
+
+*Direct entry* (Aljawabrah and Lovas 2024). Flat tips enter a slot without touching a face with
+
+.. math:: P = \frac{w - |\Delta\omega|\, x/v}{\vartheta}, \qquad
+   w = \varphi + \frac{h (\tan\beta + \tan\gamma)}{r},
+
+the window *w* at the end of the dogs where it is least, the axial speed *v* at the gap and the
+overlap *x* from which a touch is one of flanks (``sim.kernel.FACE_DEPTH`` of the height). A flank
+that throws the ring back out of its slot makes the share smaller.
+
+*Limit engagement speed*. The largest mismatch at which at least a stated share of the relative
+angles engages in the first window, carried past no slot. The number of such shifts at each tested
+mismatch has a Beta posterior of a uniform prior. Draws of it are made monotone from the mismatch
+with the largest share on (isotonic regression, weighted by the shifts), and the limit of a draw is
+where its straight lines between the tested mismatches fall below the share.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from dogshape.sim.elementwise import Array
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.statistics.expectation import PointExpectation
+
+DRAWS = 400  #: of the posterior of the shares
+TAILS = (0.025, 0.5, 0.975)  #: ends of the interval of a limit and its median
+SEED = 1  #: of the draws
+
+
+class SpeedLimit(NamedTuple):
+    """Limit engagement speed at a force in one sense of the mismatch.
+
+    Speeds are magnitudes, rad/s: 0 where no tested mismatch reaches the share, infinite where the
+    largest one does.
+    """
+
+    force: float  #: final shift force, N
+    sense: int  #: of the mismatch, 1 or -1
+    tested: float  #: largest tested mismatch, rad/s
+    speed: float  #: median
+    low: float  #: end of the 95 % interval
+    high: float
+
+
+def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
+    """Compute the share of the relative angles that enters without touching a face.
+
+    None for tips that slope, and where the ring never gets to the gap.
+    """
+    from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
+    from dogshape.sim.shift.planar import free_flight  # noqa: PLC0415  the same
+
+    dog = clutch.dog
+    if dog.chamfer > 0.0 or dog.chamfer_back > 0.0:
+        return None
+    _, states, _ = free_flight(clutch, point.profile, dog.axial_gap)
+    way, speed = states[:, 1], states[:, 4]
+    if way[-1] < dog.axial_gap or speed[-1] <= 0.0:
+        return None
+    gap_speed = float(np.interp(dog.axial_gap, way, speed))
+    radius = dog.outer_radius if dog.lean > 0.0 else dog.inner_radius
+    window = dog.backlash_angle + dog.height * dog.lean / radius
+    overlap = kernel.FACE_DEPTH * dog.height
+    share = (window - abs(point.mismatch) * overlap / gap_speed) / dog.pitch_angle
+    return min(max(share, 0.0), 1.0)
+
+
+def limit_draws(speeds: Array, engaged: Array, shifts: Array, share: float) -> Array:
+    """Draw limit engagement speeds, rad/s, (``DRAWS``,); 0 and infinity as in ``SpeedLimit``.
+
+    Parameters
+    ----------
+    speeds : magnitudes of the tested mismatches, growing, rad/s, (n,).
+    engaged : shifts that engage in the first window, (n,).
+    shifts : number of them in all, (n,).
+    share : least share that engages.
+    """
+    from scipy.optimize import isotonic_regression  # noqa: PLC0415  slow to load
+
+    peak = int(np.argmax((engaged + 1.0) / (shifts + 2.0)))
+    speeds, weights = speeds[peak:], shifts[peak:]
+    rng, size = np.random.default_rng(SEED), (DRAWS, speeds.size)
+    shares = rng.beta(engaged[peak:] + 1.0, weights - engaged[peak:] + 1.0, size)
+    limits = np.empty(DRAWS)
+    for draw, noisy in enumerate(shares):
+        fit = isotonic_regression(noisy, weights=weights, increasing=False).x
+        above = np.flatnonzero(fit >= share)
+        if above.size == 0:
+            limits[draw] = 0.0
+        elif above.size == fit.size:
+            limits[draw] = math.inf
+        else:
+            last = above[-1]
+            part = (fit[last] - share) / (fit[last] - fit[last + 1])
+            limits[draw] = speeds[last] + part * (speeds[last + 1] - speeds[last])
+    return limits
+
+
+def speed_limits(points: Sequence[PointExpectation], share: float) -> Iterator[SpeedLimit]:
+    """Estimate the limit at each force and sense with two mismatches or more, in their order."""
+    tested = [p for p in points if p.n and p.first_window is not None and p.point.mismatch != 0.0]
+    tested.sort(key=_force_and_sense)
+    for (force, sense), group in groupby(tested, _force_and_sense):
+        ordered = sorted(group, key=lambda p: abs(p.point.mismatch))
+        speeds = np.array([abs(p.point.mismatch) for p in ordered])
+        if np.unique(speeds).size < 2:
+            continue
+        engaged = np.array([float(p.first_window or 0) for p in ordered])
+        shifts = np.array([float(p.n) for p in ordered])
+        limits = limit_draws(speeds, engaged, shifts, share)
+        low, middle, high = np.quantile(limits, TAILS, method="nearest").tolist()
+        yield SpeedLimit(force, sense, float(speeds[-1]), middle, low, high)
+
+
+def _force_and_sense(found: PointExpectation) -> tuple[float, int]:
+    return found.point.profile.force, 1 if found.point.mismatch > 0.0 else -1
