@@ -21,11 +21,16 @@ The reference slide starts from rest at a quarter of the face, without friction;
 :math:`m + J/(r \tan\alpha)^2`. The speed is that without loss, so the estimate is an upper one. A
 second loss, of elastic energy that trailing edges do not give back, does not depend on *D*: it is
 left out.
+
+A ring of inertia :math:`J_1` on a shaft of stiffness *c* to the rest :math:`J_2` of its side takes
+that along where the slide of the rings alone lasts longer than :math:`2 \pi \sqrt{J_1 J_2/((J_1 +
+J_2)\,c)}`, and slides alone otherwise; play in the shaft is left out.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -34,6 +39,7 @@ import numpy as np
 from dogshape.sim.elementwise import Array, bisect
 from dogshape.sim.errors import ranges_of
 from dogshape.sim.shift.clutch import Clutch, ContactSet
+from dogshape.sim.shift.mechanism import Shaft
 
 LOSS_LIMIT = 0.02  #: share of the axial power from which a study is told (judged)
 START = 0.25  #: of a face, where the reference slide starts from rest
@@ -79,6 +85,20 @@ def wedge_depth(load: float, layer: Array, wedge: Array, width: float) -> Array:
     return np.where(partial < opening, 2.0 / 3.0 * partial, mean + opening**2 / (12.0 * mean))
 
 
+def inertia_moved(shaft: Shaft, duration: float) -> float:
+    """Compute what turns with a ring over a ``duration`` in s, kg m2: its side, or the ring."""
+    near, far = shaft.near, shaft.far
+    if far == 0.0:
+        return near
+    period = 2.0 * math.pi * math.sqrt(near * far / ((near + far) * shaft.stiffness))
+    return near + far if duration > period else near
+
+
+def _turning_mass(inertias: Iterable[float], arm: float) -> float:
+    """Compute the mass along the axis of two inertias on each other, kg; ``arm`` in m."""
+    return 1.0 / sum(1.0 / inertia for inertia in inertias) / arm**2
+
+
 def slide_loss(clutch: Clutch, force: float, face: SlidingFace) -> float:
     """Estimate the share of the axial power that dissipation takes from the reference slide.
 
@@ -89,11 +109,12 @@ def slide_loss(clutch: Clutch, force: float, face: SlidingFace) -> float:
     face : of ``sliding_faces``.
     """
     dog, contact, slope = clutch.dog, clutch.contact, face.slope
-    near, far = (shaft.near for shaft in clutch.shafts)
-    mass = clutch.rings.mass + clutch.mechanism.added_mass
-    turning = near * far / (near + far) / (dog.mean_radius * math.tan(slope)) ** 2
+    mass, arm = clutch.rings.mass + clutch.mechanism.added_mass, dog.mean_radius * math.tan(slope)
     overlap = np.linspace(*PART, SAMPLES + 1) * face.width
     way = (overlap - START * face.width) * math.tan(slope)
+    alone = _turning_mass((shaft.near for shaft in clutch.shafts), arm)
+    duration = math.sqrt(2.0 * float(way[-1]) * (mass + alone) / force)
+    turning = _turning_mass((inertia_moved(shaft, duration) for shaft in clutch.shafts), arm)
     speed = np.sqrt(2.0 * force * way / (mass + turning)) / math.sin(slope)
     length = overlap / math.cos(slope)
     wedge = np.abs(overlap - face.parallel_overlap) / dog.mean_radius * math.sin(slope)

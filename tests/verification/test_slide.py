@@ -13,6 +13,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.slide import (
@@ -66,8 +67,13 @@ def lost_share(clutch: Clutch, force: float = FORCE) -> float:
     turned = np.abs(states[:, 0] - states[:, 2] - start) * dog.mean_radius
     first, last = np.searchsorted(turned, (np.array(PART) - START) * face.width)
     before, after = states[first], states[last]
-    turning = 0.5 * rings.sliding_inertia * (after[5] ** 2 - before[5] ** 2)
+    near = clutch.shafts[0]
+    turning = 0.5 * near.near * (after[5] ** 2 - before[5] ** 2)
     turning += 0.5 * rings.output_inertia * (after[3] ** 2 - before[3] ** 2)
+    if near.far:
+        turning += 0.5 * near.far * (after[9] ** 2 - before[9] ** 2)
+        twists = (state[2] - state[8] for state in (after, before))
+        turning += 0.5 * near.stiffness * np.subtract(*(twist**2 for twist in twists))
     moving = 0.5 * rings.mass * (after[4] ** 2 - before[4] ** 2)
     return float(1.0 - turning / (force * (after[1] - before[1]) - moving))
 
@@ -92,6 +98,22 @@ def test_the_loss_of_a_slide_is_the_closed_form(slide: Slide) -> None:
     """An upper estimate, as its speed is that without loss."""
     clutch = slide.clutch
     estimate = slide_loss(clutch, FORCE, sliding_faces(clutch)[0])
+    assert 0.8 * estimate < lost_share(clutch) < 1.02 * estimate
+
+
+@pytest.mark.parametrize("periods", [0.1, 8.0])
+def test_a_shaft_takes_its_side_along_in_a_long_slide(periods: float) -> None:
+    """Periods of ring against side in a slide of the ring alone; a stiff shaft is one piece."""
+    ring, whole = 3.51e-4, 3.51e-3
+    face = sliding_faces(Slide().clutch)[0]
+    way, arm = (PART[1] - START) * face.width * math.tan(face.slope), 28.0 * MM * math.tan(34 * DEG)
+    period = math.sqrt(2.0 * way * (0.05 + ring / arm**2) / FORCE) / periods
+    reduced = ring * (whole - ring) / whole
+    shaft = Mechanism(ring_inertia=ring, input_stiffness=reduced * (2.0 * math.pi / period) ** 2)
+    clutch = replace(Slide(inertia=whole).clutch, mechanism=shaft)
+    rigid = Slide(inertia=ring if periods < 1.0 else whole).clutch
+    estimate = slide_loss(clutch, FORCE, face)
+    assert estimate == pytest.approx(slide_loss(rigid, FORCE, face), rel=1e-9)
     assert 0.8 * estimate < lost_share(clutch) < 1.02 * estimate
 
 
