@@ -77,7 +77,7 @@ SIMULATION = (
     "gain_s",
     "gain_standard_error_s", "worst_against_prototype", "slowest_point",
 )  # fmt: skip
-HINGES = 3  #: assumptions that fit on a sheet, the strongest
+HINGES = 2  #: assumptions that fit on a sheet, the strongest
 #: Keys of the title block of a data sheet with their words; the reason of a decision stands above.
 TITLE_BLOCK = {
     "number": "drawing number", "revision": "revision", "date": "date", "author": "author",

@@ -57,7 +57,7 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     said = dogshape("expect", "mq200_paper", *point, *how)
     shift = ("shift", "mq200_paper", *point, "--json", "--relative-angle-deg")
     times = [dogshape(*shift, angle).json["shift_time_s"] for angle in (0, 12)]
-    assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
+    assert said.json["engaged_mean_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
     assert said.json["standard_error_s"] is None  # two angles tell no error
     (only,) = said.json["points"]
     assert (only["n"], only["engaged"]) == (2, 1.0)
@@ -130,8 +130,6 @@ expect mq200_paper --precision nan | --precision is nan
 expect mq200_paper --precision 0.1 --angles 6 | leave out --angles
 export mq200_paper | export was asked for nothing
 export mq200_paper --svg a.svg --body-mm 0 | --body-mm is 0
-export mq200_paper --svg a.svg --set dog.count=40 | use fewer or lower dogs
-export mq200_paper --svg a.svg --set dog.height_mm=2 --set dog.count=11 | a higher dog
 export mq200_paper#480 --sheet a.html | has no design 480
 export mq200_paper#1 --set dog.count=20 --sheet a.html | --set would change
 export mq200_paper#1 --svg a.svg --why x | --why and --title are for
