@@ -234,7 +234,7 @@ class DrawnExpectation(Result):
 
     @property
     def error_s(self) -> float:
-        """Standard error by the angles, which all draws have in common, s."""
+        """Standard error by angles and hangs, which all draws have in common, s."""
         return float(np.sqrt((self.errors**2).mean()))
 
     def to_parts(self) -> list[str | Table]:
@@ -247,7 +247,7 @@ class DrawnExpectation(Result):
         return [
             f"expected shift time: {interval_text(mean, low, high, '90 %')}",
             f"draws: {count}",
-            f"of that by the angles: ± {time_text(self.error_s)}, the same in all draws",
+            f"of that by angles and hangs: ± {time_text(self.error_s)}, the same in all draws",
         ]
 
     def to_dict(self) -> dict[str, Any]:

@@ -199,6 +199,7 @@ def collect(state: SearchState, journal: ShiftJournal) -> Row:
         "n_simulated_designs": len(state.simulated),
         "n_simulated_shifts": sum(trial.shifts for trial in state.simulated),
         "failed_shifts": dict(sum(failed, Counter[str]())),
+        "hang_prior": [vars(prior) for prior in state.priors],
         **dict.fromkeys(("confirmation", "life", "audit", "surrogate")),
         "versions": versions(),
         "config_hash": study.config_hash,

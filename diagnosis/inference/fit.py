@@ -27,7 +27,7 @@ from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distanc
 from dogshape.diagnosis.prediction.curve import Space
 from dogshape.diagnosis.prediction.flights import Flights, flight_scores
 from dogshape.diagnosis.prediction.model import Predicted
-from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis, forward
+from dogshape.diagnosis.terms import Array, Hypothesis, forward
 
 PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters
 MANY = 2048  #: of more parameters
@@ -296,12 +296,8 @@ def emulation_error(likelihood: Likelihood, sample: Sample, more: More) -> float
     A delete-a-group jackknife (Kott 2001, J. Official Statistics 17) over the further benches of
     the hypothesis' effects. 0 where there are none.
     """
-    names = {*forward(sample.hypothesis)}
     model = likelihood.model
-    further = (
-        model.turned.further if model.turned and REVERSED in sample.hypothesis else model.further
-    )
-    if not any({*some} <= names for some in further):
+    if not model.has_further_benches(sample.hypothesis):
         return 0.0
     thinned = (model.thinned(sample.hypothesis, group, GROUPS) for group in range(GROUPS))
     logs = [repeated(replace(likelihood, model=one), sample, more).log_evidence for one in thinned]

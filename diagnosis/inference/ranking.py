@@ -135,7 +135,8 @@ class _Search:
         """Simulate plausible hypotheses until their likely draws are predicted well.
 
         Fewer effects come first, and each hypothesis once before any other one twice, even where
-        the benches of a rival have put it behind.
+        the benches of a rival have put it behind. The first benches do not wait for an error: one
+        that is just below the limit leaves the evidence wrong by nats.
         """
         settings = self.likelihood.settings
         remaining = dict[Hypothesis, int]()  # simulations that a hypothesis may still get
@@ -148,7 +149,9 @@ class _Search:
                 for h, count in remaining.items()
                 if count == settings.simulations_each or (count and h in plausible)
             ]
-            draws = {h: self.uncertain_draws(h) for h in waiting}
+            first = {h for h in waiting if remaining[h] == settings.simulations_each}
+            draws = {h: self.uncertain_draws(h, 0.0 if h in first else settings.uncertain)
+                     for h in waiting}  # fmt: skip
             uncertain_draws = {h: places for h, places in draws.items() if len(places)}
             if not uncertain_draws:
                 return
@@ -172,10 +175,10 @@ class _Search:
             self.likelihood, self.samples[simulated], self.more, rounds=3
         )
 
-    def uncertain_draws(self, h: Hypothesis) -> np.ndarray:
+    def uncertain_draws(self, h: Hypothesis, least: float) -> np.ndarray:
         """List likely draws that may be predicted wrong, between levels or by two effects.
 
-        The best one first, the others by their errors.
+        The best one first, the others by their errors, above ``least`` of the predicted mean.
         """
         one = self.samples[h]
         far = np.where(np.isfinite(one.log), self.distance(one.predicted), np.inf)
@@ -186,7 +189,7 @@ class _Search:
         alone = len(set(forward(h)) - self.likelihood.model.readings) == 1
         error = (((p.emulated if alone else p.common) / p.mean) ** 2).mean(axis=1) ** 0.5
         order = np.append(0, 1 + (-error[1:]).argsort())
-        return np.asarray(rows[order][error[order] > self.likelihood.settings.uncertain])
+        return np.asarray(rows[order][error[order] > least])
 
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""

@@ -282,6 +282,12 @@ class Model:
         cubes = (self._curve(name).places(values[:, space.columns(name)]) for name in names)
         return np.hstack([*cubes])
 
+    def has_further_benches(self, hypothesis: Hypothesis) -> bool:
+        """Check for benches beside the levels that predict a hypothesis."""
+        if REVERSED in hypothesis:
+            return self.turned is not None and self.turned.has_further_benches(forward(hypothesis))
+        return any({*names} <= {*hypothesis} for names in self.further)
+
     def simulate(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
         """Simulate one or two effects near the first of shares (m, p), for all predictions.
 

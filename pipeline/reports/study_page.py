@@ -492,7 +492,7 @@ def margin_table(result: Row, designs: Sequence[Row] = ()) -> Table:
 
     ``designs`` are others to show.
     """
-    shown = list(designs or designs_shown(result))[:BESIDE]
+    shown = list(designs) or designs_shown(result)[:BESIDE]
     every = [row["margins"] for row in shown]
     names = dict.fromkeys(name for margins in every for name in margins)
     rows = [[check_name(n), *(margin_cell("", one.get(n)) for one in every)] for n in names]

@@ -128,6 +128,9 @@ class StudyRecord(Record):
     failed_shifts: dict[str, int] = key(
         "shifts that failed in the solver, by reason; of a confirmation those that are kept"
     )
+    hang_prior: list[HangPriorRow] | None = key(
+        "prior of hangs by operating point, fitted to the designs of the search", late=True
+    )
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")
     life: list[LifeStage] | None = key("drift over the life; null without `[wear]`", "", None)
     audit: EngineAgreement | None = key(

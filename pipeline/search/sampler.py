@@ -31,6 +31,7 @@ from dogshape.pipeline.simulate.design import (
     SUMMARIES,
     Design,
     design_of,
+    limits_of,
     none_passes,
     objectives_of,
     simulated_limits,
@@ -41,6 +42,7 @@ from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.errors import InputError
+from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.landing import LANDING_RULES
 from dogshape.surrogate.covariance import Term, first_parameters
 from dogshape.surrogate.model import Surrogate, fit
@@ -156,7 +158,7 @@ class Guide:
 
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
-        study, constraints = self.study, {t.number: t.constraints for t in trials}
+        study, constraints = self.study, self.constraints(trials)
         told = [trial for trial in map(trial_of, trials) if trial.simulated]
         every, _ = pooled(study, told)
         x = self.space.coordinates([trial.params for trial in every])
@@ -180,6 +182,18 @@ class Guide:
             elif objective.simulated:
                 others[column] = fit_response(x, losses[:, column], errors[:, column])
         return Prediction(self, timed, others, (landing, *limits))
+
+    def constraints(self, trials: Trials) -> dict[int, dict[str, float]]:
+        """Return the constraints of trials by number, limits on times with pooled hangs."""
+        found = {trial.number: dict(trial.constraints) for trial in trials}
+        known, _ = pooled(self.study, [trial_of(trial) for trial in trials])
+        for trial in known:
+            limited = {} if trial.measured is None else trial.measured.limited
+            for quantity, limit in limits_of(self.study):
+                if quantity.name in limited:
+                    check = Check(quantity.rule, limited[quantity.name], limit)
+                    found[trial.number][quantity.name] = -check.margin
+        return found
 
     def losses(self, trials: Trials) -> Array:
         """Return the objectives of finished trials as losses, hangs by their posterior, (m, k)."""
@@ -320,7 +334,8 @@ class SurrogateSampler:
         """Return the candidate that adds most to the front; none that was proposed already."""
         signs = self._guide.signs
         key, rng = self._guide.space.key, np.random.default_rng([self._seed, len(before)])
-        kept = [t for t in finished if max(t.constraints.values(), default=0.0) <= 0.0]
+        constraints = self._guide.constraints(finished)
+        kept = [t for t in finished if max(constraints[t.number].values(), default=0.0) <= 0.0]
         running = [t.params for t in before if t.state == TrialState.RUNNING]
         values = self._guide.losses(kept)
         best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]

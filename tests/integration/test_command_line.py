@@ -58,6 +58,10 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     shift = ("shift", "mq200_paper", *point, "--json", "--relative-angle-deg")
     times = [dogshape(*shift, angle).json["shift_time_s"] for angle in (0, 12)]
     assert said.json["engaged_mean_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
+    whole = said.json["engaged_mean_s"] + said.json["retries_s"]
+    assert said.json["expected_shift_time_s"] == pytest.approx(whole)
+    assert 0.0 < said.json["hang_probability_low"] < said.json["hang_probability"]
+    assert said.json["hang_probability"] < said.json["hang_probability_high"] < 1.0
     assert said.json["standard_error_s"] is None  # two angles tell no error
     (only,) = said.json["points"]
     assert (only["n"], only["engaged"]) == (2, 1.0)

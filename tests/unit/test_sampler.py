@@ -47,6 +47,9 @@ class Told:
         values = np.array([self.of(one) for one in params]).reshape(1, len(params), 2)
         return np.repeat(values, count, axis=0)
 
+    def constraints(self, trials: Sequence[FrozenTrial]) -> dict[int, dict[str, float]]:
+        return {trial.number: dict(trial.constraints) for trial in trials}
+
     def losses(self, trials: Sequence[FrozenTrial]) -> Array:
         return np.array([trial.values for trial in trials]).reshape(len(trials), 2)
 
