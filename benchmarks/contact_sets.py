@@ -96,9 +96,9 @@ def print_times(name: str, contact: ContactSet, found: dict[str, Expectation]) -
         time = f"{one.mean * 1e3:7.1f} +- {one.standard_error * 1e3:.1f} ms"
         lost = ""
         if one.lost and one.mean_engaged is not None:
-            lost = f"; {one.lost} lost, {one.mean_engaged * 1e3:.1f} ms without its retries"
-        print(f"  {design:<14}{time}  engaged {one.engaged:.3f}  "
-              f"{told if one is not prototype else ''}{lost}".rstrip())  # fmt: skip
+            lost = f"; {one.lost} lost, {one.mean_engaged * 1e3:.1f} ms without its retries;"
+        print(f"  {design:<14}{time}  engaged {one.engaged:.3f}{lost}  "
+              f"{told if one is not prototype else ''}".rstrip(" ;"))  # fmt: skip
 
 
 def print_release(designs: Designs) -> None:

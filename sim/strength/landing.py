@@ -137,7 +137,9 @@ def tail_interval(
     with np.errstate(invalid="ignore", divide="ignore"):
         densities = -np.log(sigma[..., None]) - (1.0 + 1.0 / xi[..., None]) * np.log(inside)
     parts = size * mass[order][:count]
-    fit = np.where((inside > 0.0).all(axis=-1), (parts * np.nan_to_num(densities)).sum(-1), -np.inf)
+    possible = (inside > 0.0).all(axis=-1)
+    densities = np.where(possible[..., None], densities, 0.0)
+    fit = np.where(possible, (parts * densities).sum(-1), -np.inf)
     fit -= 0.5 * ((xi - prior.shape_mean) / prior.shape_sd) ** 2
     chances = np.exp(fit - fit.max()).ravel()
     drawn = rng.choice(chances.size, prior.draws, p=chances / chances.sum())

@@ -273,7 +273,8 @@ def test_a_strike_that_takes_all_speed_goes_on_with_torque(
 ) -> None:
     """A flank strike ends the mismatch dog on dog; torque beyond 0.66 N m and drag frees it."""
     settings = ("uncertain=", "dog.traction_deg=8.8", "dog.braking_deg=9.8", "dog.height_mm=3.2")
-    study = load_study("motorcycle", settings)
+    rigid = ("mechanism.ring_inertia_kgm2=0", "mechanism.input_stiffness_Nm_rad=0")
+    study = load_study("motorcycle", [*settings, *rigid])
     drive = Drive(3000 * RPM, sliding_torque=(0.0, torque), times=(0.15, 0.16))
     clutch = replace(study.clutch, drive=drive).with_engine(engine)
     profile = next(p.profile for p in study.points if p.mismatch == pytest.approx(500 * RPM))
