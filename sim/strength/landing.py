@@ -137,8 +137,8 @@ def tail_interval(
     with np.errstate(invalid="ignore", divide="ignore"):
         densities = -np.log(sigma[..., None]) - (1.0 + 1.0 / xi[..., None]) * np.log(inside)
     parts = size * mass[order][:count]
-    possible = (inside > 0.0).all(axis=-1)
-    densities = np.where(possible[..., None], densities, 0.0)
+    possible = np.all(inside > 0.0, axis=-1)
+    densities = np.where(np.expand_dims(possible, -1), densities, 0.0)
     fit = np.where(possible, (parts * densities).sum(-1), -np.inf)
     fit -= 0.5 * ((xi - prior.shape_mean) / prior.shape_sd) ** 2
     chances = np.exp(fit - fit.max()).ravel()
