@@ -92,13 +92,13 @@ def print_times(name: str, contact: ContactSet, found: dict[str, Expectation]) -
     for design, one in found.items():
         gain = prototype.mean - one.mean
         error = math.hypot(prototype.standard_error, one.standard_error)
-        told = f"gain {gain * 1e3:+6.1f} +- {error * 1e3:.1f} ms, {gain / prototype.mean:+.0%}"
+        gain_text = f"gain {gain * 1e3:+6.1f} +- {error * 1e3:.1f} ms, {gain / prototype.mean:+.0%}"
         time = f"{one.mean * 1e3:7.1f} +- {one.standard_error * 1e3:.1f} ms"
         lost = ""
         if one.lost and one.mean_engaged is not None:
             lost = f"; {one.lost} lost, {one.mean_engaged * 1e3:.1f} ms without its retries;"
         print(f"  {design:<14}{time}  engaged {one.engaged:.3f}{lost}  "
-              f"{told if one is not prototype else ''}".rstrip(" ;"))  # fmt: skip
+              f"{gain_text if one is not prototype else ''}".rstrip(" ;"))  # fmt: skip
 
 
 def print_release(designs: Designs) -> None:

@@ -233,7 +233,7 @@ def _hinge_words(hinge: Hinge) -> str:
 
 
 def _retention_words(found: Retention) -> str:
-    """Say what holds a worn, loaded flank, with its axial forces."""
+    """Describe how a worn, loaded flank is held, with its axial forces."""
 
     def push(force: float) -> str:
         return f"{'pushes out' if force > 0.0 else 'pulls in'} with {abs(force):.0f} N"

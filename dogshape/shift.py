@@ -129,7 +129,7 @@ class Shift(Result):
 
     @property
     def _peaks(self) -> dict[str, Any]:
-        """What tells whether the peak forces are those of rigid rings."""
+        """Contact times and strike force that decide whether peak forces hold for rigid rings."""
         peaks = peak_forces(self.engagement, self.config.limits)
         return {
             "axial_contact_time_s": peaks.contact,

@@ -144,15 +144,13 @@ class _Search:
             threshold = max(map(self.value, self.samples)) - settings.plausible_nats
             plausible = {h for h in candidates if self.value(h) > threshold}
             remaining = dict.fromkeys(sorted(plausible), settings.simulations_each) | remaining
-            waiting = [
-                h
-                for h, count in remaining.items()
-                if count == settings.simulations_each or (count and h in plausible)
-            ]
-            first = {h for h in waiting if remaining[h] == settings.simulations_each}
-            draws = {h: self.uncertain_draws(h, 0.0 if h in first else settings.uncertain)
-                     for h in waiting}  # fmt: skip
-            uncertain_draws = {h: places for h, places in draws.items() if len(places)}
+            uncertain_draws = dict[Hypothesis, np.ndarray]()
+            for h, count in remaining.items():
+                untried = count == settings.simulations_each
+                if untried or (count and h in plausible):
+                    least_error = 0.0 if untried else settings.uncertain
+                    if len(places := self.uncertain_draws(h, least_error)):
+                        uncertain_draws[h] = places
             if not uncertain_draws:
                 return
             hypothesis = max(
@@ -175,10 +173,10 @@ class _Search:
             self.likelihood, self.samples[simulated], self.more, rounds=3
         )
 
-    def uncertain_draws(self, h: Hypothesis, least: float) -> np.ndarray:
+    def uncertain_draws(self, h: Hypothesis, least_error: float) -> np.ndarray:
         """List likely draws that may be predicted wrong, between levels or by two effects.
 
-        The best one first, the others by their errors, above ``least`` of the predicted mean.
+        The best one first, the others by their errors, above ``least_error`` of the predicted mean.
         """
         one = self.samples[h]
         far = np.where(np.isfinite(one.log), self.distance(one.predicted), np.inf)
@@ -189,7 +187,7 @@ class _Search:
         alone = len(set(forward(h)) - self.likelihood.model.readings) == 1
         error = (((p.emulated if alone else p.common) / p.mean) ** 2).mean(axis=1) ** 0.5
         order = np.append(0, 1 + (-error[1:]).argsort())
-        return np.asarray(rows[order][error[order] > least])
+        return np.asarray(rows[order][error[order] > least_error])
 
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""

@@ -159,8 +159,8 @@ class Guide:
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
         study, constraints = self.study, self.constraints(trials)
-        told = [trial for trial in map(trial_of, trials) if trial.simulated]
-        every, _ = pooled(study, told)
+        simulated = [trial for trial in map(trial_of, trials) if trial.simulated]
+        every, _ = pooled(study, simulated)
         x = self.space.coordinates([trial.params for trial in every])
         # The constraint value of the hardest landing, feasible at or below zero.
         landed = [[v for n, v in constraints[t.number].items() if n in LANDING] for t in every]

@@ -72,8 +72,8 @@ class Search:
 
     def read(self) -> SearchState:
         """Read the finished trials of the storage, with times by the prior of all of them."""
-        told = list(map(trial_of, self.trials(TrialState.COMPLETE)))
-        trials, priors = pooled(self.study, told)
+        finished = list(map(trial_of, self.trials(TrialState.COMPLETE)))
+        trials, priors = pooled(self.study, finished)
         # A limit on a time is judged again with each prior.
         again = TIME_ESTIMATORS.keys() & set(simulated_limits(self.study))
         return SearchState(self.study, trials, {} if again else self._designs, priors)

@@ -37,7 +37,7 @@ PROTOTYPE = "prototype"  #: attribute of the trial of the study's own design
 
 
 class PointTimes(NamedTuple):
-    """What the expected time at an operating point follows from, but for a prior of hangs."""
+    """Shift counts and engaged mean of an operating point, to which a prior of hangs is added."""
 
     engaged_mean: float  #: s
     engaged_error: float  #: s

@@ -72,7 +72,7 @@ class Retention:
 
     @property
     def answer(self) -> str:
-        """What holds the ring."""
+        """Name of the mechanism that holds the ring."""
         if self.frictionless <= 0.0:
             return "undercut"
         if self.held is not None and self.frictionless <= self.held:

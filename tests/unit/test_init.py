@@ -208,7 +208,7 @@ def test_the_ring_of_shifts_follows_a_strike_that_does_not_hold_it(dogshape: Cal
 
 
 def test_a_strike_of_ones_own_stays_with_another_ring(dogshape: Call) -> None:
-    """What the kind says beside it goes, and half of it is refused."""
+    """A strike replaces that of the kind; half of a strike is refused."""
     given = "strike.ring_inertia_kgm2=[0.002, 0.008]", "strike.input_stiffness_Nm_rad=1e5"
     _, study = _begun(dogshape, *RING, *given, "strike.backlash_deg=0.4")
     assert len(study.limits.strikes) == 2
