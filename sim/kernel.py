@@ -410,20 +410,30 @@ def _resistance(way, speed, through, plain):
 
 
 @inlined
+def _side_places(plain):
+    """Give the places of angle and rate of the sliding side, then of the output side.
+
+    Each side is what stands behind the shaft of its ring, or the ring on a rigid shaft.
+    """
+    sliding_angle, sliding_rate = (8, 9) if plain[BEHIND] > 0.0 else (2, 5)
+    output_angle, output_rate = (10, 11) if plain[AHEAD] > 0.0 else (0, 3)
+    return sliding_angle, sliding_rate, output_angle, output_rate
+
+
+@inlined
 def _drag(state, plain):
     """Compute the torque that holds what turns with the sliding ring's side, N m."""
     if plain[DRAG] == 0.0:
         return 0.0
-    return plain[DRAG] * _smooth(state[9 if plain[BEHIND] > 0.0 else 5], plain[TURN_SPEED])
+    _, sliding_rate, _, _ = _side_places(plain)
+    return plain[DRAG] * _smooth(state[sliding_rate], plain[TURN_SPEED])
 
 
 @inlined
 def _pack(state, plain):
     """Compute the torque of a wet pack on the side that it acts on, about the axis, N m."""
-    if plain[PACK_AHEAD] > 0.0:
-        speed = state[11] if plain[AHEAD] > 0.0 else state[3]
-    else:
-        speed = state[9] if plain[BEHIND] > 0.0 else state[5]
+    _, sliding_rate, _, output_rate = _side_places(plain)
+    speed = state[output_rate if plain[PACK_AHEAD] > 0.0 else sliding_rate]
     slip = plain[PACK_SPEED] - speed
     return plain[PACK] * _smooth(slip, plain[TURN_SPEED]) + plain[PACK_OIL] * slip
 
@@ -435,9 +445,9 @@ def _drive(time, state, plain):
     near = plain[SLIDING_TORQUE] + plain[SLIDING_SLOPE] * since
     far = plain[OUTPUT_TORQUE] + plain[OUTPUT_SLOPE] * since
     if plain[SYNCHRONISER] > 0.0:
-        near_speed = state[9] if plain[BEHIND] > 0.0 else state[5]
-        far_speed = state[11] if plain[AHEAD] > 0.0 else state[3]
-        shared = plain[SYNCHRONISER] * _smooth(far_speed - near_speed, plain[TURN_SPEED])
+        _, sliding_rate, _, output_rate = _side_places(plain)
+        mismatch = state[output_rate] - state[sliding_rate]
+        shared = plain[SYNCHRONISER] * _smooth(mismatch, plain[TURN_SPEED])
         near += shared
         far -= shared
     if plain[PACK] > 0.0 or plain[PACK_OIL] > 0.0:
@@ -1174,8 +1184,7 @@ def drive_work(times, states, driven, plain):
     frame, work, middle = states[0, 5], 0.0, np.empty(SIZE)
     if frame == 0.0 and plain[DRIVEN] == 0.0:
         return 0.0
-    near_way, near_rate = (8, 9) if plain[BEHIND] > 0.0 else (2, 5)
-    far_way, far_rate = (10, 11) if plain[AHEAD] > 0.0 else (0, 3)
+    near_way, near_rate, far_way, far_rate = _side_places(plain)
     for i in range(1, times.size):
         start, end, step = states[i - 1], states[i], times[i] - times[i - 1]
         _midway(start, end, step, middle)
