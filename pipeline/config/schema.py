@@ -258,6 +258,8 @@ class SearchSection(Section):
     """Objectives, sampler and budget of the search; ``studies/mq200/study.toml`` explains its keys.
 
     At most ``confirm_designs`` designs of the front are confirmed; the result's has no others.
+    ``confirm_angles`` are those of Drake at each operating point; 1 is enough where many points
+    make the sample.
     """
 
     objectives: Annotated[list[str], or_one(str)] = Field(
@@ -269,7 +271,7 @@ class SearchSection(Section):
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1
     confirm_designs: Annotated[int, Field(ge=1)] = 24
-    confirm_angles: Annotated[int, Field(ge=3, le=256)] = 16
+    confirm_angles: Annotated[int, Field(ge=1, le=256)] = 16
     audit_shifts: Annotated[int, Field(ge=0)] = later(200)
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = later(QUANTILE)
     limits: dict[str, float] | None = later()

@@ -53,6 +53,8 @@ from dogshape.sim.versions import bundled_root
 
 #: Share of the entry play that may pass in a fall (judged): at 0.7 flat dogs rebound, at 0.8 skip.
 SURE = 0.5
+#: Angles of an operating point from which Drake's mean has an error.
+MIN_CONFIRM_ANGLES = 3
 #: Searched keys of the dog in the bundled studies, and all that a study may search.
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm")
@@ -353,6 +355,7 @@ def build_study(file: StudyFile) -> Setup:
         solver=Solver(),
         drive=file.drive.value,
     )
+    _require_confirmation(file)
     rises = RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
     parts = file.mechanism, file.effects, file.contact.si()
     clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
@@ -366,6 +369,16 @@ def build_study(file: StudyFile) -> Setup:
     for point, factor in itertools.product(points, variables.get(FORCE, ())):
         actuation.table.profile(factor * point.profile.force, f", or narrow variables.{FORCE}")
     return Setup(file, clutch, limits, points, variables, actuation, unsure)
+
+
+def _require_confirmation(file: StudyFile) -> None:
+    """Raise InputError where means of Drake alone would have fewer angles than an error needs."""
+    angles = file.search.confirm_angles
+    if file.solver.engine == "drake" and angles < MIN_CONFIRM_ANGLES:
+        rule = f"with solver.engine = 'drake' it must be at least {MIN_CONFIRM_ANGLES}, as these "
+        rule += "angles alone make the means of a confirmation"
+        remedy = "give more angles, or leave solver.engine out"
+        raise InputError(refusal("search.confirm_angles", angles, "", rule, remedy))
 
 
 def _require_parts(file: StudyFile) -> None:
