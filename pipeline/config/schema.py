@@ -74,7 +74,7 @@ def ranged(low: float, high: float, default: Any = None, *, late: bool = False) 
     return Field(default, exclude_if=excluded, json_schema_extra={"range": [low, high]})
 
 
-class ContactSection(keys_of(ContactSet, contact_set)):  # type: ignore[misc]
+class ContactSection(keys_of(ContactSet, contact_set, late=("face_friction",))):  # type: ignore[misc]
     """A named contact set and what is to differ from it."""
 
     set: str = "lubricated_steel"
@@ -291,12 +291,12 @@ class SolverSection(keys_of(Solver, solver_for, late=("max_steps", "time_limit")
 
         Forces of mechanism or drive with two coefficients of friction are the compiled engine's,
         unless the section names another: Drake's ``cenic`` takes a thousand times the processor
-        time for them and is off its limit by percents (``docs/simulation.md``). The law IMPACT is
-        the compiled engine's alone.
+        time for them and is off its limit by percents (``docs/simulation.md``). The law IMPACT and
+        a friction of faces are the compiled engine's alone.
         """
         plain = solver_for(contact, mechanism, drive)
         forced = mechanism.has_forces or drive.has_torques
-        hard = contact.impact or (forced and plain.scheme == "cenic")
+        hard = contact.compiled_only or (forced and plain.scheme == "cenic")
         scheme, engine = self.scheme or plain.scheme, self.engine or ("planar" if hard else "drake")
         accuracy = accuracy_of(scheme, forced=forced) if scheme in SCHEMES else plain.accuracy
         require_engine(contact, engine)

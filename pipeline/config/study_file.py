@@ -30,10 +30,11 @@ from dogshape.pipeline.config.operating import (
 from dogshape.pipeline.config.schema import FORMAT, ContactSection, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DogshapeError, InputError, refusal
+from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
+from dogshape.sim.shift.drive import MAX_TORQUE_NM
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.trace import torque_peak
 from dogshape.sim.statistics.expectation import SetPoint
@@ -109,10 +110,23 @@ class Setup:
 
         None where Drake does all of the work, or has no scheme or law for it (``SolverSection``).
         """
-        clutch = self.clutch
-        forced = clutch.has_forces and clutch.solver.scheme == "cenic"
-        hard = clutch.contact.impact or forced
-        return None if hard or self.file.solver.engine == "drake" else self.in_engine("drake")
+        if self.unjudged or self.file.solver.engine == "drake":
+            return None
+        return self.in_engine("drake")
+
+    @property
+    def unjudged(self) -> str:
+        """Why Drake cannot judge the compiled engine, in words; empty where it can or does all."""
+        clutch, contact = self.clutch, self.clutch.contact
+        if self.file.solver.engine == "drake":
+            return ""
+        if contact.face_friction is not None:
+            return "Drake's dogs have one friction, and contact.face_friction is given"
+        if contact.impact is not None:
+            return "Drake has no law IMPACT"
+        if clutch.has_forces and clutch.solver.scheme == "cenic":
+            return "Drake's scheme cenic cannot follow the forces of mechanism or drive"
+        return ""
 
     def in_engine(self, engine: str) -> Setup:
         """Return the study in an engine, ``drake`` or ``planar``, at that engine's accuracy."""
@@ -431,6 +445,8 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
     }
     if file.contact.set == ContactSection().set:  # published sets are softer than steel
         more["contact_stiffness"] = clutch.contact.stiffness
+    if clutch.contact.face_friction is not None:
+        more["face_friction"] = clutch.contact.face_friction
     if mechanism.spline_friction > 0.0:
         more |= {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
     if mechanism.spline_friction > 0.0 or not file.load.release_by_itself:

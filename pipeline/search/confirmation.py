@@ -484,6 +484,8 @@ def audit(
     None where Drake does not judge.
     """
     settings, judge = study.file.expectation, study.judging
+    if study.unjudged:
+        say(f"no confirmation by Drake and no audit: {study.unjudged}")
     if judge is None or not shifts or not designs:
         return None
     say(f"auditing {shifts} shifts of the search in Drake")

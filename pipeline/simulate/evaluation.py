@@ -39,6 +39,7 @@ from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import (
     Estimate,
     Expectation,
+    PointExpectation,
     expect,
     expect_point,
     mean_over,
@@ -371,7 +372,7 @@ def life_of(
     loss, found = 0.0, list[LifeStage]()
     for stage in STAGES:
         if found:
-            friction = study.clutch.contact.dynamic_friction
+            friction = study.clutch.contact.face_dynamic_friction
             shifts = (stage - found[-1].life) * study.limits.load.shifts
             loss += wear.loss(worn(new, loss), found[-1].energy_J, friction, shifts)
         if wear.crest_loss is not None:
