@@ -38,7 +38,7 @@ from dogshape.sim.shift.clutch import (
     require_engine,
     solver_for,
 )
-from dogshape.sim.shift.drive import NO_DRIVE, Drive
+from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
 from dogshape.sim.shift.geometry import SCOPE
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.statistics.expectation import FIRST_WINDOW_SHARE
@@ -110,7 +110,8 @@ class UncertainSection(Section):
 class ExpectationSection(Section):
     """Number of relative angles of an operating point, and the seed of their draw.
 
-    ``first_window_share`` defines the limit engagement speed (``sim.statistics.shiftability``).
+    ``first_window_share`` defines the limits of engagement (``sim.statistics.shiftability``), of
+    which that of the torque is computed from shifts at each of ``limit_torques_Nm``.
     With 96 the standard error of a mean over 28 operating points is about 0.2 % of it, 0.5 % where
     friction and dissipation are drawn.
     """
@@ -118,6 +119,10 @@ class ExpectationSection(Section):
     angles: Annotated[int, Field(ge=3, le=4096)] = 96
     seed: Annotated[int, Field(ge=0)] = 1
     first_window_share: float = ranged(0.01, 0.999, FIRST_WINDOW_SHARE, late=True)
+    limit_torques_Nm: Annotated[list[float], or_one(int, float), Field(min_length=1)] | None = (
+        later()
+    )
+    limit_torque_side: EngineSide = later("sliding")
 
 
 class DrivelineSection(Section):

@@ -370,6 +370,7 @@ def build_study(file: StudyFile) -> Setup:
         drive=file.drive.value,
     )
     _require_confirmation(file)
+    _require_limit_torques(file)
     rises = RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
     parts = file.mechanism, file.effects, file.contact.si()
     clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
@@ -393,6 +394,16 @@ def _require_confirmation(file: StudyFile) -> None:
         rule += "angles alone make the means of a confirmation"
         remedy = "give more angles, or leave solver.engine out"
         raise InputError(refusal("search.confirm_angles", angles, "", rule, remedy))
+
+
+def _require_limit_torques(file: StudyFile) -> None:
+    """Raise InputError for a torque of the limit that is zero, given twice or beyond the range."""
+    key, torques = "expectation.limit_torques_Nm", file.expectation.limit_torques_Nm or []
+    for torque in torques:
+        require_between(key, torque, -MAX_TORQUE_NM, MAX_TORQUE_NM, "check the value and its unit")
+        if torque == 0.0 or torques.count(torque) > 1:
+            rule = "each torque is another one, and shifts without one are simulated anyway"
+            raise InputError(refusal(key, torque, "N m", rule, "leave it out or change it"))
 
 
 def _require_parts(file: StudyFile) -> None:

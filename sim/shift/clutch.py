@@ -21,7 +21,7 @@ from dogshape.sim.errors import (
     within,
 )
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.drive import NO_DRIVE, Drive
+from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import (
     DEEP,
@@ -315,6 +315,10 @@ class Clutch:
             kernel.BESIDE: (1.0 - share) / share if share > 0.0 else 0.0,
         }  # fmt: skip
         return np.array([places.get(place, 0.0) for place in range(kernel.NUMBERS)])
+
+    def loaded(self, side: EngineSide, torque: float) -> Clutch:
+        """Return the same clutch with a further torque in N m on a side during the shift."""
+        return replace(self, drive=self.drive.loaded(side, torque))
 
     def refined(self) -> Clutch:
         """Return the same clutch with a tolerance thirty times smaller and half the step."""
