@@ -191,12 +191,15 @@ def test_a_control_with_dead_time_follows_its_recursion(
 
 
 def test_a_control_to_no_mismatch_slows_faces_that_slide(clutch: Clutch) -> None:
-    """They creep at F r tan(slope - arctan mu) (J1 + J2)/J2 over the gain; integrals hold."""
+    """They creep at F r tan(slope - arctan mu) (J1 + J2)/J2 over the gain; integrals hold.
+
+    Faces out of parallel touch at their inner ends (``sim.shift.slide``).
+    """
     slope, gain, force = 20.0 * DEG, 1.0, 235.0
     dog = replace(clutch.dog, chamfer=slope, axial_gap=1e-5)
     steep = replace(clutch.with_engine("planar"), dog=dog, timeout=0.3)
     point = OperatingPoint(0.0, ForceProfile(force, 1e-3))
-    torque = force * dog.mean_radius
+    torque = force * dog.inner_radius
     torque *= math.tan(slope - math.atan(clutch.contact.dynamic_friction))
     creep = torque * (NEAR + FAR) / FAR / gain
     speeds = []
