@@ -40,9 +40,14 @@ from dogshape.pipeline.reports.text import (
     time_text,
 )
 from dogshape.pipeline.simulate.design import SIMULATED
-from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
+from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of, with_torques
 from dogshape.pipeline.simulate.executor import Where
-from dogshape.pipeline.store.result_records import ExpectedTime, LimitRow, PointRow
+from dogshape.pipeline.store.result_records import (
+    ExpectedTime,
+    LimitRow,
+    PointRow,
+    TorqueLimitRow,
+)
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
@@ -136,6 +141,8 @@ class Expectation(Result):
         more = [f"mean of engaged shifts {engaged_text(parts)}"]
         more += [f"shift time over the life: {times}"] if times else []
         limits = [tabulate(LimitRow, found.engagement_limits)] if found.engagement_limits else []
+        if found.engagement_torque_limits:
+            limits.append(tabulate(TorqueLimitRow, found.engagement_torque_limits))
         return [table, total, *more, lost, entry, *limits, shafts, engine, *self.shortfall]
 
     def shiftability(self) -> Frame:
@@ -200,7 +207,7 @@ def simulate_mean(
     given = in_radians(settings.angles if angles is None else angles)
     blocks = even_blocks(clutch, points, given, settings.seed, uncertainty=config.uncertainty)
     shifts = sum(len(block.angles) for block in blocks)
-    shifts += repeated(shifts)
+    shifts += repeated(shifts) + len(settings.limit_torques_Nm or ()) * shifts
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
         shifts = FIRST * len(points)
@@ -211,6 +218,7 @@ def simulate_mean(
             rows = executor.run(blocks)
             mean = expectation_of(config, points, rows, even=isinstance(given, int))
         error = numerical_error(blocks, rows, executor.run)
+        mean = with_torques(config, mean, blocks, executor.run)
     return Expectation(config, replace(mean, numerical_error=error), precision)
 
 

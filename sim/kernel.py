@@ -80,6 +80,7 @@ TOUCHED, BEATEN = range(2)
 NUMBERS = 54
 SIXTH = 1.0 / 6.0
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
+FACE_LAW = 6  #: numbers of a law with another friction of faces on faces
 IMPACT_LAW = 7  #: numbers of a law that is IMPACT's
 SERIES = 1.0 / 64.0  #: stiction velocity over slip up to which four terms give the arctangent
 
@@ -134,22 +135,25 @@ def _cut(work, here, count, plane, other):
 
 
 @inlined
-def _rub(slip, law):
-    """Compute the friction coefficient over the slip, s/m, at a slip in m/s; ``contact``'s law."""
+def _rub(slip, dynamic, static, stiction):
+    """Compute the friction coefficient over the slip, s/m; slip and stiction velocity in m/s.
+
+    Equal coefficients select the law of Drake's continuous plant.
+    """
     if slip <= 1e-12:
         return 0.0
-    if law[4] == law[2]:
+    if static == dynamic:
         over = 1.0 / slip
-        rest = law[3] * over
+        rest = stiction * over
         if rest > SERIES:
-            return law[2] * 0.6366197723675814 * math.atan(slip / law[3]) * over
+            return dynamic * 0.6366197723675814 * math.atan(slip / stiction) * over
         square = rest * rest
         less = rest * (1.0 - square * (1.0 / 3.0 - square * (0.2 - square * (1.0 / 7.0))))
-        return law[2] * (1.0 - 0.6366197723675814 * less) * over
-    ratio, late = slip / law[3], slip / law[3] - 10.0
+        return dynamic * (1.0 - 0.6366197723675814 * less) * over
+    ratio, late = slip / stiction, slip / stiction - 10.0
     fall = late / math.sqrt(1.0 + late * late) / 0.9950371902099892
-    held = (law[4] - law[2]) * 0.5 * (1.0 - fall) + law[2]
-    return held / math.sqrt(1.0 + ratio * ratio) / law[3]
+    held = (static - dynamic) * 0.5 * (1.0 - fall) + dynamic
+    return held / math.sqrt(1.0 + ratio * ratio) / stiction
 
 
 @inlined
@@ -163,8 +167,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     turn : output less sliding speed, rad/s.
     speed : of the sliding ring into engagement, m/s.
     surfaces : of ``sim.shift.planar.surfaces_of``.
-    law : of ``PlanarClutch``; seven numbers are IMPACT's, equal coefficients of five select the law
-        of Drake's continuous plant.
+    law : of ``PlanarClutch``; five numbers, six with a friction of faces, seven of IMPACT.
     work : of ``workspace``: depths of corners, two polygons, planes of the compliant dog.
 
     Returns
@@ -287,13 +290,16 @@ def _triangle(where, i, quad, plane, turn, speed, surfaces, law, work):
     normal, axial, torque = surfaces[1][quad], 0.0, 0.0
     mx, my, mz = normal[0], normal[1], normal[2]
     third, points = _points(where, i, normal, plane, work)
+    dynamic, static = law[2], law[4]
+    if law.shape[0] == FACE_LAW and surfaces[7][quad] and surfaces[7][plane]:
+        dynamic, static = law[5], law[5]
     for x, y, depth in points:
         across, around = x * my - y * mx, turn * (x * x + y * y)
         closing = -turn * across - speed * mz
         pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * third
         # The speed along the surface, by what is left of its square.
         slip = math.sqrt(max(turn * around + speed * speed - closing * closing, 0.0))
-        rub = _rub(slip, law)
+        rub = _rub(slip, dynamic, static, law[3])
         axial -= pressure * (mz - rub * (speed + closing * mz))
         torque -= pressure * (across - rub * (around + closing * across))
     return axial, torque
@@ -410,20 +416,30 @@ def _resistance(way, speed, through, plain):
 
 
 @inlined
+def _side_places(plain):
+    """Give the places of angle and rate of the sliding side, then of the output side.
+
+    Each side is what stands behind the shaft of its ring, or the ring on a rigid shaft.
+    """
+    sliding_angle, sliding_rate = (8, 9) if plain[BEHIND] > 0.0 else (2, 5)
+    output_angle, output_rate = (10, 11) if plain[AHEAD] > 0.0 else (0, 3)
+    return sliding_angle, sliding_rate, output_angle, output_rate
+
+
+@inlined
 def _drag(state, plain):
     """Compute the torque that holds what turns with the sliding ring's side, N m."""
     if plain[DRAG] == 0.0:
         return 0.0
-    return plain[DRAG] * _smooth(state[9 if plain[BEHIND] > 0.0 else 5], plain[TURN_SPEED])
+    _, sliding_rate, _, _ = _side_places(plain)
+    return plain[DRAG] * _smooth(state[sliding_rate], plain[TURN_SPEED])
 
 
 @inlined
 def _pack(state, plain):
     """Compute the torque of a wet pack on the side that it acts on, about the axis, N m."""
-    if plain[PACK_AHEAD] > 0.0:
-        speed = state[11] if plain[AHEAD] > 0.0 else state[3]
-    else:
-        speed = state[9] if plain[BEHIND] > 0.0 else state[5]
+    _, sliding_rate, _, output_rate = _side_places(plain)
+    speed = state[output_rate if plain[PACK_AHEAD] > 0.0 else sliding_rate]
     slip = plain[PACK_SPEED] - speed
     return plain[PACK] * _smooth(slip, plain[TURN_SPEED]) + plain[PACK_OIL] * slip
 
@@ -435,9 +451,9 @@ def _drive(time, state, plain):
     near = plain[SLIDING_TORQUE] + plain[SLIDING_SLOPE] * since
     far = plain[OUTPUT_TORQUE] + plain[OUTPUT_SLOPE] * since
     if plain[SYNCHRONISER] > 0.0:
-        near_speed = state[9] if plain[BEHIND] > 0.0 else state[5]
-        far_speed = state[11] if plain[AHEAD] > 0.0 else state[3]
-        shared = plain[SYNCHRONISER] * _smooth(far_speed - near_speed, plain[TURN_SPEED])
+        _, sliding_rate, _, output_rate = _side_places(plain)
+        mismatch = state[output_rate] - state[sliding_rate]
+        shared = plain[SYNCHRONISER] * _smooth(mismatch, plain[TURN_SPEED])
         near += shared
         far -= shared
     if plain[PACK] > 0.0 or plain[PACK_OIL] > 0.0:
@@ -1174,8 +1190,7 @@ def drive_work(times, states, driven, plain):
     frame, work, middle = states[0, 5], 0.0, np.empty(SIZE)
     if frame == 0.0 and plain[DRIVEN] == 0.0:
         return 0.0
-    near_way, near_rate = (8, 9) if plain[BEHIND] > 0.0 else (2, 5)
-    far_way, far_rate = (10, 11) if plain[AHEAD] > 0.0 else (0, 3)
+    near_way, near_rate, far_way, far_rate = _side_places(plain)
     for i in range(1, times.size):
         start, end, step = states[i - 1], states[i], times[i] - times[i - 1]
         _midway(start, end, step, middle)

@@ -50,7 +50,8 @@ POINT_NUGGET = 0.03  #: its part that no other point predicts
 def coordinates(data: Dataset, x: Array) -> Array:
     """Compute coordinates of designs (m, d) in edge units, scaled by the data's, (m, c)."""
     places = [k for k, name in enumerate(data.variables) if name in ANGLES]
-    ridge = np.tanh((np.tan(np.radians(x[:, places])) - data.physics["dynamic_friction"]) / WIDTH)
+    friction = data.physics.get("face_friction", data.physics["dynamic_friction"])
+    ridge = np.tanh((np.tan(np.radians(x[:, places])) - friction) / WIDTH)
     shape, known = shape_of(data, x), shape_of(data, data.grid.x)
     low, span = known.min(axis=0), np.ptp(known, axis=0)
     shape = (shape - low) / np.where(span > 0.0, span, 1.0)

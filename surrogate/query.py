@@ -78,7 +78,7 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
     warnings += _point_warnings(data, mix.points)
     if faces_hold(data, x[None, :])[0]:
         chamfer = f"chamfer {x[_chamfers(data)].min():.4g} deg"
-        friction = np.degrees(np.arctan(float(data.physics["static_friction"])))
+        friction = np.degrees(np.arctan(_face_friction(data)))
         why = f"{chamfer}, below the friction angle {friction:.3g} deg"
         refusal = f"{HOLDS} ({why}; 'dogshape expect' simulates it)"
         held = warnings or [f"{chamfer}: faces hold by friction"]
@@ -107,8 +107,14 @@ def faces_hold(data: Dataset, x: Array) -> Mask:
     """Mark designs (m, d) whose faces hold by friction, as no simulated design's do, (m,)."""
     columns = _chamfers(data)
     chamfer, least = x[:, columns], data.grid.x[:, columns].min(axis=0)
-    slides = np.tan(np.radians(chamfer)) > data.physics["static_friction"]
+    slides = np.tan(np.radians(chamfer)) > _face_friction(data)
     return np.asarray((~slides & (chamfer < least)).any(axis=1))
+
+
+def _face_friction(data: Dataset) -> float:
+    """Return the static friction of faces on faces, which the data were simulated with."""
+    key = "face_friction" if "face_friction" in data.physics else "static_friction"
+    return float(data.physics[key])
 
 
 def _chamfers(data: Dataset) -> list[int]:

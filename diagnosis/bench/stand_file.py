@@ -71,7 +71,7 @@ class Measured(Section):
     standard_error: Annotated[float, Field(gt=0.0, lt=np.inf)]
 
 
-class _Contact(keys_of(ContactSet, late=("stiffness", "dissipation"))):  # type: ignore[misc]
+class _Contact(keys_of(ContactSet, late=("stiffness", "dissipation"), leave=("face_friction",))):  # type: ignore[misc]
     # The solver's fall to dynamic friction lies at ten stiction velocities, as in the
     # published set; the friction velocity is read and not used.
     friction_velocity_m_s: float

@@ -30,10 +30,11 @@ from dogshape.pipeline.config.operating import (
 from dogshape.pipeline.config.schema import FORMAT, ContactSection, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DogshapeError, InputError, refusal
+from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
+from dogshape.sim.shift.drive import MAX_TORQUE_NM
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.trace import torque_peak
 from dogshape.sim.statistics.expectation import SetPoint
@@ -53,6 +54,8 @@ from dogshape.sim.versions import bundled_root
 
 #: Share of the entry play that may pass in a fall (judged): at 0.7 flat dogs rebound, at 0.8 skip.
 SURE = 0.5
+#: Angles of an operating point from which Drake's mean has an error.
+MIN_CONFIRM_ANGLES = 3
 #: Searched keys of the dog in the bundled studies, and all that a study may search.
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm")
@@ -107,10 +110,23 @@ class Setup:
 
         None where Drake does all of the work, or has no scheme or law for it (``SolverSection``).
         """
-        clutch = self.clutch
-        forced = clutch.has_forces and clutch.solver.scheme == "cenic"
-        hard = clutch.contact.impact or forced
-        return None if hard or self.file.solver.engine == "drake" else self.in_engine("drake")
+        if self.unjudged or self.file.solver.engine == "drake":
+            return None
+        return self.in_engine("drake")
+
+    @property
+    def unjudged(self) -> str:
+        """Why Drake cannot judge the compiled engine, in words; empty where it can or does all."""
+        clutch, contact = self.clutch, self.clutch.contact
+        if self.file.solver.engine == "drake":
+            return ""
+        if contact.face_friction is not None:
+            return "Drake's dogs have one friction, and contact.face_friction is given"
+        if contact.impact is not None:
+            return "Drake has no law IMPACT"
+        if clutch.has_forces and clutch.solver.scheme == "cenic":
+            return "Drake's scheme cenic cannot follow the forces of mechanism or drive"
+        return ""
 
     def in_engine(self, engine: str) -> Setup:
         """Return the study in an engine, ``drake`` or ``planar``, at that engine's accuracy."""
@@ -353,6 +369,8 @@ def build_study(file: StudyFile) -> Setup:
         solver=Solver(),
         drive=file.drive.value,
     )
+    _require_confirmation(file)
+    _require_limit_torques(file)
     rises = RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
     parts = file.mechanism, file.effects, file.contact.si()
     clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
@@ -366,6 +384,26 @@ def build_study(file: StudyFile) -> Setup:
     for point, factor in itertools.product(points, variables.get(FORCE, ())):
         actuation.table.profile(factor * point.profile.force, f", or narrow variables.{FORCE}")
     return Setup(file, clutch, limits, points, variables, actuation, unsure)
+
+
+def _require_confirmation(file: StudyFile) -> None:
+    """Raise InputError where means of Drake alone would have fewer angles than an error needs."""
+    angles = file.search.confirm_angles
+    if file.solver.engine == "drake" and angles < MIN_CONFIRM_ANGLES:
+        rule = f"with solver.engine = 'drake' it must be at least {MIN_CONFIRM_ANGLES}, as these "
+        rule += "angles alone make the means of a confirmation"
+        remedy = "give more angles, or leave solver.engine out"
+        raise InputError(refusal("search.confirm_angles", angles, "", rule, remedy))
+
+
+def _require_limit_torques(file: StudyFile) -> None:
+    """Raise InputError for a torque of the limit that is zero, given twice or beyond the range."""
+    key, torques = "expectation.limit_torques_Nm", file.expectation.limit_torques_Nm or []
+    for torque in torques:
+        require_between(key, torque, -MAX_TORQUE_NM, MAX_TORQUE_NM, "check the value and its unit")
+        if torque == 0.0 or torques.count(torque) > 1:
+            rule = "each torque is another one, and shifts without one are simulated anyway"
+            raise InputError(refusal(key, torque, "N m", rule, "leave it out or change it"))
 
 
 def _require_parts(file: StudyFile) -> None:
@@ -418,6 +456,8 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
     }
     if file.contact.set == ContactSection().set:  # published sets are softer than steel
         more["contact_stiffness"] = clutch.contact.stiffness
+    if clutch.contact.face_friction is not None:
+        more["face_friction"] = clutch.contact.face_friction
     if mechanism.spline_friction > 0.0:
         more |= {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
     if mechanism.spline_friction > 0.0 or not file.load.release_by_itself:

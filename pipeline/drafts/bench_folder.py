@@ -25,7 +25,7 @@ from dogshape.diagnosis.bench.traces import READERS
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
 from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
-from dogshape.sim.errors import DataError, DogshapeError, InputError, number, ranged_record
+from dogshape.sim.errors import DataError, DogshapeError, InputError, number
 from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.texts import file_of, text_of
@@ -315,7 +315,7 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         "shift_travel_mm": rounded(clutch.shift_travel / MM),
         **source.dog_values,
         **{f"drive.{key}": value for key, value in (drive.table if source.taken else {}).items()},
-        **{f"contact.{key}": value for key, value in ranged_record(clutch.contact).items()},
+        **{f"contact.{key}": value for key, value in clutch.contact.record.items()},
         "source": "not measured yet",
     }
     if draft.tables:

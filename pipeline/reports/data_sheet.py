@@ -443,13 +443,15 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
     normal = f"stiffness {contact.stiffness:.3g} Pa/m, dissipation {contact.dissipation:g} s/m"
     if (law := contact.impact) is not None:
         normal = f"IMPACT with {law.stiffness:.3g} N/m^1.5 and {law.damping:.3g} N s/m"
+    film = contact.face_friction
+    faces = "" if film is None else f"{film:g} of faces on faces, "
     facts = {
         "command": command_of(study, verb) or f"dogshape {verb} FILE; {study.name} is in {file}",
         "simulated": simulated,
         "operating points": minus(study.operating_text),
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
         "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
-        f"{contact.dynamic_friction:g} dynamic, {normal}",
+        f"{contact.dynamic_friction:g} dynamic, {faces}{normal}",
         "shafts": study.clutch.drive.text,
         "mechanism": ", ".join(f"{name} {one:.4g}" for name, one in study.mechanism.items()),
         "versions": ", ".join(f"{name} {version}" for name, version in used.items()),

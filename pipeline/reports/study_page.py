@@ -82,6 +82,7 @@ from dogshape.pipeline.store.result_records import (
     EngineAgreement,
     LimitRow,
     PointRow,
+    TorqueLimitRow,
     VerdictRow,
     hinge_table,
 )
@@ -384,6 +385,8 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         if found is not None:
             words = minus(EngineAgreement(**found).text)
             yield name, words if found["agrees"] else Bad(words)
+        elif study.unjudged:
+            yield name, f"not made: {study.unjudged}"
 
 
 def chosen_verdict(study: Setup, result: Row, side: str = "best") -> VerdictRow:
@@ -538,7 +541,7 @@ def point_parts(study: Setup, result: Row) -> list[Part]:
 
 
 def _entry_tables(confirmation: Row) -> list[Table]:
-    """Tabulate direct entries beside their closed form, and limit engagement speeds."""
+    """Tabulate direct entries beside their closed form, and limits of speed and torque."""
     tables: list[Table] = []
     for side, name in SIDES.items():
         points = [PointRow(**point) for point in confirmation[side]["points"]]
@@ -558,6 +561,10 @@ def _entry_tables(confirmation: Row) -> list[Table]:
         if limits:
             table = tabulate(LimitRow, limits)
             tables.append(replace(table, note=f"Limit engagement speed, {name}; 95 % interval."))
+        rows = confirmation[side].get("engagement_torque_limits") or ()
+        if torque_rows := [TorqueLimitRow(**row) for row in rows]:
+            table = tabulate(TorqueLimitRow, torque_rows)
+            tables.append(replace(table, note=f"Limit engagement torque, {name}; 95 % interval."))
     return tables
 
 

@@ -44,6 +44,7 @@ from dogshape.pipeline.simulate.evaluation import (
     evaluate,
     expectation_of,
     forget_designs,
+    with_torques,
 )
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.result_records import EngineAgreement, ExpectedTime, check_record
@@ -130,7 +131,8 @@ def shifts_to_confirm(study: Setup) -> int:
     both = len(study.points) * (many if many == few else many + few)
     hangs = (1 + HANG_ANGLES.rivals) * len(study.points) * sum(hang_rounds(study))
     designs = (2 + study.file.search.confirm_designs) * both
-    return designs + hangs + 2 * repeated(len(study.points) * few)
+    torques = 2 * len(study.file.expectation.limit_torques_Nm or ()) * len(study.points) * many
+    return designs + hangs + torques + 2 * repeated(len(study.points) * few)
 
 
 def confirm(
@@ -342,7 +344,10 @@ def _record(
     for design, one in ((study.prototype, own), (params, found[chosen])):
         blocks = _thinned(study, design)  # repeated, some of the shifts tell the numerical error
         error = numerical_error(blocks, executor.run(blocks), executor.run)
-        both.append(replace(one, expectation=replace(one.expectation, numerical_error=error)))
+        expectation = replace(one.expectation, numerical_error=error)
+        blocks = design_blocks(study, design, new_angles(study), _seed(study))
+        expectation = with_torques(study.operated(design), expectation, blocks, executor.run)
+        both.append(replace(one, expectation=expectation))
     old, new = both
     return {
         "angles": new_angles(study),
@@ -484,6 +489,8 @@ def audit(
     None where Drake does not judge.
     """
     settings, judge = study.file.expectation, study.judging
+    if study.unjudged:
+        say(f"no confirmation by Drake and no audit: {study.unjudged}")
     if judge is None or not shifts or not designs:
         return None
     say(f"auditing {shifts} shifts of the search in Drake")

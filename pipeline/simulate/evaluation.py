@@ -39,6 +39,7 @@ from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import (
     Estimate,
     Expectation,
+    PointExpectation,
     expect,
     expect_point,
     mean_over,
@@ -304,6 +305,29 @@ def expectation_of(
     return replace(expect(found), quantiles=quantiles, first_window_share=first_window)
 
 
+def with_torques(
+    study: Setup,
+    expectation: Expectation,
+    blocks: Sequence[Block],
+    run: Callable[[Sequence[Block]], Rows],
+) -> Expectation:
+    """Add the shifts of ``blocks`` under each of ``expectation.limit_torques_Nm`` of the study.
+
+    ``run`` simulates blocks; ``blocks`` are those that the expectation is of.
+    """
+    settings = study.file.expectation
+    by_torque: dict[float, tuple[PointExpectation, ...]] = {}
+    for torque in settings.limit_torques_Nm or ():
+        loaded = [
+            replace(block, clutch=block.clutch.loaded(settings.limit_torque_side, torque))
+            for block in blocks
+        ]
+        points = [one.point for one in expectation.points]
+        dog = blocks[0].clutch.dog
+        by_torque[torque] = expectation_of(study, points, run(loaded), dog=dog).points
+    return replace(expectation, by_torque=by_torque)
+
+
 RARE = 0.999  #: of the shifts over a life, the quantile beside that of ``search.quantile``
 FIRST = 6  #: angles of the first round
 ENOUGH = 24  #: shifts from which a standard error is believed
@@ -371,7 +395,7 @@ def life_of(
     loss, found = 0.0, list[LifeStage]()
     for stage in STAGES:
         if found:
-            friction = study.clutch.contact.dynamic_friction
+            friction = study.clutch.contact.face_dynamic_friction
             shifts = (stage - found[-1].life) * study.limits.load.shifts
             loss += wear.loss(worn(new, loss), found[-1].energy_J, friction, shifts)
         if wear.crest_loss is not None:

@@ -68,7 +68,7 @@ def slide_notes(study: Setup) -> list[str]:
     force, notes = max(point.profile.force for point in study.points), list[str]()
     for face in sliding_faces(clutch):
         loss = slide_loss(clutch, force, face)
-        if loss <= LOSS_LIMIT or math.tan(face.slope) <= contact.dynamic_friction:
+        if loss <= LOSS_LIMIT or math.tan(face.slope) <= contact.face_dynamic_friction:
             continue
         stiffness = stiffness_for_loss(clutch, force, face, LOSS_LIMIT)
         damping = contact.dissipation * LOSS_LIMIT / loss

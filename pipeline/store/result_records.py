@@ -17,7 +17,12 @@ from dogshape.pipeline.record import (
 )
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.hangs import HangPrior
-from dogshape.sim.statistics.shiftability import SpeedLimit, speed_limits
+from dogshape.sim.statistics.shiftability import (
+    SpeedLimit,
+    TorqueLimit,
+    speed_limits,
+    torque_limits,
+)
 from dogshape.sim.strength.checks import GROUPS, RULES, Check, safety_factor
 from dogshape.sim.strength.verdict import STANDARD
 from dogshape.sim.units import RPM, short
@@ -157,7 +162,7 @@ class HangKeys(Record):
     retries_error_s: float | None = key("its standard error", "s", late=True)
 
 
-def hang_keys(found: Expectation) -> dict[str, float | None]:
+def hang_keys(found: Expectation) -> dict[str, Any]:
     """Give both parts of an expected time by the keys of ``HangKeys``."""
     silent, (low, high) = any(p.silent for p in found.points), found.hang_interval
     return {
@@ -203,12 +208,54 @@ class LimitRow(Record):
         if name != "limit_engagement_speed_rpm":
             return super().cell(name)
         ends = (self.limit_engagement_speed_low_rpm, self.limit_engagement_speed_high_rpm)
-        low, high = map(self._speed_text, ends)
-        middle = self._speed_text(self.limit_engagement_speed_rpm)
-        return middle if low == high else f"{middle} ({low} to {high})"
+        return _limit_text(self.limit_engagement_speed_rpm, ends, self.tested_rpm)
 
-    def _speed_text(self, speed: float | None) -> str:
-        return f"over {self.tested_rpm:.4g}" if speed is None else f"{speed:.3g}"
+
+def _limit_text(
+    limit: float | None, interval: tuple[float | None, float | None], tested: float
+) -> str:
+    """Print a limit of engagement with its interval; None lies over what was tested."""
+    low, middle, high = (
+        f"over {tested:.4g}" if value is None else f"{value:.3g}"
+        for value in (interval[0], limit, interval[1])
+    )
+    return middle if low == high else f"{middle} ({low} to {high})"
+
+
+class TorqueLimitRow(Record):
+    """Limit engagement torque: largest torque on a side at which a share engages at first try."""
+
+    sense: int = key(
+        "sense of the torque, 1 as the engine turns, -1 against it", head="torque", form="+d"
+    )
+    force_N: float = key("final shift force", "N", head="force, N", form=".1f")
+    share: float = key("share that engages", SHARE, head="engages at first try", form="z.0%")
+    limit_engagement_torque_Nm: float | None = key(
+        "median; 0: the share is not reached without a torque, null: it is with the largest one",
+        "N m", head="limit engagement torque, N m",
+    )  # fmt: skip
+    limit_engagement_torque_low_Nm: float | None = key(
+        "end of the 95 % interval; 0 and null as for the median", "N m"
+    )
+    limit_engagement_torque_high_Nm: float | None = key("its other end", "N m")
+    tested_Nm: float = key("largest tested torque in that sense", "N m")
+
+    @classmethod
+    def of(cls, limit: TorqueLimit, share: float) -> TorqueLimitRow:
+        """Record a limit."""
+        middle, low, high = map(number_or_none, (limit.torque, limit.low, limit.high))
+        return cls(
+            sense=limit.sense, force_N=limit.force, share=share, tested_Nm=limit.tested,
+            limit_engagement_torque_Nm=middle, limit_engagement_torque_low_Nm=low,
+            limit_engagement_torque_high_Nm=high,
+        )  # fmt: skip
+
+    def cell(self, name: str) -> str:
+        """Print a value: the limit with its interval, or that it lies over what was tested."""
+        if name != "limit_engagement_torque_Nm":
+            return super().cell(name)
+        ends = (self.limit_engagement_torque_low_Nm, self.limit_engagement_torque_high_Nm)
+        return _limit_text(self.limit_engagement_torque_Nm, ends, self.tested_Nm)
 
 
 class ExpectedTime(HangKeys):
@@ -230,6 +277,10 @@ class ExpectedTime(HangKeys):
     engagement_limits: list[LimitRow] | None = key(
         "limit engagement speeds by force and sense of the mismatch", late=True
     )
+    engagement_torque_limits: list[TorqueLimitRow] | None = key(
+        "limit engagement torques by force and sense of the torque, where torques are given",
+        late=True,
+    )
 
     @classmethod
     def of(cls, found: Expectation) -> ExpectedTime:
@@ -239,7 +290,7 @@ class ExpectedTime(HangKeys):
             known = not none and (1.0 - share) * found.shifts >= 1.0
             time, error = (one.value, one.standard_error) if known else (None, None)
             quantiles.append(QuantileRow(share=share, time_s=time, standard_error_s=error))
-        return cls(
+        record = cls(
             expected_shift_time_s=found.time,
             standard_error_s=None if none else number_or_none(found.standard_error),
             numerical_error_s=None if none else number_or_none(found.numerical_error),
@@ -257,6 +308,12 @@ class ExpectedTime(HangKeys):
                 for limit in speed_limits(found.points, found.first_window_share)
             ],
         )
+        if not found.by_torque:
+            return record
+        share = found.first_window_share
+        limits = torque_limits(found.points, found.by_torque, share)
+        rows = [TorqueLimitRow.of(limit, share) for limit in limits]
+        return record.model_copy(update={"engagement_torque_limits": rows})
 
 
 class CheckRow(Record):

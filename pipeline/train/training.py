@@ -72,7 +72,7 @@ def own_designs(study: Setup) -> list[Params]:
     if not feasible(manufacturing_checks(study.clutch.dog, study.limits.manufacturing)):
         return []
     load = study.limits.load
-    slides = face_angle(study.clutch.dog) > math.atan(load.friction_release)
+    slides = face_angle(study.clutch.dog) > math.atan(load.face_release_friction)
     return [study.prototype] if slides or not load.faces_release else []
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
     InputError,
+    ranged_record,
     ranges_of,
     refusal,
     require_between,
@@ -20,7 +21,7 @@ from dogshape.sim.errors import (
     within,
 )
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.drive import NO_DRIVE, Drive
+from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import (
     DEEP,
@@ -61,7 +62,9 @@ class ContactSet:
     A compliant layer (pressure = stiffness x penetration, Drake's hydroelastic model), Hunt and
     Crossley's dissipation ``p (1 + d v)``, Coulomb friction regularised over a stiction velocity.
     With ``impact`` dogs have that law instead of layer and dissipation, in the compiled engine
-    alone; the stiffness is then that of the stop behind the ring.
+    alone; the stiffness is then that of the stop behind the ring. With ``face_friction`` the two
+    coefficients are those of flanks and edges, and faces on faces have that one, static and
+    dynamic, in the compiled engine alone.
     """
 
     name: str
@@ -71,9 +74,15 @@ class ContactSet:
     stiffness: float = within("stiffness_Pa_m", 1e10, 1e16)  #: pressure per penetration, Pa/m
     dissipation: float = within("dissipation_s_m", 0.0, 1e4)  #: s/m
     impact: ImpactLaw | None = None
+    #: of faces on faces, such as an oil film's; None: that of flanks and edges
+    face_friction: float | None = within("face_friction", 0.0, 1.5, None)
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the contact set")
+        if self.impact is not None and self.face_friction is not None:
+            rule = "the law IMPACT acts on a whole dog, without a friction of its faces"
+            remedy = 'leave it out, or take contact.set = "lubricated_steel"'
+            raise InputError(refusal("contact.face_friction", self.face_friction, "", rule, remedy))
         if self.dynamic_friction > self.static_friction:
             rule = f"it must not exceed contact.static_friction = {self.static_friction:.6g}"
             remedy = "exchange or correct the two coefficients"
@@ -88,6 +97,32 @@ class ContactSet:
         if self.impact and self.stiction_velocity >= (end := self.impact.transition_velocity):
             name, rule = "contact.stiction_velocity_m_s", f"friction is dynamic from {end:g} m/s on"
             raise InputError(refusal(name, self.stiction_velocity, "m/s", rule, "take a lower one"))
+
+    @property
+    def record(self) -> dict[str, float]:
+        """Numbers of the contact by their keys in the edge's units, without absent ones."""
+        return {key: value for key, value in ranged_record(self).items() if value is not None}
+
+    @property
+    def compiled_only(self) -> bool:
+        """Whether Drake has no law for it: IMPACT, or a friction of faces."""
+        return self.impact is not None or self.face_friction is not None
+
+    @property
+    def face_dynamic_friction(self) -> float:
+        """Dynamic friction of faces on faces."""
+        return self.dynamic_friction if self.face_friction is None else self.face_friction
+
+    def scaled(self, friction: float, dissipation: float) -> ContactSet:
+        """Return the contact with all coefficients of friction, and dissipation, times factors."""
+        face = self.face_friction
+        return replace(
+            self,
+            static_friction=self.static_friction * friction,
+            dynamic_friction=self.dynamic_friction * friction,
+            face_friction=None if face is None else face * friction,
+            dissipation=self.dissipation * dissipation,
+        )
 
 
 #: Layer of a set with IMPACT: the stiffness is that of the stop behind the ring.
@@ -177,6 +212,10 @@ def require_engine(contact: ContactSet, engine: str) -> None:
             'whole dog, which Drake has not; take solver.engine = "planar", or contact.set = '
             '"adams2019"'
         )
+    if contact.face_friction is not None and engine == "drake":
+        rule = "solver.engine is 'drake', whose dogs have one friction for faces and flanks"
+        remedy = 'take solver.engine = "planar", or leave contact.face_friction out'
+        raise InputError(refusal("contact.face_friction", contact.face_friction, "", rule, remedy))
 
 
 def solver_for(
@@ -276,6 +315,10 @@ class Clutch:
             kernel.BESIDE: (1.0 - share) / share if share > 0.0 else 0.0,
         }  # fmt: skip
         return np.array([places.get(place, 0.0) for place in range(kernel.NUMBERS)])
+
+    def loaded(self, side: EngineSide, torque: float) -> Clutch:
+        """Return the same clutch with a further torque in N m on a side during the shift."""
+        return replace(self, drive=self.drive.loaded(side, torque))
 
     def refined(self) -> Clutch:
         """Return the same clutch with a tolerance thirty times smaller and half the step."""

@@ -26,7 +26,7 @@ Time counts from the start of the shift force.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -134,6 +134,12 @@ class Drive:
     def sense(self) -> float:
         """Sense of the engine about the axis from the output to the sliding ring, -1 or 1."""
         return -1.0 if self.engine_side == "sliding" else 1.0
+
+    def loaded(self, side: EngineSide, torque: float) -> Drive:
+        """Return the drive with a further ``torque`` in N m on a side, constant over the shift."""
+        if side == "sliding":
+            return replace(self, sliding_torque=tuple(t + torque for t in self.sliding_torque))
+        return replace(self, output_torque=tuple(t + torque for t in self.output_torque))
 
     def sliding_speed(self, mismatch: float) -> float:
         """Compute the speed of the sliding ring about the axis at a ``mismatch`` in rad/s."""

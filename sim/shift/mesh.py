@@ -192,6 +192,15 @@ def touching_planes(dog: Dog) -> tuple[Plane, ...]:
     return first, *(plane for edge, face in edges for plane in (*edge.planes, face))
 
 
+def tip_planes(dog: Dog) -> NDArray[np.bool_]:
+    """Mark the planes of ``touching_planes`` that are faces of the tip, (p,)."""
+    flags = [False]  # traction flank
+    for edge in tip_edges(dog):
+        flags += [*[False] * len(edge.planes), True]
+    flags[-1] = False  # braking flank
+    return np.array(flags)
+
+
 Face = tuple[int, ...]
 
 

@@ -16,22 +16,31 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from dogshape.sim import kernel
-from dogshape.sim.elementwise import Array
+from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import LATEST_RELEASE, Run, failure_of, states_held
 from dogshape.sim.shift.drive import TorqueCourse
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import rigid_dog, stacked, touching_planes, touching_quads
+from dogshape.sim.shift.mesh import (
+    rigid_dog,
+    stacked,
+    tip_planes,
+    touching_planes,
+    touching_quads,
+)
 
-Surfaces = tuple[Array, Array, Array, Array, float, float, float]
+Surfaces = tuple[Array, Array, Array, Array, float, float, float, Mask]
 PLACE_ERROR = 1e-4  #: s, error of a place over that of a speed
 FIRST_STEP = 1e-5  #: s, first step
 RECORD_SIZE = 4096  #: steps that are recorded at once
 #: A motion without contact: error of a speed in m/s and of a place in m, longest step, s, steps.
 FREE_ERROR, FREE_STEP, FREE_SIZE = np.array([1e-5, 1e-9]), 5e-3, 4000
 #: Surfaces and law of dogs that never touch.
-NO_DOGS = (np.zeros((1, 4, 3)), np.zeros((1, 3)), np.zeros(1), np.zeros(2), 1.0, 1e9, 1e9)
+NO_DOGS = (
+    *(np.zeros((1, 4, 3)), np.zeros((1, 3)), np.zeros(1), np.zeros(2)),
+    *(1.0, 1e9, 1e9, np.zeros(1, dtype=bool)),
+)
 NO_LAW = np.zeros(5)
 NO_LOOK = np.zeros(0)  #: no state before: a ring that stands still is simulated on
 
@@ -42,14 +51,16 @@ def surfaces_of(dog: Dog) -> Surfaces:
 
     Corners of the rigid surfaces, m, (p, 4, 3); outward normals, (p, 3); offsets of the compliant
     dog's planes, m, (p,); least turn by the lean of a traction and a braking flank over the
-    distance, rad/m, and by half of the backlash, rad, (3,); pitch, rad; gap and travel, m.
+    distance, rad/m, and by half of the backlash, rad, (3,); pitch, rad; gap and travel, m; whether
+    a plane is a face of the tip, (p,).
     """
     normals, offsets = stacked(touching_planes(dog))
     corners = rigid_dog(dog).vertices[np.array(touching_quads(dog))]
     lean = np.tan([dog.traction, dog.braking])
     lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
     least = np.append(lean, 0.5 * dog.backlash_angle)
-    return corners, normals, offsets, least, dog.pitch_angle, dog.axial_gap, dog.travel
+    ends = dog.pitch_angle, dog.axial_gap, dog.travel
+    return corners, normals, offsets, least, *ends, tip_planes(dog)
 
 
 @dataclass(frozen=True)
@@ -67,8 +78,9 @@ class PlanarClutch:
     def law(self) -> Array:
         """Law of the contact, (5,): stiffness, dissipation, dynamic friction, stiction, static.
 
-        Or of IMPACT, (7,): stiffness, damping, the same three, depth, transition velocity. As in
-        the Drake plant static friction counts where the contact set needs ``cenic``.
+        With a friction of faces, (6,), that too. Or of IMPACT, (7,): stiffness, damping, the same
+        three, depth, transition velocity. As in the Drake plant static friction counts where the
+        contact set needs ``cenic``.
         """
         contact = self.clutch.contact
         dynamic = contact.dynamic_friction
@@ -77,6 +89,8 @@ class PlanarClutch:
         if (own := contact.impact) is not None:
             law[0], law[1], law[4] = own.stiffness, own.damping, contact.static_friction
             law += [own.depth, own.transition_velocity]
+        elif contact.face_friction is not None:
+            law.append(contact.face_friction)
         return np.array(law)
 
     def run(self, point: OperatingPoint, angle: float) -> Run:

@@ -173,6 +173,8 @@ class Expectation:
     #: of the time of all shifts of the mix, by their share, retries included
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
     first_window_share: float = FIRST_WINDOW_SHARE  #: that defines the limit engagement speed
+    #: operating points under a further torque on a side, by that torque in N m
+    by_torque: Mapping[float, tuple[PointExpectation, ...]] = field(default_factory=dict)
 
     @property
     def weights(self) -> Array:

@@ -31,9 +31,9 @@ DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "bac
 def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
 
-    A limit of steps, later keys of the dog, IMPACT, engine, mechanism and drive are named where
-    they are not the usual ones; the limit of time never is, since a shift that it ends is not
-    kept (``unfinished``).
+    A limit of steps, later keys of the dog, IMPACT, friction of faces, engine, mechanism and drive
+    are named where they are not the usual ones; the limit of time never is, since a shift that it
+    ends is not kept (``unfinished``).
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
@@ -43,7 +43,7 @@ def clutch_record(clutch: Clutch) -> Record:
         # Records of shafts that stand have the key of the speed that earlier versions had.
         **({} if clutch.drive.turns else {"initial_speed_rpm": 0.0}),
         "contact_set": contact.name,
-        **ranged_record(contact),
+        **contact.record,
         **(ranged_record(contact.impact) if contact.impact else {}),
         "timeout_s": clutch.timeout,
         "seated_tolerance_mm": clutch.seated_tolerance / MM,
@@ -81,6 +81,8 @@ def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> R
         "drawn_force_rise_s": variant.rise,
         **uncertain_record(variant.source),
     }
+    if contact.face_friction is not None:
+        found["drawn_face_friction"] = contact.face_friction * variant.friction
     if "dissipation_factor" in dict(variant.source):
         found["dissipation_factor"] = variant.dissipation
         found["drawn_dissipation_s_m"] = contact.dissipation * variant.dissipation

@@ -1,4 +1,4 @@
-r"""Entry into the first window: direct entries in closed form, and the limit engagement speed.
+r"""Entry into the first window: direct entries in closed form, and limits of speed and torque.
 
 *Direct entry* (Aljawabrah and Lovas 2024). Flat tips enter a slot without touching a face with
 
@@ -14,12 +14,20 @@ angles engages in the first window, carried past no slot. The number of such shi
 mismatch has a Beta posterior of a uniform prior. Draws of it are made monotone from the mismatch
 with the largest share on (isotonic regression, weighted by the shifts), and the limit of a draw is
 where its straight lines between the tested mismatches fall below the share.
+
+*Limit engagement torque*. The same for a constant torque on a side during the shift: the largest
+one at which at least that share of all shifts at a force engages at the first try. A flank that a
+torque *M* presses lets the force *F* in up to
+
+.. math:: M = \frac{F r}{\tan(\beta + \arctan\mu)};
+
+on a free side a torque also adds :math:`M t/J` to the mismatch until the dogs meet at *t*.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -49,6 +57,21 @@ class SpeedLimit(NamedTuple):
     high: float
 
 
+class TorqueLimit(NamedTuple):
+    """Limit engagement torque at a force in one sense of the torque.
+
+    Torques are magnitudes, N m: 0 where the share is not reached without a torque, infinite where
+    it is with the largest one.
+    """
+
+    force: float  #: final shift force, N
+    sense: int  #: of the torque, 1 as the engine turns, -1 against it
+    tested: float  #: largest tested torque, N m
+    torque: float  #: median
+    low: float  #: end of the 95 % interval
+    high: float
+
+
 def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
     """Compute the share of the relative angles that enters without touching a face.
 
@@ -72,21 +95,21 @@ def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
     return min(max(share, 0.0), 1.0)
 
 
-def limit_draws(speeds: Array, engaged: Array, shifts: Array, share: float) -> Array:
-    """Draw limit engagement speeds, rad/s, (``DRAWS``,); 0 and infinity as in ``SpeedLimit``.
+def limit_draws(tested: Array, engaged: Array, shifts: Array, share: float) -> Array:
+    """Draw limits of engagement, (``DRAWS``,); 0 and infinity as in ``SpeedLimit``.
 
     Parameters
     ----------
-    speeds : magnitudes of the tested mismatches, growing, rad/s, (n,).
-    engaged : shifts that engage in the first window, (n,).
+    tested : magnitudes of mismatches in rad/s or of torques in N m, growing, (n,).
+    engaged : shifts that engage, of a mismatch in the first window, (n,).
     shifts : number of them in all, (n,).
     share : least share that engages.
     """
     from scipy.optimize import isotonic_regression  # noqa: PLC0415  slow to load
 
     peak = int(np.argmax((engaged + 1.0) / (shifts + 2.0)))
-    speeds, weights = speeds[peak:], shifts[peak:]
-    rng, size = np.random.default_rng(SEED), (DRAWS, speeds.size)
+    tested, weights = tested[peak:], shifts[peak:]
+    rng, size = np.random.default_rng(SEED), (DRAWS, tested.size)
     shares = rng.beta(engaged[peak:] + 1.0, weights - engaged[peak:] + 1.0, size)
     limits = np.empty(DRAWS)
     for draw, noisy in enumerate(shares):
@@ -99,7 +122,7 @@ def limit_draws(speeds: Array, engaged: Array, shifts: Array, share: float) -> A
         else:
             last = above[-1]
             part = (fit[last] - share) / (fit[last] - fit[last + 1])
-            limits[draw] = speeds[last] + part * (speeds[last + 1] - speeds[last])
+            limits[draw] = tested[last] + part * (tested[last + 1] - tested[last])
     return limits
 
 
@@ -114,9 +137,51 @@ def speed_limits(points: Sequence[PointExpectation], share: float) -> Iterator[S
             continue
         engaged = np.array([float(p.first_window or 0) for p in ordered])
         shifts = np.array([float(p.n) for p in ordered])
-        limits = limit_draws(speeds, engaged, shifts, share)
-        low, middle, high = np.quantile(limits, TAILS, method="nearest").tolist()
+        low, middle, high = _limit_interval(speeds, engaged, shifts, share)
         yield SpeedLimit(force, sense, float(speeds[-1]), middle, low, high)
+
+
+def _limit_interval(
+    tested: Array, engaged: Array, shifts: Array, share: float
+) -> tuple[float, float, float]:
+    """Compute the low end, median and high end of a limit; arguments as for ``limit_draws``."""
+    limits = limit_draws(tested, engaged, shifts, share)
+    low, middle, high = np.quantile(limits, TAILS, method="nearest").tolist()
+    return low, middle, high
+
+
+def torque_limits(
+    points: Sequence[PointExpectation],
+    by_torque: Mapping[float, Sequence[PointExpectation]],
+    share: float,
+) -> Iterator[TorqueLimit]:
+    """Estimate the limit at each force and sense with a tested torque, over all mismatches.
+
+    Parameters
+    ----------
+    points : operating points without a further torque.
+    by_torque : the same points under each further torque, N m.
+    share : least share that engages at the first try.
+    """
+    for force in sorted({found.point.profile.force for found in points}):
+        for sense in (-1, 1):
+            torques = sorted((t for t in by_torque if t * sense > 0.0), key=abs)
+            if not torques:
+                continue
+            groups = [points, *(by_torque[torque] for torque in torques)]
+            counts = np.array([_engaged_counts(group, force) for group in groups])
+            if not counts[:, 1].all():
+                continue  # every shift of some torque failed in the solver
+            tested = np.abs([0.0, *torques])
+            low, middle, high = _limit_interval(tested, counts[:, 0], counts[:, 1], share)
+            yield TorqueLimit(force, sense, float(tested[-1]), middle, low, high)
+
+
+def _engaged_counts(points: Sequence[PointExpectation], force: float) -> tuple[float, float]:
+    """Count the shifts at a force that engage at the first try, and all of them."""
+    of_force = [found for found in points if found.point.profile.force == force]
+    shifts = sum(found.n for found in of_force)
+    return float(shifts - sum(found.lost for found in of_force)), float(shifts)
 
 
 def _force_and_sense(found: PointExpectation) -> tuple[float, int]:

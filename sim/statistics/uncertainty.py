@@ -162,13 +162,8 @@ class Variant:
 
     def clutch(self, clutch: Clutch) -> Clutch:
         """Return the clutch as drawn."""
-        contact, rings = clutch.contact, clutch.rings
-        drawn = replace(
-            contact,
-            static_friction=contact.static_friction * self.friction,
-            dynamic_friction=contact.dynamic_friction * self.friction,
-            dissipation=contact.dissipation * self.dissipation,
-        )
+        rings = clutch.rings
+        drawn = clutch.contact.scaled(self.friction, self.dissipation)
         inertia = rings.output_inertia * self.inertia
         return replace(clutch, contact=drawn, rings=replace(rings, output_inertia=inertia))
 

@@ -134,8 +134,8 @@ class LoadCase:
     Classes of ``spectrum`` replace the ``shifts`` in the fatigue of the root: torque over the rated
     one, negative on the braking flank, and cycles. Without ``accuracy`` (ISO 1328-1) or
     ``pitch_sd``, ``run_out`` and ``tilt`` the load sharing is fixed. Friction of dogs and toothing
-    lies between ``friction_hold`` and ``friction_release``; the toothing may have its own ends. A
-    ``spline_friction`` of 0 is a ring without a toothing.
+    lies between ``friction_hold`` and ``friction_release``; the toothing may have its own ends, and
+    faces their own number. A ``spline_friction`` of 0 is a ring without a toothing.
     """
 
     torque: float = within("torque_Nm", 1e-3, 1e5, 200.0)
@@ -163,6 +163,7 @@ class LoadCase:
     run_out: float = within("run_out_um", 0.0, 1000.0, 0.0)
     tilt: float = within("tilt_mrad", 0.0, 50.0, 0.0)
     contact_stiffness: float = STIFFNESS  #: of the shifts, Pa/m
+    face_friction: float | None = None  #: of faces on faces in the shifts; None: that of flanks
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
     spline_friction_release: float | None = within("spline_friction_release", 0.0, 1.5, None)
@@ -200,6 +201,11 @@ class LoadCase:
                 bound = "at most" if side < 0.0 else "at least"
                 rule = f"it must be {bound} {key} = {nominal:.6g}, which shifts are simulated with"
                 raise InputError(refusal(f"load.{name}", end, "", rule, "correct one of them"))
+
+    @property
+    def face_release_friction(self) -> float:
+        """Friction above which faces have to slide: of the shifts, or the flanks' upper end."""
+        return self.friction_release if self.face_friction is None else self.face_friction
 
     @property
     def spline_interval(self) -> tuple[float, float]:

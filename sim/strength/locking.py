@@ -114,7 +114,7 @@ def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
     """Return the checks of release, and of holding and pulling out where these have a limit."""
     rows = []
     if load.faces_release:
-        rows.append(("chamfer_release", face_angle(dog), math.atan(load.friction_release)))
+        rows.append(("chamfer_release", face_angle(dog), math.atan(load.face_release_friction)))
     if load.release_by_itself:
         least = release_angle(dog, load)
         rows += [(f"{flank}_release", side_angle(dog, flank), least) for flank in FLANKS]
@@ -133,9 +133,11 @@ def locking_friction(dog: Dog, load: LoadCase) -> tuple[float, str]:
     """Return the static friction above which a surface locks first, and that surface's check.
 
     A flank locks where its release angle reaches its side angle, a face where it no longer slides
-    from rest. Those do not count that the load case lets hold.
+    from rest. Those do not count that the load case lets hold, nor faces with another friction.
     """
-    found = {"chamfer_release": math.tan(face_angle(dog))} if load.faces_release else {}
+    found = dict[str, float]()
+    if load.faces_release and load.face_friction is None:
+        found["chamfer_release"] = math.tan(face_angle(dog))
     if load.release_by_itself:
         angles = {flank: side_angle(dog, flank) for flank in FLANKS}
         found |= {f"{f}_release": _flank_locks(dog, load, angle) for f, angle in angles.items()}

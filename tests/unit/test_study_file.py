@@ -15,6 +15,7 @@ from dogshape.diagnosis.bench.stand_file import _BenchFile
 from dogshape.pipeline.config.schema import SearchSection, StudyFile, keys_like
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.config.toml_text import toml_text
+from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.sim.clutch_tables import RULES, DriveSection, broken_rule
 from dogshape.sim.errors import DogshapeError, InputError, ranged_record
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, SpeedControl
@@ -36,6 +37,9 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("dog.chamfer_deg=nan", "dog.chamfer_deg is nan deg"),
     ("dog.count=70", "tip width at the inner radius is -"),
     ("contact.set=lubricated_stel", "did you mean 'lubricated_steel'?"),
+    ("expectation.limit_torques_Nm=[2.0, 0.0]", "limit_torques_Nm is 0 N m, but each torque is an"),
+    ("expectation.limit_torques_Nm=[2.0, 2.0]", "limit_torques_Nm is 2 N m, but each torque is an"),
+    ("expectation.limit_torque_side=input", "limit_torque_side is 'input', but it must be one of"),
     ("contact.dynamic_friction=0.5", "it must not exceed contact.static_friction = 0.12"),
     (["dog.backlash_mm=0.3", "dog.backlash_deg=1"], "dog.backlash_deg is 1 deg beside dog.backl"),
     ("dog.backlash_deg='1 deg'", "dog.backlash_deg is '1 deg', but it must be a number in deg"),
@@ -209,6 +213,14 @@ def test_an_override_without_a_value_takes_a_key_out() -> None:
     assert plain.file.load.landing_share is None
     assert plain.file.search.confirm_angles == SearchSection.model_fields["confirm_angles"].default
     assert load_study("mq200_paper", dict.fromkeys(keys)).file == plain.file
+
+
+def test_one_angle_confirms_a_study_of_the_compiled_engine() -> None:
+    """Where Drake makes the means themselves, an error needs three."""
+    one = "search.confirm_angles=1"
+    assert new_angles(load_study("mq200_both", [one]).working) == 2 * 24
+    with pytest.raises(InputError, match=r"confirm_angles is 1, but .* at least 3.*engine out"):
+        load_study("mq200_both", [one, "solver.engine=drake"])
 
 
 def test_a_word_finds_the_keys_that_begin_with_it() -> None:

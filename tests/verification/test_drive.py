@@ -190,6 +190,28 @@ def test_a_control_with_dead_time_follows_its_recursion(
     assert trace.relative_speed == pytest.approx(exact, abs=1e-6)
 
 
+def test_a_control_to_no_mismatch_slows_faces_that_slide(clutch: Clutch) -> None:
+    """They creep at F r tan(slope - arctan mu) (J1 + J2)/J2 over the gain; integrals hold.
+
+    Faces out of parallel touch at their inner ends (``sim.shift.slide``).
+    """
+    slope, gain, force = 20.0 * DEG, 1.0, 235.0
+    dog = replace(clutch.dog, chamfer=slope, axial_gap=1e-5)
+    steep = replace(clutch.with_engine("planar"), dog=dog, timeout=0.3)
+    point = OperatingPoint(0.0, ForceProfile(force, 1e-3))
+    torque = force * dog.inner_radius
+    torque *= math.tan(slope - math.atan(clutch.contact.dynamic_friction))
+    creep = torque * (NEAR + FAR) / FAR / gain
+    speeds = []
+    for integral in (0.0, 20.0):
+        control = SpeedControl(proportional=gain, integral=integral, cycle=1e-3)
+        trace = engage(replace(steep, drive=Drive(control=control)), point, 0.0).trace
+        sliding = (trace.time > 0.05) & (trace.time < 0.07)
+        speeds.append(np.abs(trace.relative_speed[sliding]).mean())
+    assert speeds[0] == pytest.approx(creep, rel=0.03)
+    assert speeds[1] < 0.6 * creep
+
+
 def test_a_drive_turns_what_is_behind_a_shaft(clutch: Clutch, engine: str) -> None:
     """The torque acts on the rest of a side; the whole side gets its momentum."""
     shaft = {"ring_inertia": 0.0005, "input_stiffness": 15e3,

@@ -8,17 +8,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dogshape import Study
 from dogshape.pipeline.config.study_file import SURE
 from dogshape.pipeline.store.result_records import LimitRow, PointRow
 from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, engage
+from dogshape.sim.shift.drive import Drive
+from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.planar import PlanarClutch
-from dogshape.sim.statistics.blocks import even_block, run_block
-from dogshape.sim.statistics.expectation import SetPoint, ShiftResult, expect_point, time_quantile
+from dogshape.sim.statistics.blocks import Block, even_block, run_block
+from dogshape.sim.statistics.expectation import (
+    PointExpectation,
+    SetPoint,
+    ShiftResult,
+    expect_point,
+    time_quantile,
+)
 from dogshape.sim.statistics.shift_records import entries_by_angle, first_windows, result_of
-from dogshape.sim.statistics.shiftability import direct_share, limit_draws, speed_limits
+from dogshape.sim.statistics.shiftability import (
+    direct_share,
+    limit_draws,
+    speed_limits,
+    torque_limits,
+)
 from dogshape.sim.units import DEG, RPM
 
 SLOW = SetPoint(amplitude=2.0, period=0.5, start=0.1)  #: swings by 1/pi rad
@@ -211,3 +225,82 @@ def test_limits_are_by_force_and_sense_of_the_mismatch() -> None:
     assert rows[0].limit_engagement_speed_rpm == pytest.approx(first.speed / RPM)
     assert rows[1].limit_engagement_speed_rpm is None
     assert rows[1].cell("limit_engagement_speed_rpm") == f"over {9.0 / RPM:.4g}"
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_the_limit_torque_of_a_pressed_flank_is_its_closed_form(flat: Clutch, sense: int) -> None:
+    """F r/tan(flank + arctan mu), with the share of the torque that the inertias let through.
+
+    A torque on the sliding side presses a flank once the damped ring is a third of the height deep.
+    Friction that slips at some mm/s is 2 % below its coefficient, and the time ends at 0.6 s.
+    """
+    force, damping = 235.0, 2000.0
+    dog, rings = replace(flat.dog, axial_gap=1e-5), flat.rings
+    flank = dog.traction if sense > 0 else dog.braking
+    share = rings.output_inertia / (rings.sliding_inertia + rings.output_inertia)
+    lean = math.tan(flank + math.atan(flat.contact.dynamic_friction))
+    limit = force * dog.mean_radius / lean / share
+    pressed = 0.3 * dog.height * damping / force
+    depths = np.linspace(0.3, 0.4, 8) * dog.height
+    turns = (dog.height - depths) * math.tan(flank) / dog.mean_radius
+    angles = tuple((0.5 * dog.pitch_angle + sense * turns).tolist())
+    damped = replace(flat, dog=dog, timeout=0.6, mechanism=Mechanism(damping=damping))
+    point = OperatingPoint(0.0, ForceProfile(force, 1e-4))
+
+    def expected(torque: float) -> list[PointExpectation]:
+        times = (0.0, pressed, pressed + 1e-3)
+        drive = Drive(sliding_torque=(0.0, 0.0, torque), times=times)
+        rows = run_block(Block(replace(damped, drive=drive), point, angles))
+        return [expect_point(point, [result_of(row) for row in rows], 0.6, 0.2)]
+
+    torques = [sense * factor * limit for factor in (0.5, 0.9, 0.97, 1.1, 1.2)]
+    by_torque = {torque: expected(torque) for torque in torques}
+    (found,) = torque_limits(expected(0.0), by_torque, 0.5)
+    assert (found.force, found.sense) == (force, sense)
+    assert found.tested == pytest.approx(1.2 * limit)
+    assert 0.97 * limit < found.low <= found.high < 1.1 * limit
+    assert found.torque == pytest.approx(limit, rel=0.06)
+
+
+def _counted(force: float, engaged: int, n: int) -> PointExpectation:
+    shifts = [ShiftResult(Outcome.ENGAGED, 0.1)] * engaged
+    shifts += [ShiftResult(Outcome.TIMED_OUT, None)] * (n - engaged)
+    return expect_point(OperatingPoint(5.0, ForceProfile(force, 0.01)), shifts, 1.0, 0.2)
+
+
+def test_limit_torques_are_by_force_and_sense_over_all_mismatches() -> None:
+    """Pooled counts fall from 1 by 0.1 a newton metre: 0.85 is between 1 and 2 N m."""
+    n = 4000
+    points = [_counted(force, n, n) for force in (300.0, 500.0, 500.0)]
+    loaded = {
+        torque: [
+            _counted(300.0, n, n),
+            _counted(500.0, round(n * (1.0 - 0.2 * torque)), n),
+            _counted(500.0, n, n),
+        ]
+        for torque in (2.0, 1.0)
+    }
+    over, found = torque_limits(points, loaded, 0.85)
+    assert (over.force, over.sense, over.tested) == (300.0, 1, 2.0)
+    assert math.isinf(over.torque)
+    assert (found.force, found.sense) == (500.0, 1)
+    assert found.low < 1.5 < found.high
+    assert found.torque == pytest.approx(1.5, abs=0.03)
+    assert [limit.sense for limit in torque_limits(points, {-1.0: loaded[1.0]}, 0.85)] == [-1, -1]
+    assert not [*torque_limits(points, {}, 0.85)]
+
+
+def test_expect_states_limit_torques_where_torques_are_given() -> None:
+    """In JSON and in a table; without torques there is no key."""
+    place = {"operating.mismatch_rpm": [50.0], "operating.force_N": [469.0]}
+    torques = {
+        "expectation.limit_torques_Nm": [0.5, -0.5],
+        "expectation.limit_torque_side": "sliding",
+    }
+    plain = Study("mq200", place).expect(angles=3, jobs=1)
+    loaded = Study("mq200", place | torques).expect(angles=3, jobs=1)
+    assert "engagement_torque_limits" not in plain.to_dict()
+    rows = loaded.to_dict()["engagement_torque_limits"]
+    assert [(row["sense"], row["tested_Nm"]) for row in rows] == [(-1, 0.5), (1, 0.5)]
+    assert loaded.to_dict()["points"] == plain.to_dict()["points"]
+    assert "limit engagement torque, N m" in repr(loaded)
