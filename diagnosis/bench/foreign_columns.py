@@ -145,7 +145,11 @@ def matched(
             free.remove(column)
             why = "name and unit" if column.unit else "name"
             matches.append(Match(quantity, ((column, column.unit),), why))
-    questions += [_missing(quantity, free) for quantity in missing]
+    nameless = [column.head == f"column {column.place}" for column in columns]
+    if missing and all(nameless):
+        questions.append(_ask_for_names(missing, columns))
+    else:
+        questions += [_missing(quantity, free) for quantity in missing]
     if quantities is SHIFTS:
         matches, asked = _with_spread(matches, options)
         questions += [*asked, *_uncounted_means(matches, options)]
@@ -164,6 +168,15 @@ def _ask_about_numbers(head: str) -> str:
     return (
         f"'{head}' numbers the rows and is no count of shifts; say --column order='{head}'"
         f", or --column n_shifts='{head}' where each row is the mean of so many shifts"
+    )
+
+
+def _ask_for_names(missing: Sequence[Quantity], columns: Sequence[Column]) -> str:
+    names = ", ".join(quantity.name for quantity in missing)
+    heads = ", ".join(repr(column.head) for column in columns)
+    return (
+        f"no column looks like {names}: no row names the columns ({heads}); add names and units, or "
+        f"say each, such as --column {missing[0].name}='{columns[0].head}:UNIT'"
     )
 
 

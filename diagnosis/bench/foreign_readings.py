@@ -42,11 +42,25 @@ from dogshape.diagnosis.bench.foreign_columns import (
     matched,
     with_repeats,
 )
-from dogshape.diagnosis.bench.foreign_table import ForeignTable
-from dogshape.diagnosis.bench.quantities import SHIFTS, Quantity, counts_up, grows, plain_words
+from dogshape.diagnosis.bench.foreign_table import (
+    REPEATS,
+    TRANSPOSED,
+    ForeignTable,
+    side_question,
+)
+from dogshape.diagnosis.bench.quantities import (
+    SHIFTS,
+    WORD,
+    Quantity,
+    counts_up,
+    grows,
+    plain_words,
+    score,
+)
 from dogshape.diagnosis.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
+from dogshape.sim.raw_sheet import CellNote
 from dogshape.sim.texts import listed
 
 MOST = 12  #: faults of one kind that are listed one by one
@@ -54,6 +68,10 @@ MOST = 12  #: faults of one kind that are listed one by one
 MIXED_UNITS = {"force_N": 100.0, "shift_time_s": 300.0}
 #: Quantities of which a merged cell would repeat a result, not a set value.
 RESULTS = ("shift_time_s", "shift_time_sd_s", "n_shifts")
+SENTENCES = {
+    TRANSPOSED: "the table is transposed: its columns are the rows of shifts, numbered from 1",
+    REPEATS: "each cell of the columns of repeats is a shift of its own",
+}
 Values = list[Any]  #: a value for each row, None where there is none
 
 
@@ -101,11 +119,20 @@ class TableReader:
                 questions.append(str(error))
             table, options, asked = with_repeats(table, options)
             questions += asked
+            stated = {quantity.name for quantity in SHIFTS if quantity.needed} <= set(options)
+            questions += [] if stated else filter(None, [side_question(table.columns)])
         self.table = table
         self.matching = matched(table.columns, quantities, options)
+        full = _filled_rows(self.matching.columns, len(table.rows))
+        if quantities is SHIFTS and 0 < len(full) < len(table.rows):
+            empty = sorted({*range(len(table.rows))} - {*full})
+            reasons = [(table.rows[k], "empty in the columns of the shifts") for k in empty]
+            self.table = table = table.taking(full, reasons)
+            self.matching = matched(table.columns, quantities, options)
         self.matches = {match.quantity.name: match for match in self.matching.matches}
         read = self.matching.columns
         if quantities is SHIFTS:
+            settled |= _left_out_by_user(table, options)
             self.plan = row_plan(table, read, self.choice, settled)
             if read.get(self.plan.share) == "engaged":
                 del self.matches["engaged"]
@@ -115,7 +142,7 @@ class TableReader:
         words = [text for place, text in table.place_questions if place not in places]
         faults = [*words, *questions, *self._cell_faults(read)]
         cells = {
-            column.head: [split_quantity(cell)[0] for cell in column.cells]
+            column.head: [split_quantity(cell)[0] for cell in self._plain_cells(column)]
             for column in read
             if not is_dated(column.cells) and not column.true_numbers
         }
@@ -138,11 +165,19 @@ class TableReader:
             for column in table.columns
             if column not in read
         ]
+        if table.layout.name in SENTENCES:
+            report.assumed.append(f"{file}: {SENTENCES[table.layout.name]}")
         merged = [note for note in table.sheet.merged if note.row in table.rows]
         if merged:
             report.assumed.append(
                 f"{file}: merged cells hold for all their rows ({len(merged)} cells)"
             )
+
+    def _plain_cells(self, column: Column) -> list[str]:
+        """Give the cells of a column, empty for those that have a note."""
+        noted = {note.row for note in self.table.sheet.notes if note.place == column.place}
+        rows = self.table.rows
+        return ["" if row in noted else cell for row, cell in zip(rows, column.cells, strict=True)]
 
     def _cell_faults(self, read: Mapping[Column, str]) -> list[str]:
         """List cells of a workbook that cannot be read as they stand."""
@@ -159,13 +194,17 @@ class TableReader:
             (note, f"{note.sentence}, one result for several rows; write a value into each row")
             for note in repeated
         ]
-        faults = [
-            f"row {note.row}, column '{heads[note.place]}': {sentence}"
-            for note, sentence in sentences
-            if note.row in rows
-        ]
-        more = [f"{len(faults) - MOST} more cells like these"] if len(faults) > MOST else []
-        return faults[:MOST] + more
+        groups: dict[int, list[tuple[CellNote, str]]] = {}
+        for note, sentence in sentences:
+            if note.row in rows:
+                groups.setdefault(note.place, []).append((note, sentence))
+        faults = []
+        for place, cells in groups.items():
+            first, sentence = cells[0]
+            others = ", ".join(str(note.row) for note, _ in cells[1:MOST])
+            likewise = f"; likewise row {others}" if others else ""
+            faults.append(f"row {first.row}, column '{heads[place]}': {sentence}{likewise}")
+        return faults
 
     def lines(self) -> Iterator[tuple[str, str]]:
         """Describe the steps of reading, pairs of a step and a line."""
@@ -259,7 +298,7 @@ class TableReader:
         """Ask about values so far apart that two units may stand in one column."""
         limit = MIXED_UNITS.get(match.quantity.name)
         sizes = [(value, k) for k, value in enumerate(values) if value is not None and value > 0.0]
-        if limit is None or match.stated or len(sizes) < 2:
+        if limit is None or self.quantities is not SHIFTS or match.stated or len(sizes) < 2:
             return
         (least, low), (largest, high) = min(sizes), max(sizes)
         if largest < limit * least:
@@ -279,7 +318,11 @@ class TableReader:
         cells = self._filled_down(match, column)
         values, factors = self._cell_numbers(match, column, cells, unit)
         empty = np.array([cell.lower() in NOTHING for cell in cells])
-        if (bad := np.isnan(values) & ~empty).any():
+        noted = [
+            not plain and bool(cell)
+            for plain, cell in zip(self._plain_cells(column), column.cells, strict=True)
+        ]
+        if (bad := np.isnan(values) & ~empty & ~np.array(noted)).any():
             wrong = [cell for cell, is_bad in zip(cells, bad, strict=True) if is_bad]
             rows = self._rows(cells, bad.tolist())
             self._fault(match, f"must hold numbers, but has {rows}; {_remedy_of(wrong)}")
@@ -438,13 +481,26 @@ class TableReader:
         return self._record(match, values, way, unit.text if unit else "")
 
 
+def _left_out_by_user(table: ForeignTable, options: Mapping[str, str]) -> frozenset[str]:
+    """Name the columns of quantities that the user leaves out."""
+    left_out = [q for q in SHIFTS if options.get(q.name) == NONE]
+    return frozenset(c.head for c in table.columns for q in left_out if score(q, c) >= WORD)
+
+
+def _filled_rows(read: Mapping[Column, str], count: int) -> list[int]:
+    """Find the places of rows with a cell in a column that is read."""
+    if not read:
+        return [*range(count)]
+    return [k for k in range(count) if any(column.cells[k] for column in read)]
+
+
 def _remedy_of(cells: Sequence[str]) -> str:
     """Say what to do with cells that are no numbers."""
     if any("±" in cell or "+-" in cell or "+/-" in cell for cell in cells):
         return "write what stands behind ± into a column of its own, named standard deviation"
     if any(re.search(r"\d\s*[,;/|]\s+\d", cell) for cell in cells):
         return "write each shift into a row of its own"
-    if any(cell.startswith(("<", ">", "≤", "≥")) for cell in cells):
+    if any(re.match(r"[<>≤≥]\s*\d", cell) for cell in cells):
         return (
             "empty the cells and write no into a column engaged where these shifts did not engage, "
             "or write the times"

@@ -550,7 +550,7 @@ def _block_sentence(path: Path, titles: Sequence[tuple[int, str]]) -> str:
 
 
 def _require_rows_of_shifts(table: ForeignTable, grid: _Grid) -> None:
-    """Raise DataError for a matrix, blocks with titles and tables side by side."""
+    """Raise DataError for a matrix and for blocks with titles."""
     path, columns = table.path, table.columns
     needs = [_needs_of(column) for column in columns]
     names = set().union(*needs)
@@ -566,14 +566,18 @@ def _require_rows_of_shifts(table: ForeignTable, grid: _Grid) -> None:
                 "column; write a row for each operating point, with mismatch, force, shift time "
                 "and number of shifts in columns"
             )
-    sides = _sides(table, needs)
-    if sides:
-        spans = ", ".join(f"{side[0].place} to {side[-1].place}" for side in sides)
-        options = " ".join(_options_of(side) for side in sides[:1])
-        raise DataError(
-            f"{path} has {len(sides)} tables side by side (columns {spans}); save each as a file "
-            f"of its own, or name the columns of the shifts: {options}"
-        )
+
+
+def side_question(columns: Sequence[Column]) -> str:
+    """Ask which of several tables side by side has the shifts, empty for a single table."""
+    sides = _sides(columns)
+    if not sides:
+        return ""
+    spans = ", ".join(f"{side[0].place} to {side[-1].place}" for side in sides)
+    return (
+        f"{len(sides)} tables stand side by side (columns {spans}); save each as a file of its "
+        f"own, or name the columns of the shifts: {_options_of(sides[0])}"
+    )
 
 
 def _is_matrix(table: ForeignTable, grid: _Grid) -> bool:
@@ -596,12 +600,13 @@ def _is_matrix(table: ForeignTable, grid: _Grid) -> bool:
     return bool(square and not is_number(corner) and not begins_with_number(corner))
 
 
-def _sides(table: ForeignTable, needs: Sequence[set[str]]) -> list[list[Column]]:
+def _sides(columns: Sequence[Column]) -> list[list[Column]]:
     """Divide columns into tables that each have two needed quantities, empty for a single table."""
     sides: list[list[Column]] = []
     seen: set[str] = set()
     last_place = 0
-    for column, names in zip(table.columns, needs, strict=True):
+    for column in columns:
+        names = _needs_of(column)
         heads = {c.head for c in sides[-1]} if sides else set()
         gap = column.place > last_place + 1
         again = column.head in heads and bool(names & seen)
