@@ -386,7 +386,7 @@ def _row_marks(sheet: Worksheet, number: int, cells: Sequence[Cell]) -> tuple[st
     line = sheet.row_dimensions[number]
     filled = [cell for cell in cells if cell.value is not None]
     marks = []
-    if line.hidden:
+    if line.hidden or line.height == 0:
         filtered = sheet.auto_filter is not None and bool(sheet.auto_filter.filterColumn)
         marks.append(FILTERED if filtered else HIDDEN)
     elif line.outlineLevel:

@@ -223,7 +223,10 @@ def _missing(quantity: Quantity, free: Sequence[Column]) -> str:
     sentence = special(free) if special else ""
     if sentence and not sentence.startswith(";"):
         return sentence
-    heads = ", ".join(repr(column.head) for column in free) or "none"
+    heads = ", ".join(
+        f"{column.head!r}{' (hidden in the workbook)' if column.hidden else ''}" for column in free
+    )
+    heads = heads or "none"
     return (
         f"no column looks like {quantity.name}; say which one it is: --column {quantity.name}="
         f"COLUMN or COLUMN:UNIT (columns left: {heads}){sentence}"
@@ -467,7 +470,7 @@ def _certain_repeats(columns: Sequence[Column]) -> list[Column]:
         if enough and len(units) == 1 and not has_word(time.against, name):
             values = np.array([column.values for column in group])
             phases = (np.diff(values, axis=0)[:, np.isfinite(values).all(axis=0)] > 0.0).all()
-            if not phases or values.shape[1] < 2:
+            if worded or not phases or values.shape[1] < 2:
                 return group
     return []
 

@@ -109,6 +109,7 @@ class TableReader:
         """
         self.quantities, self.report, self.choice = quantities, report, choice or RowChoice()
         self.sign = decimal
+        self.is_decimal_open = False
         questions: list[str] = []
         self.plan = RowPlan(table.rows, ())
         settled = frozenset[str]()
@@ -150,6 +151,7 @@ class TableReader:
             stated = decimal or table.stated
             self.sign = decimal_sign(cells, table.rows, stated, table.separator)
         except DataError as error:
+            self.is_decimal_open = True
             faults.append(str(error))
         self._record_faults(faults, read)
 
@@ -298,7 +300,13 @@ class TableReader:
         """Ask about values so far apart that two units may stand in one column."""
         limit = MIXED_UNITS.get(match.quantity.name)
         sizes = [(value, k) for k, value in enumerate(values) if value is not None and value > 0.0]
-        if limit is None or self.quantities is not SHIFTS or match.stated or len(sizes) < 2:
+        if (
+            self.is_decimal_open
+            or limit is None
+            or self.quantities is not SHIFTS
+            or match.stated
+            or len(sizes) < 2
+        ):
             return
         (least, low), (largest, high) = min(sizes), max(sizes)
         if largest < limit * least:

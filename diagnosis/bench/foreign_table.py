@@ -208,7 +208,7 @@ def read_sheet(path: Path, limits: TableLimits) -> tuple[RawSheet, str | None]:
     text = "".join(read_lines(path, limits))
     stated = _DECIMAL.search(text)
     text = _LABVIEW.sub(lambda match: "\n" * match.group().count("\n"), text)
-    lines = text.splitlines(keepends=True) if "\x0b" not in text else text.split("\n")
+    lines = [f"{line}\n" for line in text.split("\n")]
     return text_sheet(path, lines, _separator(lines), limits), stated[1] if stated else None
 
 
@@ -259,8 +259,14 @@ def table_of(
     if not body:
         raise DataError(f"{path} has no row of a shift; name its rows with --rows, such as 2-41")
     _require_width(path, grid, body, width)
+    nameless = ("",) * int(grid.filled[body, width:].any(axis=0).sum())
     layout = replace(
-        layout, name=name, body=tuple(grid.raw[k] for k in body), left_out=tuple(sorted(left))
+        layout,
+        name=name,
+        names=layout.names + nameless,
+        units=layout.units + nameless,
+        body=tuple(grid.raw[k] for k in body),
+        left_out=tuple(sorted(left)),
     )
     columns = _columns(sheet, layout, [grid.cells[k] for k in body])
     table = ForeignTable(
@@ -291,7 +297,8 @@ def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[C
 
 
 def _require_width(path: Path, grid: _Grid, body: Sequence[int], width: int) -> None:
-    wide = grid.filled[body, width:].any(axis=1)
+    """Raise DataError for numbers beyond the last name; words there are a column without one."""
+    wide = grid.numeric[body, width:].any(axis=1)
     if wide.any():
         raise DataError(
             f"{path}, row {grid.rows[body[int(wide.argmax())]]} has more cells than the {width} "
@@ -327,7 +334,7 @@ def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) ->
         if grid.cells[k] in repeated:
             left.append((grid.rows[k], "repeats the head"))
         elif k in heads:
-            titles = _titles(grid, [j for j in range(k) if not grid.data[j]])
+            titles = _titles(grid, [j for j in range(k + 1) if not grid.data[j]])
             if len(titles) > 1:
                 raise DataError(_block_sentence(path, titles))
             raise DataError(
@@ -382,12 +389,15 @@ def _is_numbered_head(grid: _Grid, first: int) -> bool:
         return False
     words = grid.filled[first] & ~grid.numeric[first] & grid.numeric[first + 1]
     cells = grid.cells[first]
+    numbers = [cells[k] for k in np.flatnonzero(grid.numeric[first])]
+    counted = numbers == [str(k) for k in range(1, len(numbers) + 1)]
+    nameless = ~grid.filled[first] & grid.numeric[first + 1]
+    if counted and nameless.any() and grid.is_head(first - 1):
+        return True
     if not words.any() or any(
         begins_with_number(cells[k]) or cells[k].lower() in NOTHING for k in np.flatnonzero(words)
     ):
         return False
-    numbers = [cells[k] for k in np.flatnonzero(grid.numeric[first])]
-    counted = numbers == [str(k) for k in range(1, len(numbers) + 1)]
     return counted and _named_needs(_head(grid, first)[0]) < 2
 
 
@@ -584,7 +594,7 @@ def _is_matrix(table: ForeignTable, grid: _Grid) -> bool:
     """Test that numbers stand as names above numbers, or names share a word beside a number."""
     heads = [column.head for column in table.columns]
     lettered = [re.sub(r"[\d.,\s]+", "#", head) for head in heads[1:] if re.search(r"\d", head)]
-    units = [c.unit for c in table.columns[1:] if c.unit and re.search(r"\d\s*\w+\]?$", c.head)]
+    units = [c.unit for c in table.columns[1:] if c.unit and re.search(r"(^|[=\s])\d", c.name)]
     same = len(lettered) > 1 and len(set(lettered)) == 1 and len(lettered) == len(heads) - 1
     if (
         same

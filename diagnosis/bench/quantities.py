@@ -117,7 +117,8 @@ SHIFTS = (
              r"(run )?order|reihenfolge|lfd( nr)?|laufende nummer|laufnummer|sequence|sequenz"
              "|run (number|no)|versuchsnummer|shift number"),
     Quantity("timestamp", TIME,
-             "time ?stamp|zeitstempel|(datum|date|date time|datum uhrzeit)"),
+             "time ?stamp|zeitstempel|(datum|date|date time|datum uhrzeit)",
+             against=r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)"),
 )  # fmt: skip
 TRACE = (
     Quantity("t_s", TIME, "-", "t|time|zeit", needed=True),

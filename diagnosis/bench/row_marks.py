@@ -45,7 +45,7 @@ _FLAG = (
 )
 _POINT = r"\w*punkt|\w*point|op|bp|set ?point|condition|bedingung|punto|bod|label|kombination"
 _SHARE = (
-    r"engag\w*|eingelegt|eingerueckt|eingespurt|eingerastet|erfolg\w*|success\w*|ok|io|fail\w*"
+    r"engag\w*|i o|n i o|eingelegt|eingerueckt|eingespurt|eingerastet|erfolg\w*|success\w*|ok|io|fail\w*"
     r"|fehl\w*|nok|nio|\w*quote|rate|share|anteil|ratio|percent|prozent|taux|reussi\w*|enclench\w*"
     r"|innest\w*|tasso|porcentaje|podil|udzial|misses|hits|blocked|blockiert|hang\w*"
 )
