@@ -30,6 +30,7 @@ _NUMBER = re.compile(
 )
 _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")  # thousands or three decimals
 _BEGINS = re.compile(r"[<>=~≤≥≈±+-]*\s*[.,]?\d")
+MAX_QUANTITY = 40  #: characters of a number with its unit
 NAMES = {".": "point", ",": "comma"}
 OTHER = {".": ",", ",": "."}
 
@@ -58,7 +59,8 @@ def numbers_of(cells: Sequence[str], sign: str | None = None) -> Array:
             return math.nan
         decimal = sign or ("," if "," in text and "." not in text else ".")
         digits = re.sub(f"[ '{OTHER[decimal]}]", "", text).replace(decimal, ".")
-        return float(digits.replace("D", "e").replace("d", "e"))
+        number = float(digits.replace("D", "e").replace("d", "e"))
+        return number if math.isfinite(number) else math.nan
 
     return np.array([value(plain(cell)) for cell in cells], dtype=float)
 
@@ -185,6 +187,8 @@ def unit_with_factor(text: str) -> Unit | None:
 def split_quantity(cell: str) -> tuple[str, Unit | None]:
     """Divide a cell such as ``0,642 kN`` into its number and unit; others stay whole."""
     text = plain(cell)
+    if len(text) > MAX_QUANTITY:
+        return cell, None
     if is_number(text) or not begins_with_number(text):
         return cell, None
     for gap in re.finditer(r"(?<=\d)\s*(?=[^\d.,'\s])|(?<=\d)\s+", text):

@@ -185,12 +185,15 @@ def _which(name: str, candidates: Sequence[Column]) -> str:
     heads = [column.head for column in candidates]
     if name == "mismatch_rpm" and len(set(heads)) > 1:
         return _difference_question(name, candidates)
-    if name == "shift_time_s" and len({repeated_name(column) for column in candidates}) == 1:
-        if repeated_name(candidates[0]) is not None:
-            return _repeats_question(candidates)
+    repeated = {repeated_name(column) for column in candidates}
+    if name == "shift_time_s" and len(repeated) == 1 and None not in repeated:
+        return _repeats_question(candidates)
     named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in candidates]
     ways = " or ".join(f"--column {name}='{label}'" for label in named)
-    return f"{name} may be the column {' or '.join(map(repr, heads))}; say which: {ways}"
+    question = f"{name} may be the column {' or '.join(map(repr, heads))}; say which: {ways}"
+    if name == "shift_time_s" and len(set(heads)) == len(heads):
+        question += f", or --column {name}='{'; '.join(heads)}' where each is the time of a shift"
+    return question
 
 
 def _difference_question(name: str, candidates: Sequence[Column]) -> str:
@@ -270,6 +273,9 @@ def _missing_force(free: Sequence[Column]) -> str:
 
 def _missing_time(free: Sequence[Column]) -> str:
     names = {column: plain_words(column.name) for column in free}
+    numbered = [column for column in free if column.head.isdecimal()]
+    if len(numbered) > 1:
+        return _repeats_question(numbered)
     ends = [column for column in free if re.fullmatch(_TIMES_AT, names[column])]
     if len(ends) == 2:
         first, second = sorted(ends, key=lambda column: float(np.nanmean(column.values)))
@@ -407,7 +413,7 @@ def with_repeats(
 
     Returns the table, the options with the column that holds all repeats, and questions.
     """
-    repeats = _stated_repeats(table.columns, options.get("shift_time_s", ""))
+    repeats, unit = _stated_repeats(table.columns, options.get("shift_time_s", ""))
     if not repeats and "shift_time_s" not in options:
         repeats = _certain_repeats(table.columns)
     if not repeats:
@@ -431,7 +437,7 @@ def with_repeats(
     first = repeats[0]
     times = replace(
         first,
-        head=", ".join(column.head for column in repeats),
+        head="; ".join(column.head for column in repeats),
         name=repeated_name(first) or first.name,
         cells=tuple(cells[r][k] for k, r in places),
     )
@@ -445,14 +451,18 @@ def with_repeats(
         left_out=sorted([*table.left_out, *empty]),
         summaries=tuple((column.head, "summary of the repeats") for column in summaries),
     )
-    return reshaped, {**options, "shift_time_s": times.head}, questions
+    return reshaped, {**options, "shift_time_s": f"{times.head}{unit}"}, questions
 
 
-def _stated_repeats(columns: Sequence[Column], text: str) -> list[Column]:
-    """Read ``t1 [ms]; t2 [ms]``: columns that are shifts each."""
+def _stated_repeats(columns: Sequence[Column], text: str) -> tuple[list[Column], str]:
+    """Read ``t1 [ms]; t2 [ms]:s``: columns that are shifts each, and their unit with its colon."""
     labels = _labels(columns)
-    names = [name.strip() for name in text.split(";")]
-    return [labels[name] for name in names] if len(names) > 1 and set(names) <= set(labels) else []
+    heads, colon, unit = text.rpartition(":")
+    for names, suffix in ((text, ""), (heads, colon + unit)):
+        parts = [name.strip() for name in names.split(";")]
+        if len(parts) > 1 and set(parts) <= set(labels):
+            return [labels[name] for name in parts], suffix
+    return [], ""
 
 
 def _certain_repeats(columns: Sequence[Column]) -> list[Column]:
@@ -520,7 +530,7 @@ def _with_spread(
         if match.quantity.name != name or name in options:
             changed.append(match)
             continue
-        column, unit = match.terms[0]
+        column = match.terms[0][0]
         words = plain_words(column.name)
         multiple = re.search(r"\b([23]) sigma\b", words)
         error = has_word(_STANDARD_ERROR, words)

@@ -63,6 +63,7 @@ from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.raw_sheet import CellNote
 from dogshape.sim.texts import listed
 
+SHOWN = 40  #: characters of a cell that a sentence shows
 MOST = 12  #: faults of one kind that are listed one by one
 #: Factor between values of one column from which two units are likely.
 MIXED_UNITS = {"force_N": 100.0, "shift_time_s": 300.0}
@@ -222,7 +223,7 @@ class TableReader:
 
     def _rows(self, cells: Sequence[Any], wrong: Sequence[bool]) -> str:
         rows = [
-            f"row {row}: '{cell}'"
+            f"row {row}: '{str(cell)[:SHOWN]}'"
             for row, cell, is_wrong in zip(self.table.rows, cells, wrong, strict=True)
             if is_wrong
         ]

@@ -26,6 +26,7 @@ from dogshape.diagnosis.bench.cell_values import (
     SPEED,
     Column,
     begins_with_number,
+    durations_of,
     is_number,
     numbers_of,
     split_head,
@@ -68,6 +69,7 @@ _STATISTIC = re.compile(
     r"|moyenne|media|somma|suma|somme|gemiddelde|prumer|srednia|medel\w*)"
     r"(\W*|\W+\w{0,2}\W*)"
 )
+_SHIFT_TIME = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
 #: Words that say of rows that they are no shifts.
 REJECTED = re.compile(
     r"(?i)ung[uü]e?ltig|verworfen|ausrei(ß|ss)er|fehlerhaft|fehlmessung|defekt|nicht (gewertet|werten"
@@ -250,7 +252,8 @@ def table_of(
         )
     layout = _divided(path, grid, chosen, sums=sums)
     width, place_questions = len(layout.names), list[tuple[int, str]]()
-    body = [k for k, row in enumerate(grid.raw) if row in layout.body]
+    numbers = {row.number for row in layout.body}
+    body = [k for k, row in enumerate(grid.raw) if row.number in numbers]
     left = list(layout.left_out)
     if sums and not chosen:
         left += _summaries(grid, body, place_questions)
@@ -290,6 +293,12 @@ def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[C
         if name or any(column_cells):
             head = name or f"column {k + 1}"
             parts = split_head(head, unit)
+            durations = durations_of(column_cells)
+            if (
+                durations
+                and score(_SHIFT_TIME, Column(k + 1, head, *parts, tuple(durations))) > 0.0
+            ):
+                column_cells = tuple(durations)
             true_numbers = k + 1 in sheet.true_numbers
             hidden = k + 1 in sheet.hidden_columns
             columns.append(Column(k + 1, head, *parts, column_cells, true_numbers, hidden))

@@ -64,7 +64,7 @@ _EXTREME = r"min|max|minimum|maximum|kleinste\w*|groesste\w*"
 _RISE = r"\w*rise|\w*anstieg\w*|ramp\w*|montee|salita|subida"
 _FORCE = r"shift force|(schalt|stell|aktor|axial)kraft|f (shift|axial|act|schalt|ax)"
 _DIFFERENCE = (
-    r"\w*differen\w*|diff|ecart|relativ\w*|rozdil|roznica|verschil|skillnad|ero|kulonbseg|slip"
+    r"\w*differen\w*|diff|rel|ecart|relativ\w*|rozdil|roznica|verschil|skillnad|ero|kulonbseg|slip"
     r"|schlupf|glissement|scorrimento|deslizamiento|skluz|poslizg|\w*mismatch"
 )
 SHAFTS = (
@@ -201,7 +201,9 @@ def grows(column: Column) -> bool:
 def counts_up(column: Column) -> bool:
     """Test that a column numbers its rows: whole numbers, most of them one apart."""
     cells = [cell for cell in column.cells if cell]
-    if len(cells) < 2 or not all(cell.isdecimal() for cell in cells):
+    if column.unit is not None or not all(cell.isdecimal() for cell in cells):
+        return False
+    if len(cells) < 2 or (len(cells) == 2 and "0" in cells):
         return False
     steps = np.diff(np.array(cells, dtype=int))
     return bool(max((steps == 1).mean(), (steps == -1).mean()) >= 0.6 and (steps != 0).all())

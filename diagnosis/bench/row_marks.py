@@ -11,6 +11,7 @@ rows out, ``--keep 'COLUMN=VALUE'`` takes these rows alone, ``--rows 2-7,10`` na
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from dogshape.diagnosis.bench.cell_values import (
     is_dated,
     is_number,
 )
-from dogshape.diagnosis.bench.foreign_table import REJECTED, ForeignTable, Reasons
+from dogshape.diagnosis.bench.foreign_table import REJECTED, ROUNDED, ForeignTable, Reasons
 from dogshape.diagnosis.bench.quantities import counts_up, has_word, plain_words
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.raw_sheet import COLOURED, odd_colours
@@ -49,6 +50,10 @@ _SHARE = (
     r"|fehl\w*|nok|nio|\w*quote|rate|share|anteil|ratio|percent|prozent|taux|reussi\w*|enclench\w*"
     r"|innest\w*|tasso|porcentaje|podil|udzial|misses|hits|blocked|blockiert|hang\w*"
 )
+_FAILED = r"not|nicht|fail\w*|\w*fehl\w*|nok|nio|n i o|blocked|blockiert|misses|hang\w*|non"
+_OF_SO_MANY = r"\b(of|von|aus|sur|di|de|z|av|van) \d+$"
+#: Numbers by which programs say that there is none.
+_CODES = frozenset("-1 -9 -99 -999 -9999 999 9999 99999 -99999 -999.9 -1.0".split())
 _PHYSICAL = (
     r"temp\w*|\w*temperatur|\w*druck|pressure|feuchte|humidity|voltage|spannung|strom|current"
 )
@@ -179,12 +184,76 @@ def row_plan(
         questions += _mark_questions(table, settled)
         outcome = next((column for column, name in read.items() if name == "engaged"), None)
         for column in table.columns:
-            if column in read or column.head in settled or _is_share(column):
+            if column in read or column.head in settled or _is_share(column, _has_means(read)):
                 continue
             questions += filter(None, [_column_question(table, column, outcome)])
+        questions += filter(
+            None, [_mean_question(table, read), *_code_questions(table, read, settled)]
+        )
     shares = _shares(table, read, settled)
     questions += [_share_question(column) for column in shares]
     return RowPlan(table.rows, tuple(questions), settled, next(iter(shares), None))
+
+
+def _mean_question(table: ForeignTable, read: Mapping[Column, str]) -> str:
+    """Ask about rows that are the mean of those before them at the same operating point."""
+    by_name = {name: column for column, name in read.items()}
+    time = by_name.get("shift_time_s")
+    points = [by_name[name] for name in ("mismatch_rpm", "force_N") if name in by_name]
+    if time is None or "n_shifts" in by_name or len(points) < 2:
+        return ""
+    blocks: list[list[int]] = []
+    cells = [*zip(*(column.cells for column in points), strict=True)]
+    for k, point in enumerate(cells):
+        if k and point == cells[k - 1]:
+            blocks[-1].append(k)
+        else:
+            blocks.append([k])
+    blocks = [block for block in blocks if len(block) > 2]
+    means = [
+        math.isclose(time.values[block[-1]], time.values[block[:-1]].mean(), rel_tol=ROUNDED)
+        for block in blocks
+    ]
+    if len(blocks) < 2 or not all(means):
+        return ""
+    rows = [table.rows[block[-1]] for block in blocks]
+    others = spans_of([row for row in table.rows if row not in rows])
+    return (
+        f"rows {_shown(rows)} are the means of those above them at the same operating point; name "
+        f"the rows of shifts with --rows, such as {others}"
+    )
+
+
+def _code_questions(
+    table: ForeignTable, read: Mapping[Column, str], settled: frozenset[str]
+) -> list[str]:
+    """Ask about set values that are codes for no value, such as -1 or 9999."""
+    questions = []
+    for column, name in read.items():
+        if name not in ("mismatch_rpm", "force_N") or column.head in settled:
+            continue
+        codes = sorted({cell for cell in column.cells if cell in _CODES})
+        others = [
+            abs(value)
+            for cell, value in zip(column.cells, column.values, strict=True)
+            if cell not in codes and math.isfinite(value)
+        ]
+        odd = [code for code in codes if others and not _is_among(float(code), others, column)]
+        if odd and 2 * sum(cell in odd for cell in column.cells) <= len(column.cells):
+            rows = [row for row, cell in zip(table.rows, column.cells, strict=True) if cell in odd]
+            questions.append(
+                f"'{column.head}' is {', '.join(odd)} in row {_shown(rows)}, which may be a code "
+                f"for no value: --drop '{column.head}={odd[0]}' leaves these rows out, --keep "
+                f"'{column.head}={ANY}' takes all rows"
+            )
+    return questions
+
+
+def _is_among(code: float, sizes: Sequence[float], column: Column) -> bool:
+    """Test that a value lies among others: another one is negative, or as large."""
+    if code < 0.0:
+        return bool((column.values < 0.0).sum() > sum(column.values == code))
+    return code <= 3.0 * max(sizes)
 
 
 def _mark_questions(table: ForeignTable, settled: frozenset[str]) -> list[str]:
@@ -346,22 +415,31 @@ def _shares(
         for column in table.columns
         if read.get(column, "engaged") == "engaged"
         and column.head not in settled
-        and _is_share(column)
+        and _is_share(column, _has_means(read))
     ]
 
 
-def _is_share(column: Column) -> bool:
-    """Test that a column counts the shifts that engaged or failed."""
+def _has_means(read: Mapping[Column, str]) -> bool:
+    """Test that rows stand for several shifts."""
+    return any((column.values > 1).any() for column, name in read.items() if name == "n_shifts")
+
+
+def _is_share(column: Column, of_means: bool) -> bool:
+    """Test that a column counts the shifts that engaged or failed.
+
+    ``of_means`` says that rows stand for several shifts, so that 0 and 1 may be numbers of these.
+    """
     words = plain_words(column.name)
     filled = [cell for cell in column.cells if cell]
     if not filled or has_word(SPLITTING, words):
         return False
-    if any(map(_FRACTION.fullmatch, filled)):
+    if any(map(_FRACTION.fullmatch, filled)) or re.search(_OF_SO_MANY, words):
         return True
     percent = column.unit is not None and column.unit.text.strip() == "%"
-    numbers = all(map(is_number, filled)) and not set(filled) <= {"0", "1"}
+    answers = set(filled) <= {"0", "1"} and not (of_means and has_word(_FAILED, words))
+    numbers = all(map(is_number, filled)) and not answers
     plain = column.unit is None and not counts_up(column)
-    return has_word(_SHARE, words) and (percent or (numbers and plain))
+    return has_word(f"{_SHARE}|{_FAILED}", words) and (percent or (numbers and plain))
 
 
 def _share_question(column: Column) -> str:
