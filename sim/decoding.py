@@ -22,7 +22,10 @@ _BINARY = frozenset(range(32)) - set(b"\t\n\r\f")
 _LETTERS = dict.fromkeys("ëâîïôûùáíóúñÀÇåøæÅØÆãõìòÁÍÓÚÑ", 0.8) | dict.fromkeys(
     "äöüÄÖÜßéèêàçÉÈ", 1.2
 )
-_SIGNS = frozenset("°µ²³±·×Ø–−\N{RIGHT SINGLE QUOTATION MARK}“”„Δσ√…§€«»\N{NO-BREAK SPACE}")
+_SIGNS = frozenset(
+    "°µ²³±·\N{MULTIPLICATION SIGN}Ø\N{EN DASH}\N{MINUS SIGN}\N{RIGHT SINGLE QUOTATION MARK}"
+    "“”„Δσ√…§€«»\N{NO-BREAK SPACE}"
+)
 _UNIT_LETTERS = ("µs", "µm")  #: a micro sign that begins a word
 _INVISIBLE = dict.fromkeys(map(ord, "\N{ZERO WIDTH SPACE}\N{ZERO WIDTH NO-BREAK SPACE}"))
 MIN_WIDE_BYTES = 4
@@ -38,7 +41,7 @@ class TableLimits:
 
     file_bytes: int = 64_000_000  #: of a file on the disk
     unpacked_bytes: int = 256_000_000  #: of a workbook's parts once they are unpacked
-    rows: int = 500_000  #: lines of a text, rows of a sheet
+    rows: int = 200_000  #: lines of a text, rows of a sheet; a minute on one core
     columns: int = 500
     workbook_cells: int = 300_000  #: rows times columns of a sheet
     cell_characters: int = 10_000

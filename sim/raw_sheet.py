@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, datetime, time, timedelta
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile, ZipFile
@@ -494,6 +495,6 @@ def odd_colours(rows: Sequence[RawRow]) -> list[int]:
         for place, row in enumerate(rows)
         if any(row.cells[k] and usual[k] and row.colours[k] != usual[k][0][0] for k in range(width))
     ]
-    steps = {after - before for before, after in zip(odd, odd[1:], strict=False)}
+    steps = {after - before for before, after in pairwise(odd)}
     banded = len(odd) > 2 and len(steps) == 1 and steps != {1} and 3 * len(odd) >= len(rows) - 2
     return [] if banded else odd

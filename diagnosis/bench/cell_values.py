@@ -149,10 +149,11 @@ UNITS = {
 }
 _UNIT_SIGNS = str.maketrans({
     "\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u", "°": "deg", "\N{MINUS SIGN}": "-",
-    "⁻": "-", "¹": "1", "²": "2", "·": "*", "\N{DIVISION SLASH}": "/", "\N{FRACTION SLASH}": "/",
+    "⁻": "-", "¹": "1", "²": "2", "·": "*", "\N{MULTIPLICATION SIGN}": "x",
+    "\N{DIVISION SLASH}": "/", "\N{FRACTION SLASH}": "/",
 })  # fmt: skip
 _FACTOR = re.compile(
-    r"[x×*·]?\s*(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?|10\^?-\d+|1/\d+)\s*[x×*·]?\s*([^\d\W].*|°.*|1/.*)"
+    r"[x*]?\s*(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?|10\^?-\d+|1/\d+)\s*[x*]?\s*([^\d\W].*|°.*|1/.*)"
 )
 _BRACKETS = re.compile(r"^(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _LAST = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|[\s_,.]+)([^\s_]+)$")
@@ -276,7 +277,8 @@ def stamps_of(cells: Sequence[str], form: str) -> tuple[list[str], str]:
 
 NOTHING = frozenset(("", "-", "--", "n/a", "na", "nan", "#n/a", "none", "null", "k.a.", "#nv"))
 YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engaged", "y", "j", "oui",
-       "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔", "vrai", "sim", "igen", "da", "kyllä")  # fmt: skip
+       "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔", "vrai", "sim", "igen", "da",
+       "kyllä")  # fmt: skip
 NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
       "non", "ne", "nie", "✗", "✘", "faux", "não", "nem", "nu", "ei", "nej", "nee")  # fmt: skip
 ANSWERS = {**dict.fromkeys((*NOTHING, "empty", "unknown")), **dict.fromkeys(YES, True),

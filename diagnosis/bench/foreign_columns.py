@@ -175,8 +175,8 @@ def _ask_for_names(missing: Sequence[Quantity], columns: Sequence[Column]) -> st
     names = ", ".join(quantity.name for quantity in missing)
     heads = ", ".join(repr(column.head) for column in columns)
     return (
-        f"no column looks like {names}: no row names the columns ({heads}); add names and units, or "
-        f"say each, such as --column {missing[0].name}='{columns[0].head}:UNIT'"
+        f"no column looks like {names}: no row names the columns ({heads}); add names and units, "
+        f"or say each, such as --column {missing[0].name}='{columns[0].head}:UNIT'"
     )
 
 

@@ -102,6 +102,7 @@ class TableReader:
         options: Mapping[str, str],
         decimal: str | None,
         report: Report,
+        *,
         choice: RowChoice | None = None,
     ) -> None:
         """Match columns, choose rows, and decide on the decimal sign.

@@ -72,8 +72,8 @@ _STATISTIC = re.compile(
 _SHIFT_TIME = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
 #: Words that say of rows that they are no shifts.
 REJECTED = re.compile(
-    r"(?i)ung[uü]e?ltig|verworfen|ausrei(ß|ss)er|fehlerhaft|fehlmessung|defekt|nicht (gewertet|werten"
-    r"|verwend\w+|ber[uü]e?cksichtig\w+)|streichen|gestrichen|ausgeschlossen|invalid|discard|reject"
+    r"(?i)ung[uü]e?ltig|verworfen|ausrei(ß|ss)er|fehlerhaft|fehlmessung|defekt|nicht (gewertet"
+    r"|werten|verwend\w+|ber[uü]e?cksichtig\w+)|streichen|gestrichen|ausgeschlossen|invalid|discard|reject"
     r"|outlier|exclude|ignore|omit|bad (run|shift|data)|do not use|not valid|aborted|abgebrochen"
     r"|abbruch|failed (run|measurement)|rejet[ée]|exclu|aberrant|invalide|scartat|scarto|anomal"
     r"|non valid|descartad|rechazad|inv[aá]lid|odrzucon|neplatn|vy[rř]azen|ongeldig|kassera"
@@ -335,7 +335,8 @@ def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) ->
         body = [k for k in range(first, len(asked)) if asked[k]]
         others = np.setdiff1d(np.flatnonzero(grid.data), body)
         left = [(grid.rows[k], "not among --rows") for k in others]
-        return _layout(grid, names, units, body, left, [])
+        rows = tuple(grid.raw[k] for k in body)
+        return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(left))
     left = [(grid.rows[k], "stands above the table") for k in range(first) if k not in used]
     body, repeated = [], {grid.cells[k] for k in used}
     words: list[int] = []
@@ -357,12 +358,6 @@ def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) ->
         else:
             body.append(k)
     questions = _word_questions(grid, body, words, range(first)) if sums else []
-    return _layout(grid, names, units, body, left, questions)
-
-
-def _layout(
-    grid: _Grid, names: Cells, units: Cells, body: Sequence[int], left: Reasons, questions: Cells
-) -> Layout:
     rows = tuple(grid.raw[k] for k in body)
     return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(left), tuple(questions))
 

@@ -145,7 +145,8 @@ def plain_words(name: str) -> str:
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     for letter, spelling in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("ß", "ss"), ("Δ", "delta "),
                              ("\N{INCREMENT}", "delta "), ("ω", "omega"), ("Ø", "mean "),
-                             ("σ", " sigma "), ("ł", "l"), ("ø", "oe"), ("æ", "ae")):  # fmt: skip
+                             ("\N{GREEK SMALL LETTER SIGMA}", " sigma "), ("ł", "l"),
+                             ("ø", "oe"), ("æ", "ae")):  # fmt: skip
         words = words.replace(letter, spelling).replace(letter.upper(), spelling)
     bare = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode()
     return " ".join(re.sub(r"[^a-z0-9]+", " ", bare.lower()).split())

@@ -46,14 +46,17 @@ _FLAG = (
 )
 _POINT = r"\w*punkt|\w*point|op|bp|set ?point|condition|bedingung|punto|bod|label|kombination"
 _SHARE = (
-    r"engag\w*|i o|n i o|eingelegt|eingerueckt|eingespurt|eingerastet|erfolg\w*|success\w*|ok|io|fail\w*"
+    r"engag\w*|i o|n i o|eingelegt|eingerueckt|eingespurt|eingerastet|erfolg\w*|success\w*|ok|io"
+    r"|fail\w*"
     r"|fehl\w*|nok|nio|\w*quote|rate|share|anteil|ratio|percent|prozent|taux|reussi\w*|enclench\w*"
     r"|innest\w*|tasso|porcentaje|podil|udzial|misses|hits|blocked|blockiert|hang\w*"
 )
 _FAILED = r"not|nicht|fail\w*|\w*fehl\w*|nok|nio|n i o|blocked|blockiert|misses|hang\w*|non"
 _OF_SO_MANY = r"\b(of|von|aus|sur|di|de|z|av|van) \d+$"
 #: Numbers by which programs say that there is none.
-_CODES = frozenset("-1 -9 -99 -999 -9999 999 9999 99999 -99999 -999.9 -1.0".split())
+_CODES = frozenset(
+    ("-1", "-9", "-99", "-999", "-9999", "999", "9999", "99999", "-99999", "-999.9", "-1.0")
+)
 _PHYSICAL = (
     r"temp\w*|\w*temperatur|\w*druck|pressure|feuchte|humidity|voltage|spannung|strom|current"
 )
@@ -286,28 +289,33 @@ def _shown(rows: Sequence[int]) -> str:
 def _column_question(table: ForeignTable, column: Column, outcome: Column | None) -> str:
     """Ask about a column that no quantity takes, empty where it says nothing of its rows."""
     cells = [cell if cell not in ("-", "--") else "" for cell in column.cells]
-    if not any(cells) or is_dated(cells) or counts_up(column) or _says_outcome(column, outcome):
-        return ""
     groups: dict[str, list[int]] = {}
     for row, cell in zip(table.rows, cells, strict=True):
         groups.setdefault(cell, []).append(row)
+    numbers_or_dates = is_dated(cells) or counts_up(column)
     name = plain_words(column.name)
-    if len(groups) == 1:
+    if len(groups) == 1 or numbers_or_dates or not _is_code(column, cells, name):
         return ""
-    if not _is_code(column, cells, name):
+    if _says_outcome(column, outcome) or _labels_points(table, column, name, groups):
         return ""
     if _is_outcome(column, name) and outcome is None:
         return _outcome_question(column, groups)
-    empty = len(groups.get("", []))
+    return _group_question(table, column, name, groups)
+
+
+def _group_question(
+    table: ForeignTable, column: Column, name: str, groups: Mapping[str, Sequence[int]]
+) -> str:
+    """Ask about rows with a sign, a flag, a word that divides the rows, or one that rejects."""
+    count = len(column.cells)
     signs = {word: rows for word, rows in groups.items() if word}
     rejecting = {word: rows for word, rows in signs.items() if REJECTED.search(word)}
-    if has_word(_FLAG, name) and len(groups) == 2 and not empty:
+    empty = len(groups.get("", ()))
+    if len(groups) == 2 and 2 * empty < count and (empty or has_word(_FLAG, name)):
         return _flag_question(table, column, groups)
-    if empty and (2 * empty >= len(cells) or len(signs) == 1):
+    if 2 * empty >= count:
         return _sign_question(table, column, signs)
-    splits = len(groups) <= max(3, min(MAX_GROUPS, len(cells) // 2)) and len(groups) < len(cells)
-    if _labels_points(table, column, name, groups):
-        return ""
+    splits = len(groups) <= max(3, min(MAX_GROUPS, count // 2)) and len(groups) < count
     if splits or (has_word(SPLITTING, name) and len(groups) <= MAX_GROUPS):
         return _split_question(column, groups)
     return _sign_question(table, column, rejecting) if rejecting else ""

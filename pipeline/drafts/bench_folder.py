@@ -57,7 +57,7 @@ class BenchDraft:
     drop: tuple[str, ...] = ()  #: ``COLUMN=VALUE`` of rows that are no shifts
     keep: tuple[str, ...] = ()  #: ``COLUMN=VALUE`` of rows that alone are shifts
     fill_down: bool = False  #: an empty set value is that of the row above
-    limits: TableLimits = TableLimits()
+    limits: TableLimits = field(default_factory=TableLimits)
 
     @property
     def choice(self) -> RowChoice:
@@ -103,7 +103,9 @@ def explained(draft: BenchDraft) -> Data:
         except DataError as error:
             report.faults.append(str(error))
             continue
-        reader = TableReader(table, SHIFTS, draft.columns, draft.decimal, report, draft.choice)
+        reader = TableReader(
+            table, SHIFTS, draft.columns, draft.decimal, report, choice=draft.choice
+        )
         _completed(pd.DataFrame({"row": reader.table.rows, **reader.read()}), reader)
         rows = [(step, line) for step, line in reader.lines() if step != "raw sheet"]
         steps += [{"file": str(path), "step": step, "line": line} for step, line in rows]
@@ -202,7 +204,7 @@ def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
         except DataError as error:
             report.faults.append(str(error))
             continue
-        reader = TableReader(table, SHIFTS, said, draft.decimal, report, draft.choice)
+        reader = TableReader(table, SHIFTS, said, draft.decimal, report, choice=draft.choice)
         values = {"file": str(path), "row": reader.table.rows, **reader.read()}
         found.append(_completed(pd.DataFrame(values), reader))
     return pd.concat(found[len(found) > 1 :], ignore_index=True)
@@ -234,16 +236,16 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
             ),
             *(
                 (
-                    f"'{reader.matches[name].head}' is the order of the shifts, so a diagnosis looks for a "
-                    f"drift; --column {name}={NONE} leaves it out",
+                    f"'{reader.matches[name].head}' is the order of the shifts, so a diagnosis looks "
+                    f"for a drift; --column {name}={NONE} leaves it out",
                     True,
                 )
                 for name in ("order", "timestamp")
                 if name in reader.matches
             ),
             (
-                f"nothing is known of rows without a time ({silent}); record.empty_cells says whether "
-                "they were tried, or a column engaged of each with yes and no",
+                f"nothing is known of rows without a time ({silent}); record.empty_cells says "
+                "whether they were tried, or a column engaged of each with yes and no",
                 silent,
             ),
         )
@@ -416,13 +418,13 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
                 rows["trace"].notna().any(),
             ),
             (
-                "the event at which the times start is unknown: --set record.time_zero=command, or force, "
-                "states it",
+                "the event at which the times start is unknown: --set record.time_zero=command, "
+                "or force, states it",
                 "record.time_zero" not in given,
             ),
             (
-                "the place of the displacement sensor is unknown: --set record.displacement_at=sleeve, or "
-                "actuator, states it",
+                "the place of the displacement sensor is unknown: --set record.displacement_at=sleeve, "
+                "or actuator, states it",
                 "record.displacement_at" not in given,
             ),
             (f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml", own),
@@ -432,8 +434,8 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
                 replace(clutch.mechanism, added_mass=0.0) != NOTHING,
             ),
             (
-                f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest before "
-                "the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say otherwise",
+                f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "
+                "before the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say otherwise",
                 drive != NO_DRIVE and not source.taken and not any("drive" in key for key in given),
             ),
             (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),

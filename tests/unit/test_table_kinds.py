@@ -68,7 +68,8 @@ KINDS: dict[str, Case] = {
         text_of(*ROWS, head="Drehzahldifferenz [1/min];Schaltkraft geprüft [N];Schaltzeit [ms]")
         .replace("\n", "\r\n").encode("cp437")),
     "two-character umlauts": Case(
-        text_of(*ROWS, head="Drehzahldifferenz [1/min];Schaltkraft u\u0308ber [N];Schaltzeit [ms]")),
+        text_of(*ROWS,
+                head="Drehzahldifferenz [1/min];Schaltkraft u\u0308ber [N];Schaltzeit [ms]")),
     # 8 quotation marks
     "quote before a name": Case(
         beside("note", ['"ok', "", "", "", "", ""]), words=("row 2", "quotation mark")),
