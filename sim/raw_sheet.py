@@ -250,7 +250,9 @@ def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
     except OSError as error:
         raise DataError(f"{file} cannot be read: {error.strerror}; check path and rights") from None
     except (ValueError, KeyError, BadZipFile, TypeError, AttributeError, SyntaxError) as error:
-        raise DataError(f"{file} is no workbook; save it as .xlsx or as CSV") from error
+        raise DataError(
+            f"{file} is no workbook that can be read; save its sheet alone as .xlsx, or as CSV"
+        ) from error
     last_row, width = names[sheet]
     cells = [list(row) for row in values.iter_rows(max_row=last_row, max_col=width)]
     _require_values(file, [*formulas.iter_rows(max_row=last_row, max_col=width)], cells)

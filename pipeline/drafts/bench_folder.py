@@ -236,8 +236,8 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
             ),
             *(
                 (
-                    f"'{reader.matches[name].head}' is the order of the shifts, so a diagnosis looks "
-                    f"for a drift; --column {name}={NONE} leaves it out",
+                    f"'{reader.matches[name].head}' is the order of the shifts, so a diagnosis "
+                    f"looks for a drift; --column {name}={NONE} leaves it out",
                     True,
                 )
                 for name in ("order", "timestamp")
@@ -423,8 +423,8 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
                 "record.time_zero" not in given,
             ),
             (
-                "the place of the displacement sensor is unknown: --set record.displacement_at=sleeve, "
-                "or actuator, states it",
+                "the place of the displacement sensor is unknown: --set "
+                "record.displacement_at=sleeve, or actuator, states it",
                 "record.displacement_at" not in given,
             ),
             (f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml", own),
@@ -435,7 +435,8 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
             ),
             (
                 f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "
-                "before the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say otherwise",
+                "before the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say "
+                "otherwise",
                 drive != NO_DRIVE and not source.taken and not any("drive" in key for key in given),
             ),
             (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),

@@ -7,18 +7,28 @@ words, and the option behind it reads the times that follow.
 from __future__ import annotations
 
 import shutil
+import tracemalloc
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, time, timedelta
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
+import pandas as pd
 import pytest
-from openpyxl import Workbook
+from openpyxl import Workbook, load_workbook
 from openpyxl.comments import Comment
 from openpyxl.styles import Font, PatternFill
+from typer.testing import CliRunner
 
+from dogshape.cli.app import app
+from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.sim.decoding import CODE_PAGES, decoded
+from dogshape.sim.errors import InputError
+from dogshape.sim.files import write_frame
+from dogshape.sim.texts import read_toml
 from tests.conftest import Call
 
 TIMES = [116.0, 131.0, 84.0, 71.0, 98.0, 103.0]
@@ -453,3 +463,107 @@ def test_a_workbook_is_read_as_a_person_sees_it(dogshape: Call, kind: str) -> No
         times, _, refusal = times_of(dogshape, "m.xlsx", *option)
     assert not refusal
     assert times == [float(t) for t in wanted]
+
+
+def test_the_steps_of_reading_are_printed(dogshape: Call) -> None:
+    Path("m.csv").write_text(text_of("50;469;116;x", "100;469;84;", head=f"{HEAD};mark"))
+    said = dogshape("init", "bench", "m.csv", "--explain")
+    assert said.status == 2
+    steps = ("raw sheet", "layout", "columns and units", "rows and marks", "readings")
+    places = [said.out.index(step) for step in steps]
+    assert places == sorted(places)
+    for line in ("3 rows with cells", "one row a shift", "shift_time_s: 't_shift [ms]' in ms",
+                 "question: 'mark' has a sign in few rows"):  # fmt: skip
+        assert line in said.out
+    assert "--drop 'mark=*'" in said.err
+    assert dogshape("init", "bench", "m.csv", "--explain", "--drop", "mark=x").status == 0
+    assert [path.name for path in Path().iterdir()] == ["m.csv"]
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (("--drop", "Mark=y"), "no row of column 'Mark' has that value"),
+        (("--keep", "Marl=x"), "did you mean 'Mark'"),
+        (("--drop", "Mark"), "must be COLUMN=VALUE"),
+        (("--limit", "row=5"), "did you mean 'rows'"),
+        (("--limit", "rows=some"), "must be a whole number above 0"),
+        (("--limit", "rows=1"), "rows are 3, but at most 1 are read"),
+    ],
+)
+def test_wrong_answers_are_refused(dogshape: Call, option: tuple[str, ...], words: str) -> None:
+    Path("m.csv").write_text(text_of("50;469;116;x", "100;469;84;", head=f"{HEAD};Mark"))
+    said = dogshape("init", "bench", "m.csv", "--out", "b", *option)
+    assert said.status == 2
+    assert words in said.err
+
+
+def test_an_answer_in_a_terminal_is_the_option(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    Path("m.csv").write_text(text_of("50;469;116;x", ";;84;", "100;642;71;"
+                                     , head=f"{HEAD};Mark"))  # fmt: skip
+    answers = ["--drop 'Mark=x'", "fill-down", "rows 2-4", "keep Mark=*", "y", *[""] * 5, "n"]
+    done = CliRunner().invoke(app, ["init", "bench", "m.csv"], input="\n".join(answers) + "\n")
+    assert "'Mark' has a sign in few rows" in done.stderr
+    assert "--fill-down where the value above holds" in done.stderr
+
+
+def test_hostile_tables_are_refused_in_their_bytes(dogshape: Call) -> None:
+    """Packed zeros, rows, columns and cells beyond the limits; nothing is read beyond them."""
+    book()
+    with ZipFile("book.xlsx") as plain, ZipFile("bomb.xlsx", "w", ZIP_DEFLATED) as bomb:
+        for name in plain.namelist():
+            bomb.writestr(name, plain.read(name))
+        with bomb.open("xl/media/zeros", "w", force_zip64=True) as zeros:
+            for _ in range(300):
+                zeros.write(bytes(1_000_000))
+    with Path("sparse.csv").open("wb") as file:
+        file.write(text_of(*ROWS).encode())
+        file.truncate(2_000_000_000)
+    Path("wide.csv").write_text("\n".join([";".join(["1"] * 10_000)] * 2))
+    Path("cell.csv").write_text(text_of("50;469;" + "1" * 1_000_000))
+    Path("far.xlsx").write_bytes(book(XFD1048576="x"))
+    Path("deep.toml").write_text("a = " + "[" * 100_000)
+    for name, words in (
+        ("bomb.xlsx", "unpacked bytes are 3000"), ("sparse.csv", "file bytes are 2000000000"),
+        ("wide.csv", "columns are 10000"), ("cell.csv", "row 2 has a cell of more than 10000"),
+        ("far.xlsx", "columns are 16384"),
+    ):  # fmt: skip
+        tracemalloc.start()
+        said = dogshape("init", "bench", name, "--out", "b")
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert said.status == 2
+        assert words in said.err
+        assert "limit" in said.err
+        assert peak < 200e6
+    with pytest.raises(InputError, match="nested too deeply"):
+        read_toml(Path("deep.toml"))
+
+
+def test_a_code_page_is_found_by_its_letters() -> None:
+    text = "Größe;Schaltzeit [µs];Rückmeldung;°C;Écart de régime;numéro\n"
+    for page in ("utf-8", "utf-16", "utf-16-le", "utf-16-be", *CODE_PAGES):
+        try:
+            raw = text.encode(page)
+        except UnicodeEncodeError:
+            continue
+        assert decoded(raw) == text, page
+
+
+def test_exported_tables_start_no_formula(tmp_path: Path) -> None:
+    names = ["=1+1", "+x", "@sum", "-x", "-5", "+5.0", "plain", "-"]
+    frame = pd.DataFrame({"=name": names, "value": [-1.0] * len(names)})
+    write_frame(frame, tmp_path / "t.xlsx")
+    write_frame(frame, tmp_path / "t.csv")
+    sheet = load_workbook(tmp_path / "t.xlsx").active
+    assert sheet is not None
+    cells = [row[0].value for row in sheet.iter_rows()]
+    wanted = ["'=name", "'=1+1", "'+x", "'@sum", "'-x", "-5", "+5.0", "plain", "-"]
+    assert cells == wanted
+    assert {row[0].data_type for row in sheet.iter_rows()} == {"s"}
+    lines = (tmp_path / "t.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == wanted
