@@ -295,7 +295,7 @@ class Column:
     """A column: its place from 1, head, name without unit, unit, an unknown unit, and cells.
 
     ``true_numbers`` says that its numbers are a workbook's own, with a decimal point; ``hidden``
-    that the workbook does not show it.
+    that the workbook does not show it; ``repeats`` is the number of columns that it joins.
     """
 
     place: int
@@ -306,6 +306,7 @@ class Column:
     cells: tuple[str, ...] = ()
     true_numbers: bool = False
     hidden: bool = False
+    repeats: int = 0
 
     @cached_property
     def values(self) -> Array:

@@ -313,6 +313,8 @@ def stated_match(
         unit = unit_with_factor(option) if option else column.unit
         if name not in WORDED:
             _require_unit(quantity, option, unit)
+        if column.repeats:
+            text = f"{column.repeats} columns of repeats"
         worded = unit or column.unit if name in WORDED else unit
         terms: tuple[tuple[Column, Unit | None], ...] = ((column, worded),)
         return Match(quantity, terms, _reason(text, terms), option=option, stated=True)
@@ -344,7 +346,8 @@ def _reason(text: str, terms: Sequence[tuple[Column, Unit | None]]) -> str:
         for column, unit in terms
         if column.unit and unit and unit.factor != column.unit.factor
     ]
-    return "; ".join([f"--column {text}", *(signed if len(terms) > 1 else []), *heads])
+    option = text if terms[0][0].repeats else f"--column {text}"
+    return "; ".join([option, *(signed if len(terms) > 1 else []), *heads])
 
 
 def _constant(quantity: Quantity, text: str) -> Match | None:
@@ -440,6 +443,7 @@ def with_repeats(
         head="; ".join(column.head for column in repeats),
         name=repeated_name(first) or first.name,
         cells=tuple(cells[r][k] for k, r in places),
+        repeats=len(repeats),
     )
     repeated = [replace(c, cells=tuple(c.cells[k] for k, _ in places)) for c in others]
     body = tuple(table.layout.body[k] for k, _ in places)

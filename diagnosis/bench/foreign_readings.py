@@ -110,52 +110,72 @@ class TableReader:
         ``decimal`` is that of the user, ``choice`` what the user has said of rows.
         """
         self.quantities, self.report, self.choice = quantities, report, choice or RowChoice()
-        self.sign = decimal
+        self.table, self.sign = table, decimal
         self.is_decimal_open = False
-        questions: list[str] = []
         self.plan = RowPlan(table.rows, ())
+        questions: list[str] = []
         settled = frozenset[str]()
         if quantities is SHIFTS:
-            try:
-                table, settled = chosen_rows(table, self.choice)
-            except InputError as error:
-                questions.append(str(error))
-            table, options, asked = with_repeats(table, options)
-            questions += asked
-            stated = {quantity.name for quantity in SHIFTS if quantity.needed} <= set(options)
-            questions += [] if stated else filter(None, [side_question(table.columns)])
-        self.table = table
-        self.matching = matched(table.columns, quantities, options)
-        full = _filled_rows(self.matching.columns, len(table.rows))
-        if quantities is SHIFTS and 0 < len(full) < len(table.rows):
-            empty = sorted({*range(len(table.rows))} - {*full})
-            reasons = [(table.rows[k], "empty in the columns of the shifts") for k in empty]
-            self.table = table = table.taking(full, reasons)
-            self.matching = matched(table.columns, quantities, options)
+            settled, options, questions = self._choose_rows(options)
+        self.matching = matched(self.table.columns, quantities, options)
+        if quantities is SHIFTS:
+            self._drop_empty_rows(options)
+            settled |= _left_out_by_user(self.table, options)
+            read = self.matching.columns
+            self.plan = row_plan(self.table, read, self.choice, settled)
         self.matches = {match.quantity.name: match for match in self.matching.matches}
         read = self.matching.columns
-        if quantities is SHIFTS:
-            settled |= _left_out_by_user(table, options)
-            self.plan = row_plan(table, read, self.choice, settled)
-            if read.get(self.plan.share) == "engaged":
-                del self.matches["engaged"]
+        if self.plan.share is not None and read.get(self.plan.share) == "engaged":
+            del self.matches["engaged"]
         questions += [*self.matching.questions, *self.plan.questions]
         # A word among numbers that are read anyway is a fault of their column.
         places = {column.place for column, name in read.items() if name != "order"}
-        words = [text for place, text in table.place_questions if place not in places]
-        faults = [*words, *questions, *self._cell_faults(read)]
+        words = [text for place, text in self.table.place_questions if place not in places]
+        faults = [*words, *questions, *self._cell_faults(read), *self._find_sign(decimal, read)]
+        self._record_faults(faults, read)
+
+    def _choose_rows(
+        self, options: Mapping[str, str]
+    ) -> tuple[frozenset[str], Mapping[str, str], list[str]]:
+        """Apply the user's answers on rows, and reshape repeats.
+
+        Returns the columns that the answers settle, options of columns, and questions.
+        """
+        questions: list[str] = []
+        settled = frozenset[str]()
+        try:
+            self.table, settled = chosen_rows(self.table, self.choice)
+        except InputError as error:
+            questions.append(str(error))
+        self.table, reshaped_options, asked = with_repeats(self.table, options)
+        needed = {quantity.name for quantity in SHIFTS if quantity.needed}
+        beside = "" if needed <= set(options) else side_question(self.table.columns)
+        return settled, reshaped_options, [*questions, *asked, *filter(None, [beside])]
+
+    def _drop_empty_rows(self, options: Mapping[str, str]) -> None:
+        """Leave rows out that have no cell in the columns that are read."""
+        count = len(self.table.rows)
+        full = _filled_rows(self.matching.columns, count)
+        if 0 < len(full) < count:
+            empty = sorted({*range(count)} - {*full})
+            reasons = [(self.table.rows[k], "empty in the columns of the shifts") for k in empty]
+            self.table = self.table.taking(full, reasons)
+            self.matching = matched(self.table.columns, self.quantities, options)
+
+    def _find_sign(self, decimal: str | None, read: Mapping[Column, str]) -> list[str]:
+        """Decide on the decimal sign of texts; list the fault where it is open."""
         cells = {
             column.head: [split_quantity(cell)[0] for cell in self._plain_cells(column)]
             for column in read
             if not is_dated(column.cells) and not column.true_numbers
         }
+        table = self.table
         try:
-            stated = decimal or table.stated
-            self.sign = decimal_sign(cells, table.rows, stated, table.separator)
+            self.sign = decimal_sign(cells, table.rows, decimal or table.stated, table.separator)
         except DataError as error:
             self.is_decimal_open = True
-            faults.append(str(error))
-        self._record_faults(faults, read)
+            return [str(error)]
+        return []
 
     def _record_faults(self, faults: Sequence[str], read: Mapping[Column, str]) -> None:
         file, table, report = str(self.table.path), self.table, self.report

@@ -213,6 +213,46 @@ KINDS: dict[str, Case] = {
     "a deviation without a number": Case(
         text_of("50;469;116;12", "100;469;84;9", head=f"{HEAD};std [ms]"),
         words=("no column counts them",), option=("--column", "n_shifts=8"), times=[116, 84]),
+    "means without a word": Case(
+        text_of("50;469;116", "50;469;131", "50;469;123.5", "100;469;84", "100;469;90",
+                "100;469;87"), words=("rows 4, 7 are the means", "such as 2-3,5-6"),
+        option=("--rows", "2-3,5-6"), times=[116, 131, 84, 90]),
+    # 12 codes
+    "code as a mismatch": Case(
+        text_of("50;469;116", "-1;469;131", "100;469;84", "149;642;98"),
+        words=("is -1 in row 3", "code"), option=("--drop", "dn [1/min]=-1"),
+        times=[116, 84, 98]),
+    "code as a force": Case(
+        text_of("50;469;116", "50;9999;131", "100;469;84"), words=("is 9999 in row 3",),
+        option=("--drop", "F_shift=9999"), times=[116, 84]),
+    "reversed mismatch is no code": Case(
+        text_of("50;469;116", "-50;469;131", "-1;469;84", "1;642;71"), times=TIMES[:4]),
+    "code as a time": Case(
+        text_of("50;469;116", "50;469;-99", "100;469;84"), words=("row 3", "-99 ms")),
+    # 15 shares, further
+    "number in the head": Case(
+        text_of("50;469;116;5", "100;469;84;4", head=f"{HEAD};ok of 5"),
+        words=("'ok of 5' has shares",)),
+    "failures of few": Case(
+        text_of("50;469;5;116;0", "100;469;5;84;1", head="dn;F;shifts;t_shift [ms];not engaged"),
+        words=("'not engaged' has shares",)),
+    # 10 repeats, further
+    "repeats with letters": Case(
+        text_of("50;469;116;131", "100;642;98;71", head="dn;F;t_a [ms];t_b [ms]"),
+        words=("shift_time_s='t_a [ms]; t_b [ms]' where each",),
+        option=("--column", "shift_time_s=t_a [ms]; t_b [ms]"), times=[116, 131, 98, 71]),
+    "repeats that numbers name": Case(
+        text_of("50;469;116;131", "100;642;98;71", head="dn;F;1;2"),
+        words=("shift_time_s='1; 2'",), option=("--column", "shift_time_s=1; 2:ms"),
+        times=[116, 131, 98, 71]),
+    "repeats in seconds by an option": Case(
+        text_of("50;469;0.116;0.131", "100;642;0.098;0.071",
+                head="dn;F;Versuch 1;Versuch 2"), words=("shift_time_s",),
+        option=("--column", "shift_time_s=Versuch 1; Versuch 2:s"), times=[116, 131, 98, 71]),
+    # 5 durations as text
+    "clock of less than a minute": Case(
+        text_of("50;469;00:00,116", "100;469;0:00:00,084", head="dn;F;Schaltzeit"),
+        times=[116, 84]),
     # 20 spread
     "spread without a word": Case(
         text_of("50;469;8;116;22", "100;469;8;84;17", head="dn;F;n;t_shift [ms];Streuung [ms]"),
@@ -310,6 +350,24 @@ def filtered(sheet: Any) -> None:
 def coloured(sheet: Any) -> None:
     for cell in sheet[4]:
         cell.fill = PatternFill("solid", fgColor="FFFF0000")
+
+
+def red(sheet: Any) -> None:
+    sheet["C5"].font = Font(color="FFFF0000")
+
+
+def half_coloured(sheet: Any) -> None:
+    for row in (5, 6, 7):
+        sheet[f"A{row}"].fill = PatternFill("solid", fgColor="FFFFC7CE")
+
+
+def coloured_column(sheet: Any) -> None:
+    for row in range(2, 8):
+        sheet[f"B{row}"].fill = PatternFill("solid", fgColor="FFC6EFCE")
+
+
+def hidden_time(sheet: Any) -> None:
+    sheet.column_dimensions["C"].hidden = True
 
 
 def banded(sheet: Any) -> None:
@@ -419,6 +477,17 @@ BOOKS: dict[str, tuple[dict[str, Any], tuple[str, ...], tuple[str, ...], Sequenc
                              []),
     "a force became a date": ({"B6": (datetime(2026, 4, 8), "d.m.")}, ("row 6", "date among"), (),
                               []),
+    "text integers": ({"C3": "131", "A4": "100 "}, (), (), TIMES),
+    "red digits": ({"a": red}, ("coloured: row 5",), ("--drop", "row=coloured"),
+                   [116, 131, 84, 98, 103]),
+    "half the rows coloured": ({"a": half_coloured}, ("coloured: row 5, 6, 7",),
+                               ("--keep", "row=coloured"), [71, 98, 103]),
+    "coloured column": ({"a": coloured_column}, (), (), TIMES),
+    "word in a format": ({"C4": (84, '0 "ungültig"')}, ("row 4: '84 ungültig'",), (), []),
+    "footnote": ({"E9": "Zeilen 3 und 4 verworfen"}, ("row 9", "--rows"), ("--rows", "2,5-7"),
+                 [116, 71, 98, 103]),
+    "hidden time": ({"a": hidden_time}, ("'t_shift [ms]' (hidden in the workbook)",),
+                    ("--column", "shift_time_s=t_shift"), TIMES),
     "error value": ({"C6": "#DIV/0!"}, ("row 6: '#DIV/0!'",), (), []),
 }  # fmt: skip
 
@@ -505,8 +574,10 @@ def test_an_answer_in_a_terminal_is_the_option(
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
     Path("m.csv").write_text(text_of("50;469;116;x", ";;84;", "100;642;71;"
                                      , head=f"{HEAD};Mark"))  # fmt: skip
-    answers = ["--drop 'Mark=x'", "fill-down", "rows 2-4", "keep Mark=*", "y", *[""] * 5, "n"]
+    answers = ["--keep 'Mark=*'", "--fill-down", "y", "", "", "", "y", "", "", "", "n"]
     done = CliRunner().invoke(app, ["init", "bench", "m.csv"], input="\n".join(answers) + "\n")
+    assert done.exit_code == 0, done.stderr
+    assert [r.point.profile.force for r in load_bench("m").readings] == [469.0, 469.0, 642.0]
     assert "'Mark' has a sign in few rows" in done.stderr
     assert "--fill-down where the value above holds" in done.stderr
 

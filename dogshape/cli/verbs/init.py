@@ -267,11 +267,16 @@ def _answered(draft: BenchDraft, answer: str) -> BenchDraft:
     text = answer.strip().removeprefix("--").replace("fill-down", "fill_down")
     if text == "fill_down":
         return replace(draft, fill_down=True)
-    for name in ("drop", "keep"):
-        if match := re.fullmatch(rf"{name}[ =]'?(.*?)'?", text):
-            return replace(draft, **{name: (*getattr(draft, name), match[1])})
-    if match := re.fullmatch(r"(decimal|rows)[ =](.*)", text):
-        return replace(draft, **{match[1]: match[2]})
+    match = re.match(r"(\w+)[ =](.*)", text)
+    option, words = (match[1], match[2].strip("'")) if match else ("", "")
+    if option == "drop":
+        return replace(draft, drop=(*draft.drop, words))
+    if option == "keep":
+        return replace(draft, keep=(*draft.keep, words))
+    if option == "decimal":
+        return replace(draft, decimal=words)
+    if option == "rows":
+        return replace(draft, rows=words)
     name, column = _pair(text.removeprefix("column "))
     return replace(draft, columns={**draft.columns, name: column.strip("'")})
 
