@@ -66,7 +66,9 @@ _STANDARD_DEVIATION = (
     r"|deviazione standard|desviacion (estandar|tipica)|scarto (tipo|quadratico medio)"
     r"|smerodatna odchylka|odchylenie standardowe"
 )
-_UNSETTLED = rf"{MEAN}|max|min|rel\w*|err\w*|confidence|konfidenz\w*|range|[04-9]|\d\d+"
+#: Two or three standard deviations, the number before the word.
+_MULTIPLE = rf"\b([23]) ?(?:x |mal |times )?(?:{_STANDARD_DEVIATION}|standard deviations)\b"
+_UNSETTLED = rf"{MEAN}|max|min|rel\w*|err\w*|confidence|konfidenz\w*|range|[02-9]\w*|\d\d+|k"
 _TIMES_AT = r"(t |time |zeit )?(start|beginn?|begin|anfang|ende?|stop|end)\w*"
 _AREA_LITERAL = re.compile(r"(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(mm|cm|m|in)\s*(?:\^?2|²)")
 
@@ -232,7 +234,7 @@ def _missing(quantity: Quantity, free: Sequence[Column]) -> str:
     heads = heads or "none"
     return (
         f"no column looks like {quantity.name}; say which one it is: --column {quantity.name}="
-        f"COLUMN or COLUMN:UNIT (columns left: {heads}){sentence}"
+        f"COLUMN or COLUMN:UNIT (columns left: {heads}), or a value for all rows{sentence}"
     )
 
 
@@ -536,7 +538,7 @@ def _with_spread(
             continue
         column = match.terms[0][0]
         words = plain_words(column.name)
-        multiple = re.search(r"\b([23]) sigma\b", words)
+        multiple = re.search(_MULTIPLE, words)
         error = has_word(_STANDARD_ERROR, words)
         if multiple:
             why = f"{match.why}; {multiple[1]} standard deviations"

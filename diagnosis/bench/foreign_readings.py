@@ -428,6 +428,14 @@ class TableReader:
         quantity = match.quantity
         option = f"--column {quantity.name}='{column.head}:"
         angular = re.search("omega|angular|winkel", plain_words(column.name))
+        mismatch = quantity.name == "mismatch_rpm" and match.formula == "c0"
+        if unit is None and mismatch and abs(known).max() < 1.0:
+            self._fault(
+                match,
+                f"has no unit and no value of 1 or more, as a ratio has; say {option}"
+                "UNIT', or multiply it by the speed of the shaft",
+            )
+            return None
         if unit is None and not column.strange and not angular:
             # A recorder's clock may begin anywhere: the length of a trace decides.
             middle = np.median(abs(known - (known.min() if quantity.name == "t_s" else 0.0)))

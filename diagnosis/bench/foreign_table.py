@@ -64,10 +64,10 @@ _LABVIEW = re.compile(
 )
 _DECIMAL = re.compile(r"(?m)^Decimal_Separator\s+([.,])")
 _STATISTIC = re.compile(
-    r"(?i)(Ø|n|count|anzahl|mean|average|avg|mittel\w*|durchschnitt|median|sum|summe|total|gesamt"
+    r"(?i)n\s*[=:]?|(Ø|count|anzahl|mean|average|avg|mittel\w*|durchschnitt|median|sum|summe|total|gesamt"
     r"|std\w*|sd|stabw|standardabweichung|var|varianz|min|max|minimum|maximum|\d+ ?%"
     r"|moyenne|media|somma|suma|somme|gemiddelde|prumer|srednia|medel\w*)"
-    r"(\W*|\W+\w{0,2}\W*)"
+    r"(\W*|\W+[^\W\d]{0,2}\W*)"
 )
 _SHIFT_TIME = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
 #: Words that say of rows that they are no shifts.

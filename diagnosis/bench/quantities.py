@@ -22,7 +22,6 @@ from dogshape.diagnosis.bench.cell_values import (
     TIME,
     UNITS,
     Column,
-    begins_with_number,
     is_dated,
 )
 
@@ -186,7 +185,7 @@ def _is_other(quantity: Quantity, column: Column, name: str) -> bool:
         return True
     if quantity.dimension and quantity.name != "timestamp" and is_dated(column.cells):
         return True
-    numeric = any(map(begins_with_number, column.cells))
+    numeric = any(re.search(r"\d", cell) for cell in column.cells)
     if quantity.needed and any(column.cells) and not numeric:
         return True
     named = has_word(quantity.words, name)
@@ -204,7 +203,9 @@ def counts_up(column: Column) -> bool:
     cells = [cell for cell in column.cells if cell]
     if column.unit is not None or not all(cell.isdecimal() for cell in cells):
         return False
-    if len(cells) < 2 or (len(cells) == 2 and "0" in cells):
+    if len(set(cells)) < min(3, len(cells)) or cells in (["0", "1"], ["1", "0"], ["0"]):
+        return False
+    if len(cells) < 2:
         return False
     steps = np.diff(np.array(cells, dtype=int))
     return bool(max((steps == 1).mean(), (steps == -1).mean()) >= 0.6 and (steps != 0).all())

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 from dogshape.diagnosis.bench.cell_values import (
     ANSWERS,
+    NOTHING,
     Column,
     answer_of,
     is_dated,
@@ -55,7 +56,21 @@ _FAILED = r"not|nicht|fail\w*|\w*fehl\w*|nok|nio|n i o|blocked|blockiert|misses|
 _OF_SO_MANY = r"\b(of|von|aus|sur|di|de|z|av|van) \d+$"
 #: Numbers by which programs say that there is none.
 _CODES = frozenset(
-    ("-1", "-9", "-99", "-999", "-9999", "999", "9999", "99999", "-99999", "-999.9", "-1.0")
+    (
+        "-1",
+        "-9",
+        "-99",
+        "-999",
+        "-9999",
+        "999",
+        "999.9",
+        "999,9",
+        "9999",
+        "99999",
+        "-99999",
+        "-999.9",
+        "-1.0",
+    )
 )
 _PHYSICAL = (
     r"temp\w*|\w*temperatur|\w*druck|pressure|feuchte|humidity|voltage|spannung|strom|current"
@@ -203,7 +218,7 @@ def _mean_question(table: ForeignTable, read: Mapping[Column, str]) -> str:
     by_name = {name: column for column, name in read.items()}
     time = by_name.get("shift_time_s")
     points = [by_name[name] for name in ("mismatch_rpm", "force_N") if name in by_name]
-    if time is None or "n_shifts" in by_name or len(points) < 2:
+    if time is None or len(points) < 2:
         return ""
     blocks: list[list[int]] = []
     cells = [*zip(*(column.cells for column in points), strict=True)]
@@ -233,7 +248,7 @@ def _code_questions(
     """Ask about set values that are codes for no value, such as -1 or 9999."""
     questions = []
     for column, name in read.items():
-        if name not in ("mismatch_rpm", "force_N") or column.head in settled:
+        if name not in ("mismatch_rpm", "force_N", "shift_time_s") or column.head in settled:
             continue
         codes = sorted({cell for cell in column.cells if cell in _CODES})
         others = [
@@ -241,7 +256,7 @@ def _code_questions(
             for cell, value in zip(column.cells, column.values, strict=True)
             if cell not in codes and math.isfinite(value)
         ]
-        odd = [code for code in codes if others and not _is_among(float(code), others, column)]
+        odd = [code for code in codes if others and not _is_among(code, others, column)]
         if odd and 2 * sum(cell in odd for cell in column.cells) <= len(column.cells):
             rows = [row for row, cell in zip(table.rows, column.cells, strict=True) if cell in odd]
             questions.append(
@@ -252,11 +267,12 @@ def _code_questions(
     return questions
 
 
-def _is_among(code: float, sizes: Sequence[float], column: Column) -> bool:
+def _is_among(code: str, sizes: Sequence[float], column: Column) -> bool:
     """Test that a value lies among others: another one is negative, or as large."""
-    if code < 0.0:
-        return bool((column.values < 0.0).sum() > sum(column.values == code))
-    return code <= 3.0 * max(sizes)
+    value = float(code.replace(",", "."))
+    if value < 0.0:
+        return bool((column.values < 0.0).sum() > sum(column.values == value))
+    return value <= 3.0 * max(sizes)
 
 
 def _mark_questions(table: ForeignTable, settled: frozenset[str]) -> list[str]:
@@ -288,12 +304,13 @@ def _shown(rows: Sequence[int]) -> str:
 
 def _column_question(table: ForeignTable, column: Column, outcome: Column | None) -> str:
     """Ask about a column that no quantity takes, empty where it says nothing of its rows."""
-    cells = [cell if cell not in ("-", "--") else "" for cell in column.cells]
+    cells = ["" if cell.lower() in NOTHING else cell for cell in column.cells]
     groups: dict[str, list[int]] = {}
     for row, cell in zip(table.rows, cells, strict=True):
         groups.setdefault(cell, []).append(row)
-    numbers_or_dates = is_dated(cells) or counts_up(column)
     name = plain_words(column.name)
+    recurring = has_word(SPLITTING, name) and len(groups) < len(cells)
+    numbers_or_dates = is_dated(cells) or (counts_up(column) and not recurring)
     if len(groups) == 1 or numbers_or_dates or not _is_code(column, cells, name):
         return ""
     if _says_outcome(column, outcome) or _labels_points(table, column, name, groups):
@@ -328,7 +345,7 @@ def _is_code(column: Column, cells: Sequence[str], name: str) -> bool:
         return any(not is_number(cell) for cell in filled) and column.unit is None
     if column.unit is not None or column.strange or has_word(_PHYSICAL, name):
         return False
-    whole = all(re.fullmatch(r"[+-]?\d{1,2}", cell) for cell in filled)
+    whole = all(re.fullmatch(r"[+-]?\d{1,2}([.,]0+)?", cell) for cell in filled)
     few = len(set(filled)) <= 3
     return whole and (few or has_word(SPLITTING, name))
 

@@ -228,7 +228,8 @@ KINDS: dict[str, Case] = {
     "reversed mismatch is no code": Case(
         text_of("50;469;116", "-50;469;131", "-1;469;84", "1;642;71"), times=TIMES[:4]),
     "code as a time": Case(
-        text_of("50;469;116", "50;469;-99", "100;469;84"), words=("row 3", "-99 ms")),
+        text_of("50;469;116", "50;469;-99", "100;469;84"), words=("is -99 in row 3",),
+        option=("--drop", "t_shift=-99"), times=[116, 84]),
     # 15 shares, further
     "number in the head": Case(
         text_of("50;469;116;5", "100;469;84;4", head=f"{HEAD};ok of 5"),
@@ -294,6 +295,25 @@ KINDS: dict[str, Case] = {
     "direction in Czech": Case(
         beside("smer", ["nahoru", "dolu"] * 3), words=("'dolu': row 3, 5, 7",),
         option=("--keep", "smer=nahoru"), times=TIMES[::2]),
+    "neutral and third gear": Case(
+        beside("Schaltung", ["N-3", "3-N"] * 3, first=True), words=("'3-N': row 3, 5, 7",),
+        option=("--keep", "Schaltung=N-3"), times=TIMES[::2]),
+    "types as numbers": Case(
+        beside("Typ", ["1", "2"] * 3, first=True), words=("'2': row 3, 5, 7",),
+        option=("--keep", "Typ=1"), times=TIMES[::2]),
+    "flag of a data frame": Case(
+        beside("use", ["1.0", "0.0", "1.0", "1.0", "1.0", "1.0"]), words=("'0.0': row 3",),
+        option=("--drop", "use=0.0"), times=[116, 84, 71, 98, 103]),
+    "empty words of a data frame": Case(
+        beside("flag", ["nan", "nan", "9.0", "nan", "NaN", "nan"]), words=("row 4: '9.0'",),
+        option=("--drop", "flag=9.0"), times=[116, 131, 71, 98, 103]),
+    "mismatch that may be a ratio": Case(
+        text_of("0.05;469;116", "0.1;469;84", head="dn;F;t_shift [ms]"), words=("as a ratio has",),
+        option=("--column", "mismatch_rpm=dn * 1450"), times=[116, 84]),
+    "numbered means": Case(
+        text_of("50;469;1;116", "50;469;1;131", "50;469;2;123.5", "100;469;1;84", "100;469;1;90",
+                "100;469;2;87", head="dn;F;n;t_shift [ms]"), words=("rows 4, 7 are the means",),
+        option=("--rows", "2-3,5-6"), times=[116, 131, 84, 90]),
     "engage and disengage": Case(
         beside("event", ["engage", "disengage"] * 3), words=("'disengage': row 3, 5, 7",),
         option=("--drop", "event=disengage"), times=TIMES[::2]),
