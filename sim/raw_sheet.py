@@ -249,7 +249,9 @@ def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
         raise
     except OSError as error:
         raise DataError(f"{file} cannot be read: {error.strerror}; check path and rights") from None
-    except (ValueError, KeyError, BadZipFile, TypeError, AttributeError, SyntaxError) as error:
+    except BadZipFile as error:
+        raise DataError(f"{file} is no workbook; save it as .xlsx or as CSV") from error
+    except (ValueError, KeyError, TypeError, AttributeError, SyntaxError) as error:
         raise DataError(
             f"{file} is no workbook that can be read; save its sheet alone as .xlsx, or as CSV"
         ) from error
