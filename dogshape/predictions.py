@@ -24,11 +24,12 @@ from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, number_rule
 from dogshape.sim.files import write_frame
+from dogshape.sim.raw_sheet import file_of
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.strength.verdict import Missing, missing_checks
-from dogshape.sim.texts import TextTable, file_of, is_plain, listed, read_table
+from dogshape.sim.texts import TextTable, is_plain, listed, read_table
 from dogshape.surrogate.model import interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
 

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dogshape.sim.errors import StorageError
 
@@ -63,12 +63,38 @@ def naming(path: Path) -> Iterator[None]:
         raise
 
 
+def without_formulas(frame: DataFrame) -> DataFrame:
+    """Put an apostrophe before texts that a spreadsheet would take for formulas.
+
+    Numbers with a sign stay. A name such as ``=HYPERLINK(...)`` would run in a spreadsheet.
+    """
+
+    def safe(cell: Any) -> Any:
+        return f"'{cell}" if isinstance(cell, str) and is_formula(cell) else cell
+
+    texts = [name for name in frame.columns if frame[name].dtype.kind not in "biufc"]
+    columns = {name: safe(name) for name in frame.columns}
+    return frame.assign(**{name: frame[name].map(safe) for name in texts}).rename(columns=columns)
+
+
+def is_formula(text: str) -> bool:
+    """Test that a spreadsheet would take a text for a formula."""
+    if len(text) < 2 or text[0] not in "=+-@\t\r":
+        return False
+    try:
+        float(text)
+    except ValueError:
+        return True
+    return False
+
+
 def write_frame(frame: DataFrame, path: Path, digits: int = 9) -> None:
     """Write a frame as a workbook where the path ends in ``.xlsx``, else as CSV with ``digits``."""
     with naming(path):
         if path.suffix.lower() == ".xlsx":
-            frame.to_excel(path, index=False)
+            without_formulas(frame).to_excel(path, index=False)
         else:
+            frame = without_formulas(frame)
             frame.to_csv(path, index=False, float_format=f"%.{digits}g", lineterminator="\n")
 
 

@@ -1,33 +1,27 @@
 """Text files of users as editors and spreadsheets save them: encodings, TOML, tables of text.
 
 Commas, semicolons or tabs part the cells; where these are no commas, numbers may have a decimal
-comma. What could be read in two ways is refused with what to save instead. A sheet of a workbook,
-``FILE.xlsx`` or ``FILE.xlsx#SHEET``, is read as a table with tabs.
+comma. What could be read in two ways is refused with what to save instead. A sheet of a workbook
+(``sim.raw_sheet``) is read as a table with tabs; one that has marks is refused.
 """
 
 from __future__ import annotations
 
-import codecs
 import csv
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
+from dogshape.sim.decoding import TableLimits, decoded, read_bytes
 from dogshape.sim.errors import DataError, InputError, did_you_mean
+from dogshape.sim.raw_sheet import FILTERED, HIDDEN, NO_TABLE, SAVE, STRUCK, RawSheet, read_raw
 
-SAVE = "save it as CSV (UTF-8)"  #: remedy, as spreadsheets name it
-NO_TABLE = "is not a table of comma separated values"
 SEPARATORS = (",", ";", "\t")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
-_WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_WORKBOOK = re.compile(r"(.+\.xlsx)(?:#(.+))?", re.IGNORECASE)
-_EITHER = re.compile(r"-?\d{1,3}\.\d{3}")  #: a number whose point could part thousands
-_BINARY = frozenset(range(32)) - set(b"\t\n\r\f")
 
 
 @dataclass(frozen=True)
@@ -83,19 +77,11 @@ def listed(where: str, faults: Iterable[str]) -> str:
 
 
 def text_of(path: Path) -> str:
-    """Return a file's text: UTF-8 or UTF-16 with or without a byte-order mark, or Windows' own.
+    """Read the text of a file (``sim.decoding``).
 
-    Raises DataError for what is no text, OSError where the file cannot be read.
+    Raises DataError for what is no text or too large, OSError where the file cannot be read.
     """
-    raw = path.read_bytes()
-    wide = raw.startswith(_WIDE)
-    try:
-        return raw.decode("utf-16" if wide else "utf-8-sig")
-    except UnicodeDecodeError as error:
-        # Western Windows saves "CSV" so; bytes that no text has give away anything else.
-        if wide or not _BINARY.isdisjoint(raw):
-            raise DataError("it is no text") from error
-        return raw.decode("cp1252", errors="replace")
+    return decoded(read_bytes(path, TableLimits()))
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -104,6 +90,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(text_of(path))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is not valid TOML: {error}; correct the line") from error
+    except RecursionError:
+        raise InputError(
+            f"{path} is not valid TOML: its values are nested too deeply; correct the brackets"
+        ) from None
     except DataError as error:
         raise InputError(f"{path} is not valid TOML: {error}; save it as UTF-8") from error
 
@@ -127,11 +117,10 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     table, a row has more cells than the head, or numbers can be read in two ways; else
     FileNotFoundError.
     """
-    lines = read_lines(path)
-    first = next((line for line in lines if line.strip()), "")
-    # What parts the head into most cells.
-    separator = max(SEPARATORS, key=lambda one: len(next(csv.reader([first], delimiter=one), [])))
-    rows = parted(path, lines, separator)
+    sheet = read_raw(path, _separator_of_head)
+    _require_plain(sheet)
+    separator = sheet.separator
+    rows = [(row.number, list(row.cells)) for row in sheet.rows]
     if not rows:
         raise DataError(f"{path} {NO_TABLE}: it is empty; {SAVE}")
     head = _unpadded(rows[0][1])
@@ -143,63 +132,24 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     return TextTable(path, tuple(head), tuple((number, tuple(row)) for number, row in body))
 
 
-def read_lines(path: Path) -> list[str]:
-    """Read the lines of a file with their ends, without Excel's own line on the separator.
-
-    Raises as ``read_table``.
-    """
-    book = _WORKBOOK.fullmatch(str(path))
-    try:
-        text = _sheet_text(book) if book else text_of(path)
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}; check path and rights") from None
-    except DataError as error:
-        if book:
-            raise
-        raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
-    if "\0" in text:
-        raise DataError(f"{path} {NO_TABLE}: it is no text; {SAVE}")
-    lines = text.splitlines(keepends=True)
-    return lines[1:] if lines and re.fullmatch(r"sep=.\s*", lines[0]) else lines
+def _separator_of_head(lines: Sequence[str]) -> str:
+    """Choose the separator that parts the head into most cells."""
+    head = next((line for line in lines if line.strip()), "")
+    return max(SEPARATORS, key=lambda sign: len(next(csv.reader([head], delimiter=sign), [])))
 
 
-def file_of(table: Path) -> Path:
-    """Give the file of a table, without the sheet that may be named behind it."""
-    found = _WORKBOOK.fullmatch(str(table))
-    return Path(found[1]) if found else table
-
-
-def _sheet_text(found: re.Match[str]) -> str:
-    """Read a sheet of a workbook as text with tabs; DataError where none is named of several."""
-    import pandas as pd  # noqa: PLC0415  # half a second that other tables do not need
-
-    try:
-        every = pd.read_excel(found[1], sheet_name=None, header=None, dtype=object)
-    except (ValueError, KeyError, BadZipFile) as error:
-        raise DataError(f"{found[1]} is no workbook; save it as .xlsx or as CSV") from error
-    sheets = {name: frame for name, frame in every.items() if not frame.empty}
-    first, wanted = next(iter(sheets), "SHEET"), found[2]
-    if wanted not in sheets and (wanted or len(sheets) != 1):
-        fault = f"there is no sheet '{wanted}'" if wanted else "several sheets have cells"
-        rule = f"name one of {', '.join(sheets)}, as {found[1]}#{first}"
-        raise DataError(f"{found[1]}: {fault}; {rule}")
-
-    def text(cell: Any) -> Any:
-        # Written to four decimals, its point can be nothing else.
-        return f"{cell}0" if isinstance(cell, float) and _EITHER.fullmatch(str(cell)) else cell
-
-    return str(sheets[wanted or first].map(text).to_csv(sep="\t", index=False, header=False))
-
-
-def parted(path: Path, lines: list[str], separator: str) -> list[tuple[int, list[str]]]:
-    """Part lines into cells without blanks around them: rows with their numbers."""
-    try:
-        found = list(csv.reader(lines, delimiter=separator))
-    except csv.Error as error:
-        raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
-    return [(n, [c.strip() for c in row]) for n, row in enumerate(found, start=1) if any(row)]
+def _require_plain(sheet: RawSheet) -> None:
+    """Raise DataError for rows and cells of a workbook that say more than their values."""
+    rejected = {HIDDEN, FILTERED, STRUCK}
+    faults = [
+        f"row {row.number} is {mark}; show it plainly, or delete it"
+        for row in sheet.rows
+        for mark in row.marks
+        if mark in rejected
+    ]
+    faults += [f"row {note.row}: {note.sentence}" for note in sheet.notes]
+    if faults:
+        raise DataError(listed(str(sheet.path), faults))
 
 
 def _unpadded(row: list[str]) -> list[str]:

@@ -1,271 +1,170 @@
-"""Table that a stand has written: its cells, head, units, rows of shifts, and rows left out.
+"""Layout of a foreign table: its head, the rows below it, and the rows left out with their reasons.
 
-A file has one decimal sign. ``1,200`` is 1200 or 1.2, which other numbers of the file decide, or a
-statement of the file or of the user; otherwise it is a question. ``docs/bench.md`` lists the rows
-that are left out.
+A foreign table is read in five steps, each a frozen value that ``init bench FILE --explain``
+prints: *raw sheet* (``sim.raw_sheet``), *layout* (here), *columns and units*
+(``foreign_columns``), *rows and marks* (``row_marks``), *readings* (``foreign_readings``).
+
+A layout has one row for each shift or mean, else it is reshaped where that is certain (transposed,
+repeats as columns) and refused by its name where it is not: matrix, blocks with titles, tables side
+by side. A row of words between the shifts may say that those below are of another kind, and is a
+question. ``docs/bench.md`` lists the rows that are left out.
 """
 
 from __future__ import annotations
 
-import math
+import csv
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from dogshape.diagnosis.terms import Array
-from dogshape.sim.errors import DataError
-from dogshape.sim.texts import file_of, parted, read_lines
-
-_SAME = str.maketrans({
-    **dict.fromkeys("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}", " "),
-    **dict.fromkeys("\N{RIGHT SINGLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}\N{PRIME}", "'"),
-    **dict.fromkeys("\N{MINUS SIGN}\N{EN DASH}\N{HYPHEN}\N{NON-BREAKING HYPHEN}", "-"),
-})  # fmt: skip
-_NUMBER = re.compile(
-    r"[+-]?(?:(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
-    r"|\d{1,3}([ ,.'])\d{3}(?:\1\d{3})*(?:(?!\1)[.,]\d+)?)"
+from dogshape.diagnosis.bench.cell_values import (
+    FORCE,
+    NOTHING,
+    SPEED,
+    Column,
+    begins_with_number,
+    durations_of,
+    is_number,
+    numbers_of,
+    split_head,
+    split_quantity,
+    unit_named,
 )
-_EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")  # thousands or three decimals
-NAMES = {".": "point", ",": "comma"}
-OTHER = {".": ",", ",": "."}
-
-
-def plain(cell: str) -> str:
-    """Write a cell with ordinary minus sign and blank, the sign beside its digits."""
-    text = cell if cell.isascii() else cell.translate(_SAME)
-    return text[0] + text[1:].lstrip() if text[:1] in ("+", "-") else text
-
-
-def is_number(cell: str) -> bool:
-    """Test that a cell is a number, whatever its decimal sign."""
-    return bool(_NUMBER.fullmatch(plain(cell)))
-
-
-def numbers_of(cells: Sequence[str], sign: str | None = None) -> Array:
-    """Convert cells with a decimal sign, None for any, (cells,); NaN where one is no number."""
-
-    def value(text: str) -> float:
-        if not _NUMBER.fullmatch(text):
-            return math.nan
-        own = sign or ("," if "," in text and "." not in text else ".")
-        return float(re.sub(f"[ '{OTHER[own]}]", "", text).replace(own, "."))
-
-    return np.array([value(plain(cell)) for cell in cells], dtype=float)
-
-
-def decimal_sign(
-    columns: Mapping[str, Sequence[str]], rows: Sequence[int], stated: str | None, separator: str
-) -> str | None:
-    """Decide on the decimal sign of a file, None where no number has one.
-
-    ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both
-    signs, and for those that can be read in two ways.
-    """
-    sure: dict[str, str] = {}
-    asked: dict[str, str] = {}
-    for head, cells in columns.items():
-        for cell, row in zip(map(plain, cells), rows, strict=True):
-            if is_number(cell) and (marks := re.findall("[.,]", cell)):
-                mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER[marks[-1]]
-                if not _EITHER.fullmatch(cell):
-                    sure.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
-                    continue
-                asked.setdefault(
-                    mark, f"column '{head}', row {row}: '{cell}' can be read as "
-                    f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
-                    f"{cell.replace(mark, '.')}, --decimal {mark}",
-                )  # fmt: skip
-    if len(sure) > 1 or (stated and OTHER[stated] in sure):
-        both = " and with ".join(sure[mark] for mark in sorted(sure))
-        says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
-        raise DataError(
-            f"numbers with {both}{says}, which can be read in two ways; save it with one sign"
-        )
-    sign = stated or next(iter(sure), None)
-    if sign or not asked:
-        return sign
-    mixed = [cells for cells in columns.values() if any(map(_EITHER.fullmatch, cells))]
-    whole = any(re.fullmatch(r"0*[1-9]\d*", cell) for cells in mixed for cell in cells)
-    if separator == "," and set(asked) == {"."} and not whole:
-        return "."
-    raise DataError("; ".join(asked.values()))
-
-
-SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit: its spelling, what it measures, and the factor to 1/min, N, s or mm."""
-
-    text: str
-    dimension: str
-    factor: float
-
-
-#: Spellings without blanks and in lower case but for N; each with the factor to the project's unit.
-SPELLINGS: dict[str, dict[str, float]] = {
-    SPEED: {
-        **dict.fromkeys(("1/min", "rpm", "u/min", "upm", "min-1", "min^-1", "r/min", "rev/min",
-                         "/min", "ot/min", "tr/min", "obr/min", "giri/min", "rot/min"), 1.0),
-        **dict.fromkeys(("rad/s", "rads-1", "rad*s^-1"), 30.0 / math.pi),
-        **dict.fromkeys(("hz", "u/s", "rps", "rev/s", "r/s"), 60.0),
-        **dict.fromkeys(("1/s", "s-1", "s^-1", "/s"), math.nan),  # revolutions or radians
-        **dict.fromkeys(("deg/s", "grad/s"), 1.0 / 6.0),
-    },
-    FORCE: {"N": 1.0, "newton": 1.0, "kn": 1e3, "dan": 10.0, "kgf": 9.80665, "kp": 9.80665,
-            "lbf": 4.4482216152605},
-    TIME: {"s": 1.0, "sec": 1.0, "sek": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6},
-    LENGTH: {"mm": 1.0, "m": 1e3, "cm": 10.0, "um": 1e-3},
-    MISC: dict.fromkeys(("nm", "bar", "mbar", "pa", "mpa", "degc", "v", "mv", "a", "%", "kg",
-                          "mm/s", "m/s", "j", "deg", "grad"), math.nan),
-}  # fmt: skip
-UNITS = {
-    text: Unit(text, kind, by) for kind, texts in SPELLINGS.items() for text, by in texts.items()
-}
-_UNIT_SIGNS = str.maketrans({"\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u", "°": "deg",
-                       "\N{MINUS SIGN}": "-", "⁻": "-", "¹": "1", "·": "*"})  # fmt: skip
-_BRACKETS = re.compile(r"^(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
-_LAST = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|[\s_,.]+)([^\s_]+)$")
-
-
-def unit_named(text: str) -> Unit | None:
-    """Find the unit of a spelling, None where it is none that is known."""
-    bare = re.sub(r"\s+", "", text).translate(_UNIT_SIGNS)
-    found = UNITS.get(bare if bare in ("N", "n") else bare.lower())
-    return None if found is None else replace(found, text=text.strip())
-
-
-def split_head(text: str, below: str = "") -> tuple[str, Unit | None, str | None]:
-    """Divide the head of a column into name, unit, and what stands as a unit but is none known.
-
-    A unit stands in brackets at the end (``F [kN]``), after "in" or a stroke (``F/kN``), last
-    (``t_shift ms``), or in a cell of its own ``below``.
-    """
-    name, unit, strange, under = text, None, None, below.strip("[]() ")
-    if found := _BRACKETS.match(text):
-        name, inside, rest = found.groups()
-        unit = unit_named(inside)
-        strange = None if unit or "[" not in text or inside in ("", "-", "1") else inside
-        name = " ".join(filter(None, (name, "" if unit or strange else inside, rest)))
-    elif found := _LAST.match(text):
-        bare, last = found.groups()
-        if "/" in last and unit_named(last) is None and unit_named(last.split("/", 1)[1]):
-            bare, last = f"{bare} {last.split('/', 1)[0]}", last.split("/", 1)[1]
-        unit = unit_named(last)
-        name = bare if unit else text
-    unit = unit or unit_named(under)
-    return name, unit, None if unit else strange or (under if re.search(r"\w", under) else None)
-
-
-#: Dates and clocks that are read without a statement; Python's directives, or pandas' ISO 8601.
-FORMS = ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d.%m.%Y",
-         "%H:%M:%S.%f", "%H:%M:%S", "%H:%M")  # fmt: skip
-_DATED = re.compile(r"\d[./-]\d{1,2}[./-]\d|\d-[A-Za-z]{3}-\d|\b\d{1,2}:\d{2}")
-
-
-def is_dated(cells: Sequence[str]) -> bool:
-    """Test that most cells are dates or clocks."""
-    known = [cell for cell in cells if cell]
-    return 2 * sum(bool(_DATED.search(cell)) for cell in known) > len(known)
-
-
-def stamps_of(cells: Sequence[str], form: str) -> tuple[list[str], str]:
-    """Convert dates to ISO 8601, and clocks without a date to s; also tell the form they have.
-
-    ``form`` has directives such as ``%d/%m/%Y``; empty finds one of ``FORMS``. Raises DataError for
-    other cells.
-    """
-    import pandas as pd  # noqa: PLC0415  # slow to load, and most tables have no dates
-
-    whole = pd.Series(cells, dtype=object).str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
-    tried = {way: pd.to_datetime(whole, format=way, errors="coerce", utc=True)
-             for way in ((form,) if form else FORMS)}  # fmt: skip
-    way, found = min(tried.items(), key=lambda one: one[1].isna().sum())
-    if (wrong := found.isna()).any():
-        raise DataError(
-            f"has '{cells[int(wrong.argmax())]}', which is no date and time as "
-            f"{form or '2024-05-31 14:05:09 or 31.05.2024 14:05:09'}; say its form behind the "
-            "column: --column timestamp='COLUMN:%d/%m/%Y %H:%M:%S'"
-        )
-    if way == FORMS[0] or "%d" in way:
-        return [one.isoformat() for one in found], f"dates as {way}"
-    seconds = (found - found.dt.normalize()).dt.total_seconds()
-    seconds += 86_400.0 * (seconds.diff() < -43_200.0).cumsum()  # after midnight
-    return [f"{one:.12g}" for one in seconds], "clock without a date"
-
-
-NOTHING = frozenset(("", "-", "--", "n/a", "na", "nan", "#n/a", "none", "null", "k.a.", "#nv"))
-YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engaged", "y", "j", "oui",
-       "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔")  # fmt: skip
-NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
-      "non", "ne", "nie", "✗", "✘")  # fmt: skip
-ANSWERS = {**dict.fromkeys((*NOTHING, "empty", "unknown")), **dict.fromkeys(YES, True),
-           **dict.fromkeys(NO, False)}  # fmt: skip
+from dogshape.diagnosis.bench.quantities import (
+    SHIFTS,
+    WORD,
+    is_force_by_area,
+    score,
+)
+from dogshape.sim.decoding import TableLimits
+from dogshape.sim.errors import DataError
+from dogshape.sim.raw_sheet import (
+    RawRow,
+    RawSheet,
+    file_of,
+    is_workbook,
+    read_lines,
+    read_workbook,
+    text_sheet,
+)
 
 Cells = Sequence[str]
 Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why
 ROUNDED = 2e-3  #: share by which a rounded sum or mean is off
 HEADS = 4  #: rows of names and units above the numbers, at most
+SAMPLE_LINES = 2000  #: lines by which the separator of a text is chosen
+MIN_REPEATS = 3  #: numbered columns that are repeats, unless a word of a shift time names them
 MARKS = "#%!"  #: at the beginning of comments
+PLAIN, TRANSPOSED, REPEATS = "one row a shift", "transposed", "repeats as columns"
 _LABVIEW = re.compile(
     r"(?ms)^(?:LabVIEW Measurement|Channels\b).*?^\*\*\*End_of_Header\*\*\*[^\n]*"
 )
 _DECIMAL = re.compile(r"(?m)^Decimal_Separator\s+([.,])")
 _STATISTIC = re.compile(
-    r"(?i)(Ø|n|count|anzahl|mean|average|avg|mittel\w*|durchschnitt|median|sum|summe|total|gesamt"
-    r"|std\w*|sd|stabw|standardabweichung|var|varianz|min|max|minimum|maximum|\d+ ?%)"
-    r"(\W*|\W+\w{0,2}\W*)"
+    r"(?i)n\s*[=:]?|(Ø|count|anzahl|mean|average|avg|mittel\w*|durchschnitt|median|sum|summe|total|gesamt"
+    r"|std\w*|sd|stabw|standardabweichung|var|varianz|min|max|minimum|maximum|\d+ ?%"
+    r"|moyenne|media|somma|suma|somme|gemiddelde|prumer|srednia|medel\w*)"
+    r"(\W*|\W+[^\W\d]{0,2}\W*)"
 )
+_SHIFT_TIME = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
+#: Words that say of rows that they are no shifts.
+REJECTED = re.compile(
+    r"(?i)ung[uü]e?ltig|verworfen|ausrei(ß|ss)er|fehlerhaft|fehlmessung|defekt|nicht (gewertet"
+    r"|werten|verwend\w+|ber[uü]e?cksichtig\w+)|streichen|gestrichen|ausgeschlossen|invalid|discard|reject"
+    r"|outlier|exclude|ignore|omit|bad (run|shift|data)|do not use|not valid|aborted|abgebrochen"
+    r"|abbruch|failed (run|measurement)|rejet[ée]|exclu|aberrant|invalide|scartat|scarto|anomal"
+    r"|non valid|descartad|rechazad|inv[aá]lid|odrzucon|neplatn|vy[rř]azen|ongeldig|kassera"
+)
+_TITLE_VALUE = re.compile(r"[^\W\d]\w*\s*[=:]\s*[+-]?\d|\d\s*(?:1/min|rpm|U/min|kN|N|tr/min)\b")
 
 
 @dataclass(frozen=True)
-class Column:
-    """A column: its place from 1, head, name without unit, unit, an unknown unit, and cells."""
+class Layout:
+    """Where a sheet has its names, units and shifts.
 
-    place: int
-    head: str
+    ``questions`` are those on rows, ``repeats`` the places of columns that are shifts of their own.
+    """
+
     name: str
-    unit: Unit | None
-    strange: str | None = None
-    cells: tuple[str, ...] = ()
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    body: tuple[RawRow, ...]
+    left_out: tuple[tuple[int, str], ...] = ()
+    questions: tuple[str, ...] = ()
 
-    @cached_property
-    def values(self) -> Array:
-        """Numbers by the decimal sign that each cell shows, NaN for other cells, (rows,)."""
-        return numbers_of(self.cells)
+    def lines(self) -> Iterator[str]:
+        """Describe the layout, a line each."""
+        yield self.name
+        names = (
+            f"{name} {unit}".strip() for name, unit in zip(self.names, self.units, strict=True)
+        )
+        yield f"names: {' | '.join(names)}"
+        if self.body:
+            yield f"rows {self.body[0].number} to {self.body[-1].number}: {len(self.body)}"
+        yield from (f"left out: row {number}: {reason}" for number, reason in self.left_out)
+        yield from (f"question: {question}" for question in self.questions)
 
 
 @dataclass(frozen=True)
 class ForeignTable:
-    """A table as it stands: columns, numbers of its rows, and rows left out with their reasons.
+    """A table as it stands: raw sheet, layout, columns, and the rows of its shifts.
 
-    ``questions`` are pairs of a column's place and a question on one of its words. ``stated`` is
-    the decimal sign that the file says.
+    ``place_questions`` are pairs of a column's place and a question on one of its words. ``stated``
+    is the decimal sign that the file says.
     """
 
-    path: Path
+    sheet: RawSheet
+    layout: Layout
     columns: tuple[Column, ...]
     rows: tuple[int, ...]
     left_out: Reasons
     stated: str | None
-    separator: str
-    questions: Reasons
+    place_questions: Reasons = field(default_factory=list)
+    summaries: tuple[tuple[str, str], ...] = ()  #: heads of columns left out, and why
+
+    @property
+    def path(self) -> Path:
+        """The file, with the sheet behind it."""
+        return self.sheet.path
+
+    @property
+    def separator(self) -> str:
+        """What parts the cells."""
+        return self.sheet.separator
+
+    def taking(self, places: Sequence[int], reasons: Reasons) -> ForeignTable:
+        """Keep the rows at these places alone; ``reasons`` are those of the others."""
+        columns = tuple(
+            replace(column, cells=tuple(column.cells[k] for k in places)) for column in self.columns
+        )
+        body = tuple(self.layout.body[k] for k in places)
+        return replace(
+            self,
+            layout=replace(self.layout, body=body),
+            columns=columns,
+            rows=tuple(self.rows[k] for k in places),
+            left_out=sorted([*self.left_out, *reasons]),
+        )
 
 
 class _Grid:
-    """Lines of a file as cells, equally many in each row, and which of them are numbers."""
+    """Rows as cells, equally many in each, and which of them are numbers.
 
-    def __init__(self, rows: Sequence[tuple[int, Cells]]) -> None:
-        width = max((len(cells) for _, cells in rows), default=0)
-        self.rows = [n for n, _ in rows]
-        self.cells = [(*cells, *[""] * (width - len(cells))) for _, cells in rows]
-        self.numeric = np.array([[is_number(cell) for cell in row] for row in self.cells])
-        self.filled = np.array([[bool(cell) for cell in row] for row in self.cells])
+    ``loose`` takes a number with a unit behind it as a number.
+    """
+
+    def __init__(self, sheet: RawSheet, *, loose: bool = False) -> None:
+        width = sheet.width
+        self.raw = sheet.rows
+        self.rows = [row.number for row in sheet.rows]
+        self.cells = [(*row.cells, *[""] * (width - len(row.cells))) for row in sheet.rows]
+        test = _is_quantity if loose else is_number
+        shape = (len(self.cells), width)
+        self.numeric = _table_of([[test(cell) for cell in row] for row in self.cells], shape)
+        self.filled = _table_of([[bool(cell) for cell in row] for row in self.cells], shape)
         self.comment = np.array([row[0][:1] in MARKS if row[0] else False for row in self.cells])
         numbers = self.numeric.sum(axis=-1)
         self.data = (numbers >= 2) & (2 * numbers >= self.filled.sum(axis=-1))
@@ -278,95 +177,275 @@ class _Grid:
         return bool(self.filled[k].sum() >= max(2, 0.6 * self.filled[k + 1 + below[0]].sum()))
 
 
-def read_foreign(path: Path, chosen: Sequence[range] = (), *, sums: bool = True) -> ForeignTable:
+def _table_of(rows: Sequence[Sequence[bool]], shape: tuple[int, int]) -> np.ndarray:
+    return np.array(rows, dtype=bool).reshape(shape)
+
+
+def _is_quantity(cell: str) -> bool:
+    return is_number(split_quantity(cell)[0])
+
+
+def read_foreign(
+    path: Path,
+    chosen: Sequence[range] = (),
+    *,
+    sums: bool = True,
+    limits: TableLimits | None = None,
+) -> ForeignTable:
     """Read a table whose head stands anywhere above its numbers; raises DataError without one.
 
     ``chosen`` are the rows of the file that are shifts, where its structure is not to decide.
-    Without ``sums`` no row can be one of those above.
+    Without ``sums``, as of traces, each row of numbers is a row of the table.
     """
     if not file_of(path).exists():
         raise DataError(f"there is no {path}; give a CSV or .xlsx that the stand has written")
-    text = "".join(read_lines(path))
+    sheet, stated = read_sheet(path, limits or TableLimits())
+    return table_of(sheet, stated, chosen, sums=sums)
+
+
+def read_sheet(path: Path, limits: TableLimits) -> tuple[RawSheet, str | None]:
+    """Read the raw sheet, and the decimal sign that the file states."""
+    if is_workbook(path):
+        return read_workbook(path, limits), None
+    text = "".join(read_lines(path, limits))
     stated = _DECIMAL.search(text)
-    lines = _LABVIEW.sub(lambda found: "\n" * found.group().count("\n"), text).splitlines(True)
-    ways = {separator: _Grid(parted(path, lines, separator)) for separator in ";\t,|"}
-    separator = max(ways, key=lambda one: ways[one].data.sum())
-    grid = ways[separator]
+    text = _LABVIEW.sub(lambda match: "\n" * match.group().count("\n"), text)
+    lines = [f"{line}\n" for line in text.split("\n")]
+    return text_sheet(path, lines, _separator(lines), limits), stated[1] if stated else None
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """Choose the separator that gives most rows of numbers, or else most cells."""
+
+    def rows_of_numbers(separator: str) -> tuple[int, int]:
+        count, cells = 0, 0
+        try:
+            for row in csv.reader(lines[:SAMPLE_LINES], delimiter=separator):
+                filled = [cell.strip() for cell in row if cell.strip()]
+                numbers = sum(map(is_number, filled))
+                count += numbers >= 2 and 2 * numbers >= len(filled)
+                cells += len(filled)
+        except csv.Error:
+            return 0, 0
+        return count, cells
+
+    return max(";\t,|", key=rows_of_numbers)
+
+
+def table_of(
+    sheet: RawSheet, stated: str | None, chosen: Sequence[range] = (), *, sums: bool = True
+) -> ForeignTable:
+    """Find the layout of a sheet and its columns; raises as ``read_foreign``."""
+    path = sheet.path
+    grid = _Grid(sheet)
     if not grid.data.any():
+        grid = _Grid(sheet, loose=True)
+    name = PLAIN
+    if sums and _is_transposed(grid):
+        sheet, name = _transposed(sheet), TRANSPOSED
+        grid = _Grid(sheet)
+    if not grid.data.any():
+        _require_words(path, grid)
         raise DataError(
             f"{path} has no rows of numbers; save the table as CSV with semicolons, tabs or commas "
             "between cells, and a name and unit above each column"
         )
-    head, units, body, left = _divided(path, grid, chosen)
-    width, questions = len(head), list[tuple[int, str]]()
+    layout = _divided(path, grid, chosen, sums=sums)
+    width, place_questions = len(layout.names), list[tuple[int, str]]()
+    numbers = {row.number for row in layout.body}
+    body = [k for k, row in enumerate(grid.raw) if row.number in numbers]
+    left = list(layout.left_out)
     if sums and not chosen:
-        left += _summaries(grid, body, questions)
-    gone = {n for n, _ in left}
-    kept = [k for k in body if grid.rows[k] not in gone]
-    if not kept:
+        left += _summaries(grid, body, place_questions)
+    excluded = {number for number, _ in left}
+    body = [k for k in body if grid.rows[k] not in excluded]
+    if not body:
         raise DataError(f"{path} has no row of a shift; name its rows with --rows, such as 2-41")
-    if (wide := grid.filled[kept, width:].any(axis=1)).any():
+    _require_width(path, grid, body, width)
+    nameless = ("",) * int(grid.filled[body, width:].any(axis=0).sum())
+    layout = replace(
+        layout,
+        name=name,
+        names=layout.names + nameless,
+        units=layout.units + nameless,
+        body=tuple(grid.raw[k] for k in body),
+        left_out=tuple(sorted(left)),
+    )
+    columns = _columns(sheet, layout, [grid.cells[k] for k in body])
+    table = ForeignTable(
+        sheet,
+        layout,
+        columns,
+        tuple(grid.rows[k] for k in body),
+        sorted(left),
+        stated,
+        place_questions,
+    )
+    if sums:
+        _require_rows_of_shifts(table, grid)
+    return table
+
+
+def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[Column, ...]:
+    columns = []
+    for k, (name, unit) in enumerate(zip(layout.names, layout.units, strict=True)):
+        column_cells = tuple(row[k] for row in cells)
+        if name or any(column_cells):
+            head = name or f"column {k + 1}"
+            parts = split_head(head, unit)
+            durations = durations_of(column_cells)
+            if (
+                durations
+                and score(_SHIFT_TIME, Column(k + 1, head, *parts, tuple(durations))) > 0.0
+            ):
+                column_cells = tuple(durations)
+            true_numbers = k + 1 in sheet.true_numbers
+            hidden = k + 1 in sheet.hidden_columns
+            columns.append(Column(k + 1, head, *parts, column_cells, true_numbers, hidden))
+    return tuple(columns)
+
+
+def _require_width(path: Path, grid: _Grid, body: Sequence[int], width: int) -> None:
+    """Raise DataError for numbers beyond the last name; words there are a column without one."""
+    wide = grid.numeric[body, width:].any(axis=1)
+    if wide.any():
         raise DataError(
-            f"{path}, row {grid.rows[kept[int(wide.argmax())]]} has more cells than the {width} "
+            f"{path}, row {grid.rows[body[int(wide.argmax())]]} has more cells than the {width} "
             "columns of the head; is a decimal comma among them? save it with semicolons between "
             "cells"
         )
-    columns = []
-    for k, cells in enumerate(list(zip(*(grid.cells[k] for k in kept), strict=True))[:width]):
-        if head[k] or any(cells):
-            name = head[k] or f"column {k + 1}"
-            columns.append(Column(k + 1, name, *split_head(name, units[k]), cells))
-    return ForeignTable(
-        path, tuple(columns), tuple(grid.rows[k] for k in kept), sorted(left),
-        stated[1] if stated else None, separator, questions,
-    )  # fmt: skip
 
 
-def _divided(
-    path: Path, grid: _Grid, chosen: Sequence[range]
-) -> tuple[list[str], list[str], list[int], Reasons]:
+def _require_words(path: Path, grid: _Grid) -> None:
+    """Raise DataError for blocks of a column each, whose titles hold the operating point."""
+    titles = _titles(grid, range(len(grid.rows)))
+    if len(titles) > 1:
+        raise DataError(_block_sentence(path, titles))
+
+
+def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) -> Layout:
     """Divide rows into names, units, rows below them, and rows left out with their reasons."""
-    asked = [any(n in those for those in chosen) for n in grid.rows]
+    asked = [any(number in span for span in chosen) for number in grid.rows]
     heads = [k for k in range([*asked, True].index(True)) if grid.is_head(k)]
     above = heads[-1 if chosen else 0] if heads else -1
     first = above + 1 + int(np.argmax(grid.data[above + 1 :]))
+    first += _is_numbered_head(grid, first)
     names, units, used = _head(grid, first)
     if chosen:
         body = [k for k in range(first, len(asked)) if asked[k]]
         others = np.setdiff1d(np.flatnonzero(grid.data), body)
-        return names, units, body, [(grid.rows[k], "not among --rows") for k in others]
+        left = [(grid.rows[k], "not among --rows") for k in others]
+        rows = tuple(grid.raw[k] for k in body)
+        return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(left))
     left = [(grid.rows[k], "stands above the table") for k in range(first) if k not in used]
     body, repeated = [], {grid.cells[k] for k in used}
+    words: list[int] = []
     for k in range(first, len(grid.rows)):
         if grid.cells[k] in repeated:
             left.append((grid.rows[k], "repeats the head"))
         elif k in heads:
+            titles = _titles(grid, [j for j in range(k + 1) if not grid.data[j]])
+            if len(titles) > 1:
+                raise DataError(_block_sentence(path, titles))
             raise DataError(
                 f"{path}: another table begins in row {grid.rows[k]}; save each as a file of its "
                 "own, or name the rows of shifts, such as --rows "
                 f"{grid.rows[first]}-{grid.rows[k - 1]}"
             )
-        elif not grid.numeric[k].any():
-            left.append((grid.rows[k], f"has no number ('{next(filter(None, grid.cells[k]))}')"))
+        elif not grid.numeric[k].any() and not any(map(begins_with_number, grid.cells[k])):
+            left.append((grid.rows[k], f"has no number ('{_first(grid, k)}')"))
+            words.append(k)
         else:
             body.append(k)
-    return names, units, body, left
+    questions = _word_questions(grid, body, words, range(first)) if sums else []
+    rows = tuple(grid.raw[k] for k in body)
+    return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(left), tuple(questions))
+
+
+def _first(grid: _Grid, k: int) -> str:
+    return next(filter(None, grid.cells[k]))
+
+
+def _word_questions(
+    grid: _Grid, body: Sequence[int], words: Sequence[int], above: Sequence[int]
+) -> list[str]:
+    """Ask about rows of words between the shifts, and about those that reject shifts."""
+    between = [k for k in words if body and k < body[-1]]
+    rejecting = [
+        k
+        for k in (*above, *words)
+        if k not in between and REJECTED.search(" ".join(grid.cells[k])) and not grid.is_head(k)
+    ]
+    rejecting = [k for k in rejecting if grid.filled[k].sum() < 3]
+    shown = [f"row {grid.rows[k]} '{_first(grid, k)}'" for k in (*between, *rejecting)]
+    if not shown:
+        return []
+    span = f"{grid.rows[body[0]]}-{grid.rows[body[-1]]}" if body else "2-41"
+    return [
+        f"{', '.join(shown[:6])}: words that may say that rows are other shifts, or none; name the "
+        f"rows of shifts with --rows, such as {span}"
+    ]
+
+
+def _is_numbered_head(grid: _Grid, first: int) -> bool:
+    """Test that the first row of numbers names columns: words above numbers, beside 1, 2, 3."""
+    if first + 1 >= len(grid.rows) or not grid.data[first + 1]:
+        return False
+    words = grid.filled[first] & ~grid.numeric[first] & grid.numeric[first + 1]
+    cells = grid.cells[first]
+    numbers = [cells[k] for k in np.flatnonzero(grid.numeric[first])]
+    counted = numbers == [str(k) for k in range(1, len(numbers) + 1)]
+    nameless = ~grid.filled[first] & grid.numeric[first + 1]
+    if counted and nameless.any() and grid.is_head(first - 1):
+        return True
+    if not words.any() or any(
+        begins_with_number(cells[k]) or cells[k].lower() in NOTHING for k in np.flatnonzero(words)
+    ):
+        return False
+    return counted and _named_needs(_head(grid, first)[0]) < 2
 
 
 def _head(grid: _Grid, first: int) -> tuple[list[str], list[str], list[int]]:
     """Read names and units above the first row of numbers, with the places of their rows.
 
-    Comments are names where nothing else is.
+    Comments are names where nothing else is. A name that is empty, only a number, or the end of a
+    word that is divided by a hyphen is completed by the row above.
     """
+    numbered = first - 1 if first and grid.data[first - 1] else -1
     near = [k for k in range(max(0, first - HEADS), first) if grid.filled[k].sum() > 1]
-    zone = [k for k in near if not grid.data[k] and not grid.comment[k]] or near
+    zone = [k for k in near if (not grid.data[k] or k == numbered) and not grid.comment[k]] or near
     rows = [[cell.lstrip(MARKS + " ") or cell for cell in grid.cells[k]] for k in zone]
     blank = [""] * grid.filled.shape[1]
     below = len(rows) > 1 and _are_units(rows[-1], rows[-2])
     units, used = (rows.pop(), zone[-2:]) if below else (blank, zone[-1:])
     names = rows[-1] if rows else blank
+    if len(rows) > 1 and (numbered in zone or _is_divided(rows[-2], names)):
+        names = _completed_names(rows[-2], names)
+        used = zone[-len(used) - 1 :]
     width = 1 + int(np.flatnonzero(grid.filled[[*used, first]].any(axis=0))[-1])
     return names[:width], units[:width], used
+
+
+def _is_divided(above: Cells, names: Cells) -> bool:
+    """Test that words of the row above go on in the row of names."""
+    return any(
+        upper.endswith("-") and lower[:1].islower()
+        for upper, lower in zip(above, names, strict=True)
+    )
+
+
+def _completed_names(above: Cells, names: Cells) -> list[str]:
+    """Join names with those above them; a number gets the last name to its left."""
+    completed, latest = [], ""
+    for upper, lower in zip(above, names, strict=True):
+        latest = upper or latest
+        if lower.isdecimal():
+            completed.append(f"{latest} {lower}".strip())
+        elif upper.endswith("-") and lower[:1].islower():
+            completed.append(upper[:-1] + lower)
+        else:
+            completed.append(lower or upper)
+    return completed
 
 
 def _are_units(row: Cells, above: Cells) -> bool:
@@ -375,39 +454,191 @@ def _are_units(row: Cells, above: Cells) -> bool:
     return sum(map(bool, map(unit_named, above))) < sum(known) and (sum(known) >= 2 or not words)
 
 
+# ---- rows that summarise others
+
+
 def _summaries(grid: _Grid, body: list[int], questions: Reasons) -> Reasons:
     """Find rows that summarise those above them, and ask about words in place of numbers."""
-    firsts = {k: next(filter(None, grid.cells[k])) for k in body}
+    firsts = {k: _first(grid, k) for k in body}
     named = [k for k, word in firsts.items() if _STATISTIC.fullmatch(word)]
-    found = [(grid.rows[k], f"statistic of the rows above ('{firsts[k]}')") for k in named]
+    reasons = [(grid.rows[k], f"statistic of the rows above ('{firsts[k]}')") for k in named]
     body = [k for k in body if k not in named]
     values = np.ma.masked_invalid([numbers_of(grid.cells[k]) for k in body])
     for size in (2, 1):  # a sum and a mean, or one of them
         if len(body) > size + 2 and all(_is_statistic(values[:-size], v) for v in values[-size:]):
-            found += [(grid.rows[k], "sum or mean of the rows above") for k in body[-size:]]
+            reasons += [(grid.rows[k], "sum or mean of the rows above") for k in body[-size:]]
             body = body[:-size]
             break
+    return reasons + _foot_words(grid, body, questions)
+
+
+def _foot_words(grid: _Grid, body: Sequence[int], questions: Reasons) -> Reasons:
+    """Find rows at the foot with a word in a column of numbers; ask about those before."""
+    reasons: Reasons = []
     place = int(grid.filled[body].any(axis=0).argmax()) if body else 0
     number = grid.numeric[body][:, place] if body else np.zeros(0)
     if all(2 * part.sum() <= len(part) for part in (number, number[: len(body) // 2 + 1])):
-        return found  # words or codes name the rows
+        return reasons  # words or codes name the rows
     for k in body:
         word = grid.cells[k][place]
         if grid.numeric[k, place]:
             continue
         if word and k > body[int(np.flatnonzero(number)[-1])]:
-            found.append((grid.rows[k], f"word where other rows have a number ('{word}')"))
+            reasons.append((grid.rows[k], f"word where other rows have a number ('{word}')"))
         elif not re.search(r"\d", word):  # a code such as 2b
-            questions.append((
-                place + 1, f"row {grid.rows[k]} has '{word}' where other rows have a number; "
-                "correct it, or name the rows of shifts with --rows, such as 2-41",
-            ))  # fmt: skip
-    return found
+            questions.append(
+                (
+                    place + 1,
+                    f"row {grid.rows[k]} has '{word}' where other rows have a number; "
+                    "correct it, or name the rows of shifts with --rows, such as 2-41",
+                )
+            )
+    return reasons
 
 
 def _is_statistic(above: np.ma.MaskedArray, row: np.ma.MaskedArray) -> bool:
     """Test that a row is sum or mean of those above it, in two columns that are not constant."""
-    known = ~np.ma.getmaskarray(row)
-    means = above[:, known].mean(axis=0), above[:, known].sum(axis=0)
-    same = any(np.ma.allclose(own, row[known], rtol=ROUNDED, atol=0.0) for own in means)
-    return bool(same and (np.ma.ptp(above[:, known], axis=0) > 0.0).sum() > 1)
+    filled = ~np.ma.getmaskarray(row)
+    statistics = above[:, filled].mean(axis=0), above[:, filled].sum(axis=0)
+    same = any(np.ma.allclose(value, row[filled], rtol=ROUNDED, atol=0.0) for value in statistics)
+    return bool(same and (np.ma.ptp(above[:, filled], axis=0) > 0.0).sum() > 1)
+
+
+# ---- layouts that are not one row a shift
+
+
+def _needs_of(column: Column) -> set[str]:
+    """Name the needed quantities of which a column has a word, or for a force or time the unit."""
+    names = {q.name for q in SHIFTS if q.needed and score(q, column) >= WORD}
+    if not names and column.unit is not None:
+        names = {q.name for q in SHIFTS if q.needed and score(q, column) > 0.0}
+    return names | ({"force_N"} if is_force_by_area(column) else set())
+
+
+def _named_needs(names: Cells) -> int:
+    """Count the needed quantities that a row of names has."""
+    columns = [Column(k, name, *split_head(name)) for k, name in enumerate(names, start=1) if name]
+    return len(set().union(*map(_needs_of, columns))) if columns else 0
+
+
+def _is_transposed(grid: _Grid) -> bool:
+    """Test that the first cells of rows name quantities, with two numbers or more behind each."""
+    needs: set[str] = set()
+    for cells in grid.cells:
+        if is_number(cells[0]) or sum(map(begins_with_number, cells[1:])) < 2:
+            continue
+        if sum(bool(cell) for cell in cells) < 3 or not cells[0]:
+            continue
+        needs |= _needs_of(Column(1, cells[0], *split_head(cells[0])))
+    return len(needs) >= 2
+
+
+def _transposed(sheet: RawSheet) -> RawSheet:
+    """Exchange rows and columns; the row numbers are then those of columns."""
+    if any(row.marks for row in sheet.rows) or sheet.hidden_columns or sheet.merged or sheet.notes:
+        raise DataError(
+            f"{sheet.path} is transposed, a column for each shift, and has hidden, merged or marked"
+            " cells; paste it transposed (rows for columns) and save it again"
+        )
+    cells = [(*row.cells, *[""] * (sheet.width - len(row.cells))) for row in sheet.rows]
+    columns = [
+        RawRow(number, tuple(column))
+        for number, column in enumerate(zip(*cells, strict=True), start=1)
+        if any(column)
+    ]
+    return replace(sheet, rows=tuple(columns))
+
+
+def _titles(grid: _Grid, places: Sequence[int]) -> list[tuple[int, str]]:
+    """Find rows of words that hold an operating point, such as ``dn = 50 1/min``."""
+    texts = [(grid.rows[k], ", ".join(filter(None, grid.cells[k]))) for k in places]
+    return [(number, text) for number, text in texts if _TITLE_VALUE.search(text)]
+
+
+def _block_sentence(path: Path, titles: Sequence[tuple[int, str]]) -> str:
+    number, text = titles[0]
+    return (
+        f"{path} is in blocks with the operating point in titles ({len(titles)}: row {number} "
+        f"'{text}' ...); write these values into columns of their own, beside each shift"
+    )
+
+
+def _require_rows_of_shifts(table: ForeignTable, grid: _Grid) -> None:
+    """Raise DataError for a matrix and for blocks with titles."""
+    path, columns = table.path, table.columns
+    needs = [_needs_of(column) for column in columns]
+    names = set().union(*needs)
+    if len(names) < 3:
+        texts = [k for k in range(len(grid.rows)) if not grid.data[k]]
+        titles = _titles(grid, texts)
+        speeds = [c for c in columns if c.unit and c.unit.dimension == SPEED]
+        if len(titles) > 1 and len(names) < 2 and not speeds:
+            raise DataError(_block_sentence(path, titles))
+        if _is_matrix(table, grid):
+            raise DataError(
+                f"{path} is a matrix, with one quantity in its first row and one in its first "
+                "column; write a row for each operating point, with mismatch, force, shift time "
+                "and number of shifts in columns"
+            )
+
+
+def side_question(columns: Sequence[Column]) -> str:
+    """Ask which of several tables side by side has the shifts, empty for a single table."""
+    sides = _sides(columns)
+    if not sides:
+        return ""
+    spans = ", ".join(f"{side[0].place} to {side[-1].place}" for side in sides)
+    return (
+        f"{len(sides)} tables stand side by side (columns {spans}); save each as a file of its "
+        f"own, or name the columns of the shifts: {_options_of(sides[0])}"
+    )
+
+
+def _is_matrix(table: ForeignTable, grid: _Grid) -> bool:
+    """Test that numbers stand as names above numbers, or names share a word beside a number."""
+    heads = [column.head for column in table.columns]
+    lettered = [re.sub(r"[\d.,\s]+", "#", head) for head in heads[1:] if re.search(r"\d", head)]
+    units = [c.unit for c in table.columns[1:] if c.unit and re.search(r"(^|[=\s])\d", c.name)]
+    same = len(lettered) > 1 and len(set(lettered)) == 1 and len(lettered) == len(heads) - 1
+    if (
+        same
+        and len(units) == len(lettered)
+        and all(unit.dimension in (SPEED, FORCE) for unit in units)
+    ):
+        return True
+    first = int(np.flatnonzero(grid.data)[0])
+    corner, top = grid.cells[first][0], grid.numeric[first][1:]
+    below = np.flatnonzero(grid.data)[1:]
+    filled = grid.filled[first][1:]
+    square = below.size and grid.numeric[below, 0].all() and top[filled].all() and filled.sum() > 1
+    return bool(square and not is_number(corner) and not begins_with_number(corner))
+
+
+def _sides(columns: Sequence[Column]) -> list[list[Column]]:
+    """Divide columns into tables that each have two needed quantities, empty for a single table."""
+    sides: list[list[Column]] = []
+    seen: set[str] = set()
+    last_place = 0
+    for column in columns:
+        names = _needs_of(column)
+        heads = {c.head for c in sides[-1]} if sides else set()
+        gap = column.place > last_place + 1
+        again = column.head in heads and bool(names & seen)
+        if not sides or gap or again:
+            sides.append([])
+            seen = set()
+        sides[-1].append(column)
+        seen |= names
+        last_place = column.place
+    full = [side for side in sides if len(set().union(*map(_needs_of, side))) >= 2]
+    return full if len(full) > 1 else []
+
+
+def _options_of(side: Sequence[Column]) -> str:
+    """Write the column options that take one of several tables."""
+    options = []
+    for quantity in (quantity for quantity in SHIFTS if quantity.needed):
+        best = max(side, key=lambda column: score(quantity, column))
+        if score(quantity, best) > 0.0:
+            options.append(f"--column {quantity.name}='column {best.place}'")
+    return " ".join(options)

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import median_filter
 
-from dogshape.diagnosis.bench.foreign_table import unit_named
+from dogshape.diagnosis.bench.cell_values import unit_named
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, did_you_mean, number, number_rule
 from dogshape.sim.texts import is_plain, read_table

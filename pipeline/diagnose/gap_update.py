@@ -30,7 +30,8 @@ from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, plain
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.files import write_whole
-from dogshape.sim.texts import file_of, read_table
+from dogshape.sim.raw_sheet import file_of
+from dogshape.sim.texts import read_table
 
 DATA, JOINING, BEFORE, ASKED = "data", "joining", "data.before", "asked.json"
 UPDATES, RECORD, TABLE = "updates.json", "gap.json", "cells.csv"

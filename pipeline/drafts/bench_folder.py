@@ -18,17 +18,22 @@ import pandas as pd
 from pandas import DataFrame
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_columns import NONE, SHIFTS, TRACE, Report, TableReader
-from dogshape.diagnosis.bench.foreign_table import read_foreign
+from dogshape.diagnosis.bench.foreign_columns import NONE
+from dogshape.diagnosis.bench.foreign_readings import Report, TableReader
+from dogshape.diagnosis.bench.foreign_table import read_foreign, read_sheet, table_of
+from dogshape.diagnosis.bench.quantities import SHIFTS, TRACE
+from dogshape.diagnosis.bench.row_marks import RowChoice
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
 from dogshape.diagnosis.bench.traces import READERS
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
 from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
+from dogshape.sim.decoding import TableLimits
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
+from dogshape.sim.raw_sheet import file_of
 from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.mechanism import NOTHING
-from dogshape.sim.texts import file_of, text_of
+from dogshape.sim.texts import text_of
 from dogshape.sim.units import MM
 from dogshape.sim.versions import bundled_root
 
@@ -49,6 +54,15 @@ class BenchDraft:
     values: Mapping[str, Any] = field(default_factory=dict)  #: of ``bench.toml`` by dotted key
     decimal: str | None = None  #: decimal sign of the tables, None to find it
     rows: str = ""  #: rows of the file that are shifts, such as ``2-41,45``; empty to find them
+    drop: tuple[str, ...] = ()  #: ``COLUMN=VALUE`` of rows that are no shifts
+    keep: tuple[str, ...] = ()  #: ``COLUMN=VALUE`` of rows that alone are shifts
+    fill_down: bool = False  #: an empty set value is that of the row above
+    limits: TableLimits = field(default_factory=TableLimits)
+
+    @property
+    def choice(self) -> RowChoice:
+        """What the user has said of rows."""
+        return RowChoice(self.drop, self.keep, bool(self.rows), self.fill_down)
 
     @property
     def ranges(self) -> list[range]:
@@ -66,8 +80,42 @@ def guessed(draft: BenchDraft) -> Data:
     """
     report = Report()
     empty = int(_silent(_read_tables(draft, report)).sum())
-    return {"columns": report.readings, "left_out": report.left_out, "faults": report.faults,
-            "empty": empty}  # fmt: skip
+    return {
+        "columns": report.readings,
+        "left_out": report.left_out,
+        "faults": report.faults,
+        "empty": empty,
+    }
+
+
+def explained(draft: BenchDraft) -> Data:
+    """Read the tables of a draft step by step: lines of each step as far as it gets, and faults."""
+    steps: list[dict[str, str]] = []
+    report = Report()
+    for path in draft.tables:
+        try:
+            sheet, stated = read_sheet(path, draft.limits)
+            rows = [("raw sheet", line) for line in sheet.lines()]
+            steps += [{"file": str(path), "step": step, "line": line} for step, line in rows]
+            table = table_of(sheet, stated, draft.ranges)
+        except FileNotFoundError:
+            raise InputError(f"there is no {path}; give a CSV or .xlsx of the stand") from None
+        except DataError as error:
+            report.faults.append(str(error))
+            continue
+        reader = TableReader(
+            table, SHIFTS, draft.columns, draft.decimal, report, choice=draft.choice
+        )
+        _completed(pd.DataFrame({"row": reader.table.rows, **reader.read()}), reader)
+        rows = [(step, line) for step, line in reader.lines() if step != "raw sheet"]
+        steps += [{"file": str(path), "step": step, "line": line} for step, line in rows]
+    return {
+        "steps": steps,
+        "columns": report.readings,
+        "left_out": report.left_out,
+        "assumed": report.assumed,
+        "faults": list(dict.fromkeys(report.faults)),
+    }
 
 
 def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Data:
@@ -109,12 +157,15 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Data:
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
     return {
-        "folder": str(out), "rows": len(rows), "shifts": int(rows["n_shifts"].sum()),
+        "folder": str(out),
+        "rows": len(rows),
+        "shifts": int(rows["n_shifts"].sum()),
         "with_time": int(rows["n_shifts"][rows["shift_time_s"].notna()].sum()),
-        "columns": report.readings, "left_out": report.left_out,
+        "columns": report.readings,
+        "left_out": report.left_out,
         "assumed": list(dict.fromkeys(report.assumed)),
         "warnings": [finding.sentence for finding in bench.warnings],
-    }  # fmt: skip
+    }
 
 
 def _fault_of(text: str, folder: Path, out: Path, rows: DataFrame) -> str:
@@ -149,13 +200,13 @@ def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
     found = [pd.DataFrame(columns=["file", "row", *COLUMNS])]
     for path in draft.tables:
         try:
-            table = read_foreign(path, draft.ranges)
+            table = read_foreign(path, draft.ranges, limits=draft.limits)
         except DataError as error:
             report.faults.append(str(error))
             continue
-        reader = TableReader(table, SHIFTS, said, draft.decimal, report)
-        own = {"file": str(path), "row": table.rows, **reader.read()}
-        found.append(_completed(pd.DataFrame(own), reader))
+        reader = TableReader(table, SHIFTS, said, draft.decimal, report, choice=draft.choice)
+        values = {"file": str(path), "row": reader.table.rows, **reader.read()}
+        found.append(_completed(pd.DataFrame(values), reader))
     return pd.concat(found[len(found) > 1 :], ignore_index=True)
 
 
@@ -175,16 +226,31 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
             f"the whole series; --column order={NONE} leaves it out"
         )
     silent = _silent(rows).sum()
-    report.assumed += [f"{path}: {sentence}" for sentence, holds in (
-        ("each row is one shift, as no column counts them", "n_shifts" not in reader.matches),
-        (f"times of shifts that did not engage are left out (row {_places(rows[late])})",
-         late.any()),
-        *((f"'{reader.matches[name].head}' is the order of the shifts, so a diagnosis looks for a "
-           f"drift; --column {name}={NONE} leaves it out", True)
-          for name in ("order", "timestamp") if name in reader.matches),
-        (f"nothing is known of rows without a time ({silent}); record.empty_cells says whether "
-         "they were tried, or a column engaged of each with yes and no", silent),
-    ) if holds]  # fmt: skip
+    report.assumed += [
+        f"{path}: {sentence}"
+        for sentence, holds in (
+            ("each row is one shift, as no column counts them", "n_shifts" not in reader.matches),
+            (
+                f"times of shifts that did not engage are left out (row {_places(rows[late])})",
+                late.any(),
+            ),
+            *(
+                (
+                    f"'{reader.matches[name].head}' is the order of the shifts, so a diagnosis "
+                    f"looks for a drift; --column {name}={NONE} leaves it out",
+                    True,
+                )
+                for name in ("order", "timestamp")
+                if name in reader.matches
+            ),
+            (
+                f"nothing is known of rows without a time ({silent}); record.empty_cells says "
+                "whether they were tried, or a column engaged of each with yes and no",
+                silent,
+            ),
+        )
+        if holds
+    ]
     return rows
 
 
@@ -207,8 +273,9 @@ def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report
     errors: Data = {}
     both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
     for name, known, key in (
-        ("mismatch_rpm", both, "mismatch_rpm"), ("force_N", source.forces, "force_percent"),
-    ):  # fmt: skip
+        ("mismatch_rpm", both, "mismatch_rpm"),
+        ("force_N", source.forces, "force_percent"),
+    ):
         values = rows[name].to_numpy()
         levels = np.array(known)[abs(values[:, None] - np.array(known)).argmin(axis=1)]
         distinct, sets = set(values.tolist()), sorted(set(levels.tolist()))
@@ -263,16 +330,18 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Repo
     own = rows["force_N"].map(lambda force: round(source.table.rise(force), 6))
     rows.loc[lacking, "force_rise_s"] = own if draft.rise_s is None else draft.rise_s
     low, high, least, most = (
-        number(end(values)) for values in (rows["force_rise_s"][lacking], source.table.forces)
+        number(end(values))
+        for values in (rows["force_rise_s"][lacking], source.table.forces)
         for end in (min, max)
-    )  # fmt: skip
+    )
     beyond = sorted({f for f in rows["force_N"][lacking] if not source.table.covers(f)})
     far = f"; {', '.join(map(number, beyond))} N lie beyond and have the rise time of the nearest "
     report.assumed.append(
         f"the force rises in {low} to {high} s, by its size as in '{source.name}' ({least} to "
         f"{most} N){f'{far}force' if beyond else ''}; --rise-s says another time"
-        if draft.rise_s is None else f"the force rises in {low} s where no row says it"
-    )  # fmt: skip
+        if draft.rise_s is None
+        else f"the force rises in {low} s where no row says it"
+    )
 
 
 def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> str:
@@ -294,7 +363,9 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> st
     said = {k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if OF_TRACES in k}
     own = Report()
     try:
-        reader = TableReader(read_foreign(path, sums=False), TRACE, said, draft.decimal, own)
+        reader = TableReader(
+            read_foreign(path, sums=False, limits=draft.limits), TRACE, said, draft.decimal, own
+        )
         columns = pd.DataFrame(reader.read(), dtype=float)
         columns.to_csv(target / f"{path.stem}.csv", index=False, float_format="%.15g")
     except DataError as error:
@@ -323,34 +394,56 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         _fill_rises(rows, draft, source, report)
         _mark_time_outs(rows, draft, source, report)
         digests = [hashlib.sha256(file_of(path).read_bytes()) for path in draft.tables]
-        files = ", ".join(f"{path.name} (SHA-256 {one.hexdigest()[:16]})"
-                          for path, one in zip(draft.tables, digests, strict=True))  # fmt: skip
+        files = ", ".join(
+            f"{path.name} (SHA-256 {one.hexdigest()[:16]})"
+            for path, one in zip(draft.tables, digests, strict=True)
+        )
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
-    own = [name for name in ("dog", "sliding", "output", "contact")
-           if not any(key.startswith(f"{name}.") for key in given)]  # fmt: skip
+    own = [
+        name
+        for name in ("dog", "sliding", "output", "contact")
+        if not any(key.startswith(f"{name}.") for key in given)
+    ]
     mass, of = clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
     signed = bool((rows["mismatch_rpm"] < 0.0).any())
     values["record.sense"] = "known" if signed else "unknown"
     sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
     if signed:
         sense = "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
-    said += [sentence for sentence, holds in (
-        ("the traces' displacement and force are referred to the sleeve",
-         rows["trace"].notna().any()),
-        ("the event at which the times start is unknown: --set record.time_zero=command, or force, "
-         "states it", "record.time_zero" not in given),
-        ("the place of the displacement sensor is unknown: --set record.displacement_at=sleeve, or "
-         "actuator, states it", "record.displacement_at" not in given),
-        (f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml", own),
-        (f"{mass:g} kg {of} move with the ring", mass),
-        (f"{of} friction, drag and linkage are left for the diagnosis",
-         replace(clutch.mechanism, added_mass=0.0) != NOTHING),
-        (f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest before "
-         "the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say otherwise",
-         drive != NO_DRIVE and not source.taken and not any("drive" in key for key in given)),
-        (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),
-        (sense, "record.sense" not in given),
-    ) if holds]  # fmt: skip
+    said += [
+        sentence
+        for sentence, holds in (
+            (
+                "the traces' displacement and force are referred to the sleeve",
+                rows["trace"].notna().any(),
+            ),
+            (
+                "the event at which the times start is unknown: --set record.time_zero=command, "
+                "or force, states it",
+                "record.time_zero" not in given,
+            ),
+            (
+                "the place of the displacement sensor is unknown: --set "
+                "record.displacement_at=sleeve, or actuator, states it",
+                "record.displacement_at" not in given,
+            ),
+            (f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml", own),
+            (f"{mass:g} kg {of} move with the ring", mass),
+            (
+                f"{of} friction, drag and linkage are left for the diagnosis",
+                replace(clutch.mechanism, added_mass=0.0) != NOTHING,
+            ),
+            (
+                f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "
+                "before the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say "
+                "otherwise",
+                drive != NO_DRIVE and not source.taken and not any("drive" in key for key in given),
+            ),
+            (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),
+            (sense, "record.sense" not in given),
+        )
+        if holds
+    ]
     if ways := [key for key in ("dog.height_mm", "dog.axial_gap_mm") if key in given]:
         longer = sum(float(given[key]) - values[key] for key in ways)
         values["shift_travel_mm"] = float(f"{values['shift_travel_mm'] + longer:.9g}")

@@ -21,7 +21,7 @@ from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import ENGINES, axis, bound, place_name
 from dogshape.pipeline.store.result_records import PlaceRow
-from dogshape.sim.files import write_whole
+from dogshape.sim.files import without_formulas, write_whole
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
 
@@ -115,7 +115,7 @@ def publish(
     )
     page.save(folder / REPORT)
     write_whole(folder / RECORD, json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n")
-    write_whole(folder / TABLE, frame_of(cells_of(found)).to_csv(index=False))
+    write_whole(folder / TABLE, without_formulas(frame_of(cells_of(found))).to_csv(index=False))
     return folder / REPORT
 
 

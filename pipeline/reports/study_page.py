@@ -87,7 +87,7 @@ from dogshape.pipeline.store.result_records import (
     hinge_table,
 )
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.files import naming
+from dogshape.sim.files import naming, without_formulas
 from dogshape.surrogate.store import Validation
 
 BESIDE = 10  #: designs beside each other in the table of margins
@@ -124,7 +124,8 @@ def write_report(folder: StudyFolder) -> Path:
     study, result = folder.stored_study(), folder.stored_result()
     with naming(folder.designs):
         rows = [row for row in result["trials"] if row[SIMULATED] is not None]
-        designs_frame(result, [*study.variables], rows).to_csv(folder.designs, index=False)
+        designs = designs_frame(result, [*study.variables], rows)
+        without_formulas(designs).to_csv(folder.designs, index=False)
     page = Report(f"{study.name}: shape of the dogs", headline(result))
     best, effects = result["best"], stored_effects(folder)
     if best is not None:

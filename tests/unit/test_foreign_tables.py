@@ -112,6 +112,8 @@ READ = {
     "names twice": ("time;dn;time;F;time;t_shift\n" + "".join(
         f"{k}.5;{a};{k}.6;{b};{k}.7;{c}\n" for k, (a, b, c) in enumerate(PLAIN)), "time: no quant"),
     "running number": ("Versuch;" + HEAD + "\n" + NUMBERED, "Versuch: numbers the rows; --column"),
+    "units in cells": ("dn;F;t_shift\n50 1/min;469 N;116,2 ms\n100 1/min;0,469 kN;103,7 ms\n"
+                       "149 1/min;642 N;98,3 ms\n50 rpm;642 N;0,0952 s\n", ""),
     "elapsed time": ("t [s];dn;F;Dauer [ms]\n" + "".join(
         f"{12.4 * k};{a};{b};{c}\n" for k, (a, b, c) in enumerate(PLAIN)), "t [s]: clock; --col"),
 }  # fmt: skip
@@ -180,8 +182,6 @@ REFUSED: dict[str, tuple[str, tuple[str, ...], list[str], tuple[str, ...]]] = {
                ("timestamp=Zeitstempel:s",)),
     "words": ("ok;dn;F;t\ngut;50;469;116\nhängt;100;469;\n", (), ["must be yes, no or empty"],
               ("engaged=ok:gut=yes,hängt=no",)),
-    "units in cells": ("dn,F,t_shift\n50 rpm,0.469 kN,116\n60 rpm,0.5 kN,103\n", (), ["number"],
-                       ()),
     "below 0": ("dn,F,t [ms]\n50,469,-96\n60,469,103\n", (), ["is -96 ms, but must be a time"], ()),
     "hours": (OMEGA.replace("domega", "dn"), ("shift_time_s=t_shift:hours",),
               ["the unit of shift_time_s is 'hours'"], ()),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -29,9 +30,10 @@ RECORD = {
     "record.displacement_at": ("place of the travel sensor", ("sleeve", "actuator", "unknown")),
     EMPTY: ("shifts of rows without a time", ("not_made", "failed", "unknown")),
     "record.sense": (
-        "way in which the rings turned past each other (docs/mismatch.md)", ("known", "unknown")
+        "way in which the rings turned past each other (docs/mismatch.md)",
+        ("known", "unknown"),
     ),
-}  # fmt: skip
+}
 
 Yes = Annotated[bool, Option("--yes", help="ask nothing and take the defaults")]
 Force = Annotated[bool, Option("--force", help="write over files of the same name")]
@@ -119,7 +121,22 @@ def bench(
     column: Annotated[list[str] | None, Option(metavar="QUANTITY=COLUMN[:UNIT]")] = None,
     rise_s: Annotated[float | None, Option(help="rise time where no column has it")] = None,
     decimal: Annotated[str | None, Option(help="decimal sign of the tables, . or ,")] = None,
-    rows: Annotated[str | None, Option(help="lines that are shifts, e.g. 2-41,45")] = None,
+    rows: Annotated[str | None, Option(help="rows that are shifts, e.g. 2-41,45")] = None,
+    drop: Annotated[
+        list[str] | None, Option(metavar="COLUMN=VALUE", help="rows that are no shifts")
+    ] = None,
+    keep: Annotated[
+        list[str] | None, Option(metavar="COLUMN=VALUE", help="rows that alone are shifts")
+    ] = None,
+    fill_down: Annotated[
+        bool, Option("--fill-down", help="empty set values have the value above")
+    ] = False,
+    limit: Annotated[
+        list[str] | None, Option(metavar="NAME=NUMBER", help="size up to which a table is read")
+    ] = None,
+    explain: Annotated[
+        bool, Option("--explain", help="print the steps of reading and write nothing")
+    ] = False,
     set_: Sets = None,
     yes: Yes = False,
     force: Force = False,
@@ -130,20 +147,41 @@ def bench(
     Each quantity is printed with its reading and the reason, then columns and rows left out.
     Ambiguous cells are asked about in a terminal, and refused without one. A column has a unit,
     --column shift_time_s='t 90 %:ms', or is a formula, --column mismatch_rpm='n_out - n_in';
-    --column engaged=- leaves a quantity out. FILE.xlsx#SHEET is a sheet of a workbook.
+    --column engaged=- leaves a quantity out, --column n_shifts=5 holds for all rows.
+    Rows with a sign or a mark are asked about: --drop 'Remark=x' leaves them out, --keep 'gear=2'
+    takes these alone, '*' is any sign, --keep 'Remark=*' takes all rows; a workbook's own marks
+    are the column row, --drop 'row=hidden'. FILE.xlsx#SHEET is a sheet of a workbook.
 
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
     """
     from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
     from dogshape.pipeline.drafts.bench_folder import BenchDraft, write_bench  # noqa: PLC0415
     from dogshape.pipeline.drafts.study_folder import require_free  # noqa: PLC0415
+    from dogshape.sim.decoding import limits_of  # noqa: PLC0415
 
     paths = tuple(tables or ())
     target = out or Path(paths[0].stem.replace(" ", "_") if paths else "my_bench")
-    require_free(target, force)
+    if not explain:
+        require_free(target, force)
     columns = dict(_pair(text) for text in column or [])
     values = dict(pair_of(text) for text in set_ or [])
-    draft = BenchDraft(paths, origin, columns, rise_s, values, decimal, rows or "")
+    limits = limits_of(dict(_limit(text) for text in limit or []))
+    draft = BenchDraft(
+        paths,
+        origin,
+        columns,
+        rise_s,
+        values,
+        decimal,
+        rows or "",
+        tuple(drop or ()),
+        tuple(keep or ()),
+        fill_down,
+        limits,
+    )
+    if explain:
+        _explain(draft, json)
+        return
     found = write_bench(target, _asked(draft, target) if may_ask(yes) else draft, force=force)
     lines = [
         f"wrote {found['folder']}: {found['rows']} rows, {found['shifts']} shifts, "
@@ -154,6 +192,33 @@ def bench(
         f"  dogshape gap {found['folder']} --out {found['folder']}/gap",
     ]
     emit(found, json, lambda: [*_reading(found), *lines])
+
+
+def _limit(text: str) -> tuple[str, str]:
+    name, sign, size = text.partition("=")
+    if not sign:
+        raise InputError(f"--limit is '{text}', but it must be NAME=NUMBER, such as rows=600000")
+    return name.strip(), size.strip()
+
+
+def _explain(draft: BenchDraft, json: bool) -> None:
+    """Print the steps of reading; raises DataError with the faults."""
+    from dogshape.pipeline.drafts.bench_folder import explained  # noqa: PLC0415
+    from dogshape.sim.errors import DataError  # noqa: PLC0415
+
+    found = explained(draft)
+    lines: list[str | Table] = []
+    before = ("", "")
+    for step in found["steps"]:
+        place = step["file"], step["step"]
+        if place != before:
+            lines.append(": ".join(place) if before[0] != place[0] else place[1])
+        lines.append(f"  {step['line']}")
+        before = place
+    lines += ["readings", *_reading(found), *(f"assumed: {line}" for line in found["assumed"])]
+    emit(found, json, lambda: lines)
+    if found["faults"]:
+        raise DataError("\n".join(found["faults"]))
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -178,12 +243,10 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
             typer.echo(fault, err=True)
         if not found["faults"] and ask("is that right?", True):
             break
-        answer = ask("say one, as shift_time_s=COLUMN:UNIT or decimal=, (empty: go on)", "")
+        answer = ask("say one, as shift_time_s=COLUMN:UNIT or drop Remark=x (empty: go on)", "")
         if not answer:
             break
-        name, text = _pair(answer.removeprefix("--column ").removeprefix("--"))
-        columns = {"columns": {**draft.columns, name: text.strip("'")}}
-        draft = replace(draft, **({name: text} if name in ("decimal", "rows") else columns))
+        draft = _answered(draft, answer)
         found = guessed(draft)
     values = {"name": ask("name of the data set", target.name)} | dict(draft.values)
     values = {"source": ask("who measured it, and when", "not said")} | values
@@ -199,6 +262,25 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     return replace(draft, origin=origin, values=values)
 
 
+def _answered(draft: BenchDraft, answer: str) -> BenchDraft:
+    """Add an answer that is an option, with or without its dashes, to a draft."""
+    text = answer.strip().removeprefix("--").replace("fill-down", "fill_down")
+    if text == "fill_down":
+        return replace(draft, fill_down=True)
+    match = re.match(r"(\w+)[ =](.*)", text)
+    option, words = (match[1], match[2].strip("'")) if match else ("", "")
+    if option == "drop":
+        return replace(draft, drop=(*draft.drop, words))
+    if option == "keep":
+        return replace(draft, keep=(*draft.keep, words))
+    if option == "decimal":
+        return replace(draft, decimal=words)
+    if option == "rows":
+        return replace(draft, rows=words)
+    name, column = _pair(text.removeprefix("column "))
+    return replace(draft, columns={**draft.columns, name: column.strip("'")})
+
+
 def _reading(found: dict[str, Any]) -> list[str | Table]:
     """Tabulate how columns were read, and list the rows and columns that were left out."""
     from dogshape.pipeline.record import Table  # noqa: PLC0415
@@ -211,8 +293,16 @@ def _reading(found: dict[str, Any]) -> list[str | Table]:
             f"{v:.6g} {unit}".rstrip() if isinstance(v, float) else "-" if v is None else str(v)
             for v in (row["first"], row["least"], row["largest"])
         )
-        rows.append((row["quantity"], row["column"], row["unit"] or "-", row["decimals"] or "-",
-                     *texts, row["why"]))  # fmt: skip
+        rows.append(
+            (
+                row["quantity"],
+                row["column"],
+                row["unit"] or "-",
+                row["decimals"] or "-",
+                *texts,
+                row["why"],
+            )
+        )
     reasons: dict[str, list[str]] = {}
     for one in found["left_out"]:
         place = f"row {one['row']}" if "row" in one else f"column '{one['column']}'"

@@ -1,0 +1,314 @@
+"""Values of cells: numbers, units, dates, durations and answers, as benches write them.
+
+A file has one decimal sign. ``1,200`` is 1200 or 1.2, which other numbers of the file decide, or a
+statement of the file or of the user; otherwise it is a question.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.errors import DataError
+
+_SAME = str.maketrans({
+    **dict.fromkeys("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}", " "),
+    **dict.fromkeys("\N{FIGURE SPACE}\N{SIX-PER-EM SPACE}\N{HAIR SPACE}", " "),
+    **dict.fromkeys("\N{RIGHT SINGLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}\N{PRIME}", "'"),
+    **dict.fromkeys("\N{MINUS SIGN}\N{EN DASH}\N{HYPHEN}\N{NON-BREAKING HYPHEN}", "-"),
+    **dict.fromkeys("\N{FULLWIDTH HYPHEN-MINUS}\N{FIGURE DASH}\N{SMALL HYPHEN-MINUS}", "-"),
+})  # fmt: skip
+_NUMBER = re.compile(
+    r"[+-]?(?:(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eEdD][+-]?\d+)?"
+    r"|\d{1,3}([ ,.'])\d{3}(?:\1\d{3})*(?:(?!\1)[.,]\d+)?)"
+)
+_EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")  # thousands or three decimals
+_BEGINS = re.compile(r"[<>=~≤≥≈±+-]*\s*[.,]?\d")
+MAX_QUANTITY = 40  #: characters of a number with its unit
+NAMES = {".": "point", ",": "comma"}
+OTHER = {".": ",", ",": "."}
+
+
+def plain(cell: str) -> str:
+    """Write a cell with ordinary minus sign and blank, the sign beside its digits."""
+    text = cell if cell.isascii() else cell.translate(_SAME)
+    return text[0] + text[1:].lstrip() if text[:1] in ("+", "-") else text
+
+
+def is_number(cell: str) -> bool:
+    """Test that a cell is a number, whatever its decimal sign."""
+    return bool(_NUMBER.fullmatch(plain(cell)))
+
+
+def begins_with_number(cell: str) -> bool:
+    """Test that a cell begins as a number does, such as ``>1000`` and ``116 ± 12``."""
+    return bool(_BEGINS.match(plain(cell)))
+
+
+def numbers_of(cells: Sequence[str], sign: str | None = None) -> Array:
+    """Convert cells with a decimal sign, None for any, (cells,); NaN where a cell is no number."""
+
+    def value(text: str) -> float:
+        if not _NUMBER.fullmatch(text):
+            return math.nan
+        decimal = sign or ("," if "," in text and "." not in text else ".")
+        digits = re.sub(f"[ '{OTHER[decimal]}]", "", text).replace(decimal, ".")
+        number = float(digits.replace("D", "e").replace("d", "e"))
+        return number if math.isfinite(number) else math.nan
+
+    return np.array([value(plain(cell)) for cell in cells], dtype=float)
+
+
+def decimal_sign(
+    columns: Mapping[str, Sequence[str]], rows: Sequence[int], stated: str | None, separator: str
+) -> str | None:
+    """Decide on the decimal sign of a file, None where no number has one.
+
+    ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both
+    signs, and for those that can be read in two ways.
+    """
+    sure: dict[str, str] = {}
+    asked: dict[str, str] = {}
+    for head, cells in columns.items():
+        for cell, row in zip(map(plain, cells), rows, strict=True):
+            if is_number(cell) and (marks := re.findall("[.,]", cell)):
+                mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER[marks[-1]]
+                if not _EITHER.fullmatch(cell):
+                    sure.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
+                    continue
+                asked.setdefault(
+                    mark,
+                    f"column '{head}', row {row}: '{cell}' can be read as "
+                    f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
+                    f"{cell.replace(mark, '.')}, --decimal {mark}",
+                )
+    if len(sure) > 1 or (stated and OTHER[stated] in sure):
+        both = " and with ".join(sure[mark] for mark in sorted(sure))
+        says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
+        raise DataError(
+            f"numbers with {both}{says}, which can be read in two ways; save it with one sign"
+        )
+    sign = stated or next(iter(sure), None)
+    if sign or not asked:
+        return sign
+    mixed = [cells for cells in columns.values() if any(map(_EITHER.fullmatch, cells))]
+    whole = any(re.fullmatch(r"0*[1-9]\d*", cell) for cells in mixed for cell in cells)
+    if separator == "," and set(asked) == {"."} and not whole:
+        return "."
+    raise DataError("; ".join(asked.values()))
+
+
+SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"
+PRESSURE, AREA = "pressure", "area"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit: its spelling, what it measures, and the factor to 1/min, N, s, mm, N/cm² or cm²."""
+
+    text: str
+    dimension: str
+    factor: float
+
+
+#: Spellings without blanks and in lower case but for N; each with the factor to the project's unit.
+SPELLINGS: dict[str, dict[str, float]] = {
+    SPEED: {
+        **dict.fromkeys(("1/min", "rpm", "u/min", "upm", "min-1", "min^-1", "r/min", "rev/min",
+                         "/min", "ot/min", "tr/min", "obr/min", "giri/min", "rot/min", "umdr/min",
+                         "umdr./min", "ot./min", "obr./min", "omw/min", "varv/min", "f/min",
+                         "g/min", "1/minute", "revs/min", "cpm"), 1.0),
+        "rad/min": 0.5 / math.pi,
+        **dict.fromkeys(("rad/s", "rads-1", "rad*s^-1", "rad/sec"), 30.0 / math.pi),
+        **dict.fromkeys(("hz", "u/s", "rps", "rev/s", "r/s", "umdr/s", "umdr./s", "tr/s", "ot/s"),
+                        60.0),
+        **dict.fromkeys(("1/s", "s-1", "s^-1", "/s"), math.nan),  # revolutions or radians
+        **dict.fromkeys(("deg/s", "grad/s", "degree/s", "degrees/s"), 1.0 / 6.0),
+    },
+    FORCE: {"N": 1.0, "newton": 1.0, "kn": 1e3, "dan": 10.0, "kgf": 9.80665, "kp": 9.80665,
+            "lbf": 4.4482216152605, "mn": math.nan},
+    TIME: {"s": 1.0, "sec": 1.0, "sek": 1.0, "ms": 1e-3, "msec": 1e-3, "msek": 1e-3, "us": 1e-6,
+           "millisec": 1e-3, "seconds": 1.0, "sekunden": 1.0, "milliseconds": 1e-3,
+           "millisekunden": 1e-3, "usec": 1e-6},
+    LENGTH: {"mm": 1.0, "m": 1e3, "cm": 10.0, "um": 1e-3},
+    PRESSURE: {"bar": 10.0, "mbar": 1e-2, "pa": 1e-4, "hpa": 1e-2, "kpa": 0.1, "mpa": 100.0,
+               "psi": 0.6894757293, "n/mm2": 100.0, "n/cm2": 1.0},
+    AREA: {"mm2": 1e-2, "mm^2": 1e-2, "cm2": 1.0, "cm^2": 1.0, "m2": 1e4, "m^2": 1e4,
+           "in2": 6.4516},
+    MISC: dict.fromkeys(("nm", "degc", "v", "mv", "a", "%", "kg", "lb", "mm/s", "m/s", "j",
+                         "deg", "grad", "degf", "kw"), math.nan),
+}  # fmt: skip
+UNITS = {
+    text: Unit(text, kind, by) for kind, texts in SPELLINGS.items() for text, by in texts.items()
+}
+_UNIT_SIGNS = str.maketrans({
+    "\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u", "°": "deg", "\N{MINUS SIGN}": "-",
+    "⁻": "-", "¹": "1", "²": "2", "·": "*", "\N{MULTIPLICATION SIGN}": "x",
+    "\N{DIVISION SLASH}": "/", "\N{FRACTION SLASH}": "/",
+})  # fmt: skip
+_FACTOR = re.compile(
+    r"[x*]?\s*(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?|10\^?-\d+|1/\d+)\s*[x*]?\s*([^\d\W].*|°.*|1/.*)"
+)
+_BRACKETS = re.compile(r"^(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
+_LAST = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|[\s_,.]+)([^\s_]+)$")
+
+
+def unit_named(text: str) -> Unit | None:
+    """Find the unit of a spelling, None where it is none that is known."""
+    bare = re.sub(r"\s+", "", text).translate(_UNIT_SIGNS)
+    unit = UNITS.get(bare if bare in ("N", "n") else bare.lower())
+    return None if unit is None else replace(unit, text=text.strip())
+
+
+def unit_with_factor(text: str) -> Unit | None:
+    """Find a unit that may have a factor, such as ``0.1 ms``, ``x0.01 s`` and ``10^-1 ms``."""
+    unit = unit_named(text)
+    match = _FACTOR.fullmatch(text.strip().translate(_UNIT_SIGNS))
+    if unit or not match:
+        return unit
+    base = unit_named(match[2])
+    if base is None:
+        return None
+    digits = match[1].replace(",", ".")
+    if digits.startswith("1/"):
+        factor = 1.0 / float(digits[2:])
+    elif re.fullmatch(r"10\^?-\d+", digits):
+        factor = 10.0 ** float(digits[2:].lstrip("^"))
+    else:
+        factor = float(digits)
+    return replace(base, text=text.strip(), factor=base.factor * factor)
+
+
+def split_quantity(cell: str) -> tuple[str, Unit | None]:
+    """Divide a cell such as ``0,642 kN`` into its number and unit; others stay whole."""
+    text = plain(cell)
+    if len(text) > MAX_QUANTITY:
+        return cell, None
+    if is_number(text) or not begins_with_number(text):
+        return cell, None
+    for gap in re.finditer(r"(?<=\d)\s*(?=[^\d.,'\s])|(?<=\d)\s+", text):
+        number, words = text[: gap.start()], text[gap.end() :]
+        unit = unit_named(words)
+        if unit and is_number(number):
+            return number, unit
+    return cell, None
+
+
+def split_head(text: str, below: str = "") -> tuple[str, Unit | None, str | None]:
+    """Divide the head of a column into name, unit, and what stands as a unit but is none known.
+
+    A unit stands in brackets at the end (``F [kN]``), after "in" or a stroke (``F/kN``), last
+    (``t_shift ms``), or in a cell of its own ``below``.
+    """
+    name, unit, strange, under = text, None, None, below.strip("[]() ")
+    if match := _BRACKETS.match(text):
+        name, inside, rest = match.groups()
+        unit = unit_named(inside)
+        is_unit = "[" in text or unit_with_factor(inside) is not None
+        strange = None if unit or not is_unit or inside in ("", "-", "1") else inside
+        name = " ".join(filter(None, (name, "" if unit or strange else inside, rest)))
+    elif match := _LAST.match(text):
+        bare, last = match.groups()
+        if "/" in last and unit_named(last) is None and unit_named(last.split("/", 1)[1]):
+            bare, last = f"{bare} {last.split('/', 1)[0]}", last.split("/", 1)[1]
+        unit = unit_named(last)
+        name = bare if unit else text
+    unit = unit or unit_named(under)
+    return name, unit, None if unit else strange or (under if re.search(r"\w", under) else None)
+
+
+#: Dates and clocks that are read without a statement; Python's directives, or pandas' ISO 8601.
+FORMS = ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d.%m.%Y",
+         "%H:%M:%S.%f", "%H:%M:%S", "%H:%M")  # fmt: skip
+_DATED = re.compile(r"\d[./-]\d{1,2}[./-]\d|\d-[A-Za-z]{3}-\d|\b\d{1,2}:\d{2}")
+_DURATION = re.compile(r"(?:0{1,2}:)?0{1,2}:(\d{1,2}[.,]\d{1,6})")
+
+
+def is_date(cell: str) -> bool:
+    """Test that a cell holds a date or a clock."""
+    return bool(_DATED.search(cell))
+
+
+def is_dated(cells: Sequence[str]) -> bool:
+    """Test that most cells are dates or clocks."""
+    filled = [cell for cell in cells if cell]
+    return 2 * sum(map(is_date, filled)) > len(filled)
+
+
+def durations_of(cells: Sequence[str]) -> list[str]:
+    """Write clocks of less than a minute, such as ``00:00.116``, in s; empty where any is none."""
+    matches = [_DURATION.fullmatch(cell) for cell in cells if cell]
+    if not matches or not all(matches):
+        return []
+    seconds = (match[1] for match in matches if match)
+    return [f"{next(seconds)} s" if cell else "" for cell in cells]
+
+
+def stamps_of(cells: Sequence[str], form: str) -> tuple[list[str], str]:
+    """Convert dates to ISO 8601, and clocks without a date to s; also tell the form they have.
+
+    ``form`` has directives such as ``%d/%m/%Y``; empty finds one of ``FORMS``. Raises DataError for
+    other cells.
+    """
+    import pandas as pd  # noqa: PLC0415  # slow to load, and most tables have no dates
+
+    texts = pd.Series(cells, dtype=object).str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
+    forms = (form,) if form else FORMS
+    trials = {way: pd.to_datetime(texts, format=way, errors="coerce", utc=True) for way in forms}
+    way, moments = min(trials.items(), key=lambda trial: trial[1].isna().sum())
+    if (wrong := moments.isna()).any():
+        raise DataError(
+            f"has '{cells[int(wrong.argmax())]}', which is no date and time as "
+            f"{form or '2024-05-31 14:05:09 or 31.05.2024 14:05:09'}; say its form behind the "
+            "column: --column timestamp='COLUMN:%d/%m/%Y %H:%M:%S'"
+        )
+    if way == FORMS[0] or "%d" in way:
+        return [moment.isoformat() for moment in moments], f"dates as {way}"
+    seconds = (moments - moments.dt.normalize()).dt.total_seconds()
+    seconds += 86_400.0 * (seconds.diff() < -43_200.0).cumsum()  # after midnight
+    return [f"{second:.12g}" for second in seconds], "clock without a date"
+
+
+NOTHING = frozenset(("", "-", "--", "n/a", "na", "nan", "#n/a", "none", "null", "k.a.", "#nv"))
+YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engaged", "y", "j", "oui",
+       "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔", "vrai", "sim", "igen", "da",
+       "kyllä")  # fmt: skip
+NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
+      "non", "ne", "nie", "✗", "✘", "faux", "não", "nem", "nu", "ei", "nej", "nee")  # fmt: skip
+ANSWERS = {**dict.fromkeys((*NOTHING, "empty", "unknown")), **dict.fromkeys(YES, True),
+           **dict.fromkeys(NO, False)}  # fmt: skip
+
+
+def answer_of(cell: str) -> str:
+    """Write a cell as ``ANSWERS`` has it: in lower case, without blanks."""
+    return "empty" if cell.lower() in NOTHING else "".join(cell.lower().split())
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its place from 1, head, name without unit, unit, an unknown unit, and cells.
+
+    ``true_numbers`` says that its numbers are a workbook's own, with a decimal point; ``hidden``
+    that the workbook does not show it; ``repeats`` is the number of columns that it joins.
+    """
+
+    place: int
+    head: str
+    name: str
+    unit: Unit | None
+    strange: str | None = None
+    cells: tuple[str, ...] = ()
+    true_numbers: bool = False
+    hidden: bool = False
+    repeats: int = 0
+
+    @cached_property
+    def values(self) -> Array:
+        """Numbers by the decimal sign that each cell shows, NaN for other cells, (rows,)."""
+        return numbers_of([split_quantity(cell)[0] for cell in self.cells])

@@ -1,0 +1,559 @@
+"""Readings of a foreign table: the values of its quantities, in the project's units.
+
+Last step of reading. Faults of all columns are collected, so that they are told at once.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dogshape.diagnosis.bench.cell_values import (
+    ANSWERS,
+    FORCE,
+    NAMES,
+    NOTHING,
+    SPEED,
+    TIME,
+    UNITS,
+    Column,
+    Unit,
+    answer_of,
+    decimal_sign,
+    is_date,
+    is_dated,
+    is_number,
+    numbers_of,
+    split_quantity,
+    stamps_of,
+    unit_named,
+    unit_with_factor,
+)
+from dogshape.diagnosis.bench.foreign_columns import (
+    NONE,
+    PURE_NUMBER,
+    Match,
+    matched,
+    with_repeats,
+)
+from dogshape.diagnosis.bench.foreign_table import (
+    REPEATS,
+    TRANSPOSED,
+    ForeignTable,
+    side_question,
+)
+from dogshape.diagnosis.bench.quantities import (
+    SHIFTS,
+    WORD,
+    Quantity,
+    counts_up,
+    grows,
+    plain_words,
+    score,
+)
+from dogshape.diagnosis.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.errors import DataError, InputError, number
+from dogshape.sim.raw_sheet import CellNote
+from dogshape.sim.texts import listed
+
+SHOWN = 40  #: characters of a cell that a sentence shows
+MOST = 12  #: faults of one kind that are listed one by one
+#: Factor between values of one column from which two units are likely.
+MIXED_UNITS = {"force_N": 100.0, "shift_time_s": 300.0}
+#: Quantities of which a merged cell would repeat a result, not a set value.
+RESULTS = ("shift_time_s", "shift_time_sd_s", "n_shifts")
+SENTENCES = {
+    TRANSPOSED: "the table is transposed: its columns are the rows of shifts, numbered from 1",
+    REPEATS: "each cell of the columns of repeats is a shift of its own",
+}
+Values = list[Any]  #: a value for each row, None where there is none
+
+
+@dataclass
+class Report:
+    """Faults and questions, assumptions, readings, and what was left out with the reason."""
+
+    faults: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
+    left_out: list[dict[str, Any]] = field(default_factory=list)
+    readings: list[dict[str, Any]] = field(default_factory=list)
+
+    def require(self, where: str) -> None:
+        """Raise DataError with all faults, if there are any."""
+        faults = list(dict.fromkeys(self.faults))
+        if faults:
+            raise DataError(listed(where, faults) if len(faults) > 1 else faults[0])
+
+
+class TableReader:
+    """Convert the columns of one table; ``report`` collects faults and records."""
+
+    def __init__(
+        self,
+        table: ForeignTable,
+        quantities: Sequence[Quantity],
+        options: Mapping[str, str],
+        decimal: str | None,
+        report: Report,
+        *,
+        choice: RowChoice | None = None,
+    ) -> None:
+        """Match columns, choose rows, and decide on the decimal sign.
+
+        ``decimal`` is that of the user, ``choice`` what the user has said of rows.
+        """
+        self.quantities, self.report, self.choice = quantities, report, choice or RowChoice()
+        self.table, self.sign = table, decimal
+        self.is_decimal_open = False
+        self.plan = RowPlan(table.rows, ())
+        questions: list[str] = []
+        settled = frozenset[str]()
+        if quantities is SHIFTS:
+            settled, options, questions = self._choose_rows(options)
+        self.matching = matched(self.table.columns, quantities, options)
+        if quantities is SHIFTS:
+            self._drop_empty_rows(options)
+            settled |= _left_out_by_user(self.table, options)
+            read = self.matching.columns
+            self.plan = row_plan(self.table, read, self.choice, settled)
+        self.matches = {match.quantity.name: match for match in self.matching.matches}
+        read = self.matching.columns
+        if self.plan.share is not None and read.get(self.plan.share) == "engaged":
+            del self.matches["engaged"]
+        questions += [*self.matching.questions, *self.plan.questions]
+        # A word among numbers that are read anyway is a fault of their column.
+        places = {column.place for column, name in read.items() if name != "order"}
+        words = [text for place, text in self.table.place_questions if place not in places]
+        faults = [*words, *questions, *self._cell_faults(read), *self._find_sign(decimal, read)]
+        self._record_faults(faults, read)
+
+    def _choose_rows(
+        self, options: Mapping[str, str]
+    ) -> tuple[frozenset[str], Mapping[str, str], list[str]]:
+        """Apply the user's answers on rows, and reshape repeats.
+
+        Returns the columns that the answers settle, options of columns, and questions.
+        """
+        questions: list[str] = []
+        settled = frozenset[str]()
+        try:
+            self.table, settled = chosen_rows(self.table, self.choice)
+        except InputError as error:
+            questions.append(str(error))
+        self.table, reshaped_options, asked = with_repeats(self.table, options)
+        needed = {quantity.name for quantity in SHIFTS if quantity.needed}
+        beside = "" if needed <= set(options) else side_question(self.table.columns)
+        return settled, reshaped_options, [*questions, *asked, *filter(None, [beside])]
+
+    def _drop_empty_rows(self, options: Mapping[str, str]) -> None:
+        """Leave rows out that have no cell in the columns that are read."""
+        count = len(self.table.rows)
+        full = _filled_rows(self.matching.columns, count)
+        if 0 < len(full) < count:
+            empty = sorted({*range(count)} - {*full})
+            reasons = [(self.table.rows[k], "empty in the columns of the shifts") for k in empty]
+            self.table = self.table.taking(full, reasons)
+            self.matching = matched(self.table.columns, self.quantities, options)
+
+    def _find_sign(self, decimal: str | None, read: Mapping[Column, str]) -> list[str]:
+        """Decide on the decimal sign of texts; list the fault where it is open."""
+        cells = {
+            column.head: [split_quantity(cell)[0] for cell in self._plain_cells(column)]
+            for column in read
+            if not is_dated(column.cells) and not column.true_numbers
+        }
+        table = self.table
+        try:
+            self.sign = decimal_sign(cells, table.rows, decimal or table.stated, table.separator)
+        except DataError as error:
+            self.is_decimal_open = True
+            return [str(error)]
+        return []
+
+    def _record_faults(self, faults: Sequence[str], read: Mapping[Column, str]) -> None:
+        file, table, report = str(self.table.path), self.table, self.report
+        report.faults += [f"{file}: {fault}" for fault in faults]
+        report.left_out += [{"file": file, "row": n, "reason": why} for n, why in table.left_out]
+        report.left_out += [
+            {"file": file, "column": head, "reason": why} for head, why in table.summaries
+        ]
+        report.left_out += [
+            {"file": file, "column": column.head, "reason": _reason(column)}
+            for column in table.columns
+            if column not in read
+        ]
+        if table.layout.name in SENTENCES:
+            report.assumed.append(f"{file}: {SENTENCES[table.layout.name]}")
+        merged = [note for note in table.sheet.merged if note.row in table.rows]
+        if merged:
+            report.assumed.append(
+                f"{file}: merged cells hold for all their rows ({len(merged)} cells)"
+            )
+
+    def _plain_cells(self, column: Column) -> list[str]:
+        """Give the cells of a column, empty for those that have a note."""
+        noted = {note.row for note in self.table.sheet.notes if note.place == column.place}
+        rows = self.table.rows
+        return ["" if row in noted else cell for row, cell in zip(rows, column.cells, strict=True)]
+
+    def _cell_faults(self, read: Mapping[Column, str]) -> list[str]:
+        """List cells of a workbook that cannot be read as they stand."""
+        sheet, rows = self.table.sheet, set(self.table.rows)
+        missing = any(q.needed and q.name not in self.matches for q in self.quantities)
+        heads = {
+            column.place: column.head for column in self.table.columns if column in read or missing
+        }
+        results = {column.place for column, name in read.items() if name in RESULTS}
+        notes = [note for note in sheet.notes if note.place in heads]
+        repeated = [note for note in sheet.merged if note.place in results]
+        sentences = [(note, note.sentence) for note in notes]
+        sentences += [
+            (note, f"{note.sentence}, one result for several rows; write a value into each row")
+            for note in repeated
+        ]
+        groups: dict[int, list[tuple[CellNote, str]]] = {}
+        for note, sentence in sentences:
+            if note.row in rows:
+                groups.setdefault(note.place, []).append((note, sentence))
+        faults = []
+        for place, cells in groups.items():
+            first, sentence = cells[0]
+            others = ", ".join(str(note.row) for note, _ in cells[1:MOST])
+            likewise = f"; likewise row {others}" if others else ""
+            faults.append(f"row {first.row}, column '{heads[place]}': {sentence}{likewise}")
+        return faults
+
+    def lines(self) -> Iterator[tuple[str, str]]:
+        """Describe the steps of reading, pairs of a step and a line."""
+        table = self.table
+        yield from (("raw sheet", line) for line in table.sheet.lines())
+        yield from (("layout", line) for line in table.layout.lines())
+        yield from (("columns and units", line) for line in self.matching.lines())
+        yield from (("rows and marks", line) for line in self.plan.lines())
+
+    def _fault(self, match: Match, text: str) -> None:
+        where = f"{self.table.path}, column '{match.head}' ({match.quantity.name})"
+        self.report.faults.append(f"{where} {text}")
+
+    def _rows(self, cells: Sequence[Any], wrong: Sequence[bool]) -> str:
+        rows = [
+            f"row {row}: '{str(cell)[:SHOWN]}'"
+            for row, cell, is_wrong in zip(self.table.rows, cells, wrong, strict=True)
+            if is_wrong
+        ]
+        more = f" and {len(rows) - MOST} more" if len(rows) > MOST else ""
+        return ", ".join(rows[:MOST]) + more
+
+    def _record(self, match: Match, values: Values, why: str, unit: str = "") -> Values:
+        """Record how values were read, and return them."""
+        known = [value for value in values if value is not None]
+        numbers = [value for value in known if isinstance(value, float)]
+        cells = [cell for column, _ in match.terms for cell in column.cells] if numbers else []
+        signed = self.sign and any(self.sign in cell for cell in cells)
+        self.report.readings.append(
+            {
+                "file": str(self.table.path),
+                "quantity": match.quantity.name,
+                "column": match.head,
+                "unit": unit or None,
+                "decimals": NAMES[str(self.sign)] if signed else None,
+                "first": next(iter(known), None),
+                "least": min(numbers, default=None),
+                "largest": max(numbers, default=None),
+                "why": f"{match.why}; {why}".rstrip("; "),
+            }
+        )
+        return values
+
+    def read(self) -> dict[str, Values]:
+        """Read all quantities, None where a column does not say them or is not there.
+
+        Numbers are in the project's unit; cells that cannot be read are a fault.
+        """
+        ways = {
+            "n_shifts": self._counts,
+            "engaged": self._answers,
+            "timestamp": self._stamps,
+            "trace": self._texts,
+        }
+        return {
+            q.name: ways.get(q.name, self._numbers)(self.matches[q.name])
+            if q.name in self.matches
+            else [None] * len(self.table.rows)
+            for q in self.quantities
+        }
+
+    def _numbers(self, match: Match) -> Values:
+        """Convert a column, a formula of columns, or a constant; None for empty cells."""
+        import pandas as pd  # noqa: PLC0415  # slow to load
+
+        if not match.terms:
+            return self._record(match, [float(match.formula)] * len(self.table.rows), "")
+        terms = [self._term(match, column, unit) for column, unit in match.terms]
+        frame, why = pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)}), ""
+        try:
+            values = pd.to_numeric(frame.eval(match.formula)).replace([np.inf, -np.inf], np.nan)
+        except Exception as error:  # what it raises depends on the text
+            values, why = np.nan * frame["c0"], f": {error}"
+        if match.formula != "c0" and not values.notna().any():
+            self._fault(
+                match,
+                f"is no formula of its columns ({match.why}{why}); write for "
+                "instance 'n_out - n_in'",
+            )
+        # A factor such as 1e-3 adds a last digit to that of the cell.
+        done = [float(f"{v:.15g}") if math.isfinite(v) else None for v in values]
+        self._question_units(match, done)
+        units = ", ".join(dict.fromkeys(unit.text for _, unit in terms if unit and unit.text))
+        declared = zip(terms, match.terms, strict=True)
+        sized = any(
+            unit and unit.text in UNITS and not stated for (_, unit), (_, stated) in declared
+        )
+        return self._record(match, done, f"{units} by its size" if sized else "", units)
+
+    def _question_units(self, match: Match, values: Values) -> None:
+        """Ask about values so far apart that two units may stand in one column."""
+        limit = MIXED_UNITS.get(match.quantity.name)
+        sizes = [(value, k) for k, value in enumerate(values) if value is not None and value > 0.0]
+        if (
+            self.is_decimal_open
+            or limit is None
+            or self.quantities is not SHIFTS
+            or match.stated
+            or len(sizes) < 2
+        ):
+            return
+        (least, low), (largest, high) = min(sizes), max(sizes)
+        if largest < limit * least:
+            return
+        cells, rows = match.terms[0][0].cells, self.table.rows
+        self._fault(
+            match,
+            f"has '{cells[low]}' (row {rows[low]}) beside '{cells[high]}' (row "
+            f"{rows[high]}), {number(round(largest / least))} times as much: two units in "
+            f"one column? correct the cells, or say --column {match.quantity.name}="
+            f"'{match.head}:UNIT' where all have one unit",
+        )
+
+    def _term(self, match: Match, column: Column, unit: Unit | None) -> tuple[Array, Unit | None]:
+        """Read a column in the project's unit, NaN where there is no number, (rows,)."""
+        quantity = match.quantity
+        cells = self._filled_down(match, column)
+        values, factors = self._cell_numbers(match, column, cells, unit)
+        empty = np.array([cell.lower() in NOTHING for cell in cells])
+        noted = [
+            not plain and bool(cell)
+            for plain, cell in zip(self._plain_cells(column), column.cells, strict=True)
+        ]
+        if (bad := np.isnan(values) & ~empty & ~np.array(noted)).any():
+            wrong = [cell for cell, is_bad in zip(cells, bad, strict=True) if is_bad]
+            rows = self._rows(cells, bad.tolist())
+            self._fault(match, f"must hold numbers, but has {rows}; {_remedy_of(wrong)}")
+        if empty.any() and quantity.filled:
+            rows = ", ".join(map(str, np.array(self.table.rows)[empty][:MOST]))
+            below = ", or say --fill-down where the value above holds for them"
+            self._fault(
+                match,
+                f"is empty in row {rows}; fill the cells or remove the rows"
+                f"{below if not empty[0] else ''}",
+            )
+        known = values[np.isfinite(values)]
+        if quantity.dimension is None or not known.size or unit is PURE_NUMBER:
+            return values, unit
+        if np.isfinite(factors).any():
+            texts = (unit_of.text for _, unit_of in map(split_quantity, cells) if unit_of)
+            units = f"{', '.join(dict.fromkeys(texts))} in its cells"
+            return values * factors, Unit(units, str(quantity.dimension), math.nan)
+        if unit is None or np.isnan(unit.factor):
+            unit = self._guessed_unit(match, column, unit, known)
+        return values * (unit.factor if unit else 1.0), unit
+
+    def _filled_down(self, match: Match, column: Column) -> list[str]:
+        """Give empty set values that of the row above where the user says so."""
+        cells = [*column.cells]
+        if not self.choice.fill_down or not match.quantity.filled:
+            return cells
+        for k in range(1, len(cells)):
+            cells[k] = cells[k] or cells[k - 1]
+        filled = sum(bool(new) and not old for new, old in zip(cells, column.cells, strict=True))
+        if filled:
+            self.report.assumed.append(
+                f"{self.table.path}: {filled} empty cells of '{column.head}' have the value above"
+            )
+        return cells
+
+    def _cell_numbers(
+        self, match: Match, column: Column, cells: Sequence[str], unit: Unit | None
+    ) -> tuple[Array, Array]:
+        """Read numbers, and factors to the project's unit of cells that have a unit, (rows,)."""
+        pairs = [split_quantity(cell) for cell in cells]
+        sign = "." if column.true_numbers else self.sign
+        values = numbers_of([text for text, _ in pairs], sign)
+        factors = np.array([cell_unit.factor if cell_unit else np.nan for _, cell_unit in pairs])
+        dimension = match.quantity.dimension
+        wrong = [
+            cell_unit is not None
+            and (cell_unit.dimension != dimension or (unit is not None and unit.factor != factor))
+            for (_, cell_unit), factor in zip(pairs, factors, strict=True)
+        ]
+        bare = [cell_unit is None and is_number(text) for text, cell_unit in pairs]
+        if any(wrong):
+            self._fault(
+                match,
+                f"has another unit in {self._rows(cells, wrong)}; correct the cells or the head",
+            )
+        elif np.isfinite(factors).any() and any(bare) and unit is None:
+            self._fault(
+                match,
+                f"has no unit in {self._rows(cells, bare)}, but other cells have "
+                "one; write it into each",
+            )
+        elif unit is not None:
+            factors = np.where(
+                np.isfinite(factors).any() & np.isfinite(values), unit.factor, np.nan
+            )
+        return values, factors
+
+    def _guessed_unit(
+        self, match: Match, column: Column, unit: Unit | None, known: Array
+    ) -> Unit | None:
+        """Ask for a unit that is unknown, or guess the one that is not there by its size."""
+        quantity = match.quantity
+        option = f"--column {quantity.name}='{column.head}:"
+        angular = re.search("omega|angular|winkel", plain_words(column.name))
+        mismatch = quantity.name == "mismatch_rpm" and match.formula == "c0"
+        if unit is None and mismatch and abs(known).max() < 1.0:
+            self._fault(
+                match,
+                f"has no unit and no value of 1 or more, as a ratio has; say {option}"
+                "UNIT', or multiply it by the speed of the shaft",
+            )
+            return None
+        if unit is None and not column.strange and not angular:
+            # A recorder's clock may begin anywhere: the length of a trace decides.
+            middle = np.median(abs(known - (known.min() if quantity.name == "t_s" else 0.0)))
+            text = {
+                TIME: "ms" if middle > 5.0 else "s",
+                FORCE: "kN" if middle < 5.0 else "N",
+                SPEED: "1/min",
+            }.get(str(quantity.dimension), "mm")
+            self.report.assumed.append(
+                f"{self.table.path}: '{column.head}' ({quantity.name}) has no unit and is taken as "
+                f"{text} by its size; {option}UNIT' says another"
+            )
+            return unit_named(text)
+        spelling = unit.text if unit else column.strange or ""
+        scaled = unit_with_factor(spelling)
+        if spelling and scaled and scaled.dimension == quantity.dimension and unit is None:
+            self._fault(
+                match,
+                f"has the unit '{spelling}': say {option}{spelling}' where its "
+                f"numbers count so many of it, or {option}UNIT'",
+            )
+            return None
+        why = (
+            "unknown"
+            if quantity.dimension != SPEED or (unit is None and not angular)
+            else ("ambiguous (revolutions or radians)")
+        )
+        called = f"the unit '{spelling}', which is" if spelling else "a unit that is"
+        self._fault(match, f"has {called} {why}; say {option}UNIT' with one of {quantity.units}")
+        return None
+
+    def _counts(self, match: Match) -> Values:
+        """Read the number of shifts of each row, a whole number of at least 1."""
+        values = self._numbers(match)
+        if any(wrong := [v is not None and (v < 1 or v % 1 > 0) for v in values]):
+            bad = self._rows([v and number(v) for v in values], wrong).replace("'", "")
+            self._fault(match, f"must be whole numbers of at least 1, but {bad}; correct them")
+        return values
+
+    def _texts(self, match: Match) -> Values:
+        return self._record(match, [cell or None for cell in match.terms[0][0].cells], "")
+
+    def _answers(self, match: Match) -> Values:
+        """Read yes and no; an option such as ``gut=yes,empty=no`` goes first."""
+        cells = [answer_of(cell) for cell in match.terms[0][0].cells]
+        pairs = (pair.split("=", 1) for pair in match.option.split(",") if "=" in pair)
+        stated = {answer_of(word): answer_of(answer) for word, answer in pairs}
+        counts = Counter(cells)
+        values = {w: ANSWERS[stated.get(w, w)] for w in counts if stated.get(w, w) in ANSWERS}
+        if strange := [word for word in counts if word not in values]:
+            bad = self._rows(cells, [cell in strange for cell in cells])
+            self._fault(
+                match,
+                f"must be yes, no or empty, but {bad}; write true or false, or say "
+                f"--column engaged='{match.head}:{strange[0]}=yes,empty=no', or "
+                f"--column engaged={NONE} to leave it out",
+            )
+        names = {True: "yes", False: "no", None: "not said"}
+        read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in counts.items())
+        return self._record(match, [values.get(cell) for cell in cells], read)
+
+    def _stamps(self, match: Match) -> Values:
+        """Read numbers with a unit in s, and dates as ISO 8601."""
+        column, unit = match.terms[0]
+        cells = [cell for cell in column.cells if cell.lower() not in NOTHING]
+        try:
+            if unit is not None and all(map(is_number, cells)):
+                moments = [f"{v:.12g}" for v in unit.factor * numbers_of(cells, self.sign)]
+                way = "seconds"
+            else:
+                moments, way = stamps_of(cells, "" if unit else match.option)
+        except DataError as error:
+            self._fault(
+                match,
+                f"{error}, or say --column timestamp='{match.head}:s' for numbers "
+                f"of seconds, or --column timestamp={NONE} to leave it out",
+            )
+            return [None] * len(column.cells)
+        stamps = iter(moments)
+        values = [None if cell.lower() in NOTHING else next(stamps) for cell in column.cells]
+        return self._record(match, values, way, unit.text if unit else "")
+
+
+def _left_out_by_user(table: ForeignTable, options: Mapping[str, str]) -> frozenset[str]:
+    """Name the columns of quantities that the user leaves out."""
+    left_out = [q for q in SHIFTS if options.get(q.name) == NONE]
+    return frozenset(c.head for c in table.columns for q in left_out if score(q, c) >= WORD)
+
+
+def _filled_rows(read: Mapping[Column, str], count: int) -> list[int]:
+    """Find the places of rows with a cell in a column that is read."""
+    if not read:
+        return [*range(count)]
+    return [k for k in range(count) if any(column.cells[k] for column in read)]
+
+
+def _remedy_of(cells: Sequence[str]) -> str:
+    """Say what to do with cells that are no numbers."""
+    if any("±" in cell or "+-" in cell or "+/-" in cell for cell in cells):
+        return "write what stands behind ± into a column of its own, named standard deviation"
+    if any(re.search(r"\d\s*[,;/|]\s+\d", cell) for cell in cells):
+        return "write each shift into a row of its own"
+    if any(re.match(r"[<>≤≥]\s*\d", cell) for cell in cells):
+        return (
+            "empty the cells and write no into a column engaged where these shifts did not engage, "
+            "or write the times"
+        )
+    if any(map(is_date, cells)):
+        return "a spreadsheet may have taken numbers for dates: enter the numbers again"
+    return "correct or empty the cells"
+
+
+def _reason(column: Column) -> str:
+    """Give the reason for which a column is no quantity."""
+    if column.hidden:
+        return "hidden in the workbook"
+    if counts_up(column):
+        return f"numbers the rows; --column order='{column.head}' takes it as order of the shifts"
+    if is_dated(column.cells) or (column.unit and column.unit.dimension == TIME and grows(column)):
+        return f"clock; --column timestamp='{column.head}' takes it as times of the shifts"
+    return "no quantity of this name" if any(column.cells) else "empty"

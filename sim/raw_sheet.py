@@ -1,0 +1,504 @@
+"""A table as a person sees it: rows with the text of their cells, their numbers and their marks.
+
+First of the five steps by which a foreign table is read. Text has cells between separators. A sheet
+of a workbook, ``FILE.xlsx`` or ``FILE.xlsx#SHEET``, also has what its values do not say: hidden,
+filtered and grouped rows, cells that are struck out, coloured, merged or annotated, and numbers
+that their format shows as others. Formulas without a stored value are refused.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import date, datetime, time, timedelta
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile, ZipFile
+
+from dogshape.sim.decoding import TableLimits, decoded, read_bytes
+from dogshape.sim.errors import DataError
+
+if TYPE_CHECKING:
+    from openpyxl.cell.cell import Cell
+    from openpyxl.worksheet.worksheet import Worksheet
+
+SAVE = "save it as CSV (UTF-8)"  #: remedy, as spreadsheets name it
+NO_TABLE = "is not a table of comma separated values"
+HIDDEN, FILTERED, GROUPED = "hidden", "hidden by a filter", "grouped"
+STRUCK, COLOURED = "struck out", "coloured"
+_WORKBOOK = re.compile(r"(.+\.xlsx)(?:#(.+))?", re.IGNORECASE)
+_OTHER_BOOKS = {
+    ".xlsm": "a workbook with macros",
+    ".xls": "a workbook of Excel 97",
+    ".xlsb": "a binary workbook",
+    ".ods": "a workbook of LibreOffice",
+    ".numbers": "a workbook of Numbers",
+}
+_ZIP = b"PK\x03\x04"
+_OLE = b"\xd0\xcf\x11\xe0"
+_TEXT_NUMBER = re.compile(r"[+-]?\d[\d.,' ]*[.,]\d+")
+_THOUSANDS = re.compile(r"[0#?.],+(?![0#?.])")
+_PLAIN = re.compile(r"[A-Za-z0-9_.,;:/+-]*")
+_LITERAL = re.compile(r'"([^"]*)"|\\(.)')
+
+
+@dataclass(frozen=True)
+class RawRow:
+    """A row: its number in the file, its cells, its marks, and the colours of its cells.
+
+    A colour is empty where a cell has none; rows of a text have neither marks nor colours.
+    """
+
+    number: int
+    cells: tuple[str, ...]
+    marks: tuple[str, ...] = ()
+    colours: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CellNote:
+    """A sentence on the cell in ``row`` of the file and column ``place``, from 1."""
+
+    row: int
+    place: int
+    sentence: str
+
+
+@dataclass(frozen=True)
+class RawSheet:
+    """All rows that have cells, and the knowledge of a workbook on them.
+
+    ``true_numbers`` are the places of columns whose numbers are numbers and no text. ``notes`` are
+    cells that cannot be read as they stand; ``merged`` are those that have the value of a cell
+    above.
+    """
+
+    path: Path
+    separator: str
+    rows: tuple[RawRow, ...]
+    notes: tuple[CellNote, ...] = ()
+    merged: tuple[CellNote, ...] = ()
+    true_numbers: frozenset[int] = frozenset()
+    hidden_columns: frozenset[int] = frozenset()
+
+    @cached_property
+    def width(self) -> int:
+        """Cells of the longest row."""
+        return max((len(row.cells) for row in self.rows), default=0)
+
+    def lines(self) -> Iterator[str]:
+        """Describe the sheet, a line each: size, marks and cells with notes."""
+        kinds = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "strokes"}
+        between = kinds.get(self.separator, repr(self.separator))
+        yield f"{len(self.rows)} rows with cells, up to {self.width} cells between {between}"
+        for row in self.rows:
+            if row.marks:
+                yield f"row {row.number}: {', '.join(row.marks)}"
+        for note in (*self.notes, *self.merged):
+            yield f"row {note.row}, column {note.place}: {note.sentence}"
+        if self.hidden_columns:
+            yield f"hidden columns: {', '.join(map(str, sorted(self.hidden_columns)))}"
+
+
+def file_of(table: Path) -> Path:
+    """Give the file of a table, without the sheet that may be named behind it."""
+    match = _WORKBOOK.fullmatch(str(table))
+    return Path(match[1]) if match else table
+
+
+def is_workbook(path: Path) -> bool:
+    """Test that a path names a workbook or one of its sheets."""
+    return bool(_WORKBOOK.fullmatch(str(path)))
+
+
+def read_raw(
+    path: Path, choose: Callable[[Sequence[str]], str], limits: TableLimits | None = None
+) -> RawSheet:
+    """Read a text or a sheet of a workbook.
+
+    ``choose`` gives the separator of the lines of a text. Raises DataError with the remedy for what
+    is no table or exceeds ``limits``, FileNotFoundError for a missing file.
+    """
+    limits = limits or TableLimits()
+    if is_workbook(path):
+        return read_workbook(path, limits)
+    lines = read_lines(path, limits)
+    return text_sheet(path, lines, choose(lines), limits)
+
+
+def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
+    """Read the lines of a text with their ends, without Excel's own line on the separator.
+
+    Raises as ``read_raw``.
+    """
+    limits = limits or TableLimits()
+    kind = _OTHER_BOOKS.get(path.suffix.lower())
+    if kind and path.exists():
+        raise DataError(f"{path} is {kind} ({path.suffix}); save it as .xlsx or as CSV")
+    try:
+        raw = read_bytes(path, limits)
+        if raw.startswith((_ZIP, _OLE)):
+            raise DataError(
+                "it is a workbook or an archive; save it as .xlsx, with this ending, or as CSV"
+            )
+        text = decoded(raw)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}; check path and rights") from None
+    except DataError as error:
+        if ";" in str(error):
+            raise
+        raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
+    if "\0" in text:
+        raise DataError(f"{path} {NO_TABLE}: it is no text; {SAVE}")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    limits.require("rows", text.count("\n"), str(path), "divide the table")
+    lines = text.split("\n")
+    lines = [f"{line}\n" for line in lines[:-1]] + [line for line in lines[-1:] if line]
+    return lines[1:] if lines and re.fullmatch(r"sep=.\s*", lines[0]) else lines
+
+
+def text_sheet(
+    path: Path, lines: Sequence[str], separator: str, limits: TableLimits | None = None
+) -> RawSheet:
+    """Part lines into cells; raises DataError for a quotation mark that swallows rows."""
+    limits = limits or TableLimits()
+    rows = []
+    reader = csv.reader(lines, delimiter=separator)
+    first_line, number = 0, 0
+    before = csv.field_size_limit(limits.cell_characters)
+    try:
+        for cells in reader:
+            number += 1
+            swallowed = lines[first_line + 1 : reader.line_num]
+            if swallowed:
+                _require_closed(path, number, lines[first_line : reader.line_num], separator)
+            first_line = reader.line_num
+            limits.require("columns", len(cells), f"{path}, row {number}", "divide the table")
+            if any(cells):
+                rows.append(RawRow(number, tuple(map(clean_text, cells))))
+    except csv.Error as error:
+        if "field larger" not in str(error):
+            raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
+        _require_closed(path, number + 1, lines[first_line:], separator)
+        raise DataError(
+            f"{path}, row {number + 1} has a cell of more than {limits.cell_characters} "
+            "characters; shorten it, or raise the limit: --limit cell_characters=NUMBER"
+        ) from None
+    finally:
+        csv.field_size_limit(before)
+    return RawSheet(path, separator, tuple(rows))
+
+
+def _require_closed(path: Path, row: int, lines: Sequence[str], separator: str) -> None:
+    """Raise DataError where the quotation mark in the first of these lines holds later rows."""
+    marks = sum(line.count('"') for line in lines)
+    rows_inside = [line for line in lines[1:] if line.count(separator) >= 1]
+    # A head or a remark may be wrapped; a number before each separator is a row of its own.
+    numbers = [line for line in rows_inside if re.match(r"\s*[\"+-]?\d", line)]
+    if marks % 2 or numbers:
+        end = "is never closed" if marks % 2 else f"is closed {len(lines) - 1} lines later"
+        raise DataError(
+            f"{path}, row {row}: a quotation mark begins a cell and {end}, so that "
+            f"{len(lines) - 1} lines would be lost; remove the mark, or close it in its row"
+        )
+
+
+def clean_text(cell: str) -> str:
+    """Write a cell in one line: ordinary blanks, hyphens of wrapped words removed.
+
+    ``="50"`` and ``'50`` are the texts by which programs protect numbers from a spreadsheet.
+    """
+    if _PLAIN.fullmatch(cell):
+        return cell
+    text = re.sub(r"(?<=\w)(?:-\s*\n\s*|\xad\s*)(?=[^\W\d_])", _unhyphenated, cell)
+    text = re.sub(r"\s*[\n\t]\s*|[^\S ]", " ", text).strip()
+    protected = re.fullmatch(r"=\s*\"(.*)\"|'([+-]?[\d.,]+)", text)
+    return (protected[1] or protected[2] or "") if protected else text
+
+
+def _unhyphenated(match: re.Match[str]) -> str:
+    following = match.string[match.end()]
+    return "" if following.islower() else "-"
+
+
+# ---- workbooks
+
+
+def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
+    """Read a sheet; DataError where none is named of several, or for what is no workbook."""
+    from openpyxl import load_workbook  # noqa: PLC0415  # half a second that texts do not need
+
+    file = file_of(path)
+    wanted = str(path)[len(str(file)) + 1 :]
+    try:
+        _require_packed(file, limits)
+        names = _filled_sheets(file, limits, wanted)
+        sheet = _named_sheet(file, names, wanted)
+        if not sheet:
+            return RawSheet(path, "\t", ())
+        formulas = load_workbook(file)[sheet]
+        values = load_workbook(file, data_only=True)[sheet]
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise DataError(f"{file} cannot be read: {error.strerror}; check path and rights") from None
+    except BadZipFile as error:
+        raise DataError(f"{file} is no workbook; save it as .xlsx or as CSV") from error
+    except (ValueError, KeyError, TypeError, AttributeError, SyntaxError) as error:
+        raise DataError(
+            f"{file} is no workbook that can be read; save its sheet alone as .xlsx, or as CSV"
+        ) from error
+    last_row, width = names[sheet]
+    cells = [list(row) for row in values.iter_rows(max_row=last_row, max_col=width)]
+    _require_values(file, [*formulas.iter_rows(max_row=last_row, max_col=width)], cells)
+    texts = [[_cell_text(cell) for cell in row] for row in cells]
+    for number, row in enumerate(texts, start=1):
+        longest = max(map(len, row), default=0)
+        where = f"{file}, row {number}"
+        limits.require("cell_characters", longest, where, "shorten the cell")
+    merged = _fill_merged(values, texts)
+    rows = [
+        RawRow(number, tuple(row), _row_marks(values, number, row_cells), _colours(row_cells))
+        for number, (row, row_cells) in enumerate(zip(texts, cells, strict=True), start=1)
+        if any(row)
+    ]
+    hidden = {place for place in range(1, width + 1) if _is_hidden(values, place)}
+    sheet_of_book = RawSheet(
+        path, "\t", tuple(rows), merged=merged, hidden_columns=frozenset(hidden)
+    )
+    return _with_number_notes(sheet_of_book, cells)
+
+
+def _require_packed(file: Path, limits: TableLimits) -> None:
+    """Raise DataError for a workbook that is large, or that unpacks to more than the limit."""
+    limits.require("file_bytes", file.stat().st_size, str(file), "divide the workbook")
+    with ZipFile(file) as archive:
+        unpacked = sum(part.file_size for part in archive.infolist())
+    limits.require("unpacked_bytes", unpacked, str(file), "save the sheet alone")
+
+
+def _filled_sheets(file: Path, limits: TableLimits, wanted: str) -> dict[str, tuple[int, int]]:
+    """Find last row and column with a value of each sheet that has one, row by row.
+
+    Sheets that are not ``wanted`` are looked at until the first value.
+    """
+    from openpyxl import load_workbook  # noqa: PLC0415
+
+    sizes = {}
+    book = load_workbook(file, read_only=True)
+    for sheet in book.worksheets:
+        sheet.reset_dimensions()  # what the file says of its size may be wrong
+        last_row, width = 0, 0
+        for number, cells in enumerate(sheet.iter_rows(values_only=True), start=1):
+            filled = [place for place, value in enumerate(cells, start=1) if value is not None]
+            if filled:
+                last_row, width = number, max(width, filled[-1])
+                where = f"{file}, sheet {sheet.title}"
+                limits.require("columns", width, where, "divide the table")
+                limits.require("rows", last_row, where, "divide the table")
+                limits.require("workbook_cells", last_row * width, where, "divide the table")
+            if last_row and wanted not in ("", sheet.title):
+                break
+        if last_row:
+            sizes[sheet.title] = last_row, width
+    states = {sheet.title: sheet.sheet_state for sheet in book.worksheets}
+    book.close()
+    return {name: sizes[name] for name in sorted(sizes, key=lambda name: states[name] != "visible")}
+
+
+def _named_sheet(file: Path, names: dict[str, tuple[int, int]], wanted: str) -> str:
+    if wanted in names or (not wanted and len(names) < 2):
+        return wanted or next(iter(names), "")
+    fault = f"there is no sheet '{wanted}' with cells" if wanted else "several sheets have cells"
+    example = next(iter(names), "SHEET")
+    rule = f"name one of {', '.join(names)}, as {file}#{example}"
+    raise DataError(f"{file}: {fault}; {rule}")
+
+
+def _require_values(
+    file: Path, formulas: Sequence[Sequence[Cell]], values: Sequence[Sequence[Cell]]
+) -> None:
+    """Raise DataError for formulas whose value was never stored."""
+    empty = [
+        cell.coordinate
+        for row, value_row in zip(formulas, values, strict=True)
+        for cell, value in zip(row, value_row, strict=True)
+        if cell.data_type == "f" and value.value is None
+    ]
+    if empty:
+        more = f" and {len(empty) - 3} more" if len(empty) > 3 else ""
+        raise DataError(
+            f"{file}: {', '.join(empty[:3])}{more} hold formulas whose values were never stored; "
+            "open the workbook in a spreadsheet, save it, and try again"
+        )
+
+
+def _cell_text(cell: Cell) -> str:
+    """Write the value of a cell; a duration in s, a number with the word that its format adds."""
+    value, form = cell.value, str(cell.number_format)
+    if value is None:
+        return ""
+    if isinstance(value, timedelta | time):
+        return _clock_text(value, form)
+    if isinstance(value, datetime | date):
+        return str(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return clean_text(str(value))
+    shown = form.split(";", maxsplit=1)[0]
+    if "%" in _LITERAL.sub("", shown):
+        return f"{100.0 * value:.12g} %"
+    words = "".join(quoted or sign for quoted, sign in _LITERAL.findall(shown)).strip()
+    return f"{value} {words}".strip()
+
+
+def _clock_text(value: timedelta | time, form: str) -> str:
+    """Write a duration in s, and a time of day as a clock."""
+    if isinstance(value, time):
+        clock = value.strftime("%H:%M:%S")
+        if "h" in form.lower() and "[" not in form:
+            return clock + (f".{value.microsecond:06d}" if value.microsecond else "")
+        value = timedelta(
+            hours=value.hour,
+            minutes=value.minute,
+            seconds=value.second,
+            microseconds=value.microsecond,
+        )
+    return f"{value.total_seconds():.12g} s"
+
+
+def _fill_merged(sheet: Worksheet, texts: list[list[str]]) -> tuple[CellNote, ...]:
+    """Give merged cells the value that a person sees beside their rows; list these cells."""
+    notes = []
+    for area in sheet.merged_cells.ranges:
+        if area.max_row == area.min_row or area.min_row > len(texts):
+            continue
+        value = texts[area.min_row - 1][area.min_col - 1]
+        for number in range(area.min_row + 1, min(area.max_row, len(texts)) + 1):
+            texts[number - 1][area.min_col - 1] = value
+            notes.append(CellNote(number, area.min_col, f"merged with row {area.min_row}"))
+    return tuple(notes)
+
+
+def _row_marks(sheet: Worksheet, number: int, cells: Sequence[Cell]) -> tuple[str, ...]:
+    """List what a person sees on a row beside its values."""
+    line = sheet.row_dimensions[number]
+    filled = [cell for cell in cells if cell.value is not None]
+    marks = []
+    if line.hidden or line.height == 0:
+        filtered = sheet.auto_filter is not None and bool(sheet.auto_filter.filterColumn)
+        marks.append(FILTERED if filtered else HIDDEN)
+    elif line.outlineLevel:
+        marks.append(GROUPED)
+    if any(cell.font is not None and cell.font.strike for cell in filled):
+        marks.append(STRUCK)
+    marks += [
+        f"comment '{clean_text(cell.comment.text)}'"
+        for cell in cells
+        if getattr(cell, "comment", None) is not None
+    ]
+    return tuple(marks)
+
+
+def _colours(cells: Sequence[Cell]) -> tuple[str, ...]:
+    return tuple(_colour(cell) if cell.value is not None else "" for cell in cells)
+
+
+def _colour(cell: Cell) -> str:
+    """Name fill and font of a cell, empty for black on white."""
+    if not cell.has_style:
+        return ""
+    fill = _colour_name(cell.fill.fgColor) if cell.fill.fill_type else ""
+    font = _colour_name(cell.font.color) if cell.font is not None and cell.font.color else ""
+    plain_fill = "" if fill in ("FFFFFFFF", "00FFFFFF", "theme 0") else fill
+    plain_font = "" if font in ("FF000000", "00000000", "theme 1") else font
+    return f"{plain_fill}/{plain_font}" if plain_fill or plain_font else ""
+
+
+def _colour_name(colour: Any) -> str:
+    if colour.type == "rgb":
+        return str(colour.rgb)
+    tint = f" {colour.tint:.2f}" if colour.tint else ""
+    return f"{colour.type} {colour.value}{tint}"
+
+
+def _is_hidden(sheet: Worksheet, place: int) -> bool:
+    from openpyxl.utils import get_column_letter  # noqa: PLC0415
+
+    # Neighbours that are hidden together are one dimension with the first one's letter.
+    return any(
+        line.hidden and (line.min or 0) <= place <= (line.max or 0)
+        for line in sheet.column_dimensions.values()
+    ) or bool(sheet.column_dimensions[get_column_letter(place)].hidden)
+
+
+def _with_number_notes(sheet: RawSheet, cells: Sequence[Sequence[Cell]]) -> RawSheet:
+    """Add notes on numbers that look otherwise, and the columns whose numbers are no text."""
+    notes: list[CellNote] = []
+    true_numbers = set()
+    for place, column in enumerate(zip(*cells, strict=True), start=1):
+        numbers = [cell for cell in column if type(cell.value) in (int, float)]
+        texts = [
+            cell
+            for cell in column
+            if isinstance(cell.value, str) and _TEXT_NUMBER.fullmatch(cell.value.strip())
+        ]
+        if numbers and len(texts) < len(numbers):
+            true_numbers.add(place)
+        if numbers:
+            notes += [
+                CellNote(
+                    cell.row,
+                    place,
+                    f"'{cell.value}' is text among numbers; turn the cell into a number",
+                )
+                for cell in texts
+            ]
+        notes += [
+            CellNote(
+                cell.row,
+                place,
+                f"holds {cell.value}, which the number format "
+                f"'{cell.number_format}' shows divided by thousands; set the format General "
+                "and correct number or unit",
+            )
+            for cell in numbers
+            if _THOUSANDS.search(_LITERAL.sub("", str(cell.number_format).split(";")[0]))
+        ]
+        dated = [cell for cell in column if isinstance(cell.value, datetime | date)]
+        if numbers and dated and len(dated) < len(numbers):
+            notes += [
+                CellNote(
+                    cell.row,
+                    place,
+                    f"'{cell.value}' is a date among numbers: the "
+                    "spreadsheet has taken a number for a date; enter the number again",
+                )
+                for cell in dated
+            ]
+    return replace(sheet, notes=tuple(notes), true_numbers=frozenset(true_numbers))
+
+
+def odd_colours(rows: Sequence[RawRow]) -> list[int]:
+    """Find places in ``rows`` of those with a cell of another colour than most of its column.
+
+    Bands of every second or third row are no marks.
+    """
+    width = min((len(row.colours) for row in rows), default=0)
+    usual = [
+        Counter(row.colours[k] for row in rows if row.cells[k]).most_common(1) for k in range(width)
+    ]
+    odd = [
+        place
+        for place, row in enumerate(rows)
+        if any(row.cells[k] and usual[k] and row.colours[k] != usual[k][0][0] for k in range(width))
+    ]
+    steps = {after - before for before, after in pairwise(odd)}
+    banded = len(odd) > 2 and len(steps) == 1 and steps != {1} and 3 * len(odd) >= len(rows) - 2
+    return [] if banded else odd
