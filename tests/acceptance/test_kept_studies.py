@@ -87,7 +87,7 @@ def test_best_design_beats_the_prototype_by_many_standard_errors() -> None:
     known, _ = stored_surrogate(study, None)
     for params, found in ((study.prototype, prototype), (best_design, best)):
         x = np.array([params[name] for name in study.variables], dtype=float)
-        answer = known.surrogate.expected(x, study_mix(study))
+        answer = known.surrogate.expect(x, study_mix(study))
         time, error = answer.without_retries
         within = 2.5 * math.hypot(error, found.engaged_error)
         assert abs(time - found.engaged_mean) < within

@@ -77,7 +77,7 @@ def test_predicts_expected_times_and_covers_them(surrogate: Surrogate, mix: Mix)
     truths = np.array([exact(row, mix) for row in x])
     assert np.sqrt(((time / truths - 1) ** 2).mean()) < 0.01
     assert (np.abs(time - truths) < 2.2 * error).mean() >= 0.85
-    one = surrogate.expected(x[0], mix)
+    one = surrogate.expect(x[0], mix)
     assert (one.time, one.error) == pytest.approx((time[0], error[0]), rel=1e-4)
     assert one.low < one.time < one.high
     assert surrogate.medians(x, mix) == pytest.approx(time, rel=1e-3)
@@ -134,13 +134,13 @@ def test_share_stays_between_nought_and_one_and_costs_retries() -> None:
     all_engage = fit(made(30), QUICK)
     some_lose = fit(made(30, losing=0.2), QUICK)
     x = np.array([10.0, 4.0, 18.0])
-    assert all_engage.expected(x, MIX).engaged == pytest.approx(1.0, abs=0.01)
-    losing = some_lose.expected(x, MIX)
+    assert all_engage.expect(x, MIX).engaged == pytest.approx(1.0, abs=0.01)
+    losing = some_lose.expect(x, MIX)
     assert losing.engaged == pytest.approx(0.8, abs=0.1)
-    cost = losing.time - some_lose.expected(x, replace(MIX, retry=0.0)).time
+    cost = losing.time - some_lose.expect(x, replace(MIX, retry=0.0)).time
     assert cost == pytest.approx(0.25 * MIX.retry, rel=0.4)
     far = np.array([[500.0, 90.0, 900.0]])
-    assert 0.0 < some_lose.engaged(far, MIX).min() < 1.0
+    assert 0.0 < some_lose.predict_engaged(far, MIX).min() < 1.0
 
 
 def test_too_few_designs_are_refused() -> None:

@@ -11,7 +11,7 @@ from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.elementwise import Array
 from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort
-from dogshape.surrogate.sensitivity import accumulate, effects
+from dogshape.surrogate.sensitivity import accumulate, main_effects
 
 #: Ends of the search ranges of the paper's study, and what each variable adds across them, s.
 LOW, HIGH = np.array([0.0, 4.0, 4.0, 1.6, 6.0]), np.array([20.0, 30.0, 30.0, 6.0, 36.0])
@@ -62,7 +62,7 @@ def surrogate(study: Setup) -> Surrogate:
 
 def test_effects_of_an_additive_time_are_its_terms(study: Setup, surrogate: Surrogate) -> None:
     mix, x = study_mix(study), feasible(study, 100, 9)
-    found = effects(surrogate, surrogate.data.variables, x)
+    found = main_effects(surrogate, surrogate.data.variables, x)
     assert [one.variable for one in found] == list(surrogate.data.variables)
     mean = float(mix.weights @ pace(mix.points))
     inside = []

@@ -99,7 +99,7 @@ def test_the_process_is_that_of_scikit_learn() -> None:
 
 def test_a_design_left_out_is_predicted_from_the_others() -> None:
     process = smooth_process(0.01)
-    mean, variance = process.left_out()
+    mean, variance = process.leave_one_out()
     for k in (0, 7, 39):
         kept = np.arange(40) != k
         others = replace(
