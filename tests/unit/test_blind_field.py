@@ -18,9 +18,9 @@ from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import advised_test, data, field_set, score, sealed
 from dogshape.validation.blind import cases as field_cases
-from dogshape.validation.blind.advised_test import judged_by_test, outcome_of, readings_of
+from dogshape.validation.blind.advised_test import judge_test, outcome_of, readings_of
 from dogshape.validation.blind.cases import Case
-from dogshape.validation.blind.data import expected, true_points
+from dogshape.validation.blind.data import expect, true_points
 from dogshape.validation.blind.field_set import base, cases_of, make_field
 from dogshape.validation.blind.stand import read_points, read_stand
 from dogshape.validation.blind.true_effects import RANGES
@@ -79,7 +79,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(field_cases, "COUNTS", {"planar": field_cases.COUNTS["planar"]})
-        patch.setitem(data.ANGLES, "planar", 4)
+        patch.setitem(data.ANGLE_COUNTS, "planar", 4)
         # The later of two candidates is clearer, and neither is clear.
         yards = iter({"noncentrality": float(k)} for k in range(9))
         patch.setattr(field_set, "yardstick_of", lambda *_: next(yards))
@@ -89,13 +89,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         with pytest.raises(KeyboardInterrupt):
             make_field(folder, cases, _likelihood)
         patch.setattr(field_set, "_seal", whole)
-        patch.setattr(field_set, "simulated", stopped)  # what is finished is not made again
+        patch.setattr(field_set, "simulate_case", stopped)  # what is finished is not made again
         make_field(folder, cases, _likelihood)
     return folder
 
 
 def test_a_set_that_was_stopped_is_sealed_whole(made: Path) -> None:
-    manifest, key = sealed.manifest_of(made), sealed.opened(made)
+    manifest, key = sealed.manifest_of(made), sealed.open_key(made)
     assert set(manifest["cases"]) == set(key["cases"])
     assert [one["name"] for one in manifest["figures"]] == [one.name for one in score.HEADLINES]
     assert {one["kind"] for one in key["cases"].values()} == {"none", "single", "pair", "outside"}
@@ -109,7 +109,7 @@ def test_a_set_that_was_stopped_is_sealed_whole(made: Path) -> None:
 
 
 def test_data_say_nothing_of_the_truth(made: Path) -> None:
-    for name, case in sealed.opened(made)["cases"].items():
+    for name, case in sealed.open_key(made)["cases"].items():
         with (made / "cases" / name / "shifts.csv").open(encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
         bench = load_bench(made / "cases" / name)
@@ -159,7 +159,7 @@ def test_more_shifts_have_the_mean_that_the_engine_expects() -> None:
     test = NextTest("more", "Shift.", "shifts", 1.0, cell=20, point=place, shifts=120)
     folder = base("prototype")
     mean, engaged = outcome_of(folder, MASS, DIAGNOSIS, test)
-    exact = expected("planar", read_stand(folder), [read_points(folder)[20]], MASS.truth)
+    exact = expect("planar", read_stand(folder), [read_points(folder)[20]], MASS.truth)
     assert mean == pytest.approx(exact.mean[0], abs=4.0 * exact.sd[0] / 120**0.5)
     assert engaged == 1.0
 
@@ -178,6 +178,6 @@ def test_a_test_settles_on_the_truth_or_misleads(
 ) -> None:
     monkeypatch.setattr(advised_test, "settle", lambda *_: after)
     diagnosis = SimpleNamespace(**{**vars(DIAGNOSIS), "tests": [_direct("moving_mass")]})
-    found = judged_by_test(Path(), MASS, diagnosis, [("moving_mass",)])  # type: ignore[arg-type]
+    found = judge_test(Path(), MASS, diagnosis, [("moving_mass",)])  # type: ignore[arg-type]
     assert found is not None
     assert (found.settled, found.misled, found.foreseen) == (settled, misled, 0.6)

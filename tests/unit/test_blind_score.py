@@ -165,7 +165,7 @@ def test_verbs_run_and_score_and_results_are_written_from_the_score(
     dogshape: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(advised_test, "diagnose_folder", _diagnose)
-    monkeypatch.setattr(advised_test, "advised", _advise)
+    monkeypatch.setattr(advised_test, "make_advised_test", _advise)
     folder = _sealed(tmp_path / "set")
     assert "5 of 5 cases are not diagnosed yet" in dogshape("blind", "score", folder).err
     assert "has a set of cases already" in dogshape("blind", "make", folder).err
@@ -179,6 +179,6 @@ def test_verbs_run_and_score_and_results_are_written_from_the_score(
     path.write_text(text)
     assert [words for words, *_ in headline_of(path)] == [one.words for one in score.HEADLINES]
     assert "| clear cause: named | 50 % (9 to 91) | 2 | at least 72 % | no |" in passage(path)  # type: ignore[operator]
-    monkeypatch.setattr(score, "SCORING", ("score.py",))
+    monkeypatch.setattr(score, "SCORING_FILES", ("score.py",))
     said = dogshape("blind", "score", folder)
     assert "scored by other code than sealed: advised_test.py, sealed.py" in said.out

@@ -18,7 +18,7 @@ from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.validation.blind.data import Expected
-from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, seen_as
+from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, visible_causes
 
 FORCES, SPEEDS = np.meshgrid([200.0, 400.0, 600.0], [1.0, 3.0, 8.0, 20.0])
 CELLS = FORCES.size
@@ -103,28 +103,30 @@ def test_spreads_count_where_single_shifts_are_known() -> None:
 
 
 def test_a_rival_of_the_same_change_leaves_nothing() -> None:
-    left = _stick(BASE + 0.02).left(rivals_of("single", ["delay"], EFFECTS)[:-1])
+    left = _stick(BASE + 0.02).noncentralities(rivals_of("single", ["delay"], EFFECTS)[:-1])
     assert set(left) == {(), ("scale",), ("tilt",)}
     assert left["scale",] < 1e-3  # the constant times scale as a dead time adds
     assert left["tilt",] == pytest.approx(left[()], rel=0.1)
-    tilted = _stick(BASE * (1.0 + 0.2 * TILT)).left([("delay",), ("scale",), ("tilt",)])
+    tilted = _stick(BASE * (1.0 + 0.2 * TILT)).noncentralities([("delay",), ("scale",), ("tilt",)])
     assert tilted["tilt",] < 1e-3
     assert min(tilted["delay",], tilted["scale",]) > 38.0
 
 
 def test_data_show_the_part_of_a_truth_that_leaves_something() -> None:
     stick = _stick(BASE * (1.0 + 0.2 * TILT) + 0.0002)
-    assert seen_as(stick, ("delay", "tilt"), {}) == [("tilt",)]
-    assert seen_as(_stick(BASE + 0.0002), ("delay",), {}) == [()]
-    assert seen_as(_stick(BASE + 0.02), ("delay",), {}) == [("delay",)]
+    assert visible_causes(stick, ("delay", "tilt"), {}) == [("tilt",)]
+    assert visible_causes(_stick(BASE + 0.0002), ("delay",), {}) == [()]
+    assert visible_causes(_stick(BASE + 0.02), ("delay",), {}) == [("delay",)]
 
 
 def test_an_observer_shows_no_gap_by_many_shifts_and_never_a_large_one() -> None:
     assert power_of(_stick(discrepancy=0.02, n=200.0)) > 0.95
     far = _stick(discrepancy=0.02, n=200.0)
-    far = replace(far, plain=replace(far.plain, mean=far.plain.mean * 1.1))
+    far = replace(far, baseline=replace(far.baseline, mean=far.baseline.mean * 1.1))
     assert power_of(far) < 0.05
     near = [_stick(discrepancy=0.05, n=n) for n in (3.0, 200.0)]
-    near = [replace(one, plain=replace(one.plain, mean=one.plain.mean * 1.035)) for one in near]
+    for k, stick in enumerate(near):
+        baseline = replace(stick.baseline, mean=stick.baseline.mean * 1.035)
+        near[k] = replace(stick, baseline=baseline)
     few, many = map(power_of, near)
     assert few < many
