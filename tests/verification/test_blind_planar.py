@@ -95,7 +95,7 @@ def test_angles_count_as_often_as_the_truth_draws_them() -> None:
     assert np.isnan(soon[0, 5])
     assert np.isfinite(soon[0, :5]).all()
     weights = np.array([1.0, 1.0, 2.0, 0.0, 0.0, 9.0])
-    found = moments(soon, weights, more=0.01)
+    found = moments(soon, weights, delay_sd=0.01)
     assert found.mean[0] == pytest.approx(0.1125)
     inner = (0.0125**2 + 0.0025**2 + 2.0 * 0.0075**2) / 4.0
     assert found.sd[0] == pytest.approx((inner + 0.01**2) ** 0.5)

@@ -13,7 +13,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import kstest
 
-from benchmarks.self_consistency import answer, cause_of, in_set
+from benchmarks.self_consistency import cause_of, draw_and_diagnose, in_credible_set
 from dogshape.diagnosis.inference import ranking
 from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
 from dogshape.diagnosis.inference.ranking import (
@@ -182,8 +182,8 @@ SETS = 100
 def test_probabilities_hold_what_they_say() -> None:
     """Bounds are three standard errors of 100 sets."""
     bench, model = small_model()
-    found = [answer(bench, model, seed) for seed in range(SETS)]
-    held = np.mean([in_set(one) for one in found])
+    found = [draw_and_diagnose(bench, model, seed) for seed in range(SETS)]
+    held = np.mean([in_credible_set(one) for one in found])
     assert abs(held - 0.9) < 3.0 * (0.9 * 0.1 / SETS) ** 0.5
     said = np.array([one.leads for one in found])
     right = np.array([tuple(one.leading) == cause_of(one) for one in found])
