@@ -255,7 +255,7 @@ def paper_design() -> str:
     angles = ("chamfer_deg", "traction_deg", "braking_deg")
 
     def design_row(words: str, cell: Callable[[str], str]) -> tuple[str, str, str]:
-        return (words, *(cell(who) for who in ("prototype", "best")))
+        return words, cell("prototype"), cell("best")
 
     table = [
         design_row(

@@ -123,7 +123,7 @@ def main(page: Path, folder: Path, pictures: Path) -> None:
                     raise SystemExit(f"{page}, line {step.line}: status {result.returncode}")
     pictures.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / DRAWING, pictures / DRAWING)
-    serve = [program, "app", APP, "--no-browser", "--port", "0"]
+    serve = [str(program), "app", APP, "--no-browser", "--port", "0"]
     with subprocess.Popen(serve, stderr=subprocess.PIPE, text=True) as server:
         assert server.stderr is not None
         address = server.stderr.readline().split()[0]

@@ -30,7 +30,7 @@ from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
-from tests.made_up import KNOWN, mean_time, small_model
+from tests.analytic import ANALYTIC_EFFECTS, mean_time, small_model
 from tests.verification.test_likelihood import world
 
 MASS, LAG = ("moving_mass",), ("actuation_lag",)
@@ -116,7 +116,7 @@ def test_evidence_is_that_of_nested_sampling() -> None:
 
 def test_prior_probabilities_of_all_sets_are_one() -> None:
     _, model = world()
-    sets = [h for k in range(USUAL.most + 1) for h in itertools.combinations(KNOWN, k)]
+    sets = [h for k in range(USUAL.most + 1) for h in itertools.combinations(ANALYTIC_EFFECTS, k)]
     logs = [log_prior(h, model, USUAL, 0.0) for h in (*sets, UNKNOWN)]
     assert np.exp(logs).sum() == pytest.approx(1.0)
     odds = log_prior(MASS, model, USUAL, 0.0) - log_prior(NONE, model, USUAL, 0.0)

@@ -32,7 +32,7 @@ from dogshape.sim.units import DEG
 from dogshape.validation.blind.mujoco_model import restitution_of
 from dogshape.validation.blind.mujoco_shift import engine_available
 from dogshape.validation.second_engine import FINE, EngineSettings, SecondEngine
-from tests.conftest import Point, dog_of, needed
+from tests.conftest import Point, dog_of, require_program
 from tests.verification.test_motion import DESIGNS
 from tests.verification.test_shapes import SHAPES, shaped
 
@@ -43,7 +43,7 @@ FORMS = {**SHAPES, "flat, undercut": (1.0, 0.0, 0.0, -3.0, -3.0, 3.0)}
 
 @pytest.fixture(scope="module", autouse=True)
 def _mujoco() -> None:
-    needed(engine_available(), "mujoco")
+    require_program(engine_available(), "mujoco")
 
 
 def _pair(clutch: Clutch, point: OperatingPoint, index: int) -> Agreement:
