@@ -49,8 +49,8 @@ def main() -> None:
         drake = read_times(setting, block_records)
         errors.append(_row(setting, drake, mujoco))
     cpu_per_shift = (time.process_time() - start) / (len(settings) * angles)
-    errors = np.array(errors)
-    print(f"root mean square: {np.sqrt((errors**2).mean()):.2f} sampling errors of ten shifts")
+    mean_square = np.square(errors).mean()
+    print(f"root mean square: {np.sqrt(mean_square):.2f} sampling errors of ten shifts")
     print(f"MuJoCo takes {cpu_per_shift * 1e3:.0f} ms of processor time a shift")
 
 

@@ -207,7 +207,7 @@ class Pair:
         return 100.0 * np.abs(self.times[unflipped] / self.reference[unflipped] - 1.0)
 
     @cached_property
-    def compare_cells(self) -> float:
+    def error(self) -> float:
         """Relative error of the mean of shifts that engaged with both, percent, signed."""
         return self._error(self.both)
 

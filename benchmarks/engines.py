@@ -111,13 +111,16 @@ def simulate_groups(seed: int, designs: int) -> list[tuple[str, str, float, list
 
 
 def simulate_shifts(
-    clutch: Clutch, point: OperatingPoint, start: float
+    clutch: Clutch, point: OperatingPoint, offset: float
 ) -> tuple[list[Pair], Series]:
-    """Simulate even angles with either engine in turn; CPU times (n, 2), s."""
+    """Simulate even angles with both engines in turn; pairs of shifts, and CPU times, s, (n, 2).
+
+    ``offset`` is the share of a step at which the angles begin.
+    """
     pairs = []
     cpu = []
     compiled = clutch.with_engine("planar")
-    for angle in (np.arange(ANGLES) + start) / ANGLES * clutch.dog.pitch_angle:
+    for angle in (np.arange(ANGLES) + offset) / ANGLES * clutch.dog.pitch_angle:
         start = time.process_time()
         first = engage(compiled, point, float(angle))
         middle = time.process_time()

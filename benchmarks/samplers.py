@@ -93,11 +93,12 @@ class AllowedGP(GPSampler):
 
     def _optimize_acqf(self, acqf: Any, best_params: Any) -> Any:
         space = acqf.search_space
-        best = [] if best_params is None else [space.get_unnormalized_param(p) for p in best_params]
-        candidates = self._first + (self._pool.draw(self._draw, NEAR_POOL, best) if best else [])
-        values = acqf.eval_acqf_no_grad(
-            space.get_normalized_params([None] * len(candidates), candidates)
-        )
+        candidates = list(self._first)
+        if best_params is not None and len(best_params):
+            incumbents = [space.get_unnormalized_param(p) for p in best_params]
+            candidates += self._pool.draw(self._draw, NEAR_POOL, incumbents)
+        points = space.get_normalized_params([None] * len(candidates), candidates)
+        values = acqf.eval_acqf_no_grad(points)
         best = [candidates[k] for k in np.argsort(values)[-10:]]
         candidates = best + self._pool.draw(self._draw, NEAR_POOL, best)
         points = space.get_normalized_params([None] * len(candidates), candidates)
@@ -183,8 +184,8 @@ def run_optuna_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
                 for (params, _), is_dominant in zip(designs, dominant, strict=True)
                 if is_dominant
             ]
-            designs = 1 + (steps[-1]["designs"] if steps else 0)
-            steps.append({"cpu": cpu_clock() - start, "designs": designs, "front": front})
+            count = 1 + (steps[-1]["designs"] if steps else 0)
+            steps.append({"cpu": cpu_clock() - start, "designs": count, "front": front})
     return {"asked": proposal_count, "steps": steps}
 
 

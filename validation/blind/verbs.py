@@ -132,7 +132,7 @@ def _group_rows(
     group: str, figures: Mapping[str, Record], headlines: Mapping[str, Record]
 ) -> list[Sequence[str]]:
     """Write the rows of a group's figures that have cases."""
-    rows = []
+    rows: list[Sequence[str]] = []
     for name, figure in figures.items():
         if figure["n"]:
             headline = headlines[name]
