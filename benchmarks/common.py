@@ -78,8 +78,8 @@ def paper_study() -> Setup:
     return load_study("mq200_paper")
 
 
-def kept(name: str) -> dict[str, Any]:
-    """Read the kept result of a bundled study."""
+def read_result(name: str) -> dict[str, Any]:
+    """Read the result of a bundled study."""
     text = (bundled_root() / name / "result.json").read_text(encoding="utf-8")
     record: dict[str, Any] = json.loads(text)
     return record

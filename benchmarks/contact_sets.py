@@ -19,7 +19,7 @@ import argparse
 import math
 from pathlib import Path
 
-from benchmarks.common import kept, paper_study
+from benchmarks.common import paper_study, read_result
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
@@ -44,7 +44,7 @@ Designs = dict[str, dict[str, float]]
 
 def designs_of(study: Setup) -> Designs:
     """Read the prototype, the design that the study chose, and the one that ``mq200`` chose."""
-    best, gearbox_best = (kept(name)["best"] for name in (study.name, "mq200"))
+    best, gearbox_best = (read_result(name)["best"] for name in (study.name, "mq200"))
     return {
         "prototype": study.prototype,
         "chosen": {key: best[key] for key in study.variables},

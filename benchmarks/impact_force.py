@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.common import kept, paper_study
+from benchmarks.common import paper_study, read_result
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.shift.clutch import Clutch, ContactSet
 from dogshape.sim.shift.conclusion import Engagement, engage
@@ -54,7 +54,7 @@ class Forces:
 
 def load_designs(study: Setup) -> dict[str, Clutch]:
     """Read the prototype and the chosen design of the kept result."""
-    result = kept(study.name)
+    result = read_result(study.name)
     chosen = result["confirmation"]["chosen"]
     row = next(row for row in result["trials"] if row["trial"] == chosen)
     best = replace(study.clutch, dog=study.dog_with({key: row[key] for key in study.variables}))

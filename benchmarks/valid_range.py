@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from benchmarks.common import kept, paper_study
+from benchmarks.common import paper_study, read_result
 from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -27,7 +27,7 @@ ANGLES = 6
 
 def chosen_clutch(clutch: Clutch) -> Clutch:
     """Build the clutch with the chosen design of the paper's study."""
-    p = kept("mq200_paper")["best"]
+    p = read_result("mq200_paper")["best"]
     dog = replace(
         clutch.dog,
         count=int(p["count"]),

@@ -46,12 +46,12 @@ class Mix:
     retry: float  #: time that a shift which does not engage costs, s
 
     def match(self, points: Array) -> Mask:
-        """Compare points (p, 2) with those of the mix, (p, q) of bool."""
+        """Mark which points of the mix equal points (p, 2), (p, q) of bool."""
         difference = np.abs(points[:, None, :] - self.points)
         return np.asarray((difference < POINT_TOLERANCE).all(axis=2), dtype=bool)
 
     def equals(self, mix: Mix) -> bool:
-        """Test whether a mix has equal points in the same order, and equal weights."""
+        """Test whether a mix has equal points, in equal order, and equal weights."""
         return (
             self.points.shape == mix.points.shape
             and np.allclose(self.points, mix.points, rtol=0.0, atol=POINT_TOLERANCE)

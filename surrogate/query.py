@@ -103,7 +103,7 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
 
 
 def time_record(expected: Expected | None, refusal: str) -> dict[str, Any]:
-    """Return an expected time and its terms, s, by ``TIME_KEYS``; None of them with a reason."""
+    """Return an expected time and its terms, s, by ``TIME_KEYS``, or a reason without a time."""
     if expected is None:
         return {**dict.fromkeys(TIME_KEYS), "reason": refusal}
     values = (*astuple(expected), *expected.without_retries)

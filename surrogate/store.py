@@ -68,7 +68,7 @@ class Validation(Section):
 def validate(
     surrogate: Surrogate, reference: Dataset | None = None, best: Dataset | None = None
 ) -> Validation:
-    """Validate a surrogate on reference designs, by default on its designs, each left out.
+    """Validate a surrogate on reference designs, by default by leave-one-out of its own.
 
     The rank correlation is that of the designs of ``best``, None for fewer than
     ``MIN_VALIDATION_DESIGNS``.
