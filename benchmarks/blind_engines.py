@@ -1,4 +1,4 @@
-"""Both engines at the operating points of a bench without any effect: how far apart they are.
+"""Difference of both engines at the operating points of a bench without any effect.
 
     python -m benchmarks.blind_engines [ANGLES]
 
@@ -38,19 +38,20 @@ def main() -> None:
     angles = int(sys.argv[1]) if len(sys.argv) > 1 else ANGLES
     bench = load_bench("mq200_adams")
     settings = settings_of(bench, "sleeve")
-    places = [even_block(s.clutch, s.point, angles, (1, k)) for k, s in enumerate(settings)]
-    rows = scratch_executor(1).run(places)
+    blocks = [even_block(s.clutch, s.point, angles, (1, k)) for k, s in enumerate(settings)]
+    records = scratch_executor(1).run(blocks)
     engine = Engine(read_stand(bundled_root() / "bench" / "mq200_adams"))
     print("1/min      N   Drake  MuJoCo  difference   share  late  in errors")
-    found, begin = [], time.process_time()
-    for setting, block, mine in zip(settings, places, rows, strict=True):
-        second = second_times(engine, setting, block.angles)
-        first = read_times(setting, mine)
-        found.append(_row(setting, first, second))
-    each = (time.process_time() - begin) / (len(settings) * angles)
-    errors = np.array(found)
-    print(f"root mean square: {np.sqrt((errors**2).mean()):.2f} sampling errors of ten shifts")
-    print(f"MuJoCo takes {each * 1e3:.0f} ms of processor time a shift")
+    errors = []
+    start = time.process_time()
+    for setting, block, block_records in zip(settings, blocks, records, strict=True):
+        mujoco = second_times(engine, setting, block.angles)
+        drake = read_times(setting, block_records)
+        errors.append(_row(setting, drake, mujoco))
+    cpu_per_shift = (time.process_time() - start) / (len(settings) * angles)
+    mean_square = np.square(errors).mean()
+    print(f"root mean square: {np.sqrt(mean_square):.2f} sampling errors of ten shifts")
+    print(f"MuJoCo takes {cpu_per_shift * 1e3:.0f} ms of processor time a shift")
 
 
 def second_times(engine: Engine, setting: Setting, angles: Iterable[float]) -> np.ndarray:
@@ -61,18 +62,22 @@ def second_times(engine: Engine, setting: Setting, angles: Iterable[float]) -> n
     return np.array([np.nan if time is None else time for time in times])
 
 
-def _row(setting: Setting, first: np.ndarray, second: np.ndarray) -> float:
+def _row(setting: Setting, drake: np.ndarray, mujoco: np.ndarray) -> float:
     """Print an operating point and return its difference in sampling errors."""
-    point, wait = setting.point, np.array([wait_of(setting)])
-    both = np.all([np.isfinite(timely(one[None], wait)[0]) for one in (first, second)], axis=0)
-    one, two = first[both] * 1e3, second[both] * 1e3
-    gap = float((two - one).mean())
-    pooled = float(np.sqrt(0.5 * (one.var(ddof=1) + two.var(ddof=1))))
+    point = setting.point
+    wait = np.array([wait_of(setting)])
+    drake_timely = np.isfinite(timely(drake[None], wait)[0])
+    mujoco_timely = np.isfinite(timely(mujoco[None], wait)[0])
+    timely_shifts = drake_timely & mujoco_timely
+    drake_ms = drake[timely_shifts] * 1e3
+    mujoco_ms = mujoco[timely_shifts] * 1e3
+    gap = float((mujoco_ms - drake_ms).mean())
+    pooled = float(np.sqrt(0.5 * (drake_ms.var(ddof=1) + mujoco_ms.var(ddof=1))))
     error = gap / (pooled / SHIFTS**0.5)
     print(
         f"{point.mismatch / RPM:5.0f} {point.profile.force:6.1f} "
-        f"{one.mean():7.1f} {two.mean():7.1f} {gap:+11.1f} {100 * gap / one.mean():+5.1f} % "
-        f"{(~both).sum():5d} {error:+10.2f}",
+        f"{drake_ms.mean():7.1f} {mujoco_ms.mean():7.1f} {gap:+11.1f} "
+        f"{100 * gap / drake_ms.mean():+5.1f} % {(~timely_shifts).sum():5d} {error:+10.2f}",
         flush=True,
     )
     return error

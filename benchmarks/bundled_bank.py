@@ -36,19 +36,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bank", type=Path, default=BANK)
     parser.add_argument("--jobs", type=int, default=0)
-    given = parser.parse_args()
-    means, keys = Means(bank=given.bank, jobs=given.jobs, progress=ProgressBar()), list[str]()
-    known = Bank((BROUGHT, given.bank / TIMES))
+    arguments = parser.parse_args()
+    options = Means(bank=arguments.bank, jobs=arguments.jobs, progress=ProgressBar())
+    used_keys = list[str]()
+    bank = Bank((BROUGHT, arguments.bank / TIMES))
 
     def run(blocks: Sequence[Block]) -> list[list[Record]]:
-        keys.extend(map(series_key, blocks))
-        return shifts_of(blocks, means, [], known)
+        used_keys.extend(map(series_key, blocks))
+        return shifts_of(blocks, options, [], bank)
 
     for name, seed in itertools.product(SETS, SEEDS):
-        bench, settings = load_bench(name), replace(means.settings, seed=seed)
-        bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
+        bench = load_bench(name)
+        settings = replace(options.settings, seed=seed)
+        bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))
         diagnose(bench, build_models(bench, load(None), settings, run), settings)
-    rows = [json.dumps(known.series[key]) + "\n" for key in dict.fromkeys(keys)]
+    rows = [json.dumps(bank.series[key]) + "\n" for key in dict.fromkeys(used_keys)]
     write_whole(BROUGHT, "".join(rows))
     print(f"{BROUGHT}: {len(rows)} series")
 

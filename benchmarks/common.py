@@ -1,4 +1,4 @@
-"""What the benchmarks share: designs, operating points, and shifts with their cost."""
+"""Designs, operating points and shifts with their cost, for the benchmarks."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ DESIGNS = {
 
 @dataclass(frozen=True)
 class Cell:
-    """Shift times in s at even angles, NaN where a shift did not engage, and CPU s a shift."""
+    """Shifts of a design at an operating point."""
 
-    times: np.ndarray
-    cpu: float
-    evaluations: float = math.nan
+    times: np.ndarray  #: at even angles, NaN where a shift did not engage, s, (n,)
+    cpu: float  #: of a shift, s
+    evaluations: float = math.nan  #: of the derivatives in a shift
 
     @property
     def mean(self) -> float:
@@ -61,8 +61,9 @@ def angles_of(clutch: Clutch, count: int, index: int) -> np.ndarray:
 
 
 def measure(plant: ClutchPlant, point: OperatingPoint, angles: Iterable[float]) -> Cell:
-    """Simulate shifts in Drake and return their times and cost."""
-    times, evaluations = [], 0
+    """Simulate shifts in Drake at angles, rad, with their cost."""
+    times = []
+    evaluations = 0
     start = time.process_time()
     for angle in angles:
         result = engage(plant, point, float(angle))
@@ -77,8 +78,8 @@ def paper_study() -> Setup:
     return load_study("mq200_paper")
 
 
-def kept(name: str) -> dict[str, Any]:
-    """Read the kept result of a bundled study."""
+def read_result(name: str) -> dict[str, Any]:
+    """Read the result of a bundled study."""
     text = (bundled_root() / name / "result.json").read_text(encoding="utf-8")
-    found: dict[str, Any] = json.loads(text)
-    return found
+    record: dict[str, Any] = json.loads(text)
+    return record

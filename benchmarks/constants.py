@@ -10,19 +10,19 @@ from dogshape.diagnosis.settings import USUAL, described
 HEAD = "| setting | value | unit | meaning | source | status |\n|---|---|---|---|---|---|\n"
 
 
-def written(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Write a value as a table shows it."""
     if isinstance(value, Mapping):
-        return "; ".join(f"{key}: {written(one)}" for key, one in value.items())
+        return "; ".join(f"{key}: {format_value(inner)}" for key, inner in value.items())
     if isinstance(value, tuple | list):
-        return ", ".join(map(written, value))
+        return ", ".join(map(format_value, value))
     return f"`{value}`" if isinstance(value, str) else f"{value:g}"
 
 
 def table() -> str:
     """Write the table of all settings."""
     rows = [
-        f"| `{name}` | {written(value)} | {facts['unit']} | {facts['meaning']} | "
+        f"| `{name}` | {format_value(value)} | {facts['unit']} | {facts['meaning']} | "
         f"{facts['source'] or '-'} | {facts['status']} |\n"
         for name, value, facts in described(USUAL)
     ]

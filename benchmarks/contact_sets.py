@@ -1,4 +1,4 @@
-"""What the best design gains under other contact, other friction and with a mechanism.
+"""Gain of the best design under other contact, other friction and with a mechanism.
 
     python -m benchmarks.contact_sets [--angles N] [--jobs N]
 
@@ -19,7 +19,7 @@ import argparse
 import math
 from pathlib import Path
 
-from benchmarks.common import kept, paper_study
+from benchmarks.common import paper_study, read_result
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
@@ -37,37 +37,42 @@ MECHANISMS = {
     "toothing": ("spline_friction=0.1",),
     "toothing, fork, drag": ("spline_friction=0.1", "added_mass_kg=0.3", "drag_torque_Nm=0.1"),
 }
-IMPACT = 0.2  #: speed at which restitution is told, m/s, of a ring that lands on the other
+IMPACT_SPEED_M_S = 0.2  #: of the printed restitution, of a ring that lands on the other
 
 Designs = dict[str, dict[str, float]]
 
 
 def designs_of(study: Setup) -> Designs:
     """Read the prototype, the design that the study chose, and the one that ``mq200`` chose."""
-    best, asked = (kept(name)["best"] for name in (study.name, "mq200"))
+    best, gearbox_best = (read_result(name)["best"] for name in (study.name, "mq200"))
     return {
         "prototype": study.prototype,
         "chosen": {key: best[key] for key in study.variables},
-        "gearbox's": {key: asked[key] for key in study.variables},
+        "gearbox's": {key: gearbox_best[key] for key in study.variables},
     }
 
 
 def settings() -> dict[str, Setup]:
     """Load the paper's study under each contact set, friction, mechanism and dissipation."""
-    made = {
-        name: _study(f"contact.set={name}") for name, one in CONTACT_SETS.items() if not one.impact
+    studies = {
+        name: _study(f"contact.set={name}")
+        for name, contact in CONTACT_SETS.items()
+        if not contact.impact
     }
-    base = CONTACT_SETS["lubricated_steel"]
+    design_set = CONTACT_SETS["lubricated_steel"]
     for factor in FACTORS:
-        static, dynamic = base.static_friction * factor, base.dynamic_friction * factor
-        made[f"friction {static:.3f} / {dynamic:.3f}"] = _study(
+        static = design_set.static_friction * factor
+        dynamic = design_set.dynamic_friction * factor
+        studies[f"friction {static:.3f} / {dynamic:.3f}"] = _study(
             f"contact.static_friction={static}", f"contact.dynamic_friction={dynamic}"
         )
     for name, keys in MECHANISMS.items():
-        made[name] = _study(*(f"mechanism.{key}" for key in keys))
+        studies[name] = _study(*(f"mechanism.{key}" for key in keys))
     for dissipation in DISSIPATIONS:
-        made[f"dissipation {dissipation:g} s/m"] = _study(f"contact.dissipation_s_m={dissipation}")
-    return made
+        studies[f"dissipation {dissipation:g} s/m"] = _study(
+            f"contact.dissipation_s_m={dissipation}"
+        )
+    return studies
 
 
 def _study(*overrides: str) -> Setup:
@@ -77,36 +82,39 @@ def _study(*overrides: str) -> Setup:
 def expectations(
     study: Setup, designs: Designs, angles: int, executor: Executor
 ) -> dict[str, Expectation]:
-    """Return the expected shift time of each design."""
+    """Simulate the expected shift time of each design."""
     seed = study.file.expectation.seed + 2 * NEW_ANGLES
-    found = evaluate(study, [*designs.values()], executor, angles, seed)
-    return {name: one.expectation for name, one in zip(designs, found, strict=True)}
+    evaluations = evaluate(study, [*designs.values()], executor, angles, seed)
+    expectations = [evaluation.expectation for evaluation in evaluations]
+    return dict(zip(designs, expectations, strict=True))
 
 
-def print_times(name: str, contact: ContactSet, found: dict[str, Expectation]) -> None:
+def print_times(name: str, contact: ContactSet, expectations: dict[str, Expectation]) -> None:
     """Print the times under one setting, the prototype's first, then gains."""
-    prototype = found["prototype"]
-    print(
-        f"\n{name}; restitution {restitution(contact.dissipation * IMPACT):.2f} at {IMPACT:g} m/s"
-    )
-    for design, one in found.items():
-        gain = prototype.mean - one.mean
-        error = math.hypot(prototype.standard_error, one.standard_error)
+    prototype = expectations["prototype"]
+    ratio = restitution(contact.dissipation * IMPACT_SPEED_M_S)
+    print(f"\n{name}; restitution {ratio:.2f} at {IMPACT_SPEED_M_S:g} m/s")
+    for design, expectation in expectations.items():
+        gain = prototype.mean - expectation.mean
+        error = math.hypot(prototype.standard_error, expectation.standard_error)
         gain_text = f"gain {gain * 1e3:+6.1f} +- {error * 1e3:.1f} ms, {gain / prototype.mean:+.0%}"
-        time = f"{one.mean * 1e3:7.1f} +- {one.standard_error * 1e3:.1f} ms"
+        time = f"{expectation.mean * 1e3:7.1f} +- {expectation.standard_error * 1e3:.1f} ms"
         lost = ""
-        if one.lost and one.mean_engaged is not None:
-            lost = f"; {one.lost} lost, {one.mean_engaged * 1e3:.1f} ms without its retries;"
-        print(f"  {design:<14}{time}  engaged {one.engaged:.3f}{lost}  "
-              f"{gain_text if one is not prototype else ''}".rstrip(" ;"))  # fmt: skip
+        if expectation.lost and expectation.mean_engaged is not None:
+            without_retries = f"{expectation.mean_engaged * 1e3:.1f} ms without its retries"
+            lost = f"; {expectation.lost} lost, {without_retries};"
+        if expectation is prototype:
+            gain_text = ""
+        line = f"  {design:<14}{time}  engaged {expectation.engaged:.3f}{lost}  {gain_text}"
+        print(line.rstrip(" ;"))
 
 
 def print_release(designs: Designs) -> None:
     """Print above which friction a flank of each design would lock."""
     print("\nfriction above which the flank of the smaller side angle lets go no more under load")
     for name, params in designs.items():
-        least = min(params["traction_deg"], params["braking_deg"])
-        print(f"  {name:<14}{math.tan(least * DEG):.3f}")
+        smallest_angle = min(params["traction_deg"], params["braking_deg"])
+        print(f"  {name:<14}{math.tan(smallest_angle * DEG):.3f}")
 
 
 def main() -> None:
@@ -114,15 +122,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--angles", type=int, default=48)
     parser.add_argument("--jobs", type=int, default=0)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     folder = Path("build/contact_sets")
     folder.mkdir(parents=True, exist_ok=True)
-    executor = Executor(ShiftJournal(folder / "shifts.jsonl"), given.jobs)
+    executor = Executor(ShiftJournal(folder / "shifts.jsonl"), arguments.jobs)
     designs = designs_of(paper_study())
-    print(f"expected shift time over 28 operating points, {given.angles} angles each")
+    print(f"expected shift time over 28 operating points, {arguments.angles} angles each")
     for name, study in settings().items():
-        found = expectations(study, designs, given.angles, executor)
-        print_times(name, study.clutch.contact, found)
+        times = expectations(study, designs, arguments.angles, executor)
+        print_times(name, study.clutch.contact, times)
     print_release(designs)
 
 

@@ -68,13 +68,13 @@ SIZES = {
 }
 #: Contact sets that Drake has.
 SETS = {name: contact for name, contact in CONTACT_SETS.items() if not contact.impact}
-HELD = 5e-3  #: s that friction holds faces on faces, from which a shift counts as held
-APART = 0.01  #: deviation from which two shifts count as different
+MIN_HELD_S = 5e-3  #: time that friction holds faces, from which a shift counts as held
+MAX_DEVIATION = 0.01  #: of two shifts that count as equal
 Pair = tuple[Engagement, Engagement]
 Series = NDArray[np.float64]
 
 
-def drawn(rng: np.random.Generator, size: str) -> Dog:
+def draw_dog(rng: np.random.Generator, size: str) -> Dog:
     """Draw a dog that can be made at all and that faces other dogs over a millimetre."""
     outer, inner, _, counts, heights = SIZES[size]
     while True:
@@ -88,34 +88,45 @@ def drawn(rng: np.random.Generator, size: str) -> Dog:
             return dog
 
 
-def sampled(seed: int, designs: int) -> list[tuple[str, str, float, list[Pair], Series]]:
+def simulate_groups(seed: int, designs: int) -> list[tuple[str, str, float, list[Pair], Series]]:
     """Simulate: size, contact set, speed in 1/min, pairs of shifts and CPU time of each, s."""
-    rng, study, found = np.random.default_rng(seed), paper_study(), []
+    rng = np.random.default_rng(seed)
+    study = paper_study()
+    groups = []
     forces = sorted({point.profile.force for point in study.points})
     profiles = {point.profile.force: point.profile for point in study.points}
     for size, (_, _, rings, _, _) in SIZES.items():
         for name, contact in SETS.items():
             for _ in range(designs):
-                dog = drawn(rng, size)
+                dog = draw_dog(rng, size)
                 clutch = Clutch(dog, rings, contact, solver_for(contact))
                 for speed in SPEEDS:
-                    sign, force = rng.choice([-1.0, 1.0]), float(rng.choice(forces))
+                    sign = rng.choice([-1.0, 1.0])
+                    force = float(rng.choice(forces))
                     point = OperatingPoint(sign * speed * RPM, profiles[force])
-                    found.append((size, name, speed, *shifts(clutch, point, rng.random())))
-    return found
+                    groups.append(
+                        (size, name, speed, *simulate_shifts(clutch, point, rng.random()))
+                    )
+    return groups
 
 
-def shifts(clutch: Clutch, point: OperatingPoint, start: float) -> tuple[list[Pair], Series]:
-    """Simulate even angles with either engine in turn; CPU times (n, 2), s."""
-    pairs, spent = [], []
+def simulate_shifts(
+    clutch: Clutch, point: OperatingPoint, offset: float
+) -> tuple[list[Pair], Series]:
+    """Simulate even angles with both engines in turn; pairs of shifts, and CPU times, s, (n, 2).
+
+    ``offset`` is the share of a step at which the angles begin.
+    """
+    pairs = []
+    cpu = []
     compiled = clutch.with_engine("planar")
-    for angle in (np.arange(ANGLES) + start) / ANGLES * clutch.dog.pitch_angle:
-        begin = time.process_time()
+    for angle in (np.arange(ANGLES) + offset) / ANGLES * clutch.dog.pitch_angle:
+        start = time.process_time()
         first = engage(compiled, point, float(angle))
         middle = time.process_time()
         pairs.append((first, engage(clutch, point, float(angle))))
-        spent.append((middle - begin, time.process_time() - middle))
-    return pairs, np.array(spent)
+        cpu.append((middle - start, time.process_time() - middle))
+    return pairs, np.array(cpu)
 
 
 def print_table(groups: list[tuple[str, str, float, list[Pair], Series]]) -> None:
@@ -126,180 +137,207 @@ def print_table(groups: list[tuple[str, str, float, list[Pair], Series]]) -> Non
         "  Drake  ratio"
     )
     for speed in SPEEDS:
-        mine = [(pairs, spent) for _, _, s, pairs, spent in groups if s == speed]
-        print(f"{speed:5.0f} {row(mine)}")
-    print(f"  all {row([(pairs, spent) for *_, pairs, spent in groups])}")
+        group = [(pairs, cpu) for _, _, s, pairs, cpu in groups if s == speed]
+        print(f"{speed:5.0f} {format_row(group)}")
+    print(f"  all {format_row([(pairs, cpu) for *_, pairs, cpu in groups])}")
 
 
-def row(groups: list[tuple[list[Pair], Series]]) -> str:
+def format_row(groups: list[tuple[list[Pair], Series]]) -> str:
     """Format the figures of groups of shifts of one design at one point."""
-    deviations, left, whole, biases, peaks, landings, same, count = [], 0.0, 0.0, [], [], [], 0, 0
+    deviations = []
+    residual_squares = 0.0
+    total_squares = 0.0
+    biases = []
+    peaks = []
+    landings = []
+    same_outcomes = 0
+    count = 0
     for pairs, _ in groups:
-        same += sum(a.outcome is b.outcome for a, b in pairs)
+        same_outcomes += sum(a.outcome is b.outcome for a, b in pairs)
         count += len(pairs)
-        both = [(a, b) for a, b in pairs if a.shift_time and b.shift_time]
-        if len(both) < 3:
+        engaged = [(a, b) for a, b in pairs if a.shift_time and b.shift_time]
+        if len(engaged) < 3:
             continue
-        mine, drake = np.array([(a.shift_time, b.shift_time) for a, b in both]).T
-        deviations += (np.abs(mine / drake - 1.0)).tolist()
-        left += float(((mine - drake - (mine - drake).mean()) ** 2).sum())
-        whole += float(((drake - drake.mean()) ** 2).sum())
-        biases.append(float(mine.mean() / drake.mean() - 1.0))
-        peaks += [abs(a.loads.peak_axial_force / b.loads.peak_axial_force - 1.0) for a, b in both]
-        for a, b in both:
-            ours, theirs = max(a.loads.landing_loads), max(b.loads.landing_loads)
-            if theirs > 0.0:
-                landings.append(abs(ours / theirs - 1.0))
-    cpu = np.median(np.concatenate([spent for _, spent in groups]), axis=0) * 1e3
-    total = np.concatenate([spent for _, spent in groups]).sum(axis=0)
-    off = np.array(deviations)
+        compiled, drake = np.array([(a.shift_time, b.shift_time) for a, b in engaged]).T
+        deviations += (np.abs(compiled / drake - 1.0)).tolist()
+        residual_squares += float(((compiled - drake - (compiled - drake).mean()) ** 2).sum())
+        total_squares += float(((drake - drake.mean()) ** 2).sum())
+        biases.append(float(compiled.mean() / drake.mean() - 1.0))
+        peaks += [
+            abs(a.loads.peak_axial_force / b.loads.peak_axial_force - 1.0) for a, b in engaged
+        ]
+        for a, b in engaged:
+            compiled_load = max(a.loads.landing_loads)
+            drake_load = max(b.loads.landing_loads)
+            if drake_load > 0.0:
+                landings.append(abs(compiled_load / drake_load - 1.0))
+    shift_cpu = np.concatenate([cpu for _, cpu in groups])
+    median_cpu = np.median(shift_cpu, axis=0) * 1e3
+    total_cpu = shift_cpu.sum(axis=0)
+    errors = np.array(deviations)
+    landing = np.median(landings) if landings else math.nan
     return (
-        f"{count:8d} {same / count:9.2%} {np.median(off):9.3%} {np.quantile(off, 0.9):7.2%} "
-        f"{(off > 0.01).mean():7.2%} {left / whole:9.2%} {np.median(np.abs(biases)):8.3%} "
-        f"{np.median(peaks):8.2%} {np.median(landings) if landings else math.nan:7.2%} "
-        f"{cpu[0]:7.2f} {cpu[1]:6.1f} {total[1] / total[0]:7.0f}"
+        f"{count:8d} {same_outcomes / count:9.2%} {np.median(errors):9.3%} "
+        f"{np.quantile(errors, 0.9):7.2%} {(errors > 0.01).mean():7.2%} "
+        f"{residual_squares / total_squares:9.2%} {np.median(np.abs(biases)):8.3%} "
+        f"{np.median(peaks):8.2%} {landing:7.2%} "
+        f"{median_cpu[0]:7.2f} {median_cpu[1]:6.1f} {total_cpu[1] / total_cpu[0]:7.0f}"
     )
 
 
-def events_alike(mine: Engagement, drake: Engagement) -> str:
-    """Name what a pair of shifts went through, the first that holds."""
-    own, other = mine.events, drake.events
+def classify_events(compiled: Engagement, drake: Engagement) -> str:
+    """Return the first kind of events that applies to a pair of shifts."""
+    compiled_events = compiled.events
+    drake_events = drake.events
     kinds = {
-        "other outcome": mine.outcome is not drake.outcome,
-        "another slot": own.slots_skipped != other.slots_skipped,
-        "another bounce": own.face_contacts != other.face_contacts,
-        "slots skipped": other.slots_skipped > 0,
-        "faces, with bounces": other.face_contacts > 1,
-        "faces, held": other.time_blocked > HELD,
-        "faces, sliding": other.face_contacts > 0,
+        "other outcome": compiled.outcome is not drake.outcome,
+        "another slot": compiled_events.slots_skipped != drake_events.slots_skipped,
+        "another bounce": compiled_events.face_contacts != drake_events.face_contacts,
+        "slots skipped": drake_events.slots_skipped > 0,
+        "faces, with bounces": drake_events.face_contacts > 1,
+        "faces, held": drake_events.time_blocked > MIN_HELD_S,
+        "faces, sliding": drake_events.face_contacts > 0,
         "flanks alone": True,
     }
-    return next(name for name, holds in kinds.items() if holds)
+    return next(name for name, applies in kinds.items() if applies)
 
 
 def print_events(pairs: list[Pair]) -> None:
-    """Print how both differ by what the shifts went through."""
+    """Print the deviation between the engines by kind of events."""
     print("\nwhat happens           shifts  median deviation   90 %   > 1 %  of all squares")
     classes: dict[str, list[float]] = {}
-    for mine, drake in pairs:
-        if mine.shift_time and drake.shift_time:
-            off = mine.shift_time / drake.shift_time - 1.0
-            classes.setdefault(events_alike(mine, drake), []).append(off)
-    whole = sum(off**2 for offs in classes.values() for off in offs)
-    for name, offs in sorted(classes.items(), key=lambda item: -len(item[1])):
-        off = np.abs(offs)
+    for compiled, drake in pairs:
+        if compiled.shift_time and drake.shift_time:
+            deviation = compiled.shift_time / drake.shift_time - 1.0
+            classes.setdefault(classify_events(compiled, drake), []).append(deviation)
+    total_squares = sum(deviation**2 for deviations in classes.values() for deviation in deviations)
+    for name, deviations in sorted(classes.items(), key=lambda item: -len(item[1])):
+        sizes = np.abs(deviations)
         print(
-            f"{name:20s} {len(off):8d} {np.median(off):17.3%} {np.quantile(off, 0.9):6.2%} "
-            f"{(off > APART).mean():7.2%} {(off**2).sum() / whole:15.1%}"
+            f"{name:20s} {len(sizes):8d} {np.median(sizes):17.3%} {np.quantile(sizes, 0.9):6.2%} "
+            f"{(sizes > MAX_DEVIATION).mean():7.2%} {(sizes**2).sum() / total_squares:15.1%}"
         )
 
 
-def print_causes(pairs: list[Pair], most: int, seed: int) -> None:
-    """Refine either engine where both differ, and print what is left."""
-    apart = [(a, b) for a, b in pairs if off_of(a, b) > APART]
+def print_causes(pairs: list[Pair], max_shifts: int, seed: int) -> None:
+    """Print the deviations of differing shifts with finer steps of either engine."""
+    different = [(a, b) for a, b in pairs if deviation_of(a, b) > MAX_DEVIATION]
     rng = np.random.default_rng(seed)
-    chosen = [apart[i] for i in rng.permutation(len(apart))[:most]]
-    found = []
-    for mine, drake in chosen:
-        fine = [
-            engage(one.clutch.refined(), one.point, one.relative_angle) for one in (mine, drake)
-        ]
-        both = (off_of(mine, fine[1]), off_of(fine[0], drake), off_of(*fine))
-        found.append((off_of(mine, drake), *both, off_of(fine[0], mine), off_of(fine[1], drake)))
-    told = "shifts that differ by more than 1 % or in outcome"
-    print(f"\n{told}: {len(apart)}, of which {len(chosen)} again")
+    sample = [different[i] for i in rng.permutation(len(different))[:max_shifts]]
+    rows = []
+    for compiled, drake in sample:
+        fine_compiled, fine_drake = (
+            engage(shift.clutch.refined(), shift.point, shift.relative_angle)
+            for shift in (compiled, drake)
+        )
+        rows.append(
+            (
+                deviation_of(compiled, drake),
+                deviation_of(compiled, fine_drake),
+                deviation_of(fine_compiled, drake),
+                deviation_of(fine_compiled, fine_drake),
+                deviation_of(fine_compiled, compiled),
+                deviation_of(fine_drake, drake),
+            )
+        )
+    head = "shifts that differ by more than 1 % or in outcome"
+    print(f"\n{head}: {len(different)}, of which {len(sample)} again")
     print("                                                     median   > 1 %")
-    for name, offs in zip(
-        (
-            "compiled engine against Drake",
-            "compiled engine against Drake with finer steps",
-            "compiled engine with finer steps against Drake",
-            "both with finer steps",
-            "compiled engine against itself with finer steps",
-            "Drake against itself with finer steps",
-        ),
-        np.array(found).T,
-        strict=True,
-    ):
-        print(f"{name:50s} {np.median(offs):8.2%} {(offs > APART).mean():7.1%}")
+    names = (
+        "compiled engine against Drake",
+        "compiled engine against Drake with finer steps",
+        "compiled engine with finer steps against Drake",
+        "both with finer steps",
+        "compiled engine against itself with finer steps",
+        "Drake against itself with finer steps",
+    )
+    for name, deviations in zip(names, np.array(rows).T, strict=True):
+        print(f"{name:50s} {np.median(deviations):8.2%} {(deviations > MAX_DEVIATION).mean():7.1%}")
 
 
-def off_of(one: Engagement, other: Engagement) -> float:
-    """Compare the times of two shifts; infinite where one of them has none."""
-    if one.outcome is not other.outcome:
+def deviation_of(first: Engagement, second: Engagement) -> float:
+    """Compute the relative deviation of two shift times, infinite for different outcomes."""
+    if first.outcome is not second.outcome:
         return math.inf
-    if one.shift_time is None or other.shift_time is None:
+    if first.shift_time is None or second.shift_time is None:
         return 0.0
-    return abs(one.shift_time / other.shift_time - 1.0)
+    return abs(first.shift_time / second.shift_time - 1.0)
 
 
-def timed(name: str, spent: dict[str, float]) -> None:
+def count_cpu(name: str, cpu: dict[str, float]) -> None:
     """Add up the CPU time in a compiled function, s."""
-    inner = getattr(kernel, name)
+    function = getattr(kernel, name)
 
-    def measured(*given: Any) -> Any:
-        begin = time.process_time()
-        found = inner(*given)
-        spent[name] += time.process_time() - begin
-        return found
+    def measured(*arguments: Any) -> Any:
+        start = time.process_time()
+        result = function(*arguments)
+        cpu[name] += time.process_time() - start
+        return result
 
     setattr(kernel, name, measured)
 
 
 def print_batch(angles: int) -> None:
     """Print the CPU time of a shift in a search, by parts, and its ratio to Drake's."""
-    study, names = load_study("mq200"), ("advance", "summarize")
+    study = load_study("mq200")
+    names = ("advance", "summarize")
     study = replace(study, clutch=study.clutch.with_engine("planar"))
     params = {key: study.prototype[key] for key in study.variables}
     evaluate(study, [params], scratch_executor(1), 1, 0)  # compiled before it is timed
-    spent = dict.fromkeys((*names, "records", "Drake"), 0.0)
+    cpu = dict.fromkeys((*names, "records", "Drake"), 0.0)
     for name in names:
-        timed(name, spent)
-    blocks, drake = design_blocks(study, params, angles, 1), solver_for(study.clutch.contact)
+        count_cpu(name, cpu)
+    blocks = design_blocks(study, params, angles, 1)
+    drake = solver_for(study.clutch.contact)
     for block in blocks:
-        begin = time.process_time()
+        start = time.process_time()
         rows = list(run_block(block))
         middle = time.process_time()
         reference = replace(block.only([0]), clutch=replace(block.clutch, solver=drake))
         list(run_block(reference))
-        spent["records"] += middle - begin
-        spent["Drake"] += (time.process_time() - middle) * len(rows)
-    begin, count = time.process_time(), len(blocks) * angles
-    (found,) = evaluate(study, [params], scratch_executor(1), angles, 1)
-    spent["search"] = (time.process_time() - begin) * count / found.shifts
+        cpu["records"] += middle - start
+        cpu["Drake"] += (time.process_time() - middle) * len(rows)
+    start = time.process_time()
+    count = len(blocks) * angles
+    (evaluation,) = evaluate(study, [params], scratch_executor(1), angles, 1)
+    cpu["search"] = (time.process_time() - start) * count / evaluation.shifts
     for name in names:  # in both runs
-        spent[name] *= count / (count + found.shifts)
+        cpu[name] *= count / (count + evaluation.shifts)
     print(f"CPU of a shift, ms; {count} shifts, every {angles}th in Drake too")
-    for name, value in spent.items():
+    for name, value in cpu.items():
         print(f"{name:10s} {1e3 * value / count:8.3f}")
-    print(f"Drake over records {spent['Drake'] / spent['records']:.1f}")
+    print(f"Drake over records {cpu['Drake'] / cpu['records']:.1f}")
 
 
 def print_equal_error(angles: int) -> None:
     """Print cost and error of both engines by step, and MuJoCo's cost at equal error."""
     clutch = paper_study().clutch
-    one = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
-    clutch = replace(clutch, contact=one).with_engine("planar")
-    made = []
+    contact = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
+    clutch = replace(clutch, contact=contact).with_engine("planar")
+    settings = []
     for accuracy, step in ((1e-7, 1e-4), (1e-6, 1e-3), (1e-5, 1e-3), (1e-4, 1e-3), (1e-3, 1e-3)):
-        finer = replace(clutch.solver, accuracy=accuracy, max_step=step)
-        shift = partial(compiled_time, PlanarClutch(replace(clutch, solver=finer)))
-        made.append(Setting("compiled", f"{accuracy:.0e} m/s", shift))
+        solver = replace(clutch.solver, accuracy=accuracy, max_step=step)
+        shift = partial(compiled_time, PlanarClutch(replace(clutch, solver=solver)))
+        settings.append(Setting("compiled", f"{accuracy:.0e} m/s", shift))
     for step in (1e-6, 2e-6, 4e-6, 8e-6, 1.6e-5, 3.2e-5):
         shift = mujoco_shift(clutch, EngineSettings(step, FINE.damping))
-        made.append(Setting("MuJoCo", f"{step * 1e6:.3g} us", shift))
-    rows = rows_of(run(made, angles))
+        settings.append(Setting("MuJoCo", f"{step * 1e6:.3g} us", shift))
+    rows = rows_of(run(settings, angles))
     print("\nsteps coarse to fine          CPU ms  error of a shift, median   of the mean   lost")
     for r in rows:
-        print(f"{r['family']:10s} {r['label']:>12s} {r['cpu_ms']:12.2f} {r['median']:24.4f}% "
-              f"{r['mean']:12.4f}% {r['lost']:6d}")  # fmt: skip
-    own = next(r for r in rows if r["label"] == f"{PLANAR_ACCURACY:.0e} m/s")
-    theirs = sorted((r["median"], r["cpu_ms"]) for r in rows if r["family"] == "MuJoCo")[1:]
-    errors, costs = np.log(theirs).T
-    cost = math.exp(np.interp(math.log(own["median"]), errors, costs))
-    least = " at least" if own["median"] < theirs[0][0] else ""
-    print(f"MuJoCo over compiled engine at an error of {own['median']:.4f} %: "
-          f"{cost:.1f} ms, {cost / own['cpu_ms']:.0f} times{least}")  # fmt: skip
+        print(
+            f"{r['family']:10s} {r['label']:>12s} {r['cpu_ms']:12.2f} {r['median']:24.4f}% "
+            f"{r['mean']:12.4f}% {r['lost']:6d}"
+        )
+    compiled = next(r for r in rows if r["label"] == f"{PLANAR_ACCURACY:.0e} m/s")
+    mujoco = sorted((r["median"], r["cpu_ms"]) for r in rows if r["family"] == "MuJoCo")[1:]
+    errors, costs = np.log(mujoco).T
+    cost = math.exp(np.interp(math.log(compiled["median"]), errors, costs))
+    bound = " at least" if compiled["median"] < mujoco[0][0] else ""
+    print(
+        f"MuJoCo over compiled engine at an error of {compiled['median']:.4f} %: "
+        f"{cost:.1f} ms, {cost / compiled['cpu_ms']:.0f} times{bound}"
+    )
 
 
 def compiled_time(engine: PlanarClutch, point: OperatingPoint, angle: float) -> float | None:
@@ -315,26 +353,28 @@ def main() -> None:
     parser.add_argument("--causes", type=int, default=100)
     parser.add_argument("--batch", type=int, metavar="ANGLES")
     parser.add_argument("--mujoco", type=int, metavar="ANGLES")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     study = paper_study()
     engage(study.clutch.with_engine("planar"), study.points[0], 0.1)  # compiled before it is timed
-    if given.batch or given.mujoco:
-        if given.batch:
-            print_batch(given.batch)
-        if given.mujoco:
-            print_equal_error(given.mujoco)
+    if arguments.batch or arguments.mujoco:
+        if arguments.batch:
+            print_batch(arguments.batch)
+        if arguments.mujoco:
+            print_equal_error(arguments.mujoco)
         return
-    groups = sampled(given.seed, given.designs)
-    print(f"seed {given.seed}, {given.designs} designs of each clutch and contact set, "
-          f"{ANGLES} angles; median of the bias's size")  # fmt: skip
+    groups = simulate_groups(arguments.seed, arguments.designs)
+    print(
+        f"seed {arguments.seed}, {arguments.designs} designs of each clutch and contact set, "
+        f"{ANGLES} angles; median of the bias's size"
+    )
     print_table(groups)
     for size in SIZES:
         for name in SETS:
-            few = [(p, c) for s, n, _, p, c in groups if (s, n) == (size, name)]
-            print(f"{size}, {name}\n      {row(few)}")
+            group = [(p, c) for s, n, _, p, c in groups if (s, n) == (size, name)]
+            print(f"{size}, {name}\n      {format_row(group)}")
     pairs = [pair for *_, group, _ in groups for pair in group]
     print_events(pairs)
-    print_causes(pairs, given.causes, given.seed)
+    print_causes(pairs, arguments.causes, arguments.seed)
     print()
     print_batch(12)
     print_equal_error(3)

@@ -1,4 +1,4 @@
-"""Read the score of a field set, and write what docs/results.md says of it.
+"""Read the score of a field set, and write its table of docs/results.md.
 
 ``docs/evidence/blind_field.txt`` is what ``dogshape blind score`` prints of a field set, below the
 commands. Until a set is scored nothing is written.
@@ -21,14 +21,14 @@ def headline_of(path: Path) -> list[tuple[str, ...]]:
     ValueError : the score has no table of headline figures.
     """
     rows: list[tuple[str, ...]] = []
-    inside = False
+    in_table = False
     for line in path.read_text("utf-8").splitlines():
         cells = tuple(re.split(r"\s{2,}", line.strip()))
         if cells[1:] == HEAD:
-            inside = True
-        elif inside and len(cells) == len(HEAD) + 1:
+            in_table = True
+        elif in_table and len(cells) == len(HEAD) + 1:
             rows.append(cells)
-        elif inside:
+        elif in_table:
             return rows
     if not rows:
         raise ValueError(f"{path} has no headline figures of a field set")
@@ -36,10 +36,10 @@ def headline_of(path: Path) -> list[tuple[str, ...]]:
 
 
 def passage(path: Path = SCORE) -> str | None:
-    """Write what docs/results.md says of a field set; None before one is scored."""
+    """Write the table of a field set for docs/results.md; None before a set is scored."""
     if not path.exists():
         return None
-    scored = re.search(r"^scored by .*$", path.read_text("utf-8"), re.MULTILINE)
+    scoring = re.search(r"^scored by .*$", path.read_text("utf-8"), re.MULTILINE)
     lines = [
         "| figure | value (95 %) | cases | aim | met |",
         "|---|---|---|---|---|",
@@ -48,6 +48,6 @@ def passage(path: Path = SCORE) -> str | None:
             for words, value, n, aim, met in headline_of(path)
         ),
         "",
-        *([f"{scored[0].capitalize()}."] if scored else []),
+        *([f"{scoring[0].capitalize()}."] if scoring else []),
     ]
     return "\n".join([*lines, ""])

@@ -1,4 +1,4 @@
-"""What designs of the paper's study pass under the loads of a gearbox.
+"""Checks of designs of the paper's study under the loads of a gearbox.
 
     python -m benchmarks.gearbox_loads [--jobs N]
 
@@ -46,26 +46,30 @@ SETTINGS: dict[str, Keys] = {
 }
 
 
-def judged(design: dict[str, float], keys: Keys, jobs: int) -> Strength:
+def check_design(design: dict[str, float], keys: Keys, jobs: int) -> Strength:
     """Return all checks of a design, keys in edge units, with its landing."""
     shape = {f"dog.{name}": value for name, value in design.items()}
     study = load_study("mq200_paper", {**shape, **keys, "solver.engine": "planar"})
     return check_strength(study, Where(jobs))
 
 
-def told(found: Strength) -> str:
+def summary_line(strength: Strength) -> str:
     """Return smallest margin and failures of a design in a line."""
-    weakest = smallest_margin(found.design.checks)
-    failed = [f"{c.name} {c.margin:+.0%}" for c in found.design.checks if not c.passed]
+    weakest = smallest_margin(strength.design.checks)
+    failed = [f"{c.name} {c.margin:+.0%}" for c in strength.design.checks if not c.passed]
     margin = f"{weakest.margin:+6.1%} {weakest.name}"
-    return f"{'yes' if found.feasible else 'NO':4}{margin:34}{'; '.join(failed)}".rstrip()
+    return f"{'yes' if strength.feasible else 'NO':4}{margin:34}{'; '.join(failed)}".rstrip()
 
 
-def loads(found: Strength) -> list[str]:
-    """Write in words the sizes of the further loads of a design, without what every row has."""
-    pull = [c.value for c in found.design.checks if c.name == "pull_out_force"]
-    own = ("load sharing", *(f"{flank} flanks" for flank in FLANKS))
-    sizes = [part for part in found.to_parts() if isinstance(part, str) and part.startswith(own)]
+def load_lines(strength: Strength) -> list[str]:
+    """Write the sizes of the further loads of a design, one a line."""
+    pull = [c.value for c in strength.design.checks if c.name == "pull_out_force"]
+    beginnings = ("load sharing", *(f"{flank} flanks" for flank in FLANKS))
+    sizes = [
+        text
+        for text in strength.to_parts()
+        if isinstance(text, str) and text.startswith(beginnings)
+    ]
     return [*sizes, *(f"pulled out with {value:.0f} N" for value in pull)]
 
 
@@ -76,12 +80,12 @@ def main() -> None:
     jobs = parser.parse_args().jobs
     designs: Designs = designs_of(load_study("mq200_paper"))
     for name, keys in SETTINGS.items():
-        given = ", ".join(f"{key}={value}" for key, value in keys.items())
-        print(f"\n{name}: {given or 'nothing further'}")
+        settings = ", ".join(f"{key}={value}" for key, value in keys.items())
+        print(f"\n{name}: {settings or 'nothing further'}")
         for label, design in designs.items():
-            found = judged(design, keys, jobs)
-            print(f"  {label:12} {told(found)}")
-            for line in loads(found):
+            strength = check_design(design, keys, jobs)
+            print(f"  {label:12} {summary_line(strength)}")
+            for line in load_lines(strength):
                 print(f"  {'':12} {line}")
 
 

@@ -14,12 +14,14 @@ import os
 import subprocess
 import sys
 import tempfile
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 POINT = ("--mismatch-rpm", "50", "--force-N", "469")
-DRAKE, PLANAR = ("--engine", "drake"), ("--engine", "planar")
+DRAKE = ("--engine", "drake")
+PLANAR = ("--engine", "planar")
 SHIFT = ("shift", "mq200_paper", *POINT, "--relative-angle-deg", "10")
 #: A study at two operating points, with as little of Drake as it takes.
 SMALL = (
@@ -45,11 +47,11 @@ CALLS = {
     "gap_adams": ("gap", "mq200_adams"),
     "study": (
         *("study", "mq200_paper", "--trials", "12", "--no-report", "--out", "study"),
-        *(word for setting in SMALL for word in ("--set", setting)),
+        *chain.from_iterable(("--set", setting) for setting in SMALL),
     ),
 }
 #: Keys whose values differ between two runs or two machines.
-LEFT_OUT = {"versions", "seconds", "seconds_cpu"}
+IGNORED_KEYS = {"versions", "seconds", "seconds_cpu"}
 
 
 def main() -> None:
@@ -63,24 +65,31 @@ def main() -> None:
     for name, arguments in CALLS.items():
         print(name, flush=True)
         with tempfile.TemporaryDirectory() as work:
-            done = subprocess.run(
+            result = subprocess.run(
                 [sys.executable, "-m", "dogshape.pipeline", *arguments, "--json"],
-                cwd=work, env={**os.environ, **settings}, stdout=subprocess.PIPE, text=True,
+                cwd=work,
+                env={**os.environ, **settings},
+                stdout=subprocess.PIPE,
+                text=True,
                 check=False,
-            )  # fmt: skip
-            if done.returncode > 1:
-                sys.exit(done.returncode)
-            text = json.dumps(_kept(json.loads(done.stdout)), indent=1)
-            for place in (work, str(ROOT)):
-                text = text.replace(place, "")
+            )
+            if result.returncode > 1:
+                sys.exit(result.returncode)
+            text = json.dumps(_without_ignored_keys(json.loads(result.stdout)), indent=1)
+            for folder_path in (work, str(ROOT)):
+                text = text.replace(folder_path, "")
         (folder / f"{name}.json").write_text(f"{text}\n", encoding="utf-8")
 
 
-def _kept(value: Any) -> Any:
-    """Return a value without the keys of ``LEFT_OUT``, at any depth."""
+def _without_ignored_keys(value: Any) -> Any:
+    """Return a value without the keys of ``IGNORED_KEYS``, at any depth."""
     if isinstance(value, dict):
-        return {key: _kept(inner) for key, inner in value.items() if key not in LEFT_OUT}
-    return [_kept(inner) for inner in value] if isinstance(value, list) else value
+        return {
+            key: _without_ignored_keys(inner)
+            for key, inner in value.items()
+            if key not in IGNORED_KEYS
+        }
+    return [_without_ignored_keys(inner) for inner in value] if isinstance(value, list) else value
 
 
 if __name__ == "__main__":

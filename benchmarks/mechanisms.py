@@ -34,7 +34,8 @@ from dogshape.sim.units import DEG, MM, RPM
 
 POINTS = ((10.0, 235.2), (25.0, 469.0), (50.0, 641.5), (149.0, 315.5))
 ANGLES = 8
-QUIET = ("actuation_delay", "relative_angle")  # no simulation of their own
+UNSIMULATED_EFFECTS = ("actuation_delay", "relative_angle")  # no simulation of their own
+ENGINES = ("drake", "planar")
 ACCURACIES = (1e-7, 1e-8, 1e-9)
 SHIFTS = 10
 MECHANISMS = {
@@ -46,97 +47,115 @@ MECHANISMS = {
 }
 
 
-def times(setting: Setting, engine: str) -> NDArray[np.float64]:
-    """Simulate even angles; shift times in s, (n,), the time-out where a shift does not engage."""
+def simulate_times(setting: Setting, engine: str) -> NDArray[np.float64]:
+    """Simulate shift times at even angles, the time-out without engagement, s, (n,)."""
     clutch = setting.clutch if engine == "drake" else setting.clutch.with_engine(engine)
     angles = (np.arange(ANGLES) + 0.5) / ANGLES * clutch.dog.pitch_angle
-    found = [engage(clutch, setting.point, float(angle)).shift_time for angle in angles]
-    return np.array([clutch.timeout if one is None else one for one in found])
+    times = []
+    for angle in angles:
+        shift_time = engage(clutch, setting.point, float(angle)).shift_time
+        times.append(clutch.timeout if shift_time is None else shift_time)
+    return np.array(times)
 
 
-def effects() -> None:
+def print_effects() -> None:
     """Print the change of the mean by each effect in both engines."""
-    study, known = paper_study(), load()
-    settings = [Setting(study.clutch, point_of(study, *given)) for given in POINTS]
-    base = {name: [times(one, name) for one in settings] for name in ("drake", "planar")}
+    study = paper_study()
+    effects = load()
+    settings = [Setting(study.clutch, point_of(study, *point)) for point in POINTS]
+    base = {}
+    for engine in ENGINES:
+        base[engine] = [simulate_times(setting, engine) for setting in settings]
     print(f"change of the mean over {len(POINTS)} operating points and {ANGLES} angles, ms")
     print(f"{'effect':<22}{'Drake':>9}{'planar':>9}{'differ':>9}{'of Drake':>10}")
-    for name, effect in known.items():
-        if name in QUIET:
+    for name, effect in effects.items():
+        if name in UNSIMULATED_EFFECTS:
             continue
         values = {p.name: p.at(0.5) for p in effect.parameters}
-        changed = [effect.apply(one, values) for one in settings]
-        moved = {
-            engine: 1e3 * float(np.mean([times(one, engine) - before for one, before in
-                                         zip(changed, base[engine], strict=True)]))
-            for engine in base
-        }  # fmt: skip
-        off = moved["planar"] - moved["drake"]
-        share = f"{abs(off / moved['drake']):10.2%}" if moved["drake"] else f"{'-':>10}"
-        print(f"{name:<22}{moved['drake']:9.2f}{moved['planar']:9.2f}{off:9.3f}{share}", flush=True)
+        settings_with_effect = [effect.apply(setting, values) for setting in settings]
+        changes = {}
+        for engine in ENGINES:
+            times = [simulate_times(setting, engine) for setting in settings_with_effect]
+            changes[engine] = 1e3 * float(np.mean(np.subtract(times, base[engine])))
+        difference = changes["planar"] - changes["drake"]
+        share = f"{abs(difference / changes['drake']):10.2%}" if changes["drake"] else f"{'-':>10}"
+        print(
+            f"{name:<22}{changes['drake']:9.2f}{changes['planar']:9.2f}{difference:9.3f}{share}",
+            flush=True,
+        )
 
 
-def drawn(clutch: Clutch, rng: np.random.Generator) -> Clutch:
+def draw_clutch(clutch: Clutch, rng: np.random.Generator) -> Clutch:
     """Draw a design that can be made."""
     while True:
         chamfer, traction, braking = rng.uniform([3, 4, 8], [18, 25, 28]) * DEG
-        count, height = int(rng.integers(8, 30)), float(rng.uniform(2.5, 5)) * MM
+        count = int(rng.integers(8, 30))
+        height = float(rng.uniform(2.5, 5)) * MM
         try:
             dog = replace(
-                clutch.dog, chamfer=chamfer, traction=traction, braking=braking, count=count,
+                clutch.dog,
+                chamfer=chamfer,
+                traction=traction,
+                braking=braking,
+                count=count,
                 height=height,
-            )  # fmt: skip
+            )
         except DogshapeError:
             continue
         if dog.tip_width > 1.0 * MM:
             return replace(clutch, dog=dog)
 
 
-def measured(clutch: Clutch) -> dict[str, tuple[list[float], float]]:
+def measure_solvers(clutch: Clutch) -> dict[str, tuple[list[float], float]]:
     """Return deviations of shifts from the limit and processor time a shift, s, by solver."""
     solvers: dict[str, Callable[[Clutch], Clutch]] = {
-        "compiled": lambda one: one.with_engine("planar")
+        "compiled": lambda base: base.with_engine("planar")
     }
     for accuracy in ACCURACIES:
-        solvers[f"Drake {accuracy:.0e}"] = lambda one, a=accuracy: replace(  # type: ignore[misc]
-            one, solver=replace(one.solver, accuracy=a)
+        solvers[f"Drake {accuracy:.0e}"] = lambda base, a=accuracy: replace(  # type: ignore[misc]
+            base, solver=replace(base.solver, accuracy=a)
         )
-    rng, off = np.random.default_rng(11), {name: list[float]() for name in solvers}
-    spent = dict.fromkeys(solvers, 0.0)
+    rng = np.random.default_rng(11)
+    deviations = {name: list[float]() for name in solvers}
+    cpu = dict.fromkeys(solvers, 0.0)
     for _ in range(SHIFTS):
-        own = drawn(clutch, rng)
-        speed, force = rng.choice([-60, 25, 60, 149, 249]), rng.choice([235.2, 469.0, 641.5])
-        angle = float(rng.uniform(0, own.dog.pitch_angle))
+        design = draw_clutch(clutch, rng)
+        speed = rng.choice([-60, 25, 60, 149, 249])
+        force = rng.choice([235.2, 469.0, 641.5])
+        angle = float(rng.uniform(0, design.dog.pitch_angle))
         point = OperatingPoint(float(speed) * RPM, ForceProfile(float(force), 0.15))
-        limit = _time(own.with_engine("planar").refined(), point, angle)
-        for name, made in solvers.items():
+        reference = _time(design.with_engine("planar").refined(), point, angle)
+        for name, with_solver in solvers.items():
             start = time.process_time()
-            off[name].append(abs(_time(made(own), point, angle) / limit - 1.0))
-            spent[name] += (time.process_time() - start) / SHIFTS
-    return {name: (off[name], spent[name]) for name in solvers}
+            deviations[name].append(abs(_time(with_solver(design), point, angle) / reference - 1.0))
+            cpu[name] += (time.process_time() - start) / SHIFTS
+    return {name: (deviations[name], cpu[name]) for name in solvers}
 
 
 def _time(clutch: Clutch, point: OperatingPoint, angle: float) -> float:
     return engage(clutch, point, angle).shift_time or clutch.timeout
 
 
-def errors() -> None:
+def print_solver_errors() -> None:
     """Print error and cost of Drake with each mechanism."""
-    study, contact = paper_study(), contact_set("adams2019")
+    study = paper_study()
+    contact = contact_set("adams2019")
     base = replace(study.clutch, contact=contact, solver=solver_for(contact))
     engage(base.with_engine("planar"), study.points[0], 0.1)  # compiled before it is timed
     print(
         f"\n{'mechanism':<17}{'solver':<13}{'off: median':>12}{'90 %':>8}{'largest':>9}{'CPU s':>9}"
     )
     for name, mechanism in MECHANISMS.items():
-        for solver, (off, spent) in measured(replace(base, mechanism=mechanism)).items():
-            median, most = (100 * float(np.quantile(off, q)) for q in (0.5, 0.9))
+        results = measure_solvers(replace(base, mechanism=mechanism))
+        for solver, (deviations, cpu) in results.items():
+            median, quantile_90 = (100 * float(np.quantile(deviations, q)) for q in (0.5, 0.9))
             print(
-                f"{name:<17}{solver:<13}{median:12.4f}{most:8.3f}{100 * max(off):9.2f}{spent:9.3f}",
+                f"{name:<17}{solver:<13}{median:12.4f}{quantile_90:8.3f}"
+                f"{100 * max(deviations):9.2f}{cpu:9.3f}",
                 flush=True,
             )
 
 
 if __name__ == "__main__":
-    effects()
-    errors()
+    print_effects()
+    print_solver_errors()

@@ -1,4 +1,4 @@
-"""Run what a page of the documentation tells its reader to run, and draw the tutorial's pictures.
+"""Run the steps of a page of the documentation, and draw the tutorial's pictures.
 
     python -m benchmarks.pages docs/tutorial.md build/tutorial docs/tutorial
 
@@ -53,16 +53,18 @@ class Command:
 
 
 def steps_of(page: Path) -> list[Step]:
-    """List the steps of a page in their order."""
+    """List the steps of a page in order."""
     text = page.read_text(encoding="utf-8")
-    found = []
+    steps = []
     for block in FENCE.finditer(text):
         language, title, body = block.groups()
         kind = "file" if title else language
-        found.append((block.start(), Step(kind, body, title or "", _line(text, block.start()))))
-    for told in WRITTEN.finditer(text):
-        found.append((told.start(), Step("written", told.group(1), "", _line(text, told.start()))))
-    return [step for _, step in sorted(found, key=lambda pair: pair[0])]
+        steps.append((block.start(), Step(kind, body, title or "", _line(text, block.start()))))
+    for match in WRITTEN.finditer(text):
+        steps.append(
+            (match.start(), Step("written", match.group(1), "", _line(text, match.start())))
+        )
+    return [step for _, step in sorted(steps, key=lambda pair: pair[0])]
 
 
 def _line(text: str, place: int) -> int:
@@ -72,13 +74,13 @@ def _line(text: str, place: int) -> int:
 def commands_of(text: str) -> Iterator[Command]:
     """Split a block into commands; a backslash continues a line, ``# status N`` is the status."""
     for line in text.replace("\\\n", " ").splitlines():
-        told = STATUS.search(line)
+        match = STATUS.search(line)
         words = shlex.split(line, comments=True)
         if words:
-            yield Command(tuple(words), int(told.group(1)) if told else 0)
+            yield Command(tuple(words), int(match.group(1)) if match else 0)
 
 
-def lines_told(text: str) -> Iterator[str]:
+def output_patterns(text: str) -> Iterator[str]:
     """Write each line of a ``text`` block as a pattern for words parted by single blanks."""
     for line in text.splitlines():
         words = " ".join(line.split())
@@ -86,7 +88,7 @@ def lines_told(text: str) -> Iterator[str]:
             yield r".*?".join(re.escape(part.strip()) for part in words.split("..."))
 
 
-def files_told(text: str) -> list[str]:
+def written_files(text: str) -> list[str]:
     """List the files of a paragraph that begins with ``Written:``."""
     return re.findall(r"`([^`]+)`", text)
 
@@ -99,11 +101,12 @@ PICTURES = {
     "gap": ("results/gap/report.html", "1180,1000", 0.62),
     "effect": ("results/gap_own/report.html", "1180,640", 0.62),
 }
-DRAWING, APP = "dog.svg", "mq200_paper"
+DRAWING = "dog.svg"
+APP = "mq200_paper"
 
 
 def main(page: Path, folder: Path, pictures: Path) -> None:
-    """Run the steps of a page in an empty folder, and draw what they made."""
+    """Run the steps of a page in an empty folder, and draw their pages."""
     folder.mkdir(parents=True)
     program = Path(sys.executable).parent / "dogshape"
     for step in steps_of(page):
@@ -115,30 +118,37 @@ def main(page: Path, folder: Path, pictures: Path) -> None:
         elif step.kind == "sh":
             for command in commands_of(step.text):
                 print("$", shlex.join(command.words), flush=True)
-                done = subprocess.run([program, *command.words[1:]], cwd=folder, check=False)
-                if done.returncode != command.status:
-                    raise SystemExit(f"{page}, line {step.line}: status {done.returncode}")
+                result = subprocess.run([program, *command.words[1:]], cwd=folder, check=False)
+                if result.returncode != command.status:
+                    raise SystemExit(f"{page}, line {step.line}: status {result.returncode}")
     pictures.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / DRAWING, pictures / DRAWING)
-    serve = [program, "app", APP, "--no-browser", "--port", "0"]
+    serve = [str(program), "app", APP, "--no-browser", "--port", "0"]
     with subprocess.Popen(serve, stderr=subprocess.PIPE, text=True) as server:
         assert server.stderr is not None
         address = server.stderr.readline().split()[0]
         for name, (source, window, scale) in PICTURES.items():
-            shown = (folder / source).resolve().as_uri() if source else address
-            _shoot(shown, pictures / f"{name}.png", window, scale)
+            page_address = (folder / source).resolve().as_uri() if source else address
+            _shoot(page_address, pictures / f"{name}.png", window, scale)
         server.terminate()
 
 
 def _shoot(address: str, picture: Path, window: str, scale: float) -> None:
     command = [
-        "chromium", "--headless", "--no-sandbox", "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader", "--no-first-run", "--hide-scrollbars",
+        "chromium",
+        "--headless",
+        "--no-sandbox",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--no-first-run",
+        "--hide-scrollbars",
         f"--user-data-dir={picture.parent.resolve() / '.chromium'}",
-        "--virtual-time-budget=30000", f"--window-size={window}",
-        f"--force-device-scale-factor={scale}", f"--screenshot={picture.resolve()}",
+        "--virtual-time-budget=30000",
+        f"--window-size={window}",
+        f"--force-device-scale-factor={scale}",
+        f"--screenshot={picture.resolve()}",
         address,
-    ]  # fmt: skip
+    ]
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=120)
     finally:

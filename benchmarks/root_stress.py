@@ -36,18 +36,18 @@ from dogshape.validation.finite_elements.root_stress import (
     RootStress,
 )
 
-FORCE = 1666.7  #: N, the prototype's design load on one dog
+FORCE_N = 1666.7  #: the prototype's design load on one dog
 LOW = np.array([0.0, 4.0, 4.0, 1.6, 6.0, 0.2])
 HIGH = np.array([20.0, 30.0, 30.0, 6.0, 36.0, 0.6])
 PROTOTYPE = (8.0, 12.0, 22.0, 3.7, 15, 0.3)
-SHARED = 0.2  #: least part of the height on which two braking flanks touch
+MIN_SHARED_HEIGHT = 0.2  #: of two braking flanks that touch, of the height
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs, root radius in mm.
 Design = tuple[float, float, float, float, int, float]
 FINE: Design = (11.4, 7.2, 22.3, 1.95, 34, 0.2)
 SIX: Design = (10.0, 20.0, 12.0, 5.0, 6, 0.4)
-FIT = (20, 1)  #: number of designs and seed
-HELD_OUT = (14, 2)
+FIT_DESIGNS = (20, 1)  #: number of fitted designs and seed
+TEST_DESIGNS = (14, 2)  #: number of held-out designs and seed
 NOTCH_FACTOR = 2.0
 
 
@@ -82,11 +82,11 @@ def shape_of(design: Design, depth: float = 1.0) -> RootShape:
     return RootShape(dog, root_radius * MM, depth * dog.pitch)
 
 
-def designs(count: int, seed: int) -> list[Design]:
+def draw_designs(count: int, seed: int) -> list[Design]:
     """Draw designs that can be made and whose braking flanks touch."""
     random = np.random.default_rng(seed)
-    found: list[Design] = []
-    while len(found) < count:
+    designs: list[Design] = []
+    while len(designs) < count:
         chamfer, traction, braking, height, dogs, root_radius = (
             LOW + (HIGH - LOW) * random.random(6)
         ).tolist()
@@ -98,61 +98,63 @@ def designs(count: int, seed: int) -> list[Design]:
             continue
         if not feasible(manufacturing_checks(dog, ManufacturingLimits())):
             continue
-        if flank_contact(dog, 0.0, "braking").height >= SHARED * dog.height:
-            found.append(design)
-    return found
+        if flank_contact(dog, 0.0, "braking").height >= MIN_SHARED_HEIGHT * dog.height:
+            designs.append(design)
+    return designs
 
 
-def cases(shape: RootShape, fineness: int = FINENESS, cut: Cut = "periodic") -> list[Case]:
+def evaluate_design(
+    shape: RootShape, fineness: int = FINENESS, cut: Cut = "periodic"
+) -> list[Case]:
     """Return both flanks of a design under both bands."""
     model = RootModel(shape, fineness, cut)
     return [
-        Case(shape, flank, band, model.stress(flank, band, FORCE))
+        Case(shape, flank, band, model.stress(flank, band, FORCE_N))
         for flank in SIDES
         for band in BANDS
     ]
 
 
-def fit_tension(found: list[Case]) -> Tension:
+def fit_tension(cases: list[Case]) -> Tension:
     """Return coefficients that make the relative error of the tension least."""
 
     def errors(x: np.ndarray) -> list[float]:
         return [
             root_tension(c.shape.dog, c.shape.root_radius, c.load, Tension(*x)) / c.stress.tension
             - 1.0
-            for c in found
+            for c in cases
         ]
 
     return Tension(*least_squares(errors, TENSION).x)
 
 
-def today(case: Case) -> float:
+def constant_notch_stress(case: Case) -> float:
     """Return the equivalent stress with a constant notch factor and the load at the tip, Pa."""
     dog = case.shape.dog
-    bending = 6.0 * FORCE * dog.height / (dog.radial_width * dog.root_width**2)
-    shear = 1.5 * FORCE / (dog.radial_width * dog.root_width)
+    bending = 6.0 * FORCE_N * dog.height / (dog.radial_width * dog.root_width**2)
+    shear = 1.5 * FORCE_N / (dog.radial_width * dog.root_width)
     return math.hypot(NOTCH_FACTOR * bending, math.sqrt(3.0) * shear)
 
 
-def convergence() -> None:
+def print_convergence() -> None:
     """Print the largest tension on refined meshes."""
     print("Mesh: first principal stress in MPa, traction flank, 1666.7 N; change to the one before")
     for name, design in (("prototype", PROTOTYPE), ("fine", FINE)):
-        before: dict[str, float] = {}
+        previous: dict[str, float] = {}
         for fineness in (1, 2, 3):
             model = RootModel(shape_of(design), fineness)
             line = f"  {name:<10} fineness {fineness} {model.reduction.shape[1]:>7} unknowns"
             for band in BANDS:
-                found = model.stress("traction", band, FORCE)
-                change = 100.0 * (found.tension / before.get(band, found.tension) - 1.0)
-                before[band] = found.tension
-                line += f"  {band} {found.tension / MPA:7.1f} {change:+5.2f} %"
-                line += f" at {found.radius / MM:.2f} mm, {found.angle / DEG:.0f} deg"
+                stress = model.stress("traction", band, FORCE_N)
+                change = 100.0 * (stress.tension / previous.get(band, stress.tension) - 1.0)
+                previous[band] = stress.tension
+                line += f"  {band} {stress.tension / MPA:7.1f} {change:+5.2f} %"
+                line += f" at {stress.radius / MM:.2f} mm, {stress.angle / DEG:.0f} deg"
             print(line, flush=True)
 
 
-def surroundings() -> None:
-    """Print what depth, cuts and hub do, on the coarsest mesh."""
+def print_surroundings() -> None:
+    """Print the stress by depth, cuts and hub on the coarsest mesh."""
     print("\nSurroundings: first principal stress in MPa on the coarsest mesh,")
     print("traction whole, traction tip, braking whole, braking tip")
     rows: list[tuple[float, Cut, bool]] = [
@@ -165,73 +167,85 @@ def surroundings() -> None:
     for name, design in (("prototype", PROTOTYPE), ("fine", FINE), ("six", SIX)):
         for depth, cut, hub in rows:
             model = RootModel(shape_of(design, depth), 1, cut, hub)
-            found = [model.stress(f, band, FORCE).tension / MPA for f in SIDES for band in BANDS]
-            held = "on a hub" if hub else "no hub"
-            print(f"  {name:<10} depth {depth:4.2f} pitches, cuts {cut:<8} {held:<8}", end="")
-            print("".join(f"{value:8.1f}" for value in found), flush=True)
+            tensions = [
+                model.stress(f, band, FORCE_N).tension / MPA for f in SIDES for band in BANDS
+            ]
+            hub_text = "on a hub" if hub else "no hub"
+            print(f"  {name:<10} depth {depth:4.2f} pitches, cuts {cut:<8} {hub_text:<8}", end="")
+            print("".join(f"{value:8.1f}" for value in tensions), flush=True)
 
 
-def table(title: str, found: list[Case]) -> None:
+def print_designs(title: str, cases: list[Case]) -> None:
     """Print every design of ``found`` with its numbers."""
     print(f"\n{title}")
     print("  deg: chamfer, traction, braking; mm: height; dogs; mm: root radius, width at root")
     print("  loaded flank and band, lever in mm; tension in MPa;")
     print("  deviation from it in %: today, closed form")
     shape: RootShape | None = None
-    for case in found:
+    for case in cases:
         if case.shape is not shape:
-            shape, dog = case.shape, case.shape.dog
+            shape = case.shape
+            dog = case.shape.dog
             angles = (dog.chamfer / DEG, dog.traction / DEG, dog.braking / DEG)
             print("  " + " ".join(f"{a:.1f}" for a in angles), end="")
             print(f"  {dog.height / MM:.2f}  {dog.count}  {shape.root_radius / MM:.2f}", end="")
             print(f"  {dog.root_width / MM:.2f}")
-        stress, (now, new) = case.stress, deviations(case)
+        stress = case.stress
+        (notch_deviation, deviation) = deviations(case)
         print(f"    {case.flank:<9}{case.band:<6}{stress.lever / MM:5.2f}", end="")
-        print(f"{stress.tension / MPA:8.0f}{100 * now:+8.1f}{100 * new:+7.1f}")
+        print(f"{stress.tension / MPA:8.0f}{100 * notch_deviation:+8.1f}{100 * deviation:+7.1f}")
 
 
 def deviations(case: Case) -> tuple[float, float]:
     """Return how far today's and the closed form are off the tension."""
-    dog, rho, load, found = case.shape.dog, case.shape.root_radius, case.load, case.stress
+    dog = case.shape.dog
+    rho = case.shape.root_radius
+    load = case.load
+    stress = case.stress
     return (
-        today(case) / found.tension - 1.0,
-        root_tension(dog, rho, load) / found.tension - 1.0,
+        constant_notch_stress(case) / stress.tension - 1.0,
+        root_tension(dog, rho, load) / stress.tension - 1.0,
     )
 
 
-def summary(title: str, found: list[Case]) -> None:
+def print_summary(title: str, cases: list[Case]) -> None:
     """Print mean, rms and largest deviation by band."""
     print(f"\n{title}: mean, rms and largest deviation in %")
     for band in (*BANDS, "both"):
-        rows = np.array([deviations(c) for c in found if band in (c.band, "both")]) * 100.0
+        rows = np.array([deviations(c) for c in cases if band in (c.band, "both")]) * 100.0
         print(f"  {band:<6}", end="")
         names = ("today against tension", "closed form")
         for name, column in zip(names, rows.T, strict=True):
-            rms, most = math.sqrt(np.mean(column**2)), column[np.abs(column).argmax()]
-            print(f"  {name} {column.mean():+6.1f} {rms:5.1f} {most:+6.1f}", end="")
+            rms = math.sqrt(np.mean(column**2))
+            largest = column[np.abs(column).argmax()]
+            print(f"  {name} {column.mean():+6.1f} {rms:5.1f} {largest:+6.1f}", end="")
         print()
 
 
-def evaluate(chosen: list[Design]) -> list[Case]:
+def evaluate_designs(designs: list[Design]) -> list[Case]:
     """Return the cases of designs."""
-    return [case for design in chosen for case in cases(shape_of(design))]
+    return [case for design in designs for case in evaluate_design(shape_of(design))]
 
 
-def compare(fitted: list[Case], held_out: list[Case]) -> None:
+def print_comparison(fit_cases: list[Case], test_cases: list[Case]) -> None:
     """Print the held-out designs, the fit and its errors."""
-    table(f"Held out, {HELD_OUT[0]} designs", held_out)
+    print_designs(f"Held out, {TEST_DESIGNS[0]} designs", test_cases)
     print("\nCoefficients of the closed form, and fitted again")
-    for name, value, new in zip(TENSION._fields, TENSION, fit_tension(fitted), strict=True):
-        print(f"  {name:<10}{value:8.3f}{new:9.4f}")
-    summary("Fitted", fitted)
-    summary("Held out", held_out)
+    for name, value, fit_value in zip(
+        TENSION._fields, TENSION, fit_tension(fit_cases), strict=True
+    ):
+        print(f"  {name:<10}{value:8.3f}{fit_value:9.4f}")
+    print_summary("Fitted", fit_cases)
+    print_summary("Held out", test_cases)
 
 
 def main() -> None:
     """Print everything."""
-    convergence()
-    surroundings()
-    compare(evaluate(designs(*FIT)), evaluate(designs(*HELD_OUT)))
+    print_convergence()
+    print_surroundings()
+    print_comparison(
+        evaluate_designs(draw_designs(*FIT_DESIGNS)), evaluate_designs(draw_designs(*TEST_DESIGNS))
+    )
 
 
 if __name__ == "__main__":

@@ -48,17 +48,20 @@ from dogshape.surrogate.model import fit
 from dogshape.surrogate.process import Effort
 
 MILLION = 1_000_000
-MOST = "search.trials=10000"  #: as many designs as a study may have
-WRITTEN = 64  #: synthetic shifts that are written at once, as the angles of a block
+LARGEST_STUDY = "search.trials=10000"  #: as many designs as a study may have
+BLOCK_SHIFTS = 64  #: synthetic shifts that are written at once, as the angles of a block
 Params = dict[str, float]
 
 
 def cpu() -> float:
     """Return the CPU time of this process and its workers, s."""
-    own = psutil.Process()
-    every = [own.cpu_times(), *(child.cpu_times() for child in own.children(recursive=True))]
-    ended = own.cpu_times().children_user + own.cpu_times().children_system
-    return float(ended + sum(one.user + one.system for one in every))
+    process = psutil.Process()
+    processes = [
+        process.cpu_times(),
+        *(child.cpu_times() for child in process.children(recursive=True)),
+    ]
+    ended_cpu = process.cpu_times().children_user + process.cpu_times().children_system
+    return float(ended_cpu + sum(times.user + times.system for times in processes))
 
 
 def study_of(*settings: str) -> Setup:
@@ -68,87 +71,92 @@ def study_of(*settings: str) -> Setup:
 
 def print_table(title: str, sizes: Sequence[int], cost: Callable[[int], float], unit: str) -> None:
     """Print the cost of each size in s, and the slope between the least and the largest."""
-    spent = [cost(size) for size in sizes]
-    slope = math.log(spent[-1] / spent[0]) / math.log(sizes[-1] / sizes[0])
+    costs = [cost(size) for size in sizes]
+    slope = math.log(costs[-1] / costs[0]) / math.log(sizes[-1] / sizes[0])
     print(f"\n{title}; slope {slope:.2f}")
     print(f"{unit:>10s}" + "".join(f"{size:>10d}" for size in sizes))
-    print("    CPU, s" + "".join(f"{one:>10.3f}" for one in spent), flush=True)
+    print("    CPU, s" + "".join(f"{value:>10.3f}" for value in costs), flush=True)
 
 
-def thinned(study: Setup, count: int) -> Setup:
-    """Return the study at so many operating points: every n-th, or all of them repeatedly."""
-    own = study.points
-    return replace(study, points=tuple(own[k * len(own) // count % len(own)] for k in range(count)))
+def with_points(study: Setup, count: int) -> Setup:
+    """Thin or repeat the operating points of a study to ``count``."""
+    points = study.points
+    return replace(
+        study, points=tuple(points[k * len(points) // count % len(points)] for k in range(count))
+    )
 
 
-def simulating(study: Setup, designs: Sequence[Params], angles: int) -> float:
+def measure_simulation(study: Setup, designs: Sequence[Params], angles: int) -> float:
     """Measure the simulation of designs, s."""
-    begin = cpu()
+    start = cpu()
     evaluate(study, designs, scratch_executor(1), angles, 1)
-    return cpu() - begin
+    return cpu() - start
 
 
 @dataclass
 class Synthetic(Executor):
-    """Stands for workers: real inputs, and a time that is a formula of design and angle."""
+    """Executor of real inputs with times by a formula of design and angle."""
 
     result: Record = field(default_factory=dict)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
-        """Give the records of every block at once."""
+        """Return the records of blocks."""
         return [self._rows(block) for block in blocks]
 
     def _rows(self, block: Block) -> list[Record]:
-        dog, speed = block.clutch.dog, abs(block.point.mismatch)
+        dog = block.clutch.dog
+        speed = abs(block.point.mismatch)
         lean = (dog.chamfer - 10.0 * DEG) ** 2 + (dog.traction - 12.0 * DEG) ** 2
         time = 0.03 + 8.0 * dog.height + lean + 0.2 / (3.0 + speed) + 1e-3 * dog.count
         turns = np.array(block.angles) / dog.pitch_angle % 1.0
         return [
-            {**self.result, **given, "shift_time_s": time * (0.8 + 0.4 * turn)}
-            for given, turn in zip(block.inputs, turns.tolist(), strict=True)
+            {**self.result, **inputs, "shift_time_s": time * (0.8 + 0.4 * turn)}
+            for inputs, turn in zip(block.inputs, turns.tolist(), strict=True)
         ]
 
 
-def synthetic(study: Setup) -> Synthetic:
-    """Return an executor of synthetic results, whose other figures are those of a real shift."""
+def synthetic_executor(study: Setup) -> Synthetic:
+    """Build an executor of synthetic times, with the other figures of a real shift."""
     block = design_blocks(study, study.prototype, 1, 1)[10]
     return Synthetic(scratch_executor(1).journal, result=next(run_block(block)))
 
 
-def searching(trials: int) -> float:
+def measure_search(trials: int) -> float:
     """Measure a search without the simulation of its designs, s."""
     study = study_of(f"search.trials={trials}", "expectation.angles=4")
-    stand_in = synthetic(study)
+    stand_in = synthetic_executor(study)
     with TemporaryDirectory() as place:
-        begin, search = cpu(), open_search(study, StudyFolder(Path(place)), None, False)
+        start = cpu()
+        search = open_search(study, StudyFolder(Path(place)), None, False)
         run(search, stand_in, lambda *_: None)
-        return cpu() - begin
+        return cpu() - start
 
 
-def fitting(designs: int) -> float:
-    """Measure the fit of a surrogate to so many designs, s."""
+def measure_fit(designs: int) -> float:
+    """Measure the fit of a surrogate to a number of designs, s."""
     study = study_of("expectation.angles=4")
-    found = evaluate(study, first_designs(study, designs), synthetic(study), 4, 1)
-    data = with_rows(study, np.concatenate([one.rows for one in found]))
-    begin = cpu()
+    evaluations = evaluate(study, first_designs(study, designs), synthetic_executor(study), 4, 1)
+    data = with_rows(study, np.concatenate([evaluation.rows for evaluation in evaluations]))
+    start = cpu()
     fit(data, Effort(seed=1))
-    return cpu() - begin
+    return cpu() - start
 
 
-def banking(points: int) -> float:
-    """Measure the bank of a bench with so many operating points without its shifts, s."""
-    bench, means = load_bench("mq200_adams"), Means()
+def measure_bank(points: int) -> float:
+    """Measure the bank of a bench with a number of operating points, without shifts, s."""
+    bench = load_bench("mq200_adams")
+    options = Means()
     cells = tuple(bench.cells[k % len(bench.cells)] for k in range(points))
     bench = replace(bench, clutch=bench.clutch.with_engine("planar"), cells=cells)
-    stand_in = synthetic(study_of())
-    begin = cpu()
-    build_models(bench, load(None), means.settings, stand_in.run)
-    return cpu() - begin
+    stand_in = synthetic_executor(study_of())
+    start = cpu()
+    build_models(bench, load(None), options.settings, stand_in.run)
+    return cpu() - start
 
 
 @contextmanager
 def dask_workers(count: int) -> Iterator[str]:
-    """Start a Dask cluster of so many worker processes on this machine; give its address."""
+    """Start a Dask cluster of ``count`` workers on this machine; yield its address."""
     from distributed import LocalCluster  # noqa: PLC0415  an extra
 
     with LocalCluster(count, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[no-untyped-call]
@@ -163,91 +171,108 @@ def print_workers(count: int, angles: int) -> None:
     """
     study = study_of()
     designs = first_designs(study, count)
-    where = f"{len(study.points)} operating points, {angles} angles"
-    print(f"\nworkers, {count} designs at {where}")
+    place = f"{len(study.points)} operating points, {angles} angles"
+    print(f"\nworkers, {count} designs at {place}")
     print("workers    shifts   CPU of a shift, ms   shifts/s   shifts/s by CPU", flush=True)
     for cluster, jobs in ((False, 1), (False, 2), (True, 1), (True, 2)):
         with dask_workers(jobs) if cluster else nullcontext() as address:
             executor = scratch_executor(jobs, cluster=address)
             evaluate(study, designs, executor, 2, 1)  # workers have loaded their code
-            begin, clock = cpu(), time.monotonic()
-            found = evaluate(study, designs, executor, angles, 2)
-            clock, spent = time.monotonic() - clock, cpu() - begin
+            start = cpu()
+            clock = time.monotonic()
+            evaluations = evaluate(study, designs, executor, angles, 2)
+            clock = time.monotonic() - clock
+            used_cpu = cpu() - start
             end_workers()
-        shifts = sum(one.shifts for one in found)
+        shifts = sum(evaluation.shifts for evaluation in evaluations)
         cores = 2 if cluster or jobs > 1 else 1
+        label = "Dask " if cluster else ""
         print(
-            f"{'Dask ' if cluster else '':>5s}{jobs:2d} {shifts:11d} {1e3 * spent / shifts:20.3f} "
-            f"{shifts / clock:10.0f} {cores * shifts / spent:17.0f}",
+            f"{label:>5s}{jobs:2d} {shifts:11d} {1e3 * used_cpu / shifts:20.3f} "
+            f"{shifts / clock:10.0f} {cores * shifts / used_cpu:17.0f}",
             flush=True,
         )
 
 
-def written(path: Path, shifts: int) -> None:
-    """Write a journal of synthetic shifts by its own writer, and print size and cost."""
-    study, begin = study_of(), cpu()
-    (record,) = synthetic(study).run([design_blocks(study, study.prototype, 1, 1)[0]])[0]
-    for start in range(0, shifts, WRITTEN):
-        keys = range(start, min(start + WRITTEN, shifts))
+def write_journal(path: Path, shifts: int) -> None:
+    """Write a journal of synthetic shifts, and print size and cost."""
+    study = study_of()
+    start_cpu = cpu()
+    (record,) = synthetic_executor(study).run([design_blocks(study, study.prototype, 1, 1)[0]])[0]
+    for start in range(0, shifts, BLOCK_SHIFTS):
+        keys = range(start, min(start + BLOCK_SHIFTS, shifts))
         append(path, *({**record, "key": f"{key:020x}"} for key in keys))
-    print(f"journal: {path.stat().st_size / 1e9:.2f} GB, written in {cpu() - begin:.0f} s of CPU")
+    print(
+        f"journal: {path.stat().st_size / 1e9:.2f} GB, written in {cpu() - start_cpu:.0f} s of CPU"
+    )
 
 
-def stored(folder: StudyFolder, study: Setup, designs: int) -> None:
-    """Write a search of so many finished designs, synthetic ones, as its storage keeps them."""
-    search, stand_in = open_search(study, folder, None, False), synthetic(study)
-    chosen = [study.prototype, *first_designs(study, designs - 1)]
-    for params, found in zip(chosen, evaluate(study, chosen, stand_in, 4, 1), strict=True):
-        begun, own = Space(study.variables).trial(params), search.optuna
-        trial = own._storage.get_trial(own._storage.create_new_trial(own._study_id, begun))
-        _tell(search, trial, design_of(study, params), found)
+def write_search(folder: StudyFolder, study: Setup, designs: int) -> None:
+    """Write a search of ``designs`` finished synthetic designs, and print its size."""
+    search = open_search(study, folder, None, False)
+    stand_in = synthetic_executor(study)
+    params_list = [study.prototype, *first_designs(study, designs - 1)]
+    for params, evaluation in zip(
+        params_list, evaluate(study, params_list, stand_in, 4, 1), strict=True
+    ):
+        template = Space(study.variables).trial(params)
+        optuna_study = search.optuna
+        trial = optuna_study._storage.get_trial(
+            optuna_study._storage.create_new_trial(optuna_study._study_id, template)
+        )
+        _tell(search, trial, design_of(study, params), evaluation)
     print(f"search: {designs} designs, {folder.trials.stat().st_size / 1e6:.0f} MB of trials")
 
 
-def print_peak(label: str, begin: float, clock: float) -> None:
+def print_peak(label: str, start: float, clock: float) -> None:
     """Print CPU, time on the clock and largest memory of this process."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"{label:<44s} {cpu() - begin:8.2f} {time.monotonic() - clock:8.2f} {peak:8.2f}")
+    print(f"{label:<44s} {cpu() - start:8.2f} {time.monotonic() - clock:8.2f} {peak:8.2f}")
 
 
-def resumed(what: str, root: Path) -> None:
-    """Measure in a process of its own how a stopped run goes on."""
-    study, folder = study_of(MOST), StudyFolder(root)
-    begin, clock = cpu(), time.monotonic()
-    if what == "nothing":
-        print_peak("before", begin, clock)
-    elif what == "journal":
+def print_resumption(kind: str, root: Path) -> None:
+    """Print the cost to resume a ``nothing``, a ``journal`` or a ``search`` in this process."""
+    study = study_of(LARGEST_STUDY)
+    folder = StudyFolder(root)
+    start = cpu()
+    clock = time.monotonic()
+    if kind == "nothing":
+        print_peak("before", start, clock)
+    elif kind == "journal":
         journal = ShiftJournal(folder.running)
-        print_peak(f"journal of {len(journal.rows)} shifts, opened", begin, clock)
+        print_peak(f"journal of {len(journal.rows)} shifts, opened", start, clock)
         keys = list(journal.rows)[: 4 * 64 * len(study.points)]
-        begin, clock = cpu(), time.monotonic()
+        start = cpu()
+        clock = time.monotonic()
         times = [journal.rows[key]["shift_time_s"] for key in keys]
-        print_peak(f"{len(times)} of them read", begin, clock)
-        begin, clock = cpu(), time.monotonic()
+        print_peak(f"{len(times)} of them read", start, clock)
+        start = cpu()
+        clock = time.monotonic()
         journal.drop(set(keys))
-        print_peak("the same removed", begin, clock)
+        print_peak("the same removed", start, clock)
     else:
         search = open_search(study, folder, None, True)
         state = search.read()
         front = state.front
-        print_peak(f"search of {len(state.trials)} designs, front of {len(front)}", begin, clock)
-        begin, clock = cpu(), time.monotonic()
-        print_peak(f"{len(next_round(search))} designs proposed", begin, clock)
+        print_peak(f"search of {len(state.trials)} designs, front of {len(front)}", start, clock)
+        start = cpu()
+        clock = time.monotonic()
+        print_peak(f"{len(next_round(search))} designs proposed", start, clock)
 
 
 def print_million(shifts: int) -> None:
-    """Print what a study of so many shifts takes on disk, in memory and to go on."""
-    study = study_of(MOST)
+    """Print disk space, memory and cost to resume of a study of ``shifts`` shifts."""
+    study = study_of(LARGEST_STUDY)
     with TemporaryDirectory() as place:
         folder = StudyFolder(Path(place))
         print(f"\n{shifts} synthetic shifts")
-        written(folder.running, shifts)
-        stored(folder, study, shifts // (len(study.points) * study.file.expectation.angles))
+        write_journal(folder.running, shifts)
+        write_search(folder, study, shifts // (len(study.points) * study.file.expectation.angles))
         print(
             "                                               CPU, s     s     peak, GB", flush=True
         )
-        for what in ("nothing", "journal", "search"):
-            call = [sys.executable, "-m", "benchmarks.scale", "--resumed", what, place]
+        for kind in ("nothing", "journal", "search"):
+            call = [sys.executable, "-m", "benchmarks.scale", "--resumed", kind, place]
             print(subprocess.run(call, check=True, capture_output=True, text=True).stdout, end="")
 
 
@@ -256,27 +281,40 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--resumed", nargs=2, metavar=("WHAT", "FOLDER"), help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.resumed:
-        resumed(given.resumed[0], Path(given.resumed[1]))
+    arguments = parser.parse_args()
+    if arguments.resumed:
+        print_resumption(arguments.resumed[0], Path(arguments.resumed[1]))
         return
-    upto, study = (3 if given.quick else 4), study_of()
+    size_count = 3 if arguments.quick else 4
+    study = study_of()
     designs = first_designs(study, 16)
-    simulating(study, designs[:2], 2)  # compiled before it is timed
+    measure_simulation(study, designs[:2], 2)  # compiled before it is timed
     for title, sizes, cost, unit in (
-        ("simulation of 4 designs, 8 angles", (7, 14, 28, 56),
-         lambda n: simulating(thinned(study, n), designs[:4], 8), "points"),
-        ("simulation at 28 points, 8 angles", (2, 4, 8, 16),
-         lambda n: simulating(study, designs[:n], 8), "designs"),
-        ("simulation of 4 designs at 28 points", (4, 8, 16, 32),
-         lambda n: simulating(study, designs[:4], n), "angles"),
-        ("search without simulation", (32, 64, 128, 256), searching, "designs"),
-        ("fit of the surrogate", (50, 100, 200, 400), fitting, "designs"),
-        ("bank without simulation", (7, 14, 28, 56), banking, "points"),
-    ):  # fmt: skip
-        print_table(title, sizes[:upto], cost, unit)
-    print_workers(4 if given.quick else 8, 16)
-    print_million(MILLION // (10 if given.quick else 1))
+        (
+            "simulation of 4 designs, 8 angles",
+            (7, 14, 28, 56),
+            lambda n: measure_simulation(with_points(study, n), designs[:4], 8),
+            "points",
+        ),
+        (
+            "simulation at 28 points, 8 angles",
+            (2, 4, 8, 16),
+            lambda n: measure_simulation(study, designs[:n], 8),
+            "designs",
+        ),
+        (
+            "simulation of 4 designs at 28 points",
+            (4, 8, 16, 32),
+            lambda n: measure_simulation(study, designs[:4], n),
+            "angles",
+        ),
+        ("search without simulation", (32, 64, 128, 256), measure_search, "designs"),
+        ("fit of the surrogate", (50, 100, 200, 400), measure_fit, "designs"),
+        ("bank without simulation", (7, 14, 28, 56), measure_bank, "points"),
+    ):
+        print_table(title, sizes[:size_count], cost, unit)
+    print_workers(4 if arguments.quick else 8, 16)
+    print_million(MILLION // (10 if arguments.quick else 1))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Drake and MuJoCo at the same shifts, and what explains where they differ.
+"""Shifts in Drake and in MuJoCo, and causes of their differences.
 
     python -m benchmarks.second_engine [--angles N]
 
@@ -34,14 +34,14 @@ POINTS = (
     (249.0, 469.0),
     (-50.0, 469.0),
 )
-FLIP = 0.1  #: relative difference from which a shift counts as another one
+FLIP_RATIO = 0.1  #: relative difference from which a shift counts as another one
 
 Change = Callable[[Clutch], Clutch]
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How two cells of the same angles agree; relative numbers, second over first."""
+    """Agreement of two cells at equal angles; relative numbers, second over first."""
 
     first: Cell
     second: Cell
@@ -54,8 +54,11 @@ class Agreement:
     @property
     def size(self) -> np.ndarray:
         """Size of the difference of each shift, (n,); 1 where one engaged alone, 0 where none."""
-        one, two = np.isfinite(self.first.times), np.isfinite(self.second.times)
-        return np.where(one & two, np.abs(self.single), one != two)
+        first_engaged = np.isfinite(self.first.times)
+        second_engaged = np.isfinite(self.second.times)
+        return np.where(
+            first_engaged & second_engaged, np.abs(self.single), first_engaged != second_engaged
+        )
 
     @property
     def mean(self) -> float:
@@ -69,13 +72,13 @@ class Agreement:
 
     @property
     def flipped(self) -> float:
-        """Share of shifts that differ by more than a tenth, or in their outcome."""
-        return float(np.mean(self.size > FLIP))
+        """Share of shifts that differ by more than a tenth or in outcome."""
+        return float(np.mean(self.size > FLIP_RATIO))
 
     @property
     def kept(self) -> float:
         """Relative difference of the means over the shifts that did not flip."""
-        same = self.size <= FLIP
+        same = self.size <= FLIP_RATIO
         return float(np.nansum(self.second.times[same]) / np.nansum(self.first.times[same]) - 1.0)
 
 
@@ -87,7 +90,7 @@ def measure_second(engine: SecondEngine, point: OperatingPoint, angles: np.ndarr
     return Cell(np.array(times, dtype=float), cpu / len(times))
 
 
-def table(count: int) -> None:
+def print_agreement(count: int) -> None:
     """Print the agreement of every design and operating point."""
     print(f"\nMuJoCo at {FINE.time_step * 1e6:g} us, damping {FINE.damping:g} 1/s; ", end="")
     print(f"{count} angles")
@@ -102,9 +105,11 @@ def table(count: int) -> None:
     rows = []
     for design in DESIGNS:
         clutch = clutch_of(study, design)
-        plant, engine = ClutchPlant(clutch), SecondEngine(clutch, FINE)
+        plant = ClutchPlant(clutch)
+        engine = SecondEngine(clutch, FINE)
         for index, (mismatch, force) in enumerate(POINTS):
-            point, angles = point_of(study, mismatch, force), angles_of(clutch, count, index)
+            point = point_of(study, mismatch, force)
+            angles = angles_of(clutch, count, index)
             row = Agreement(measure(plant, point, angles), measure_second(engine, point, angles))
             rows.append(row)
             print(
@@ -121,27 +126,30 @@ def table(count: int) -> None:
     )
 
 
-def three(count: int) -> None:
+def print_three_engines(count: int) -> None:
     """Print how all three engines agree, each at its fine settings."""
     study = paper_study()
     cells: dict[str, list[Cell]] = {"Drake": [], "MuJoCo": [], "compiled": []}
     for design in DESIGNS:
         clutch = clutch_of(study, design)
-        plant, engine = ClutchPlant(clutch.refined()), SecondEngine(clutch, FINE)
+        plant = ClutchPlant(clutch.refined())
+        engine = SecondEngine(clutch, FINE)
         compiled = clutch.with_engine("planar").refined()
         for index, (mismatch, force) in enumerate(POINTS):
-            point, angles = point_of(study, mismatch, force), angles_of(clutch, count, index)
+            point = point_of(study, mismatch, force)
+            angles = angles_of(clutch, count, index)
             cells["Drake"].append(measure(plant, point, angles))
             cells["MuJoCo"].append(measure_second(engine, point, angles))
             cells["compiled"].append(measure_compiled(compiled, point, angles))
     print(f"\nThree engines at finer steps, the same {count * len(DESIGNS) * len(POINTS)} shifts")
     print("                     mean %  median %   90 %  flipped %")
-    for one, other in (("Drake", "MuJoCo"), ("Drake", "compiled"), ("MuJoCo", "compiled")):
-        rows = [Agreement(a, b) for a, b in zip(cells[one], cells[other], strict=True)]
-        off = np.abs(np.concatenate([row.single for row in rows]))
+    for first, second in (("Drake", "MuJoCo"), ("Drake", "compiled"), ("MuJoCo", "compiled")):
+        rows = [Agreement(a, b) for a, b in zip(cells[first], cells[second], strict=True)]
+        differences = np.abs(np.concatenate([row.single for row in rows]))
         print(
-            f"{one + ', ' + other:<18}{np.mean([r.mean for r in rows]) * 100:>+9.2f}"
-            f"{np.nanmedian(off) * 100:>10.3f}{np.nanquantile(off, 0.9) * 100:>7.2f}"
+            f"{first + ', ' + second:<18}{np.mean([r.mean for r in rows]) * 100:>+9.2f}"
+            f"{np.nanmedian(differences) * 100:>10.3f}"
+            f"{np.nanquantile(differences, 0.9) * 100:>7.2f}"
             f"{np.mean([r.flipped for r in rows]) * 100:>11.1f}",
             flush=True,
         )
@@ -149,18 +157,23 @@ def three(count: int) -> None:
 
 def measure_compiled(clutch: Clutch, point: OperatingPoint, angles: np.ndarray) -> Cell:
     """Simulate shifts in the compiled engine and return their times and cost."""
-    start, found = time.process_time(), [engage(clutch, point, float(a)) for a in angles]
+    start = time.process_time()
+    results = [engage(clutch, point, float(a)) for a in angles]
     cpu = time.process_time() - start
-    times = np.array([np.nan if one.shift_time is None else one.shift_time for one in found])
-    return Cell(times, cpu / len(found), sum(one.evaluations for one in found) / len(found))
+    times = np.array(
+        [np.nan if result.shift_time is None else result.shift_time for result in results]
+    )
+    return Cell(
+        times, cpu / len(results), sum(result.evaluations for result in results) / len(results)
+    )
 
 
-def same(clutch: Clutch) -> Clutch:
+def unchanged(clutch: Clutch) -> Clutch:
     """Change nothing."""
     return clutch
 
 
-def narrow(clutch: Clutch) -> Clutch:
+def narrow_rings(clutch: Clutch) -> Clutch:
     """Make the rings so narrow that the radius of every contact is known."""
     dog = replace(clutch.dog, inner_diameter=47.8 * MM, outer_diameter=48.2 * MM)
     return replace(clutch, dog=dog)
@@ -171,61 +184,62 @@ def with_contact(**changes: float) -> Change:
     return lambda clutch: replace(clutch, contact=replace(clutch.contact, **changes))
 
 
-def narrow_stiff(clutch: Clutch) -> Clutch:
+def narrow_stiff_rings(clutch: Clutch) -> Clutch:
     """Narrow rings with a layer that makes up for their small faces, and twenty times over."""
-    return with_contact(stiffness=400.0 * clutch.contact.stiffness)(narrow(clutch))
+    return with_contact(stiffness=400.0 * clutch.contact.stiffness)(narrow_rings(clutch))
 
 
-#: What is changed: for both engines, then for Drake alone, and MuJoCo's settings.
+low_creep = with_contact(stiction_velocity=2e-5)
+#: Label, change for both engines, change for Drake, and settings of MuJoCo.
 Case = tuple[str, Change, Change, EngineSettings]
 CASES: tuple[tuple[str, int, tuple[Case, ...]], ...] = (
     (
         "prototype",
         1,
         (
-            ("as it is", same, same, FINE),
-            ("Drake: tolerance 30 times tighter", same, Clutch.refined, FINE),
-            ("MuJoCo: half the step", same, same, replace(FINE, time_step=2e-6)),
-            ("Drake: stiffness times 20", same, with_contact(stiffness=1e14), FINE),
-            ("both: rings 0.2 mm wide", narrow, same, FINE),
-            ("both: narrow, Drake 400 times as stiff", narrow, narrow_stiff, FINE),
+            ("as it is", unchanged, unchanged, FINE),
+            ("Drake: tolerance 30 times tighter", unchanged, Clutch.refined, FINE),
+            ("MuJoCo: half the step", unchanged, unchanged, replace(FINE, time_step=2e-6)),
+            ("Drake: stiffness times 20", unchanged, with_contact(stiffness=1e14), FINE),
+            ("both: rings 0.2 mm wide", narrow_rings, unchanged, FINE),
+            ("both: narrow, Drake 400 times as stiff", narrow_rings, narrow_stiff_rings, FINE),
         ),
     ),
     (
         "steep",
         5,
         (
-            ("as it is", same, same, FINE),
-            ("Drake: stiction velocity a tenth", same, with_contact(stiction_velocity=2e-5), FINE),
+            ("as it is", unchanged, unchanged, FINE),
+            ("Drake: stiction velocity a tenth", unchanged, low_creep, FINE),
         ),
     ),
     (
         "fine",
         2,
         (
-            ("as it is", same, same, FINE),
-            ("MuJoCo: half the step", same, same, replace(FINE, time_step=2e-6)),
-            ("both: dissipation halved", with_contact(dissipation=10.0), same, FINE),
-            ("Drake: dissipation halved", same, with_contact(dissipation=10.0), FINE),
+            ("as it is", unchanged, unchanged, FINE),
+            ("MuJoCo: half the step", unchanged, unchanged, replace(FINE, time_step=2e-6)),
+            ("both: dissipation halved", with_contact(dissipation=10.0), unchanged, FINE),
+            ("Drake: dissipation halved", unchanged, with_contact(dissipation=10.0), FINE),
         ),
     ),
     (
         "prototype",
         4,
         (
-            ("as it is", same, same, FINE),
-            ("Drake: tolerance 30 times tighter", same, Clutch.refined, FINE),
-            ("MuJoCo: half the step", same, same, replace(FINE, time_step=2e-6)),
-            ("MuJoCo: a fifth of the damping", same, same, replace(FINE, damping=5e3)),
-            ("both: dissipation doubled", with_contact(dissipation=40.0), same, FINE),
-            ("Drake: dissipation doubled", same, with_contact(dissipation=40.0), FINE),
+            ("as it is", unchanged, unchanged, FINE),
+            ("Drake: tolerance 30 times tighter", unchanged, Clutch.refined, FINE),
+            ("MuJoCo: half the step", unchanged, unchanged, replace(FINE, time_step=2e-6)),
+            ("MuJoCo: a fifth of the damping", unchanged, unchanged, replace(FINE, damping=5e3)),
+            ("both: dissipation doubled", with_contact(dissipation=40.0), unchanged, FINE),
+            ("Drake: dissipation doubled", unchanged, with_contact(dissipation=40.0), FINE),
         ),
     ),
 )
 
 
-def causes(count: int) -> None:
-    """Print the cells that differ most, with one thing changed at a time."""
+def print_causes(count: int) -> None:
+    """Print the cells that differ most under single changes."""
     study = paper_study()
     for design, index, cases in CASES:
         mismatch, force = POINTS[index]
@@ -236,10 +250,10 @@ def causes(count: int) -> None:
         )
         print(f"{'mean %':>9}{'median %':>10}{'flipped %':>11}")
         angles = angles_of(clutch_of(study, design), count, index)
-        for label, both, first, settings in cases:
-            clutch = both(clutch_of(study, design))
+        for label, change, drake_change, settings in cases:
+            clutch = change(clutch_of(study, design))
             row = Agreement(
-                measure(ClutchPlant(first(clutch)), point, angles),
+                measure(ClutchPlant(drake_change(clutch)), point, angles),
                 measure_second(SecondEngine(clutch, settings), point, angles),
             )
             print(
@@ -254,9 +268,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--angles", type=int, default=8)
     count = parser.parse_args().angles
-    table(count)
-    causes(count)
-    three(count)
+    print_agreement(count)
+    print_causes(count)
+    print_three_engines(count)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training import fill, simulated_data, train
 from dogshape.surrogate.dataset import Dataset
 
-DRAWS = 1000  #: of the errors of references
+ERROR_DRAWS = 1000  #: of the errors of references
 REFERENCE_ANGLES = 64  #: of each operating point of a reference
 SEED = 20  #: of designs, angles and references: no form or number was chosen by these
 POINTS = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0]}
@@ -61,31 +61,34 @@ CLUTCHES: dict[str, dict[str, object]] = {
 }  #: settings of clutches upon ``mq200_paper``
 
 
-def ceiling(best: Dataset) -> float:
+def rank_ceiling(best: Dataset) -> float:
     """Compute the rank correlation that exact times have with references, by their errors.
 
     The mean over draws: true times are the references' with as much less scatter as errors add.
     """
-    grid, weights, rng = best.engaging, best.mix.weights, np.random.default_rng(0)
-    times, errors = grid.means @ weights, np.sqrt(grid.errors**2 @ weights**2)
-    about = times - times.mean()
-    unsure = float((errors**2).mean())
-    true = about * max(0.0, 1.0 - unsure / float(about.var())) ** 0.5
-    drawn = true + errors * rng.standard_normal((DRAWS, len(true)))
-    return float(np.mean([spearmanr(true, one).statistic for one in drawn]))
+    grid = best.engaging
+    weights = best.mix.weights
+    rng = np.random.default_rng(0)
+    times = grid.means @ weights
+    errors = np.sqrt(grid.errors**2 @ weights**2)
+    deviation = times - times.mean()
+    error_variance = float((errors**2).mean())
+    true = deviation * max(0.0, 1.0 - error_variance / float(deviation.var())) ** 0.5
+    draws = true + errors * rng.standard_normal((ERROR_DRAWS, len(true)))
+    return float(np.mean([spearmanr(true, draw).statistic for draw in draws]))
 
 
 def study_of(clutch: str) -> Setup:
     """Return the study of a clutch: denser references than a fit makes."""
-    more: dict[str, object] = {
+    overrides: dict[str, object] = {
         "name": f"surrogate_validation-{clutch}",
         "surrogate.reference_angles": REFERENCE_ANGLES,
         "surrogate.seed": SEED,
     }
-    return load_study("mq200_paper", CLUTCHES[clutch] | more)
+    return load_study("mq200_paper", CLUTCHES[clutch] | overrides)
 
 
-def judge(clutch: str, jobs: int) -> None:
+def print_validation(clutch: str, jobs: int) -> None:
     """Simulate a clutch, fit it, and print its validation."""
     study = study_of(clutch)
     folder = StudyFolder(Path("results") / study.name)
@@ -97,7 +100,7 @@ def judge(clutch: str, jobs: int) -> None:
         f"{clutch:<10}{len(stored.surrogate.data):8d}{v.rmse_s * 1e3:9.2f}"
         f"{v.bias_s * 1e3:+9.2f}{v.noise_s * 1e3:9.2f}  {v.q2:.3f}{v.coverage_95:9.0%}"
         f"{v.q2_points:11.3f}{v.coverage_points:9.0%}{v.rank_best or np.nan:14.2f}"
-        f"{ceiling(best):16.2f}",
+        f"{rank_ceiling(best):16.2f}",
         flush=True,
     )
 
@@ -107,11 +110,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--clutch", choices=CLUTCHES, nargs="+", default=list(CLUTCHES))
     parser.add_argument("--jobs", type=int, default=0)
-    given = parser.parse_args()
-    print("clutch     designs  rmse,ms  bias,ms  s.e.,ms  Q2     in 95 %  Q2 points  in 95 %"
-          "  rank of best  of exact times")  # fmt: skip
-    for clutch in given.clutch:
-        judge(clutch, given.jobs)
+    arguments = parser.parse_args()
+    print(
+        "clutch     designs  rmse,ms  bias,ms  s.e.,ms  Q2     in 95 %  Q2 points  in 95 %"
+        "  rank of best  of exact times"
+    )
+    for clutch in arguments.clutch:
+        print_validation(clutch, arguments.jobs)
 
 
 if __name__ == "__main__":

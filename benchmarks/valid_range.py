@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from benchmarks.common import kept, paper_study
+from benchmarks.common import paper_study, read_result
 from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -19,15 +19,15 @@ from dogshape.sim.shift.conclusion import Outcome, engage, section_planes
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, RPM
 
-SPEEDS = (-1000.0, -500.0, -249.0, 249.0, 500.0, 1000.0)  #: 1/min
-FORCES = (641.5, 1500.0, 3000.0)  #: N
-RISE = 0.05  #: s
+SPEEDS_RPM = (-1000.0, -500.0, -249.0, 249.0, 500.0, 1000.0)
+FORCES_N = (641.5, 1500.0, 3000.0)
+RISE_S = 0.05
 ANGLES = 6
 
 
-def chosen(clutch: Clutch) -> Clutch:
-    """Give the clutch with the chosen design of the paper's study."""
-    p = kept("mq200_paper")["best"]
+def chosen_clutch(clutch: Clutch) -> Clutch:
+    """Build the clutch with the chosen design of the paper's study."""
+    p = read_result("mq200_paper")["best"]
     dog = replace(
         clutch.dog,
         count=int(p["count"]),
@@ -39,34 +39,37 @@ def chosen(clutch: Clutch) -> Clutch:
     return replace(clutch, dog=dog)
 
 
-def cell(plant: ClutchPlant, point: OperatingPoint) -> tuple[int, float]:
-    """Count refused shifts; give the deepest penetration of the others, m."""
-    dog, refused, deepest = plant.clutch.dog, 0, 0.0
+def measure_cell(plant: ClutchPlant, point: OperatingPoint) -> tuple[int, float]:
+    """Return the number of refused shifts and the largest penetration of the others, m."""
+    dog = plant.clutch.dog
+    refused_count = 0
+    penetration = 0.0
     for k in range(ANGLES):
         shift = engage(plant, point, (k + 0.5) / ANGLES * dog.pitch_angle)
         if shift.outcome is Outcome.DIVERGED:
-            refused += 1
+            refused_count += 1
         else:
-            run, numbers = shift.run, plant.clutch.numbers
+            run = shift.run
+            numbers = plant.clutch.numbers
             depth, _ = kernel.extremes(run.times, run.states, section_planes(dog), numbers)
-            deepest = max(deepest, depth)
-    return refused, deepest
+            penetration = max(penetration, depth)
+    return refused_count, penetration
 
 
 def main() -> None:
     """Print the table."""
     clutch = paper_study().clutch
     print(f"refused of {ANGLES} shifts, and the deepest penetration of the others, mm")
-    print(f"{'design':<12}{'1/min':>8}" + "".join(f"{f'{force:g} N':>16}" for force in FORCES))
-    for name, mine in (("prototype", clutch), ("chosen", chosen(clutch))):
-        plant = ClutchPlant(mine)
-        for speed in SPEEDS:
+    print(f"{'design':<12}{'1/min':>8}" + "".join(f"{f'{force:g} N':>16}" for force in FORCES_N))
+    for name, design in (("prototype", clutch), ("chosen", chosen_clutch(clutch))):
+        plant = ClutchPlant(design)
+        for speed in SPEEDS_RPM:
             cells = [
-                cell(plant, OperatingPoint(speed * RPM, ForceProfile(force, RISE)))
-                for force in FORCES
+                measure_cell(plant, OperatingPoint(speed * RPM, ForceProfile(force, RISE_S)))
+                for force in FORCES_N
             ]
-            told = "".join(f"{refused:>7}{deepest / MM:>9.3f}" for refused, deepest in cells)
-            print(f"{name:<12}{speed:>8g}{told}")
+            cell_text = "".join(f"{refused:>7}{deepest / MM:>9.3f}" for refused, deepest in cells)
+            print(f"{name:<12}{speed:>8g}{cell_text}")
 
 
 if __name__ == "__main__":

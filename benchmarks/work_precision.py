@@ -45,9 +45,9 @@ class Setting:
     def run(self, point: OperatingPoint, angle: float) -> None:
         """Simulate one shift and keep its time and cost."""
         start = time.process_time()
-        found = self.shift(point, angle)
+        shift_time = self.shift(point, angle)
         self.cpu += time.process_time() - start
-        self.times.append(np.nan if found is None else found)
+        self.times.append(np.nan if shift_time is None else shift_time)
 
 
 def _drake(clutch: Clutch) -> Shift:
@@ -56,7 +56,7 @@ def _drake(clutch: Clutch) -> Shift:
 
 
 def mujoco_shift(clutch: Clutch, settings: EngineSettings) -> Shift:
-    """Prepare MuJoCo for a clutch; what gives the time of a shift, s."""
+    """Build a function of point and angle that simulates a shift time in MuJoCo, s."""
     engine = SecondEngine(clutch, settings)
     return lambda point, angle: engine.engage(point, angle).time
 
@@ -64,29 +64,31 @@ def mujoco_shift(clutch: Clutch, settings: EngineSettings) -> Shift:
 def settings_of(clutch: Clutch) -> list[Setting]:
     """Return all settings, the reference of each family first."""
 
-    def solved(**changes: Any) -> Clutch:
+    def with_solver(**changes: Any) -> Clutch:
         return replace(clutch, solver=replace(clutch.solver, **changes))
 
     # One coefficient for all: cenic alone knows two.
-    one = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
+    contact = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
     fine = {"accuracy": 1e-6, "max_step": 2e-4}
-    made = [Setting("Drake rk3", "1e-6", _drake(solved(**fine)))]
+    settings = [Setting("Drake rk3", "1e-6", _drake(with_solver(**fine)))]
     for accuracy in (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5):
-        made.append(Setting("Drake rk3", f"{accuracy:.0e}", _drake(solved(accuracy=accuracy))))
+        settings.append(
+            Setting("Drake rk3", f"{accuracy:.0e}", _drake(with_solver(accuracy=accuracy)))
+        )
     for scheme, accuracies in (
         ("bogacki_shampine3", (1e-3, 1e-4)),
         ("runge_kutta5", (1e-3, 1e-4)),
         ("implicit_euler", (1e-3,)),
     ):
         for accuracy in accuracies:
-            other = solved(scheme=scheme, accuracy=accuracy)
-            made.append(Setting(f"Drake {scheme}", f"{accuracy:.0e}", _drake(other)))
+            changed = with_solver(scheme=scheme, accuracy=accuracy)
+            settings.append(Setting(f"Drake {scheme}", f"{accuracy:.0e}", _drake(changed)))
     for accuracy in (1e-5, 1e-6, 1e-7):
         solver = Solver("cenic", accuracy)
-        other = replace(clutch, contact=one, solver=solver)
-        made.append(Setting("Drake cenic", f"{accuracy:.0e}", _drake(other)))
-    made.append(Setting("Drake rk3, all dogs", "3e-04", _drake(solved(all_dogs=True))))
-    return made + second_settings(replace(clutch, contact=one))
+        changed = replace(clutch, contact=contact, solver=solver)
+        settings.append(Setting("Drake cenic", f"{accuracy:.0e}", _drake(changed)))
+    settings.append(Setting("Drake rk3, all dogs", "3e-04", _drake(with_solver(all_dogs=True))))
+    return settings + second_settings(replace(clutch, contact=contact))
 
 
 def second_settings(clutch: Clutch) -> list[Setting]:
@@ -100,38 +102,38 @@ def second_settings(clutch: Clutch) -> list[Setting]:
     ]
 
 
-def run(made: list[Setting], angles: int) -> list[Setting]:
+def run(settings: list[Setting], angles: int) -> list[Setting]:
     """Simulate all settings, interleaved."""
     study = paper_study()
     points = [p for p in study.points if p.mismatch >= 24.0 * RPM]
     for index, point in enumerate(points):
         for angle in angles_of(study.clutch, angles, index):
-            for setting in made:
+            for setting in settings:
                 setting.run(point, float(angle))
-    return made
+    return settings
 
 
-def rows_of(made: list[Setting]) -> list[dict[str, Any]]:
+def rows_of(settings: list[Setting]) -> list[dict[str, Any]]:
     """Return a row for each setting: cost in ms, errors in percent."""
     references: dict[str, np.ndarray] = {}
-    for setting in made:
+    for setting in settings:
         references.setdefault(setting.family, np.array(setting.times))
     rows = []
-    for setting in made:
+    for setting in settings:
         family = setting.family
         reference = references["Drake rk3" if family.startswith("Drake") else family]
         times = np.array(setting.times)
-        both = np.isfinite(times) & np.isfinite(reference)
-        single = np.abs(times[both] / reference[both] - 1.0)
+        engaged = np.isfinite(times) & np.isfinite(reference)
+        deviations = np.abs(times[engaged] / reference[engaged] - 1.0)
         rows.append(
             {
                 "family": family,
                 "label": setting.label,
                 "cpu_ms": 1e3 * setting.cpu / len(times),
-                "mean": 100 * abs(times[both].mean() / reference[both].mean() - 1.0),
-                "median": 100 * float(np.median(single)),
-                "worst": 100 * float(single.max()),
-                "lost": int((~both).sum()),
+                "mean": 100 * abs(times[engaged].mean() / reference[engaged].mean() - 1.0),
+                "median": 100 * float(np.median(deviations)),
+                "worst": 100 * float(deviations.max()),
+                "lost": int((~engaged).sum()),
             }
         )
     return rows
@@ -141,8 +143,8 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--angles", type=int, default=3)
-    given = parser.parse_args()
-    rows = rows_of(run(settings_of(paper_study().clutch), given.angles))
+    arguments = parser.parse_args()
+    rows = rows_of(run(settings_of(paper_study().clutch), arguments.angles))
     unit = next(r["cpu_ms"] for r in rows if (r["family"], r["label"]) == ("Drake rk3", "3e-04"))
     print("CPU of a shift and error against the converged value; ratio to the default")
     print(f"{'family':<26}{'setting':>9}{'CPU, ms':>9}{'ratio':>7}", end="")

@@ -45,7 +45,7 @@ from dogshape.sim.texts import is_plain
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.study import Study
-from dogshape.surrogate.query import other_physics
+from dogshape.surrogate.query import compare_physics
 from dogshape.surrogate.store import Stored
 
 HOST = "127.0.0.1"
@@ -132,7 +132,7 @@ class Desk:
         """Explain why the surrogate does not apply to a study; empty where it does."""
         if self.stored is None:
             return "there is no surrogate of the study; 'dogshape fit' makes one"
-        apart = other_physics(self.stored.surrogate.data, study.config.physics)
+        apart = compare_physics(self.stored.surrogate.data, study.config.physics)
         return apart and f"the surrogate is of other physics: {apart}"
 
     def predict(self, texts: Texts, where: str) -> Checked:

@@ -17,7 +17,7 @@ from dogshape.pipeline.train.training import fill, train
 from dogshape.running import receiver
 from dogshape.sim.errors import InputError
 from dogshape.study import Study
-from dogshape.surrogate.store import LEAST_Q2, Stored
+from dogshape.surrogate.store import MIN_Q2, Stored
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,7 +55,7 @@ class Fitted(Result):
             *(
                 f"warning: Q2 {q2:.3f} of {named} explains less than half of their variance: "
                 "useless; raise surrogate.mix_shifts"
-                for named, q2 in judged.items() if q2 < LEAST_Q2
+                for named, q2 in judged.items() if q2 < MIN_Q2
             ),
             f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, "
             f"where {v.lost_expected:.1f} were expected",

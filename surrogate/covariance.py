@@ -17,7 +17,8 @@ import numpy as np
 from dogshape.sim.elementwise import Array
 
 ROOT5 = 5.0**0.5
-LEAST_POWER = 7  #: of Wendland's function
+MIN_WENDLAND_POWER = 7
+VARIANCE_BOUNDS = (1e-6, 100.0)  #: of a term, of targets scaled to a variance of one
 
 
 @dataclass(frozen=True)
@@ -29,80 +30,97 @@ class Term:
 
     @property
     def rough(self) -> bool:
-        """Fixed length scales."""
+        """Whether the length scales are fixed."""
         return self.scales[0] == self.scales[1]
 
 
 @dataclass(frozen=True)
 class Covariance:
-    """Terms that are summed, over so many coordinates of a design."""
+    """Sum of terms over a number of coordinates of a design."""
 
     terms: tuple[Term, ...]
     coordinates: int
     #: of each term the logarithm of its variance and, unless it is rough, of its scales, (size,)
     theta: Array
 
-    def _parts(self, smooth: bool = False) -> Iterator[tuple[Term, float, Array]]:
-        """Yield each term, or only smooth ones, with its variance and its length scales."""
-        place = 0
+    def _unpack(self, smooth: bool = False) -> Iterator[tuple[Term, float, Array]]:
+        """Yield each term, or only smooth ones, with variance and length scales, (c,)."""
+        position = 0
         for term in self.terms:
-            free = 0 if term.rough else self.coordinates
-            variance = float(np.exp(self.theta[place]))
-            scales = np.exp(self.theta[place + 1 : place + 1 + free])
-            place += 1 + free
+            scale_count = 0 if term.rough else self.coordinates
+            variance = float(np.exp(self.theta[position]))
+            scales = np.exp(self.theta[position + 1 : position + 1 + scale_count])
+            position += 1 + scale_count
+            if term.rough:
+                scales = np.full(self.coordinates, term.first)
             if not (smooth and term.rough):
-                yield term, variance, scales if free else np.full(self.coordinates, term.first)
+                yield term, variance, scales
 
     def between(self, a: Array, b: Array, *, smooth: bool = False) -> Array:
         """Compute the covariance of designs (n, c) and (m, c), or its smooth part, (n, m)."""
         total = np.zeros((len(a), len(b)))
-        for term, variance, scales in self._parts(smooth):
-            apart = distance(a / scales, b / scales)
-            total += variance * (wendland(apart, len(scales)) if term.rough else matern(apart))
+        for term, variance, scales in self._unpack(smooth):
+            separation = distance(a / scales, b / scales)
+            total += variance * _correlation(term, separation, len(scales))
         return total
 
     def variance(self) -> float:
-        """Compute the variance of any design before any data."""
-        return sum(variance for _, variance, _ in self._parts())
+        """Compute the prior variance of a design."""
+        return sum(variance for _, variance, _ in self._unpack())
 
     def slopes(self, x: Array) -> tuple[Array, Array]:
-        """Compute the covariance of designs (n, c) and its slopes by theta, (size, n, n)."""
-        total, slopes = np.zeros((len(x), len(x))), []
-        for term, variance, scales in self._parts():
+        """Compute the covariance of designs (n, c), (n, n), and its slopes, (size, n, n).
+
+        The slopes are the derivatives with respect to ``theta``.
+        """
+        total = np.zeros((len(x), len(x)))
+        slopes = []
+        for term, variance, scales in self._unpack():
             scaled = x / scales
-            apart = distance(scaled, scaled)
-            own = variance * (wendland(apart, len(scales)) if term.rough else matern(apart))
-            total += own
-            slopes.append(own)
-            if not term.rough:
-                steep = variance * 5.0 / 3.0 * (1.0 + ROOT5 * apart) * np.exp(-ROOT5 * apart)
-                slopes += [steep * (v[:, None] - v[None, :]) ** 2 for v in scaled.T]
+            separation = distance(scaled, scaled)
+            covariance = variance * _correlation(term, separation, len(scales))
+            total += covariance
+            slopes.append(covariance)
+            if term.rough:
+                continue
+            decay = np.exp(-ROOT5 * separation)
+            steepness = variance * 5.0 / 3.0 * (1.0 + ROOT5 * separation) * decay
+            for column in scaled.T:
+                slopes.append(steepness * (column[:, None] - column[None, :]) ** 2)
         return total, np.stack(slopes)
 
 
 def first_parameters(terms: tuple[Term, ...], coordinates: int) -> tuple[Array, Array]:
-    """Give the parameters that a fit starts from, (size,), and their bounds, (size, 2)."""
-    theta, bounds = [], []
+    """Return initial parameters of a fit, (size,), and their bounds, (size, 2)."""
+    theta = []
+    bounds = []
     for term in terms:
-        free = 0 if term.rough else coordinates
-        theta += [np.log(term.first)] + [np.log(term.first)] * free
-        bounds += [np.log([1e-6, 100.0])] + [np.log(term.scales)] * free
+        scale_count = 0 if term.rough else coordinates
+        theta += [np.log(term.first)] * (1 + scale_count)
+        bounds += [np.log(VARIANCE_BOUNDS)] + [np.log(term.scales)] * scale_count
     return np.array(theta), np.array(bounds)
 
 
-def matern(apart: Array) -> Array:
-    """Compute Matern's correlation (nu 5/2) of scaled distances, of their shape."""
-    root = ROOT5 * apart
+def _correlation(term: Term, separation: Array, coordinates: int) -> Array:
+    """Compute the correlation of a term at scaled distances, same shape."""
+    if term.rough:
+        return wendland(separation, coordinates)
+    return matern(separation)
+
+
+def matern(separation: Array) -> Array:
+    """Compute Matern's correlation (nu 5/2) at scaled distances, same shape."""
+    root = ROOT5 * separation
     return (1.0 + root * (1.0 + root / 3.0)) * np.exp(-root)
 
 
-def wendland(apart: Array, coordinates: int) -> Array:
-    """Compute Wendland's correlation of scaled distances, of their shape; zero from 1 on.
+def wendland(separation: Array, coordinates: int) -> Array:
+    """Compute Wendland's correlation at scaled distances, same shape; zero from 1 on.
 
-    Positive definite over that many coordinates.
+    It is positive definite over at most ``coordinates`` coordinates.
     """
-    power = max(LEAST_POWER, coordinates // 2 + 3)
-    return np.maximum(1.0 - apart, 0.0) ** power * (power * apart + 1.0)
+    power = max(MIN_WENDLAND_POWER, coordinates // 2 + 3)
+    return np.maximum(1.0 - separation, 0.0) ** power * (power * separation + 1.0)
 
 
 def distance(a: Array, b: Array) -> Array:

@@ -24,33 +24,38 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+POINT_KEYS = ("mismatch_rpm", "force_N", "force_rise_s")  #: keys of an operating point
 #: Columns of a row beside the design's variables, in edge units.
 COLUMNS = (
-    "mismatch_rpm", "force_N", "mean_s", "standard_error_s", "sd_s", "engaged", "shifts", "seed",
-)  # fmt: skip
-WHERE = ("mismatch_rpm", "force_N", "force_rise_s")  #: what an operating point is
-DIGITS = 9  #: decimals of an input in a row: its way through SI may cost the last digits
-GIVEN = -1  #: stands for the seed of angles that were given and not drawn
+    *POINT_KEYS[:2],
+    *("mean_s", "standard_error_s", "sd_s", "engaged", "shifts", "seed"),
+)
+DECIMALS = 9  #: of an input in a row: its way through SI may cost the last digits
+NO_SEED = -1  #: seed in a row of angles that were given and not drawn
+MIN_SHIFTS = 3  #: of a row
+POINT_TOLERANCE = 1e-6  #: of equal operating points, 1/min and N
+WEIGHT_TOLERANCE = 1e-9  #: of equal weights
 
 
 @dataclass(frozen=True)
 class Mix:
-    """Operating points (mismatch in 1/min and force in N, (q, 2)) with weights of sum one, (q,)."""
+    """Weighted operating points."""
 
-    points: Array
-    weights: Array
+    points: Array  #: mismatch, 1/min, and force, N, (q, 2)
+    weights: Array  #: of sum one, (q,)
     retry: float  #: time that a shift which does not engage costs, s
 
-    def places(self, points: Array) -> Mask:
-        """Mark which of these points each of others (p, 2) is, (p, q) of bool."""
-        return np.asarray((np.abs(points[:, None, :] - self.points) < 1e-6).all(axis=2), dtype=bool)
+    def match(self, points: Array) -> Mask:
+        """Mark which points of the mix equal points (p, 2), (p, q) of bool."""
+        difference = np.abs(points[:, None, :] - self.points)
+        return np.asarray((difference < POINT_TOLERANCE).all(axis=2), dtype=bool)
 
-    def equals(self, other: Mix) -> bool:
-        """Check whether another mix has the same points in their order, and their weights."""
+    def equals(self, mix: Mix) -> bool:
+        """Test whether a mix has equal points, in equal order, and equal weights."""
         return (
-            self.points.shape == other.points.shape
-            and np.allclose(self.points, other.points, rtol=0.0, atol=1e-6)
-            and np.allclose(self.weights, other.weights, atol=1e-9)
+            self.points.shape == mix.points.shape
+            and np.allclose(self.points, mix.points, rtol=0.0, atol=POINT_TOLERANCE)
+            and np.allclose(self.weights, mix.weights, atol=WEIGHT_TOLERANCE)
         )
 
 
@@ -60,13 +65,13 @@ class Grid:
 
     x: Array  #: designs, (n, d), edge units
     means: Array  #: mean time of a shift that engages, s, (n, q); NaN where none does
-    errors: Array  #: its standard error, s, (n, q)
+    errors: Array  #: standard error of the mean, s, (n, q)
     sds: Array  #: standard deviation of a shift, s, (n, q)
-    engaged: Array  #: number that engaged, by their share of the pitch, (n, q)
-    shifts: Array  #: number that were made, (n, q)
+    engaged: Array  #: number of shifts that engaged, by their share of the pitch, (n, q)
+    shifts: Array  #: number of simulated shifts, (n, q)
 
     def subset(self, designs: Any) -> Grid:
-        """Give the designs at places, or of a mask, alone."""
+        """Select designs by indices or by a mask, (n,)."""
         return Grid(*(getattr(self, field.name)[designs] for field in fields(self)))
 
 
@@ -101,73 +106,89 @@ class Dataset:
 
     def frame(self) -> pd.DataFrame:
         """Return a row for each design and operating point, with contact set and versions."""
-        import pandas as pd  # noqa: PLC0415  slow to load, and asking does without
+        import pandas as pd  # noqa: PLC0415  slow to load, and a prediction does without
 
-        each, grid = np.repeat(self.grid.x, len(self.mix.points), axis=0), self.grid
-        table = pd.DataFrame(each, columns=list(self.variables))
+        grid = self.grid
+        designs = np.repeat(grid.x, len(self.mix.points), axis=0)
+        table = pd.DataFrame(designs, columns=list(self.variables))
         table[list(COLUMNS[:2])] = np.tile(self.mix.points, (len(self), 1))
         values = grid.means, grid.errors, grid.sds, grid.engaged, grid.shifts
         table[list(COLUMNS[2:7])] = np.stack(values, axis=2).reshape(-1, 5)
-        whole = {name: int for name in ("count", "shifts") if name in table}
-        known = {"contact_set": self.physics.get("contact_set"), **self.engine}
-        return table.astype(whole).assign(**known)
+        integers = {name: int for name in ("count", "shifts") if name in table}
+        origin = {"contact_set": self.physics.get("contact_set"), **self.engine}
+        return table.astype(integers).assign(**origin)
 
 
 def grid_of(rows: Array, mix: Mix) -> Grid:
     """Collect the designs of rows (n, d + 8) that have every point of a mix, in sorted order.
 
-    A row counts once; rows of several seeds at one point count by their shifts.
+    Equal rows count once; rows of several seeds at one point are weighted by their shifts.
     """
     rows = np.unique(np.nan_to_num(rows, nan=0.0), axis=0)
-    cut, size = rows.shape[1] - len(COLUMNS), len(mix.points)
-    x, design = np.unique(rows[:, :cut], axis=0, return_inverse=True)
-    row, point = np.nonzero(mix.places(rows[:, cut : cut + 2]))
-    mean, error, sd, good, made = rows[row, cut + 2 : cut + 7].T
-    sums = np.zeros((len(x), size, 5))
-    parts = np.column_stack([made, good, good * mean, (good * error) ** 2, good * sd**2])
-    np.add.at(sums, (design.ravel()[row], point), parts)
-    whole = (sums[:, :, 0] > 0).all(axis=1)
-    shifts, engaged, time, variance, spread = np.moveaxis(sums[whole], 2, 0)
+    width = rows.shape[1] - len(COLUMNS)
+    x, design = np.unique(rows[:, :width], axis=0, return_inverse=True)
+    row, point = np.nonzero(mix.match(rows[:, width : width + 2]))
+    mean, error, sd, engaged, shifts = rows[row, width + 2 : width + 7].T
+    terms = [shifts, engaged, engaged * mean, (engaged * error) ** 2, engaged * sd**2]
+    sums = np.zeros((len(x), len(mix.points), len(terms)))
+    np.add.at(sums, (design.ravel()[row], point), np.column_stack(terms))
+    complete = (sums[:, :, 0] > 0).all(axis=1)
+    shifts, engaged, time, variance, spread = np.moveaxis(sums[complete], 2, 0)
     with np.errstate(invalid="ignore"):
-        means, errors, sds = time / engaged, variance**0.5 / engaged, (spread / engaged) ** 0.5
-    return Grid(x[whole], means, errors, sds, engaged, shifts)
+        return Grid(
+            x=x[complete],
+            means=time / engaged,
+            errors=variance**0.5 / engaged,
+            sds=(spread / engaged) ** 0.5,
+            engaged=engaged,
+            shifts=shifts,
+        )
 
 
 def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | None:
-    """Return the row of a design's shifts at one operating point and of one seed.
+    """Summarise shifts of a design at one operating point and of one seed as a row.
 
-    ``design`` in edge units. None for fewer than three shifts, and for a draw of even angles that
-    was cut off.
+    ``design`` is in edge units. None for fewer than ``MIN_SHIFTS`` shifts, and for drawn angles
+    that are not even, as of a draw that was cut off.
     """
     ordered = sorted(shifts, key=lambda shift: float(shift["relative_angle_deg"]))
     angles = np.array([shift["relative_angle_deg"] for shift in ordered])
-    seed, pitch = shifts[0].get("seed"), 360.0 / shifts[0]["count"]
+    seed = shifts[0].get("seed")
+    pitch = 360.0 / shifts[0]["count"]
     gaps = np.diff(angles, append=angles[:1] + pitch)
     even = bool(np.allclose(gaps, pitch / len(ordered), rtol=1e-6))
-    if len(ordered) < 3 or (seed is not None and not even):
+    if len(ordered) < MIN_SHIFTS or (seed is not None and not even):
         return None
-    first, results = ordered[0], [result_of(shift) for shift in ordered]
-    sound = sum(result.outcome is not Outcome.DIVERGED for result in results)
+    results = [result_of(shift) for shift in ordered]
+    valid_count = sum(result.outcome is not Outcome.DIVERGED for result in results)
     times = np.array([r.shift_time for r in results if r.shift_time is not None])
-    mean, error, sd = np.nan, np.nan, 0.0
+    mean = error = np.nan
+    sd = 0.0
     if len(times) > 0:
         mean = float(times.mean())
         error = variance_of_mean(times, even=even and len(times) == len(ordered)) ** 0.5
     if len(times) > 1:
         sd = float(times.std(ddof=1))
-    where = (round(first[name], DIGITS) for name in WHERE[:2])
-    return [*design, *where, mean, error, sd, len(times), sound, GIVEN if seed is None else seed]
+    point = [round(ordered[0][key], DECIMALS) for key in POINT_KEYS[:2]]
+    seed = NO_SEED if seed is None else seed
+    return [*design, *point, mean, error, sd, len(times), valid_count, seed]
 
 
 def rows_of(variables: Sequence[str], shifts: Iterable[Record]) -> Array:
-    """Return the rows of many shifts, grouped by design, operating point and seed, (n, d + 8)."""
+    """Summarise shifts by design, operating point and seed as rows, (n, d + 8)."""
     groups: dict[tuple[Any, ...], list[Record]] = defaultdict(list)
     for shift in shifts:
-        design, where = (
-            tuple(round(float(shift[n] if n in shift else DEFAULTS[n]), DIGITS) for n in names)
-            for names in (variables, WHERE)
-        )
-        groups[design, where, shift.get("seed")].append(shift)
-    found = (row_of(design, group) for (design, _, _), group in groups.items())
-    rows = [row for row in found if row is not None]
+        values = _round_values(shift, (*variables, *POINT_KEYS))
+        groups[values, shift.get("seed")].append(shift)
+    rows = []
+    for (values, _), group in groups.items():
+        row = row_of(values[: len(variables)], group)
+        if row is not None:
+            rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, len(variables) + len(COLUMNS))
+
+
+def _round_values(shift: Record, keys: Sequence[str]) -> tuple[float, ...]:
+    """Return values of a shift, or their defaults, to ``DECIMALS`` decimals."""
+    values = [shift[key] if key in shift else DEFAULTS[key] for key in keys]
+    return tuple(round(float(value), DECIMALS) for value in values)

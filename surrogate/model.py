@@ -28,77 +28,87 @@ from dogshape.surrogate.covariance import Term, distance, matern
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
 from dogshape.surrogate.process import Effort, Process, fit_process
 
-#: Far and near effects of the shape, and steps that no design nearby predicts.
+#: Effects of the shape over long and short distances, and steps that no design nearby predicts.
 TERMS = (Term(), Term(scales=(0.05, 3.0), first=0.3), Term(scales=(0.1, 0.1), first=0.1))
 POINT_EFFORT = Effort(designs=250, steps=15)  #: of the points, from the parameters of the mix
 MIN_DESIGNS = 10  #: fewer determine no length scale
-EXACT = 1e-4  #: least relative error of a time
-CHUNK = 2000  #: designs that are predicted at a time
-#: Of what holds or lets go.
+MIN_RELATIVE_ERROR = 1e-4  #: of a time
+CHUNK_DESIGNS = 2000  #: that are predicted at a time
+#: Angles that decide whether a face or flank holds or lets go.
 ANGLES = ("chamfer_deg", "traction_deg", "braking_deg", "chamfer_back_deg")
-WIDTH = 0.04  #: of the change from holding to letting go, tangent of an angle
+RIDGE_WIDTH = 0.04  #: of the change from holding to letting go, tangent of an angle
 SHAPE = (
     *(*ANGLES, "height_mm", "count", "outer_diameter_mm", "inner_diameter_mm"),
     *("crest", "backlash_mm"),
 )
-LENGTHS = (0.1, 0.2, 0.4, inf)  #: of the share, of designs scaled to one and of operating points
-STRENGTHS = (1.0, 10.0, 100.0)  #: shifts that the prior of the share counts for
+SHARE_LENGTHS = (0.1, 0.2, 0.4, inf)  #: of designs scaled to one and of operating points
+SHARE_STRENGTHS = (1.0, 10.0, 100.0)  #: shifts that the prior of the share counts for
 POINT_LENGTHS = np.array([0.6, 2.0])  #: of an interpolation, likeliest with 28 points of MQ200
-POINT_NUGGET = 0.03  #: its part that no other point predicts
+POINT_NUGGET = 0.03  #: share of the variance that no other point predicts
+MISMATCH_SCALE = 5.0  #: of the mismatch's coordinate, 1/min
+FORCE_SCALE = 400.0  #: of the force's coordinate, N
+NORMAL_95 = 1.96  #: half width of a 95 % interval, standard deviations
 
 
 def coordinates(data: Dataset, x: Array) -> Array:
     """Compute coordinates of designs (m, d) in edge units, scaled by the data's, (m, c)."""
-    places = [k for k, name in enumerate(data.variables) if name in ANGLES]
+    columns = [k for k, name in enumerate(data.variables) if name in ANGLES]
     friction = data.physics.get("face_friction", data.physics["dynamic_friction"])
-    ridge = np.tanh((np.tan(np.radians(x[:, places])) - friction) / WIDTH)
-    shape, known = shape_of(data, x), shape_of(data, data.grid.x)
-    low, span = known.min(axis=0), np.ptp(known, axis=0)
-    shape = (shape - low) / np.where(span > 0.0, span, 1.0)
+    tangents = np.tan(np.radians(x[:, columns]))
+    ridge = np.tanh((tangents - friction) / RIDGE_WIDTH)
+    shape = shape_of(data, x)
+    data_shape = shape_of(data, data.grid.x)
+    span = np.ptp(data_shape, axis=0)
+    shape = (shape - data_shape.min(axis=0)) / np.where(span > 0.0, span, 1.0)
     return np.concatenate([data.scaled(x), ridge, shape], axis=1)
 
 
 def shape_of(data: Dataset, x: Array) -> Array:
-    """Compute entry play, tip width and fall of the face, mm, (m, 3); of a back too, (m, 4)."""
-    known = DEFAULTS | data.physics | dict(zip(data.variables, x.T, strict=True))
-    size = {name: np.broadcast_to(known[name], len(x)) for name in SHAPE}
+    """Compute entry play, tip width and fall of the face of designs (m, d), mm, (m, 3).
+
+    Where the data have a crest, a fourth column is the fall of the back of the face.
+    """
+    values = DEFAULTS | data.physics | dict(zip(data.variables, x.T, strict=True))
+    size = {name: np.broadcast_to(values[name], len(x)) for name in SHAPE}
     chamfer, traction, braking, back = (np.tan(np.radians(size[name])) for name in ANGLES)
     radius = 0.25 * (size["outer_diameter_mm"] + size["inner_diameter_mm"])
     play = size["height_mm"] * (traction + braking) + size["backlash_mm"]
     tip = np.pi * radius / size["count"] - 0.5 * play
-    found = [play, tip, size["crest"] * tip * chamfer / (1.0 - chamfer * braking)]
-    if "crest" in {*data.variables, *data.physics}:
-        found.append((1.0 - size["crest"]) * tip * back / (1.0 - back * traction))
-    return np.column_stack(found)
+    columns = [play, tip, size["crest"] * tip * chamfer / (1.0 - chamfer * braking)]
+    if "crest" in data.variables or "crest" in data.physics:
+        columns.append((1.0 - size["crest"]) * tip * back / (1.0 - back * traction))
+    return np.column_stack(columns)
 
 
 def point_coordinates(points: Array) -> Array:
-    """Compute logarithmic coordinates of operating points, 1/min of either sign and N, (m, 2)."""
-    return np.column_stack([np.arcsinh(points[:, 0] / 5.0) / 4.0, np.log(points[:, 1] / 400.0)])
+    """Compute logarithmic coordinates of operating points, signed 1/min and N, (m, 2)."""
+    mismatch = np.arcsinh(points[:, 0] / MISMATCH_SCALE) / 4.0
+    return np.column_stack([mismatch, np.log(points[:, 1] / FORCE_SCALE)])
 
 
 @dataclass(frozen=True)
 class Share:
-    """Share of shifts that engage: counts (n, q) at designs (n, c) and points (q, 2)."""
+    """Share of shifts that engage: a correlated Beta process over designs and points."""
 
-    designs: Array
-    points: Array
-    engaged: Array
-    shifts: Array
-    length: float
+    designs: Array  #: coordinates, (n, c)
+    points: Array  #: coordinates, (q, 2)
+    engaged: Array  #: number of shifts that engaged, (n, q)
+    shifts: Array  #: number of shifts, (n, q)
+    length: float  #: of the correlation, of coordinates
     strength: float  #: of the prior, in shifts
 
     def predict(self, x: Array, points: Array) -> tuple[Array, Array]:
         """Predict share and its variance at coordinates (m, c) and (p, 2), (m, p) each."""
-        return self._beta(self.nearness(x, self.designs), self.nearness(self.points, points))
+        return self._beta(self.correlation(x, self.designs), self.correlation(self.points, points))
 
-    def nearness(self, a: Array, b: Array) -> Array:
-        """Compute the weight of designs, or points, (m, c) for others (k, c), (m, k)."""
+    def correlation(self, a: Array, b: Array) -> Array:
+        """Compute the correlation of the share at coordinates (m, c) and (k, c), (m, k)."""
         if self.length == inf:
             return np.ones((len(a), len(b)))
         return np.exp(-0.5 * (distance(a, b) / self.length) ** 2)
 
     def _beta(self, designs: Array, points: Array) -> tuple[Array, Array]:
+        """Compute mean and variance from correlations (m, n) and (q, p), (m, p) each."""
         # Jeffreys' overall share is never 0 or 1.
         overall = (self.engaged.sum() + 0.5) / (self.shifts.sum() + 1.0)
         a = designs @ self.engaged @ points + self.strength * overall
@@ -108,20 +118,26 @@ class Share:
     @property
     def likelihood(self) -> float:
         """Logarithmic probability of the counts of each design, predicted by the others."""
-        designs = self.nearness(self.designs, self.designs)
+        designs = self.correlation(self.designs, self.designs)
         np.fill_diagonal(designs, 0.0)
-        share = self._beta(designs, self.nearness(self.points, self.points))[0]
-        lost = self.shifts - self.engaged
-        return float((self.engaged * np.log(share) + lost * np.log1p(-share)).sum())
+        share, _ = self._beta(designs, self.correlation(self.points, self.points))
+        not_engaged = self.shifts - self.engaged
+        return float((self.engaged * np.log(share) + not_engaged * np.log1p(-share)).sum())
 
 
 def fit_share(designs: Array, points: Array, engaged: Array, shifts: Array) -> Share:
-    """Fit length and strength: those that best predict the counts of designs left out."""
+    """Fit length and strength of the share by leaving out each design.
+
+    ``designs`` (n, c) and ``points`` (q, 2) are coordinates, the counts are (n, q).
+    """
     counts = designs, points, engaged, shifts
     if (engaged == shifts).all():
-        return Share(*counts, inf, STRENGTHS[-1])
-    tried = (Share(*counts, *pair) for pair in product(LENGTHS, STRENGTHS))
-    return max(tried, key=lambda share: share.likelihood)
+        return Share(*counts, length=inf, strength=SHARE_STRENGTHS[-1])
+    candidates = [
+        Share(*counts, length=length, strength=strength)
+        for length, strength in product(SHARE_LENGTHS, SHARE_STRENGTHS)
+    ]
+    return max(candidates, key=lambda share: share.likelihood)
 
 
 @dataclass(frozen=True)
@@ -133,7 +149,7 @@ class Expected:
     high: float
     error: float
     sd: float  #: of a single shift
-    engaged: float  #: least share at a point
+    engaged: float  #: smallest share at a point
     retries: float = 0.0  #: time that shifts which do not engage cost
     retries_error: float = 0.0
 
@@ -152,149 +168,199 @@ class Surrogate:
     points: Process
     share: Share
 
-    def expected(self, x: Array, mix: Mix) -> Expected:
-        """Predict one design (d,) over a mix."""
+    def expect(self, x: Array, mix: Mix) -> Expected:
+        """Predict the expected shift time of one design (d,) over a mix."""
         x = x[None, :]
-        (time,), (variance,) = self._engaging(x, mix)
-        share, (retries,), lost = self._retries(x, mix)
+        (time,), (variance,) = self._predict_engaging(x, mix)
+        share, (retries,), point_errors = self._predict_retries(x, mix)
         times, _ = self.at_points(x, mix)
-        within = (self.variation(mix.points) * times) ** 2 + (times - time) ** 2
-        unsure = float(np.sqrt((lost @ self._together(mix) * lost).sum()))
-        total, error = float(time + retries), float(np.hypot(variance**0.5, unsure))
-        low, high = (float(end) for end in interval(np.array(total), np.array(error)))
-        sd = float(mix.weights @ within[0]) ** 0.5
-        return Expected(total, low, high, error, sd, float(share.min()), float(retries), unsure)
+        squares = (self.variation(mix.points) * times) ** 2 + (times - time) ** 2
+        correlation = self._share_correlation(mix)
+        retries_error = float(np.sqrt((point_errors @ correlation * point_errors).sum()))
+        total = float(time + retries)
+        error = float(np.hypot(variance**0.5, retries_error))
+        low, high = interval(np.array(total), np.array(error))
+        return Expected(
+            time=total,
+            low=float(low),
+            high=float(high),
+            error=error,
+            sd=float(mix.weights @ squares[0]) ** 0.5,
+            engaged=float(share.min()),
+            retries=float(retries),
+            retries_error=retries_error,
+        )
 
     def predict(self, x: Array, mix: Mix | None = None) -> tuple[Array, Array]:
-        """Predict expected time and standard error of designs (m, d) over a mix, (m,), s."""
-        mix, found = mix or self.data.mix, []
-        for some in (x[k : k + CHUNK] for k in range(0, len(x), CHUNK)):
-            time, variance = self._engaging(some, mix)
-            _, retries, lost = self._retries(some, mix)
-            unsure = (lost @ self._together(mix) * lost).sum(axis=1)
-            found.append((time + retries, np.sqrt(variance + unsure)))
-        return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+        """Predict expected time and standard error of designs (m, d) over a mix, s, (m,) each.
+
+        ``mix`` is by default that of the data.
+        """
+        mix = mix or self.data.mix
+        correlation = self._share_correlation(mix)
+        times = []
+        errors = []
+        for start in range(0, len(x), CHUNK_DESIGNS):
+            designs = x[start : start + CHUNK_DESIGNS]
+            time, variance = self._predict_engaging(designs, mix)
+            _, retries, point_errors = self._predict_retries(designs, mix)
+            retries_variance = (point_errors @ correlation * point_errors).sum(axis=1)
+            times.append(time + retries)
+            errors.append(np.sqrt(variance + retries_variance))
+        return np.concatenate(times), np.concatenate(errors)
 
     def joint(self, x: Array) -> tuple[Array, Array]:
-        """Predict designs (m, d) over the own mix, (m,), s; smooth covariance, (m, m)."""
-        where, mix = coordinates(self.data, x), self.data.mix
-        mean, covariance = self.time.joint(where, smooth=True)
-        engaged = np.exp(mean + 0.5 * np.diag(covariance))
-        _, retries, lost = self._retries(x, mix)
-        errors = np.outer(engaged, engaged) * np.expm1(covariance)
-        errors += lost @ self._together(mix) @ lost.T * self.share.nearness(where, where)
-        return engaged + retries, errors
+        """Predict designs (m, d) over the data's mix: times, s, (m,), and covariance, s2, (m, m).
+
+        The covariance is that of the smooth part.
+        """
+        designs = coordinates(self.data, x)
+        mix = self.data.mix
+        mean, covariance = self.time.joint(designs, smooth=True)
+        times = np.exp(mean + 0.5 * np.diag(covariance))
+        _, retries, point_errors = self._predict_retries(x, mix)
+        errors = np.outer(times, times) * np.expm1(covariance)
+        retries_covariance = point_errors @ self._share_correlation(mix) @ point_errors.T
+        errors += retries_covariance * self.share.correlation(designs, designs)
+        return times + retries, errors
 
     def medians(self, x: Array, mix: Mix) -> Array:
-        """Predict expected times of designs (m, d) without their errors, at once, (m,), s."""
-        where, retries = coordinates(self.data, x), self._retries(x, mix)[1]
+        """Predict the median expected times of designs (m, d) over a mix, s, (m,).
+
+        Without errors and chunks it is faster than ``predict``.
+        """
+        designs = coordinates(self.data, x)
+        _, retries, _ = self._predict_retries(x, mix)
         if mix.equals(self.data.mix):
-            return np.exp(self.time.mean(where)[:, 0]) + retries
-        logarithms = self.points.mean(where)
-        return np.exp(logarithms @ self._links(mix.points)[0].T) @ mix.weights + retries
+            return np.exp(self.time.mean(designs)[:, 0]) + retries
+        links, _ = self._links(mix.points)
+        logarithms = self.points.mean(designs)
+        return np.exp(logarithms @ links.T) @ mix.weights + retries
 
     def at_points(self, x: Array, mix: Mix) -> tuple[Array, Array]:
-        """Predict time at each point and variance of its logarithm, (m, p) each; s."""
+        """Predict time, s, at each point and variance of its logarithm, (m, p) each."""
         logarithms, variance = self.points.predict(coordinates(self.data, x))
-        links, unsure = self._links(mix.points)
+        links, link_variance = self._links(mix.points)
         # Errors at the points between which a time is interpolated go together.
-        variance = (np.sqrt(variance) * self.misfit @ np.abs(links.T)) ** 2 + unsure
+        variance = (np.sqrt(variance) * self.misfit @ np.abs(links.T)) ** 2 + link_variance
         return np.exp(logarithms @ links.T + 0.5 * variance), variance
 
-    def _engaging(self, x: Array, mix: Mix) -> tuple[Array, Array]:
-        """Predict the expected time of shifts that engage, and its variance, (m,), s and s2."""
+    def _predict_engaging(self, x: Array, mix: Mix) -> tuple[Array, Array]:
+        """Predict the expected time of shifts that engage, s, and its variance, s2, (m,) each."""
         if mix.equals(self.data.mix):
             mean, variance = self.time.predict(coordinates(self.data, x))
             time = np.exp(mean[:, 0] + 0.5 * variance[:, 0])
             return time, time**2 * np.expm1(variance[:, 0])
         times, variance = self.at_points(x, mix)
-        parts = mix.weights * times
-        errors = parts * np.sqrt(np.expm1(variance))
-        where = point_coordinates(mix.points)
-        return parts.sum(axis=1), (errors @ _alike(where, where) * errors).sum(axis=1)
+        terms = mix.weights * times
+        errors = terms * np.sqrt(np.expm1(variance))
+        points = point_coordinates(mix.points)
+        correlation = _point_correlation(points, points)
+        return terms.sum(axis=1), (errors @ correlation * errors).sum(axis=1)
 
-    def _retries(self, x: Array, mix: Mix) -> tuple[Array, Array, Array]:
-        """Predict share engaged (m, p), time of retries (m,), and errors by point (m, p), s."""
-        share, unsure = self.share.predict(coordinates(self.data, x), point_coordinates(mix.points))
+    def _predict_retries(self, x: Array, mix: Mix) -> tuple[Array, Array, Array]:
+        """Predict share engaged (m, p), time of retries, s, (m,), and its errors, s, (m, p).
+
+        Errors at the points of a mix are correlated by ``_share_correlation``.
+        """
+        share, variance = self.share.predict(
+            coordinates(self.data, x), point_coordinates(mix.points)
+        )
         weights = mix.weights * mix.retry
-        return share, (1.0 - share) / share @ weights, np.sqrt(unsure) / share**2 * weights
+        return share, (1.0 - share) / share @ weights, np.sqrt(variance) / share**2 * weights
 
-    def engaged(self, x: Array, mix: Mix) -> Array:
+    def predict_engaged(self, x: Array, mix: Mix) -> Array:
         """Predict the share of shifts that engage of designs (m, d) at each point, (m, p)."""
-        return self._retries(x, mix)[0]
+        return self._predict_retries(x, mix)[0]
 
-    def _together(self, mix: Mix) -> Array:
-        """Correlate errors of the share at the points of a mix, (p, p)."""
-        where = point_coordinates(mix.points)
-        return self.share.nearness(where, where)
+    def _share_correlation(self, mix: Mix) -> Array:
+        """Compute the correlation of errors of the share at the points of a mix, (p, p)."""
+        points = point_coordinates(mix.points)
+        return self.share.correlation(points, points)
 
     @cached_property
     def misfit(self) -> Array:
-        """Root-mean-square error of designs left out over its prediction, at each point, (q,)."""
-        mean, variance = self.points.left_out()
-        unsure = variance + self.points.noise[:, None] * self.points.scale**2
-        return np.sqrt(((mean - self.points.targets) ** 2 / unsure).mean(axis=0))
+        """Root-mean-square leave-one-out error over the predicted one at each point, (q,)."""
+        mean, variance = self.points.leave_one_out()
+        predicted_variance = variance + self.points.noise[:, None] * self.points.scale**2
+        return np.sqrt(((mean - self.points.targets) ** 2 / predicted_variance).mean(axis=0))
 
     @cached_property
-    def _inverse(self) -> tuple[Array, float]:
+    def _kriging(self) -> tuple[Array, float]:
         """Inverse of the points' correlation, (q, q), and variance of times over the points."""
-        where, times = point_coordinates(self.data.mix.points), self.points.targets
-        correlation = _alike(where, where) + POINT_NUGGET * np.eye(len(where))
+        points = point_coordinates(self.data.mix.points)
+        times = self.points.targets
+        correlation = _point_correlation(points, points) + POINT_NUGGET * np.eye(len(points))
         inverse: Array = np.linalg.inv(correlation).astype(float)
-        apart = times - times.mean(axis=1, keepdims=True)
-        return inverse, float((apart @ inverse * apart).mean())
+        deviation = times - times.mean(axis=1, keepdims=True)
+        return inverse, float((deviation @ inverse * deviation).mean())
 
     def _links(self, points: Array) -> tuple[Array, Array]:
-        """Weigh the data's points for others (p, 2), (p, q), with the variance left, (p,)."""
-        own, (inverse, variance) = self.data.mix, self._inverse
-        near = _alike(point_coordinates(points), point_coordinates(own.points))
-        links, size = near @ inverse, len(own.points)
-        left = variance * (1.0 + POINT_NUGGET - (links * near).sum(axis=1))
-        links += (1.0 - links.sum(axis=1, keepdims=True)) / size
-        same = own.places(points)
-        known = np.asarray(same.any(axis=1), dtype=bool)
-        return np.where(known[:, None], same, links), np.where(known, 0.0, left)
+        """Compute weights of the data's points for points (p, 2), (p, q), and variances, (p,)."""
+        mix = self.data.mix
+        inverse, variance = self._kriging
+        correlation = _point_correlation(point_coordinates(points), point_coordinates(mix.points))
+        links = correlation @ inverse
+        link_variance = variance * (1.0 + POINT_NUGGET - (links * correlation).sum(axis=1))
+        links += (1.0 - links.sum(axis=1, keepdims=True)) / len(mix.points)
+        match = mix.match(points)
+        simulated = np.asarray(match.any(axis=1), dtype=bool)
+        links = np.where(simulated[:, None], match, links)
+        return links, np.where(simulated, 0.0, link_variance)
 
     def variation(self, points: Array) -> Array:
         """Interpolate the relative standard deviation of a shift, (p,): median of the designs."""
         grid = self.data.engaging
-        return np.maximum(self._links(points)[0] @ np.median(grid.sds / grid.means, axis=0), 0.0)
+        medians = np.median(grid.sds / grid.means, axis=0)
+        return np.maximum(self._links(points)[0] @ medians, 0.0)
 
     @cached_property
     def spacing(self) -> float:
-        """Median distance of a simulated design to the next one, in shares of the range."""
-        known = self.data.scaled(self.data.grid.x)
-        apart = distance(known, known)
-        np.fill_diagonal(apart, np.inf)
-        return float(np.median(apart.min(axis=1)))
+        """Median distance of a simulated design to the nearest one, in shares of the range."""
+        simulated = self.data.scaled(self.data.grid.x)
+        distances = distance(simulated, simulated)
+        np.fill_diagonal(distances, np.inf)
+        return float(np.median(distances.min(axis=1)))
 
     def distance(self, x: Array) -> Array:
-        """Measure how far designs (m, d) are from the next simulated one, in ``spacing``, (m,)."""
-        known, scaled = self.data.scaled(self.data.grid.x), self.data.scaled(x)
-        parts = (scaled[k : k + CHUNK] for k in range(0, len(x), CHUNK))
-        return np.concatenate([distance(one, known).min(axis=1) for one in parts]) / self.spacing
+        """Measure the distance of designs (m, d) to the nearest simulated one, spacings, (m,)."""
+        simulated = self.data.scaled(self.data.grid.x)
+        designs = self.data.scaled(x)
+        nearest = []
+        for start in range(0, len(x), CHUNK_DESIGNS):
+            distances = distance(designs[start : start + CHUNK_DESIGNS], simulated)
+            nearest.append(distances.min(axis=1))
+        return np.concatenate(nearest) / self.spacing
 
 
-def logarithms_of(grid: Grid, mix: Mix) -> tuple[Array, Array]:
+def log_times(grid: Grid, mix: Mix) -> tuple[Array, Array]:
     """Compute logarithms of expected time and that at each point with variances, (n, 1 + q) each.
 
     The logarithm of a noisy mean lies half its variance low, which is put back.
     """
     times = np.column_stack([grid.means @ mix.weights, grid.means])
     errors = np.column_stack([np.sqrt(grid.errors**2 @ mix.weights**2), grid.errors])
-    noise = np.maximum((errors / times) ** 2, EXACT**2)
+    noise = np.maximum((errors / times) ** 2, MIN_RELATIVE_ERROR**2)
     return np.log(times) + 0.5 * noise, noise
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of a fitted surrogate."""
+
+    time: Array  #: ``theta`` of the process of the expected time
+    points: Array  #: ``theta`` of the process of the times at points
+    share_length: float
+    share_strength: float
 
 
 def fit(
     data: Dataset,
     effort: Effort = Effort(),  # noqa: B008  a frozen value
     point_effort: Effort = POINT_EFFORT,
-    known: tuple[Array, Array, float, float] | None = None,
+    parameters: Parameters | None = None,
 ) -> Surrogate:
-    """Fit the surrogate to a data set, unless its parameters are known.
-
-    These are those of both processes, length and strength of the share.
+    """Fit the surrogate to a data set, or build it from ``parameters``.
 
     InputError for fewer than ``MIN_DESIGNS`` designs that engage at every point.
     """
@@ -305,28 +371,48 @@ def fit(
             f"surrogate needs at least {MIN_DESIGNS}; raise surrogate.mix_shifts for 'fit', "
             "search.trials for 'study'"
         )
-    where, points = coordinates(data, grid.x), point_coordinates(data.mix.points)
-    logs, noise = logarithms_of(grid, data.mix)
+    inputs = coordinates(data, grid.x)
+    logarithms, noise = log_times(grid, data.mix)
     # A mean that is low by luck has a low error too: designs share the mean of theirs.
     noise = np.broadcast_to(noise.mean(axis=0), noise.shape)
-    counts = coordinates(data, data.grid.x), points, data.grid.engaged, data.grid.shifts
-    first, second, share = None, None, None
-    if known is not None:
+    if parameters is not None:
         effort = point_effort = Effort(steps=0)
-        first, second, share = known[0], known[1], Share(*counts, *known[2:])
-    time = fit_process(TERMS, where, logs[:, :1], noise[:, :1], start=first, effort=effort)
-    second = time.covariance.theta if second is None else second
-    each = fit_process(TERMS, where, logs[:, 1:], noise[:, 1:], start=second, effort=point_effort)
-    return Surrogate(data, time, each, share or fit_share(*counts))
+    time = fit_process(
+        TERMS,
+        inputs,
+        targets=logarithms[:, :1],
+        noise=noise[:, :1],
+        start=None if parameters is None else parameters.time,
+        effort=effort,
+    )
+    points = fit_process(
+        TERMS,
+        inputs,
+        targets=logarithms[:, 1:],
+        noise=noise[:, 1:],
+        start=time.covariance.theta if parameters is None else parameters.points,
+        effort=point_effort,
+    )
+    counts = (
+        coordinates(data, data.grid.x),
+        point_coordinates(data.mix.points),
+        data.grid.engaged,
+        data.grid.shifts,
+    )
+    if parameters is None:
+        share = fit_share(*counts)
+    else:
+        share = Share(*counts, length=parameters.share_length, strength=parameters.share_strength)
+    return Surrogate(data, time, points, share)
 
 
 def interval(time: Array, error: Array) -> tuple[Array, Array]:
-    """Return the 95 % interval of positive times with their standard errors, each (m,), s."""
+    """Compute 95 % intervals of positive times from standard errors, s, (m,) each."""
     relative = np.sqrt(np.log1p((error / time) ** 2))
     centre = np.log(time) - 0.5 * relative**2
-    return np.exp(centre - 1.96 * relative), np.exp(centre + 1.96 * relative)
+    return np.exp(centre - NORMAL_95 * relative), np.exp(centre + NORMAL_95 * relative)
 
 
-def _alike(a: Array, b: Array) -> Array:
+def _point_correlation(a: Array, b: Array) -> Array:
     """Correlate times at coordinates of operating points (n, 2) and (m, 2), (n, m)."""
     return matern(distance(a / POINT_LENGTHS, b / POINT_LENGTHS))

@@ -23,11 +23,11 @@ from dogshape.surrogate.covariance import Covariance, Term, first_parameters
 
 @dataclass(frozen=True)
 class Effort:
-    """Cost limit of a fit: designs that parameters are fitted to, drawn by seed, and steps."""
+    """Cost limits of a fit."""
 
-    designs: int = 400
-    steps: int = 60
-    seed: int = 0
+    designs: int = 400  #: that the parameters are fitted to, drawn at random
+    steps: int = 60  #: of the optimiser; 0 keeps the initial parameters
+    seed: int = 0  #: of the draw of designs
 
 
 @dataclass(frozen=True)
@@ -59,21 +59,27 @@ class Process:
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Predict mean and variance of the targets at coordinates (m, c), (m, k) each."""
         cross = self.covariance.between(x, self.inputs)
-        known = np.einsum("ij,ij->i", cross @ self.inverse, cross)
-        variance = np.maximum(self.covariance.variance() - known, 0.0)
+        explained = np.einsum("ij,ij->i", cross @ self.inverse, cross)
+        variance = np.maximum(self.covariance.variance() - explained, 0.0)
         return self.level + cross @ self.weights, variance[:, None] * self.scale**2
 
     def joint(self, x: Array, *, smooth: bool = False) -> tuple[Array, Array]:
-        """Predict the first target at (m, c): mean (m,), and covariance of all or smooth terms."""
+        """Predict mean (m,) and covariance (m, m) of the first target at coordinates (m, c).
+
+        With ``smooth`` the covariance is that of the smooth terms.
+        """
         cross = self.covariance.between(x, self.inputs, smooth=smooth)
         covariance = self.covariance.between(x, x, smooth=smooth) - cross @ self.inverse @ cross.T
         return self.mean(x)[:, 0], covariance * self.scale[0] ** 2
 
-    def left_out(self) -> tuple[Array, Array]:
-        """Predict each design from all others: mean and variance of the targets, (n, k) each."""
-        inner = np.diag(self.inverse)[:, None]
-        variance = np.maximum(1.0 / inner - self.noise[:, None], 0.0)
-        return self.targets - self.weights / inner, variance * self.scale**2
+    def leave_one_out(self) -> tuple[Array, Array]:
+        """Predict each design from all others: mean and variance of the targets, (n, k) each.
+
+        In closed form, Rasmussen and Williams 2006, eq. 5.12.
+        """
+        precision = np.diag(self.inverse)[:, None]
+        variance = np.maximum(1.0 / precision - self.noise[:, None], 0.0)
+        return self.targets - self.weights / precision, variance * self.scale**2
 
 
 def fit_process(
@@ -86,29 +92,38 @@ def fit_process(
     effort: Effort = Effort(),
     scale: Array | None = None,
 ) -> Process:
-    """Fit the likeliest process of targets (n, k) with variances ``noise`` at coordinates (n, c).
+    """Fit the likeliest process to targets (n, k) at coordinates (n, c).
 
-    ``start`` are parameters to begin with, (size,), which no steps keep; ``scale`` is the standard
-    deviation of the targets, (k,), None for that of these.
+    ``noise`` is the variance of the targets, broadcast to (n, k). ``start`` are initial parameters,
+    (size,). ``scale`` is the standard deviation of the targets, (k,), by default that of the data.
     """
-    level, spread = targets.mean(axis=0), targets.std(axis=0)
-    scale = np.where(spread > 0.0, spread, 1.0) if scale is None else scale
-    relative = (noise / scale**2 * np.ones_like(targets)).mean(axis=1)
+    level = targets.mean(axis=0)
+    spread = targets.std(axis=0)
+    if scale is None:
+        scale = np.where(spread > 0.0, spread, 1.0)
+    relative_noise = (noise / scale**2 * np.ones_like(targets)).mean(axis=1)
     theta, bounds = first_parameters(terms, inputs.shape[1])
     if start is not None:
         theta = np.clip(start, bounds[:, 0], bounds[:, 1])
     covariance = Covariance(terms, inputs.shape[1], theta)
     if effort.steps:
-        from dogshape.surrogate.regression import likeliest  # noqa: PLC0415  slow to load
+        from dogshape.surrogate.regression import fit_covariance  # noqa: PLC0415  slow to load
 
-        few = np.random.default_rng(effort.seed).permutation(len(targets))[: effort.designs]
-        data = inputs[few], (targets[few] - level) / scale, relative[few]
-        covariance = likeliest(covariance, bounds, data, effort.steps)
-    return Process(covariance, inputs, targets, relative, level, scale)
+        rng = np.random.default_rng(effort.seed)
+        sample = rng.permutation(len(targets))[: effort.designs]
+        covariance = fit_covariance(
+            covariance,
+            inputs[sample],
+            (targets[sample] - level) / scale,
+            noise=relative_noise[sample],
+            bounds=bounds,
+            steps=effort.steps,
+        )
+    return Process(covariance, inputs, targets, noise=relative_noise, level=level, scale=scale)
 
 
 def draw_jointly(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:
-    """Draw from a normal distribution with mean (m,) and covariance (m, m), (count, m)."""
+    """Draw from a normal distribution of mean (m,) and covariance (m, m), (count, m)."""
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))  # a covariance may be singular
     return mean + rng.standard_normal((count, len(mean))) @ root.T

@@ -14,16 +14,18 @@ from dogshape.surrogate.covariance import Covariance
 
 
 class DesignKernel(StationaryKernelMixin, Kernel):  # type: ignore[misc]
-    """The covariance as scikit-learn's Gaussian process takes it: ``theta`` (size,) varies."""
+    """Kernel of scikit-learn from a covariance, with ``theta`` (size,) to fit."""
 
     theta: Any = None  # values in the place of the base's properties
     bounds: Any = None
 
     def __init__(self, covariance: Covariance, theta: Array, bounds: Array) -> None:
-        self.covariance, self.theta, self.bounds = covariance, theta, bounds
+        self.covariance = covariance
+        self.theta = theta
+        self.bounds = bounds
 
     def __call__(self, X: Array, Y: Array | None = None, eval_gradient: bool = False) -> Any:
-        """Compute the covariance (n, m), with its slopes by ``theta`` (n, n, size) if asked."""
+        """Compute the covariance (n, m), with ``eval_gradient`` also its slopes (n, n, size)."""
         covariance = replace(self.covariance, theta=self.theta)
         if eval_gradient:
             matrix, slopes = covariance.slopes(X)
@@ -35,15 +37,24 @@ class DesignKernel(StationaryKernelMixin, Kernel):  # type: ignore[misc]
         return self(X).diagonal()
 
 
-def likeliest(
-    covariance: Covariance, bounds: Array, data: tuple[Array, Array, Array], steps: int
+def fit_covariance(
+    covariance: Covariance,
+    inputs: Array,
+    targets: Array,
+    *,
+    noise: Array,
+    bounds: Array,
+    steps: int,
 ) -> Covariance:
-    """Find the likeliest covariance of targets (n, k) at inputs (n, c) with noise (n,)."""
-    inputs, targets, noise = data
+    """Fit the likeliest parameters to targets (n, k) at inputs (n, c) with noise variances (n,).
 
-    def minimum(objective: Any, theta: Array, bounds: Array) -> Any:
+    ``covariance`` has the initial parameters, ``bounds`` (size, 2) limits them, and ``steps`` is
+    the largest number of iterations.
+    """
+
+    def minimize(objective: Any, theta: Array, bounds: Array) -> Any:
         return fmin_l_bfgs_b(objective, theta, bounds=bounds, maxiter=steps)[:2]
 
     kernel = DesignKernel(covariance, covariance.theta, bounds)
-    regressor = GaussianProcessRegressor(kernel, alpha=noise, optimizer=minimum)
+    regressor = GaussianProcessRegressor(kernel, alpha=noise, optimizer=minimize)
     return replace(covariance, theta=regressor.fit(inputs, targets).kernel_.theta)

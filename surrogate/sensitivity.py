@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.model import NORMAL_95, Surrogate
 
-INTERVALS = 12  #: of each variable, at most
+MAX_INTERVALS = 12  #: of each variable
 
 
 @dataclass(frozen=True)
@@ -29,38 +29,50 @@ class Effect:
     """Main effect of a variable on the expected time, s, with mean zero over the designs."""
 
     variable: str
-    values: Array  #: edge units, (k,)
+    values: Array  #: of the variable, edge units, (k,)
     effect: Array  #: (k,)
     low: Array  #: bound of 95 % at each value, (k,)
     high: Array
 
 
-def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
-    """Return the main effect of each variable that varies over designs (n, d) in edge units."""
-    found = []
+def main_effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
+    """Compute the main effect of each variable that varies over designs (n, d) in edge units."""
+    effects = []
     for column in np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist():
-        values, moved, form = accumulate(x, column)
-        times, covariance = surrogate.joint(moved)
-        effect, errors = form @ times, form @ covariance @ form.T
-        half = 1.96 * np.sqrt(np.maximum(np.diag(errors), 0.0))
-        found.append(Effect(variables[column], values, effect, effect - half, effect + half))
-    return found
+        values, designs, form = accumulate(x, column)
+        times, covariance = surrogate.joint(designs)
+        effect = form @ times
+        variances = np.diag(form @ covariance @ form.T)
+        half_width = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))
+        effects.append(
+            Effect(
+                variable=variables[column],
+                values=values,
+                effect=effect,
+                low=effect - half_width,
+                high=effect + half_width,
+            )
+        )
+    return effects
 
 
 def accumulate(x: Array, column: int) -> tuple[Array, Array, Array]:
-    """Cut a column of designs (n, d) into intervals and move each design to the ends of its own.
+    """Move designs (n, d) to the ends of their interval of a column.
 
-    Give the ends, (k,), the moved designs, (2 n, d), and the form, (k, 2 n): the product of form
-    and times of the moved designs is the effect.
+    Returns the ends of all intervals, (k,), the moved designs, (2 n, d), and a matrix, (k, 2 n):
+    its product with the times of the moved designs is the main effect.
     """
-    given, shares = x[:, column], np.linspace(0.0, 1.0, INTERVALS + 1)
-    values: Array = np.unique(np.quantile(given, shares, method="inverted_cdf"))
-    place = np.clip(np.searchsorted(values, given) - 1, 0, len(values) - 2)
-    below, above = x.copy(), x.copy()
-    below[:, column], above[:, column] = values[place], values[place + 1]
-    counts = np.bincount(place, minlength=len(values) - 1)
-    steps = np.zeros((len(values) - 1, len(place)))
-    steps[place, np.arange(len(place))] = 1.0 / counts[place]
-    added = np.concatenate([np.zeros((1, len(place))), np.cumsum(steps, axis=0)])
-    added -= counts / counts.sum() @ (0.5 * (added[1:] + added[:-1]))
-    return values, np.concatenate([below, above]), np.concatenate([-added, added], axis=1)
+    settings = x[:, column]
+    levels = np.linspace(0.0, 1.0, MAX_INTERVALS + 1)
+    ends: Array = np.unique(np.quantile(settings, levels, method="inverted_cdf"))
+    interval = np.clip(np.searchsorted(ends, settings) - 1, 0, len(ends) - 2)
+    lower = x.copy()
+    lower[:, column] = ends[interval]
+    upper = x.copy()
+    upper[:, column] = ends[interval + 1]
+    counts = np.bincount(interval, minlength=len(ends) - 1)
+    steps = np.zeros((len(ends) - 1, len(interval)))
+    steps[interval, np.arange(len(interval))] = 1.0 / counts[interval]
+    form = np.concatenate([np.zeros((1, len(interval))), np.cumsum(steps, axis=0)])
+    form -= counts / counts.sum() @ (0.5 * (form[1:] + form[:-1]))
+    return ends, np.concatenate([lower, upper]), np.concatenate([-form, form], axis=1)

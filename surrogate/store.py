@@ -10,7 +10,7 @@ import json
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -21,13 +21,14 @@ from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.files import write_whole
 from dogshape.sim.versions import versions
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
-from dogshape.surrogate.model import Surrogate, fit
+from dogshape.surrogate.model import NORMAL_95, Parameters, Surrogate, fit
 
 FORMAT = 4  #: version of the file
-AGAIN = "fit the surrogate again with 'dogshape fit'"
-LEAST_Q2 = 0.5  #: of a surrogate that is of use
-LEAST = 10  #: designs that figures of their expected times need
-FLOOR = 2e-4  #: s, added to a standard deviation before its logarithm is taken
+FIT_AGAIN = "fit the surrogate again with 'dogshape fit'"  #: remedy
+MIN_Q2 = 0.5  #: of a useful surrogate
+MIN_VALIDATION_DESIGNS = 10  #: of figures of expected times
+SD_OFFSET_S = 2e-4  #: added to a standard deviation before its logarithm is taken
+HASH_DIGITS = 20
 
 
 def _figure(meaning: str, unit: str = "") -> Any:
@@ -59,71 +60,108 @@ class Validation(Section):
 
     @property
     def useful(self) -> bool:
-        """Test for half of the variance: of expected times, with few designs at single points."""
-        return (self.q2 if self.n >= LEAST else self.q2_points) >= LEAST_Q2
+        """Whether ``MIN_Q2`` of the variance is explained, of few designs at single points."""
+        q2 = self.q2 if self.n >= MIN_VALIDATION_DESIGNS else self.q2_points
+        return q2 >= MIN_Q2
 
 
 def validate(
     surrogate: Surrogate, reference: Dataset | None = None, best: Dataset | None = None
 ) -> Validation:
-    """Judge a surrogate by references at its own points, or else by leaving out each design.
+    """Validate a surrogate on reference designs, by default by leave-one-out of its own.
 
-    Of references that are all of the ``best`` it has the rank correlation; none for fewer than ten.
+    The rank correlation is that of the designs of ``best``, None for fewer than
+    ``MIN_VALIDATION_DESIGNS``.
     """
     data = surrogate.data if reference is None else reference
-    grid, mix = data.engaging, replace(data.mix, retry=0.0)
+    grid = data.engaging
+    mix = replace(data.mix, retry=0.0)
     if not len(grid.x):
-        raise InputError("no design engages at every operating point, so nothing can judge the "
-                         "surrogate; simulate more designs")  # fmt: skip
+        raise InputError(
+            "no design engages at every operating point, so nothing can judge the "
+            "surrogate; simulate more designs"
+        )
     if reference is None:
-        (mean, variance), each = surrogate.time.left_out(), surrogate.points.left_out()
-        time = np.exp(mean + 0.5 * variance)[:, 0]
-        error = time * np.sqrt(np.expm1(variance[:, 0]))
-        relative = np.sqrt(each[1]) * surrogate.misfit
-        means = np.exp(each[0] + 0.5 * relative**2)
+        prediction = _predict_left_out(surrogate)
     else:
-        time, error = surrogate.predict(grid.x, mix)
-        means, spread = surrogate.at_points(grid.x, mix)
-        relative = np.sqrt(spread)
-    own, own_error = grid.means @ mix.weights, np.sqrt(grid.errors**2 @ mix.weights**2)
-    share = surrogate.engaged(data.grid.x, mix)
-    deviations = surrogate.variation(mix.points) * means
-    residual, points = time - own, means - grid.means
-    noise = np.hypot(relative, grid.errors / grid.means)
-    within = np.abs(residual) <= 1.96 * np.hypot(error, own_error)
-    within_points = np.abs(np.log(means / grid.means)) <= 1.96 * noise
+        prediction = _predict_reference(surrogate, grid, mix)
+    times = grid.means @ mix.weights
+    time_errors = np.sqrt(grid.errors**2 @ mix.weights**2)
+    residual = prediction.time - times
+    coverage = np.abs(residual) <= NORMAL_95 * np.hypot(prediction.error, time_errors)
+    point_residual = prediction.point_time - grid.means
+    point_error = np.hypot(prediction.point_error, grid.errors / grid.means)
+    log_ratio = np.log(prediction.point_time / grid.means)
+    point_coverage = np.abs(log_ratio) <= NORMAL_95 * point_error
+    sds = surrogate.variation(mix.points) * prediction.point_time
+    share = surrogate.predict_engaged(data.grid.x, mix)
     return Validation(
-        q2=_q2(residual, own),
-        coverage_95=float(within.mean()),
+        q2=_q2(residual, times),
+        coverage_95=float(coverage.mean()),
         rmse_s=_rms(residual),
         bias_s=float(residual.mean()),
-        n=len(own),
-        noise_s=_rms(own_error),
-        q2_points=_q2(points.ravel(), grid.means.ravel()),
-        coverage_points=float(within_points.mean()),
-        rmse_points_s=_rms(points),
-        spread_error=_rms(np.log((deviations + FLOOR) / (grid.sds + FLOOR))),
+        n=len(times),
+        noise_s=_rms(time_errors),
+        q2_points=_q2(point_residual.ravel(), grid.means.ravel()),
+        coverage_points=float(point_coverage.mean()),
+        rmse_points_s=_rms(point_residual),
+        spread_error=_rms(np.log((sds + SD_OFFSET_S) / (grid.sds + SD_OFFSET_S))),
         lost=round((data.grid.shifts - data.grid.engaged).sum()),
         lost_expected=float(((1.0 - share) * data.grid.shifts).sum()),
-        **_ranks(surrogate, best),
+        **_rank_correlation(surrogate, best),
         source="held out" if reference is None else "references",
         shifts=surrogate.data.shifts,
     )
 
 
-def _ranks(surrogate: Surrogate, best: Dataset | None) -> dict[str, Any]:
-    if best is None or len((grid := best.engaging).x) < LEAST:
+class _Prediction(NamedTuple):
+    """Predicted times of the designs of a validation."""
+
+    time: Array  #: expected time, s, (n,)
+    error: Array  #: standard error of the expected time, s, (n,)
+    point_time: Array  #: time at each point, s, (n, q)
+    point_error: Array  #: standard error of its logarithm, (n, q)
+
+
+def _predict_left_out(surrogate: Surrogate) -> _Prediction:
+    """Predict each design of the surrogate from all others."""
+    mean, variance = surrogate.time.leave_one_out()
+    time = np.exp(mean + 0.5 * variance)[:, 0]
+    point_mean, point_variance = surrogate.points.leave_one_out()
+    point_error = np.sqrt(point_variance) * surrogate.misfit
+    return _Prediction(
+        time=time,
+        error=time * np.sqrt(np.expm1(variance[:, 0])),
+        point_time=np.exp(point_mean + 0.5 * point_error**2),
+        point_error=point_error,
+    )
+
+
+def _predict_reference(surrogate: Surrogate, grid: Grid, mix: Mix) -> _Prediction:
+    """Predict reference designs over their mix."""
+    time, error = surrogate.predict(grid.x, mix)
+    point_time, point_variance = surrogate.at_points(grid.x, mix)
+    return _Prediction(time, error, point_time, np.sqrt(point_variance))
+
+
+def _rank_correlation(surrogate: Surrogate, best: Dataset | None) -> dict[str, Any]:
+    """Compute the rank correlation of predicted and simulated times of the best designs."""
+    grid = None if best is None else best.engaging
+    if best is None or grid is None or len(grid.x) < MIN_VALIDATION_DESIGNS:
         return {"rank_best": None, "n_best": 0}
     from scipy.stats import spearmanr  # noqa: PLC0415  slow to load, and few verbs rank
 
-    times = surrogate.predict(grid.x, replace(best.mix, retry=0.0))[0]
+    times, _ = surrogate.predict(grid.x, replace(best.mix, retry=0.0))
     rank = float(spearmanr(grid.means @ best.mix.weights, times).statistic)
     return {"rank_best": rank, "n_best": len(grid.x)}
 
 
 def _q2(residual: Array, truth: Array) -> float:
-    spread = float(((truth - truth.mean()) ** 2).sum())
-    return 1.0 - float((residual**2).sum()) / spread if spread > 0.0 else 0.0
+    """Compute the share of the variance explained, 0 for equal values."""
+    squares = float(((truth - truth.mean()) ** 2).sum())
+    if squares <= 0.0:
+        return 0.0
+    return 1.0 - float((residual**2).sum()) / squares
 
 
 def _rms(values: Array) -> float:
@@ -132,7 +170,7 @@ def _rms(values: Array) -> float:
 
 @dataclass(frozen=True)
 class Stored:
-    """A surrogate with its figures."""
+    """A surrogate with its validation."""
 
     surrogate: Surrogate
     validation: Validation
@@ -144,7 +182,8 @@ class MissingError(DataError):
 
 def save(path: Path, stored: Stored) -> None:
     """Write a surrogate; the file holds all that ``load`` needs."""
-    surrogate, data = stored.surrogate, stored.surrogate.data
+    surrogate = stored.surrogate
+    data = surrogate.data
     content = {
         "format": FORMAT,
         "physics": data.physics,
@@ -155,15 +194,17 @@ def save(path: Path, stored: Stored) -> None:
         "points": data.mix.points.tolist(),
         "weights": data.mix.weights.tolist(),
         "retry": data.mix.retry,
-        "grid": {f.name: _rounded(getattr(data.grid, f.name)) for f in fields(Grid)},
+        "grid": {field.name: _round(getattr(data.grid, field.name)) for field in fields(Grid)},
         "time": surrogate.time.covariance.theta.tolist(),
         "each_point": surrogate.points.covariance.theta.tolist(),
-        "share": [_finite(surrogate.share.length), surrogate.share.strength],
+        "share": [_finite_or_none(surrogate.share.length), surrogate.share.strength],
         "validation": stored.validation.model_dump(),
         "versions": versions(),
     }
     content["hash"] = _hash(content)
-    lines = (f"{json.dumps(k)}: {json.dumps(v, allow_nan=False)}" for k, v in content.items())
+    lines = [
+        f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items()
+    ]
     write_whole(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
@@ -177,50 +218,72 @@ def load(path: Path) -> Stored:
             "or name a file with --surrogate"
         ) from error
     except (OSError, ValueError) as error:
-        raise DataError(f"{path} is not a surrogate file; {AGAIN}") from error
+        raise DataError(f"{path} is not a surrogate file; {FIT_AGAIN}") from error
 
 
-@lru_cache(maxsize=2)  # an unchanged file is asked again and again; its processes keep inverses
+@lru_cache(maxsize=2)  # an unchanged file is read often, and its processes keep inverses
 def _stored(path: Path, text: str) -> Stored:
     content = json.loads(text)
     if not isinstance(content, dict):
         raise ValueError("no object")
-    if (found := content.get("format")) != FORMAT:
-        newer = isinstance(found, int) and found > FORMAT
-        remedy = "use the version of dogshape that wrote it, or a newer one" if newer else AGAIN
+    file_format = content.get("format")
+    if file_format != FORMAT:
+        remedy = FIT_AGAIN
+        if isinstance(file_format, int) and file_format > FORMAT:
+            remedy = "use the version of dogshape that wrote it, or a newer one"
         raise DataError(
-            f"{path} has format {found!r}, but this version reads format {FORMAT}; {remedy}"
+            f"{path} has format {file_format!r}, but this version reads format {FORMAT}; {remedy}"
         )
     if content.pop("hash", None) != _hash(content):
-        raise DataError(f"{path} was changed or damaged: it does not match its hash; {AGAIN}")
+        raise DataError(f"{path} was changed or damaged: it does not match its hash; {FIT_AGAIN}")
     try:
         return Stored(_surrogate(content), Validation(**content["validation"]))
     except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path} is incomplete ({error}); {AGAIN}") from error
+        raise DataError(f"{path} is incomplete ({error}); {FIT_AGAIN}") from error
 
 
 def _surrogate(content: dict[str, Any]) -> Surrogate:
-    low, high, points, weights, time, each = (
-        np.array(content[key], dtype=float)
-        for key in ("low", "high", "points", "weights", "time", "each_point")
+    """Build the surrogate from the content of its file."""
+    mix = Mix(
+        points=_array(content["points"]),
+        weights=_array(content["weights"]),
+        retry=float(content["retry"]),
     )
-    grid = Grid(**{k: np.array(v, dtype=float) for k, v in content["grid"].items()})
-    mix = Mix(points, weights, float(content["retry"]))
-    names, physics, engine = (content[key] for key in ("variables", "physics", "engine"))
-    data = Dataset(tuple(names), low, high, physics, engine, mix, grid)
+    data = Dataset(
+        variables=tuple(content["variables"]),
+        low=_array(content["low"]),
+        high=_array(content["high"]),
+        physics=content["physics"],
+        engine=content["engine"],
+        mix=mix,
+        grid=Grid(**{name: _array(values) for name, values in content["grid"].items()}),
+    )
     length, strength = content["share"]
-    share = (np.inf if length is None else float(length), float(strength))
-    return fit(data, known=(time, each, *share))
+    parameters = Parameters(
+        time=_array(content["time"]),
+        points=_array(content["each_point"]),
+        share_length=np.inf if length is None else float(length),
+        share_strength=float(strength),
+    )
+    return fit(data, parameters=parameters)
 
 
-def _rounded(values: Any) -> list[list[float | None]]:
-    """Give numbers of nine digits as JSON takes them."""
-    return [[_finite(float(f"{v:.9g}")) for v in row] for row in values.tolist()]
+def _array(values: Any) -> Array:
+    return np.array(values, dtype=float)
 
 
-def _finite(value: float) -> float | None:
+def _round(values: Array) -> list[list[float | None]]:
+    """Round an array (n, q) to nine digits for JSON, None for numbers that are not finite."""
+    rows: list[list[float | None]] = []
+    for row in values.tolist():
+        rows.append([_finite_or_none(float(f"{value:.9g}")) for value in row])
+    return rows
+
+
+def _finite_or_none(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
 def _hash(content: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:20]
+    text = json.dumps(content, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]

@@ -1,4 +1,4 @@
-"""Headless Chromium that a test drives over its debugging pipe: what a page shows and prints."""
+"""Headless Chromium over its debugging pipe: content and print of a page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.conftest import needed
+from tests.conftest import require_program
 
 CHROMIUM = shutil.which("chromium")
 #: Drawn in software with and without WebGL.
@@ -62,46 +62,62 @@ class Chromium:
     def __init__(
         self, profile: Path, window: str = "1280,1000", graphics: tuple[str, ...] = WITHOUT_WEBGL
     ) -> None:
-        needed(CHROMIUM is not None, "chromium")
-        ours, theirs = os.pipe(), os.pipe()
-        command = shlex.join([
-            CHROMIUM or "", "--headless", "--no-sandbox", *graphics, "--no-first-run",
-            "--disable-background-networking", f"--user-data-dir={profile}",
-            f"--window-size={window}", "--hide-scrollbars", "--remote-debugging-pipe",
-        ])  # fmt: skip
-        # Chromium reads descriptor 3 and writes 4.
-        shell = f"exec {command} 3<&{ours[0]} 4>&{theirs[1]}"
-        self._process = subprocess.Popen(
-            ["bash", "-c", shell], pass_fds=(ours[0], theirs[1]), stderr=subprocess.DEVNULL
+        require_program(CHROMIUM is not None, "chromium")
+        input_pipe = os.pipe()
+        output_pipe = os.pipe()
+        command = shlex.join(
+            [
+                CHROMIUM or "",
+                "--headless",
+                "--no-sandbox",
+                *graphics,
+                "--no-first-run",
+                "--disable-background-networking",
+                f"--user-data-dir={profile}",
+                f"--window-size={window}",
+                "--hide-scrollbars",
+                "--remote-debugging-pipe",
+            ]
         )
-        os.close(ours[0])
-        os.close(theirs[1])
-        self._to, self._from = os.fdopen(ours[1], "wb"), os.fdopen(theirs[0], "rb")
-        self._count, self._session, self._left = 0, {}, b""
+        # Chromium reads descriptor 3 and writes 4.
+        shell = f"exec {command} 3<&{input_pipe[0]} 4>&{output_pipe[1]}"
+        self._process = subprocess.Popen(
+            ["bash", "-c", shell],
+            pass_fds=(input_pipe[0], output_pipe[1]),
+            stderr=subprocess.DEVNULL,
+        )
+        os.close(input_pipe[0])
+        os.close(output_pipe[1])
+        self._to = os.fdopen(input_pipe[1], "wb")
+        self._from = os.fdopen(output_pipe[0], "rb")
+        self._count = 0
+        self._session = {}
+        self._buffer = b""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        found = self.call("Target.attachToTarget", targetId=target, flatten=True)
-        self._session = {"sessionId": found["sessionId"]}
+        attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = {"sessionId": attached["sessionId"]}
 
     def call(self, method: str, **arguments: Any) -> Any:
-        """Call a method of the protocol; give its result."""
+        """Call a method of the protocol; return its result."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": arguments, **self._session}
         self._to.write(json.dumps(message).encode() + b"\0")
         self._to.flush()
         while True:
-            while b"\0" not in self._left:
-                if not (more := self._from.read1(65536)):
+            while b"\0" not in self._buffer:
+                data = self._from.read1(65536)
+                if not data:
                     raise RuntimeError("Chromium has ended")
-                self._left += more
-            text, _, self._left = self._left.partition(b"\0")
+                self._buffer += data
+            text, _, self._buffer = self._buffer.partition(b"\0")
             answer = json.loads(text)
             if answer.get("id") == self._count:
                 return answer["result"]
 
     def ask(self, expression: str) -> Any:
         """Evaluate an expression of the page."""
-        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
-        return found["result"].get("value")
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        return answer["result"].get("value")
 
     def wait(self, expression: str, seconds: float = 60.0) -> None:
         """Wait until an expression of the page is true."""
@@ -111,7 +127,7 @@ class Chromium:
             time.sleep(0.05)
 
     def look(self, page: Path) -> dict[str, Any]:
-        """Open a file; give what it shows (``STATE``) once its figures are drawn."""
+        """Open a file; return its ``STATE`` once its figures are drawn."""
         self.call("Page.enable")
         self.call("Page.addScriptToEvaluateOnNewDocument", source=FAULTS)
         self.call("Page.navigate", url=page.as_uri())
@@ -121,12 +137,12 @@ class Chromium:
     def look_at_report(self, page: Path) -> None:
         """Open a report; its figures must draw and fit, on the screen and as wide as A4."""
         for paper in ("false", "true"):
-            seen = self.look(page) if paper == "false" else self.ask(f"fit({paper}) ?? {STATE}")
-            assert (seen["faults"], seen["cut"], seen["loads"]) == ([], [], 0)
-            assert seen["figures"] == seen["drawn"]
-            assert not seen["wide"]
+            state = self.look(page) if paper == "false" else self.ask(f"fit({paper}) ?? {STATE}")
+            assert (state["faults"], state["cut"], state["loads"]) == ([], [], 0)
+            assert state["figures"] == state["drawn"]
+            assert not state["wide"]
         # A4 less its margins of 12 mm is 703 px wide.
-        assert set(seen["widths"]) == {700.0}
+        assert set(state["widths"]) == {700.0}
 
     def print_pdf(self) -> bytes:
         """Print the page that is open."""

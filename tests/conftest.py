@@ -98,27 +98,27 @@ def small_study() -> Setup:
     return load_study("mq200_paper", SMALL)
 
 
-def searching(folder: Path, jobs: int = 0, storage: str | None = None, **more: Any) -> Run:
-    """A run of a study in a folder that ends with its result; most tests read no report."""
-    return Run(StudyFolder(folder), jobs, storage, report=False, **more)
+def search_run(folder: Path, jobs: int = 0, storage: str | None = None, **options: Any) -> Run:
+    """Return a run of a study in a folder, without a report."""
+    return Run(StudyFolder(folder), jobs, storage, report=False, **options)
 
 
 @dataclass(frozen=True)
 class Listener(Progress):
-    """A progress that keeps what it is told."""
+    """Progress that stores its lines."""
 
-    said: list[str]
+    lines: list[str]
 
     def update(self, count: WorkCounter) -> None:
         """Ignore a count."""
 
     def say(self, line: str) -> None:
-        self.said.append(line)
+        self.lines.append(line)
 
 
 @dataclass(frozen=True)
-class Said:
-    """What a call of the command line said."""
+class CommandResult:
+    """Exit status and output of a command."""
 
     status: int
     out: str
@@ -131,7 +131,7 @@ class Said:
 
     @property
     def sentence(self) -> str:
-        """The only line on standard error of a refusal, a sentence without a traceback."""
+        """The only line of a refusal on standard error."""
         assert self.status == 2
         lines = self.err.strip().splitlines()
         assert len(lines) == 1, self.err
@@ -139,12 +139,12 @@ class Said:
         return lines[0]
 
 
-def sets(settings: Sequence[str]) -> list[str]:
+def set_options(settings: Sequence[str]) -> list[str]:
     """Write settings as options of the command line."""
-    return [word for one in settings for word in ("--set", one)]
+    return [word for setting in settings for word in ("--set", setting)]
 
 
-Call = Callable[..., Said]
+Call = Callable[..., CommandResult]
 
 
 @pytest.fixture
@@ -152,9 +152,9 @@ def dogshape(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Call:
     """Call the command line in an empty folder."""
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments: object) -> Said:
+    def call(*arguments: object) -> CommandResult:
         result = CliRunner().invoke(app, [str(a) for a in arguments])
-        return Said(result.exit_code, result.stdout, result.stderr)
+        return CommandResult(result.exit_code, result.stdout, result.stderr)
 
     return call
 
@@ -163,30 +163,32 @@ def dogshape(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Call:
 def program(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
     """Call the program from its entry point, in this process."""
 
-    def call(*arguments: object) -> Said:
+    def call(*arguments: object) -> CommandResult:
         monkeypatch.setattr("sys.argv", ["dogshape", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
+        with pytest.raises(SystemExit) as exit_info:
             main()
-        told = capsys.readouterr()
-        return Said(int(ended.value.code or 0), told.out, told.err)
+        output = capsys.readouterr()
+        return CommandResult(int(exit_info.value.code or 0), output.out, output.err)
 
     return call
 
 
-def named_checks(dog: Dog, by: Limits | LoadCase | None = None) -> dict[str, Check]:
-    """Return the checks of a dog by name, by limits or a load case, or by the usual ones."""
-    limits = by if isinstance(by, Limits) else Limits(load=by or LoadCase())
+def named_checks(dog: Dog, limits_or_load: Limits | LoadCase | None = None) -> dict[str, Check]:
+    """Return the checks of a dog by name, for limits or a load case, by default the usual ones."""
+    limits = limits_or_load
+    if not isinstance(limits, Limits):
+        limits = Limits(load=limits or LoadCase())
     return {check.name: check for check in strength_checks(dog, limits)}
 
 
 def dog_of(dog: Dog, design: Sequence[float]) -> Dog:
-    """Return a dog with another chamfer, traction and braking in deg, height in mm and count."""
+    """Set chamfer, traction and braking in deg, height in mm and count of a dog."""
     return replace(dog, **dog_fields(dict(zip(VARIABLES, design, strict=True))))
 
 
-def needed(available: bool, what: str) -> None:
-    """Skip a test whose outside program is missing; in continuous integration fail."""
+def require_program(available: bool, name: str) -> None:
+    """Skip a test without its external program; fail in continuous integration."""
     if not available and os.environ.get("CI"):
-        pytest.fail(f"{what} is missing, but continuous integration installs it")
+        pytest.fail(f"{name} is missing, but continuous integration installs it")
     if not available:
-        pytest.skip(f"{what} is not installed")
+        pytest.skip(f"{name} is not installed")

@@ -26,9 +26,11 @@ UNTRACED = bench_of({}, np.random.default_rng(1), shifts=10, points=POINTS)
 #: The same with a trace at each point, so that none is asked for.
 BENCH = replace(
     UNTRACED,
-    cells=tuple(replace(c, readings=(replace(c.readings[0], trace=cast("Any", object())),))
-                for c in UNTRACED.cells),
-)  # fmt: skip
+    cells=tuple(
+        replace(c, readings=(replace(c.readings[0], trace=cast("Any", object())),))
+        for c in UNTRACED.cells
+    ),
+)
 SETTING = setting_of(BENCH)
 CELLS = len(POINTS)
 WAITS = (np.arange(16) + 0.5) / 16  #: shares of the wait at which the toy is predicted
@@ -36,11 +38,25 @@ WAITS = (np.arange(16) + 0.5) / 16  #: shares of the wait at which the toy is pr
 SETTINGS = replace(USUAL, model_error=0.0, least_error=1e-9, spread_error=0.0)
 
 
-def predicted(mean: Array) -> Predicted:
+def prediction_of(mean: Array) -> Predicted:
     """Make a prediction with a spread of 20 ms and an error of 1 ms from means (m, C)."""
-    one, none = np.ones_like(mean), np.zeros_like(mean)
-    parts = 0.02 * one, 1e-3 * one, none, none, none, one, none, one, none, 0.02 * one, none, none
-    return Predicted(mean, *parts)
+    ones = np.ones_like(mean)
+    zeros = np.zeros_like(mean)
+    fields = (
+        0.02 * ones,
+        1e-3 * ones,
+        zeros,
+        zeros,
+        zeros,
+        ones,
+        zeros,
+        ones,
+        zeros,
+        0.02 * ones,
+        zeros,
+        zeros,
+    )
+    return Predicted(mean, *fields)
 
 
 def space_of(hypothesis: Hypothesis) -> Space:
@@ -56,7 +72,7 @@ def fit_of(
     rows = np.broadcast_to(shares, (count, len(space.parameters)))
     mean = np.full((count, CELLS), time)
     amplitude = np.zeros(count)
-    draws = np.array(rows), predicted(mean), amplitude, 0.0 * mean, 0.0 * mean
+    draws = np.array(rows), prediction_of(mean), amplitude, 0.0 * mean, 0.0 * mean
     return Fit(hypothesis, space, *draws, log_evidence=0.0, error=0.0, p=0.5)
 
 
@@ -64,18 +80,23 @@ def diagnosis_of(
     posterior: Mapping[Hypothesis, float],
     fits: Mapping[Hypothesis, Fit],
     bench: Bench = BENCH,
-    **more: Any,
+    **changes: Any,
 ) -> Any:
     """Make a diagnosis of a posterior; shifts at each point as the bench has them, of 0.3 s."""
     seen = SimpleNamespace(count=np.full(CELLS, 10.0), mean=np.full(CELLS, 0.3))
     names = {name for h in fits for name in h}
-    found = SimpleNamespace(
-        bench=bench, posterior=dict(posterior), fits=dict(fits), settings=SETTINGS, seen=seen,
-        effects={name: EFFECTS[name] for name in sorted(names)}, readings=(),
+    diagnosis = SimpleNamespace(
+        bench=bench,
+        posterior=dict(posterior),
+        fits=dict(fits),
+        settings=SETTINGS,
+        seen=seen,
+        effects={name: EFFECTS[name] for name in sorted(names)},
+        readings=(),
         model=SimpleNamespace(setting=SETTING),
-    )  # fmt: skip
-    vars(found).update(more)
-    return found
+    )
+    vars(diagnosis).update(changes)
+    return diagnosis
 
 
 class ToyModel:
@@ -98,12 +119,13 @@ class ToyModel:
 
     def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
         """Return mean and spread of the toy's times."""
-        space, size = self.space(hypothesis), (len(shares), WAITS.size)
+        space = self.space(hypothesis)
+        size = (len(shares), WAITS.size)
         values = {p.name: space.values(shares)[:, [k]] for k, p in enumerate(space.parameters)}
-        every = [np.broadcast_to(times_of(values, p, WAITS), size) for p in self.points]
-        times = np.stack(every, axis=1)
-        found = predicted(times.mean(axis=2))
-        return replace(found, sd=np.maximum(1e-3, times.std(axis=2)))
+        point_times = [np.broadcast_to(times_of(values, p, WAITS), size) for p in self.points]
+        times = np.stack(point_times, axis=1)
+        prediction = prediction_of(times.mean(axis=2))
+        return replace(prediction, sd=np.maximum(1e-3, times.std(axis=2)))
 
 
 def field_at(
@@ -111,11 +133,11 @@ def field_at(
 ) -> Field:
     """Predict some of the toy's effects at operating points."""
     cells = len(points)
-    like: Any = SimpleNamespace(
+    likelihood: Any = SimpleNamespace(
         model=ToyModel(names, points),
         settings=replace(SETTINGS, discrepancy=discrepancy),
         smooth=np.ones((cells, 1)),
         columns=lambda p: np.zeros((len(p.mean), cells, 0)),
         own_variance=lambda p: p.error**2,
     )
-    return field_of(like)
+    return field_of(likelihood)

@@ -1,4 +1,4 @@
-"""A PostgreSQL server of the tests' own, and Dask clusters as processes on this machine."""
+"""A PostgreSQL server for tests, and Dask clusters as processes on this machine."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from tests.conftest import needed
+from tests.conftest import require_program
 
 ROOT = Path(__file__).parents[1]
 
 
 def free_port() -> int:
-    """Return a port of this machine that nobody listens on."""
+    """Return a free port of this machine."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
@@ -42,14 +42,16 @@ class Server:
         return f"postgresql+psycopg://postgres@127.0.0.1:{self.port}/postgres"
 
     def call(self, tool: str, *arguments: str) -> str:
-        """Run one of the server's programs, which refuse to run as root."""
+        """Run a program of the server, as another user where root is refused; return its output."""
         command = [str(self.tools / tool), *arguments]
         if os.geteuid() == 0:
             command = ["runuser", "-u", "postgres", "--", *command]
         log = self.folder / "out.txt"
         with log.open("w") as out:  # the server inherits it, so no pipe
-            done = subprocess.run(command, stdout=out, stderr=out, cwd="/", timeout=60, check=False)
-        assert done.returncode == 0, log.read_text()
+            result = subprocess.run(
+                command, stdout=out, stderr=out, cwd="/", timeout=60, check=False
+            )
+        assert result.returncode == 0, log.read_text()
         return log.read_text()
 
     def start(self) -> None:
@@ -63,21 +65,31 @@ class Server:
         self.call("pg_ctl", "-D", str(self.folder / "data"), "-m", "immediate", "-w", "stop")
 
     def ask(self, question: str) -> list[str]:
-        """Return the lines that a query gives."""
-        where = ["-h", "127.0.0.1", "-p", str(self.port), "-U", "postgres", "-At", "-c", question]
-        return self.call("psql", *where).splitlines()
+        """Run a query; return its lines."""
+        connection = [
+            "-h",
+            "127.0.0.1",
+            "-p",
+            str(self.port),
+            "-U",
+            "postgres",
+            "-At",
+            "-c",
+            question,
+        ]
+        return self.call("psql", *connection).splitlines()
 
 
 @contextmanager
 def postgres() -> Iterator[Server]:
-    """Run a server in a folder of its own."""
-    found = [*Path("/usr/lib/postgresql").glob("*/bin/initdb"), shutil.which("initdb")]
-    needed(found[0] is not None, "postgresql")
+    """Run a server in a temporary folder."""
+    programs = [*Path("/usr/lib/postgresql").glob("*/bin/initdb"), shutil.which("initdb")]
+    require_program(programs[0] is not None, "postgresql")
     folder = Path(tempfile.mkdtemp(prefix="dogshape-pg-"))
     folder.chmod(0o700)
     if os.geteuid() == 0:
         shutil.chown(folder, "postgres", "postgres")
-    server = Server(Path(found[0] or "").parent, folder, free_port())
+    server = Server(Path(programs[0] or "").parent, folder, free_port())
     try:
         server.call("initdb", "-D", str(folder / "data"), "-U", "postgres", "-A", "trust", "-N")
         server.start()
@@ -88,20 +100,25 @@ def postgres() -> Iterator[Server]:
 
 
 def command_of(verb: str, *arguments: str) -> list[str]:
-    """Return the command line of a verb for a process of its own."""
+    """Return the command line of a verb for a new process."""
     return [sys.executable, "-m", "dogshape.pipeline", verb, *arguments]
 
 
-def started(command: list[str], cwd: Path = ROOT) -> subprocess.Popen[str]:
-    """Start a command in a session of its own, which Ctrl-C ends.
+def start_command(command: list[str], cwd: Path = ROOT) -> subprocess.Popen[str]:
+    """Start a command in a new session that Ctrl-C ends.
 
     A shell starts background jobs with Ctrl-C ignored, and children inherit that.
     """
     pipe = subprocess.PIPE
     return subprocess.Popen(
-        command, cwd=cwd, stdout=pipe, stderr=pipe, text=True, start_new_session=True,
+        command,
+        cwd=cwd,
+        stdout=pipe,
+        stderr=pipe,
+        text=True,
+        start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
-    )  # fmt: skip
+    )
 
 
 @dataclass
@@ -113,35 +130,38 @@ class Cluster:
     workers: list[subprocess.Popen[bytes]]
     log: Path
 
-    def said(self) -> str:
-        """Return the log of its processes."""
+    def read_log(self) -> str:
+        """Read the log of the processes."""
         return self.log.read_text(errors="replace")
 
 
 @contextmanager
-def dask_cluster(workers: int, prepared: str = "") -> Iterator[Cluster]:
+def dask_cluster(workers: int, preload_code: str = "") -> Iterator[Cluster]:
     """Run a cluster; ``prepared`` is Python that each worker runs first."""
     address = f"tcp://127.0.0.1:{free_port()}"
-    started: list[subprocess.Popen[bytes]] = []
+    processes: list[subprocess.Popen[bytes]] = []
     with tempfile.TemporaryDirectory(prefix="dogshape-dask-") as folder:
-        log, preload = Path(folder) / "said.txt", Path(folder) / "worker.py"
-        preload.write_text(prepared)
+        log = Path(folder) / "log.txt"
+        preload = Path(folder) / "worker.py"
+        preload.write_text(preload_code)
         host = ["--no-dashboard", "--host", "127.0.0.1"]
-        working = ["--nthreads", "1", "--no-nanny", "--local-directory", folder]
-        working += ["--preload", str(preload)]
+        worker_options = ["--nthreads", "1", "--no-nanny", "--local-directory", folder]
+        worker_options += ["--preload", str(preload)]
         try:
             with log.open("wb") as out:
                 port = address.rpartition(":")[2]
-                started.append(_begun(out, "dask_scheduler", *host, "--port", port))
+                processes.append(_start_program(out, "dask_scheduler", *host, "--port", port))
                 for _ in range(workers):
-                    started.append(_begun(out, "dask_worker", address, *host, *working))
-            yield Cluster(address, started[0], started[1:], log)
+                    processes.append(
+                        _start_program(out, "dask_worker", address, *host, *worker_options)
+                    )
+            yield Cluster(address, processes[0], processes[1:], log)
         finally:
-            for process in started:
+            for process in processes:
                 process.kill()
                 process.wait()
 
 
-def _begun(out: IO[bytes], program: str, *arguments: str) -> subprocess.Popen[bytes]:
+def _start_program(out: IO[bytes], program: str, *arguments: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", f"distributed.cli.{program}", *arguments]
     return subprocess.Popen(command, cwd=ROOT, stdout=out, stderr=out)

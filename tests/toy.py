@@ -33,23 +33,24 @@ def _get(values: Mapping[str, Array], name: str) -> Array | float:
 
 def times_of(values: Mapping[str, Array], point: OperatingPoint, shares: Array) -> Array:
     """Return times in s, (m, q), at shares (q,) of the wait; values are (m, 1)."""
-    force, rise = point.profile.force, point.profile.rise
+    force = point.profile.force
+    rise = point.profile.rise
     nominal = abs(point.mismatch) * _get(values, "mismatch_factor")
     slip = nominal + _get(values, "offset_rpm") * RPM
     mass = 0.3 + _get(values, "added_mass_kg")
     full = force * _get(values, "force_factor")
     friction = _get(values, "friction_N")
     # Force grows linearly: friction costs the time until it is overcome, mass the cube root.
-    late = friction / full * rise + 0.7 * _get(values, "lag_s")
+    delay = friction / full * rise + 0.7 * _get(values, "lag_s")
     gap = 1.0e-3 + _get(values, "gap_offset_mm") * 1e-3
-    way = gap + 3.7e-3
-    flight = np.cbrt(6.0 * mass * rise * way / full)
+    travel = gap + 3.7e-3
+    flight = np.cbrt(6.0 * mass * rise * travel / full)
     # With rising friction and chamfer a longer share of the pitch holds the dogs apart.
     blocked = 0.25 + 0.8 * _get(values, "dynamic_friction")
     blocked = blocked * (1.0 - 0.08 * _get(values, "chamfer_offset_deg"))
     wait = 24.0 * np.pi / 180.0 / np.maximum(slip, 0.5 * RPM)
     excess = np.maximum(0.0, shares - (1.0 - blocked)) / blocked
-    return _get(values, "delay_s") + late + flight + excess * blocked * np.minimum(wait, 0.4)
+    return _get(values, "delay_s") + delay + flight + excess * blocked * np.minimum(wait, 0.4)
 
 
 def points_of(forces: Sequence[float] = tuple(RISE)) -> tuple[OperatingPoint, ...]:
@@ -71,10 +72,10 @@ def bench_of(
 ) -> Bench:
     """Return a data set of the toy with values of effects; ``single`` gives each shift."""
     points = points_of() if points is None else points
-    given = {name: np.array([[value]]) for name, value in values.items()}
+    arrays = {name: np.array([[value]]) for name, value in values.items()}
     readings = []
     for point in points:
-        times = np.atleast_2d(times_of(given, point, generator.random(shifts)))[0]
+        times = np.atleast_2d(times_of(arrays, point, generator.random(shifts)))[0]
         groups = [(1, t) for t in times] if single else [(shifts, times.mean())]
         for n, time in groups:
             readings.append(Reading(len(readings) + 2, point, n, float(time), True))

@@ -1,4 +1,4 @@
-r"""A single impact in closed form, and what the published contact makes of it.
+r"""A single impact in closed form, and under the published contact law.
 
 Flat faces of area *A* press with :math:`F = k A x (1 + d v)` (Hunt and Crossley 1975). For a mass
 *m* alone with that force that arrives at :math:`v_0`, with :math:`g(u) = u - \ln(1 + u)`,
@@ -33,33 +33,34 @@ class Impact:
 
 
 def impact(contact: ContactSet, area: float, mass: float, speed: float) -> Impact:
-    """Return the closed form of an impact over ``area`` (m2) of ``mass`` (kg) at ``speed`` (m/s).
+    """Compute an impact over ``area`` (m2) of ``mass`` (kg) at ``speed`` (m/s) in closed form.
 
-    The time in contact is an integral over the speed, done by quadrature.
+    The time in contact is an integral over the speed, by quadrature.
     """
-    d, stiffness = contact.dissipation, contact.stiffness * area
+    d = contact.dissipation
+    stiffness = contact.stiffness * area
     level = d * speed - math.log1p(d * speed)
-    deepest = math.sqrt(2.0 * mass * level / stiffness) / d
+    penetration = math.sqrt(2.0 * mass * level / stiffness) / d
 
     def slowness(angle: float, arriving: bool) -> float:
-        # x = deepest sin(angle) takes away the root where the speed vanishes.
-        left = level * math.cos(angle) ** 2
-        return deepest * math.cos(angle) / (_speed(left, arriving) / d)
+        # x = penetration sin(angle) takes away the root where the speed vanishes.
+        remaining_level = level * math.cos(angle) ** 2
+        return penetration * math.cos(angle) / (_speed(remaining_level, arriving) / d)
 
-    half = 0.5 * math.pi
-    times = [quad(slowness, 0.0, half, args=(arriving,))[0] for arriving in (True, False)]
-    return Impact(deepest, restitution(d * speed), sum(times))
+    quarter_turn = 0.5 * math.pi
+    times = [quad(slowness, 0.0, quarter_turn, args=(arriving,))[0] for arriving in (True, False)]
+    return Impact(penetration, restitution(d * speed), sum(times))
 
 
 def restitution(approach: float) -> float:
-    """Return the speed of departure over that of arrival; ``approach`` is d v."""
+    """Compute the speed of departure over that of arrival; ``approach`` is d v."""
     if approach < 1e-9:
         return 1.0
     return _speed(approach - math.log1p(approach), False) / approach
 
 
 def _speed(level: float, arriving: bool) -> float:
-    """Return u > 0 with g(u) = level while arriving, g(-u) = level while leaving."""
+    """Solve g(u) = level while arriving, g(-u) = level while leaving, for u > 0."""
     sign = 1.0 if arriving else -1.0
     if level < 1e-4:  # Lambert's W loses its digits at the branch point; its series does not
         root = sign * math.sqrt(2.0 * level)
@@ -69,17 +70,29 @@ def _speed(level: float, arriving: bool) -> float:
 
 
 def published_impact(law: ImpactLaw, mass: float, speed: float) -> Impact:
-    """Return an impact under a law of Adams, integrated; mass in kg, speed in m/s."""
+    """Integrate an impact under a law of Adams; mass in kg, speed in m/s."""
 
     def motion(_: float, state: NDArray[np.float64]) -> list[float]:
         x, v = state
         damping = cubic_step(x / law.depth, law.damping)
         return [v, -max(0.0, law.stiffness * max(x, 0.0) ** 1.5 + damping * v) / mass]
 
-    def parted(_: float, state: NDArray[np.float64]) -> float:
+    def separation(_: float, state: NDArray[np.float64]) -> float:
         return float(state[0])
 
-    parted.terminal, parted.direction = True, -1.0  # type: ignore[attr-defined]
-    start = [1e-12, speed]
-    run = solve_ivp(motion, (0.0, 1.0), start, events=parted, method="LSODA", rtol=1e-9, atol=1e-14)
-    return Impact(float(run.y[0].max()), float(-run.y[1, -1] / speed), float(run.t[-1]))
+    separation.terminal = True  # type: ignore[attr-defined]
+    separation.direction = -1.0  # type: ignore[attr-defined]
+    solution = solve_ivp(
+        motion,
+        (0.0, 1.0),
+        [1e-12, speed],
+        events=separation,
+        method="LSODA",
+        rtol=1e-9,
+        atol=1e-14,
+    )
+    return Impact(
+        penetration=float(solution.y[0].max()),
+        restitution=float(-solution.y[1, -1] / speed),
+        duration=float(solution.t[-1]),
+    )

@@ -1,7 +1,7 @@
-"""The same shift in another physics engine, MuJoCo, as a check on the first.
+"""One shift in a second physics engine, MuJoCo, to check the first.
 
 Model and motion are those of ``validation.blind``, of a stand without any effect; force, flight
-before the contact and restitution are the project's. It stands for a contact set with one friction
+before the contact and restitution are the project's. It represents a contact set with one friction
 coefficient and little creep, as ``lubricated_steel``; contact is as stiff as the step allows. Free
 flight is its closed form; then semi-implicit Euler with speeds half a step behind, of second order.
 Single shifts agree within a percent or two (``python -m benchmarks.second_engine``): what remains
@@ -16,8 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_planes, dog_solid, meeting
 from dogshape.sim.units import MM
 from dogshape.validation.blind.mujoco_model import OVERHANG, ratio_of
@@ -25,9 +27,10 @@ from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift
 from dogshape.validation.blind.stand import Point, Stand
 from dogshape.validation.impact import restitution
 
-CHUNK = 0.004  #: s of motion between two looks at it
-FREE = 0.999  #: part of the axial gap that is flown in closed form
+CHUNK_S = 0.004  #: motion between two checks of the travel, s
+FREE_FLIGHT_SHARE = 0.999  #: of the axial gap, flown in closed form
 DAMPING_RATIOS = (0.15, 3.0)  #: restitution from 0.65 to 0.02
+MIN_FRICTION_RATIO = 0.75  #: of dynamic over static friction
 
 
 @dataclass(frozen=True)
@@ -53,9 +56,38 @@ FINE = EngineSettings(time_step=4e-6, damping=2.5e4)
 
 
 def stand_of(clutch: Clutch) -> Stand:
-    """Describe a clutch as a stand; InputError for a contact or an edge that MuJoCo cannot have."""
-    dog, rings, contact = clutch.dog, clutch.rings, clutch.contact
-    if contact.dynamic_friction < 0.75 * contact.static_friction:
+    """Describe a clutch as a stand; InputError for features that MuJoCo cannot represent."""
+    dog = clutch.dog
+    rings = clutch.rings
+    contact = clutch.contact
+    _require_supported(clutch)
+    return Stand(
+        count=dog.count,
+        chamfer=dog.chamfer,
+        traction=dog.traction,
+        braking=dog.braking,
+        height=dog.height,
+        outer_radius=dog.outer_radius,
+        inner_radius=dog.inner_radius,
+        gap=dog.axial_gap,
+        mass=rings.mass,
+        sliding_inertia=rings.sliding_inertia,
+        sliding_speed=0.0,
+        output_inertia=rings.output_inertia,
+        static_friction=contact.dynamic_friction,
+        dynamic_friction=contact.dynamic_friction,
+        stiction_speed=0.0,
+        timeout=clutch.timeout,
+        seated=clutch.seated_tolerance,
+        rebound=clutch.rebound,
+    )
+
+
+def _require_supported(clutch: Clutch) -> None:
+    """Raise InputError for a contact, an edge or a drive that MuJoCo cannot represent."""
+    dog = clutch.dog
+    contact = clutch.contact
+    if contact.dynamic_friction < MIN_FRICTION_RATIO * contact.static_friction:
         fall = f"falls from {contact.static_friction:g} to {contact.dynamic_friction:g}"
         raise InputError(
             f"friction of contact set '{contact.name}' {fall}, but the second engine knows one "
@@ -65,101 +97,124 @@ def stand_of(clutch: Clutch) -> Stand:
     creep = contact.stiction_velocity
     require_between("contact.stiction_velocity_m_s", creep, 0.0, 5e-3, remedy)
     if dog.edge_radius > 0.0:
-        rule, remedy = "the second engine has sharp edges (0 mm)", "leave dog.edge_radius_mm out"
-        raise InputError(refusal("dog.edge_radius_mm", dog.edge_radius / MM, "mm", rule, remedy))
+        message = refusal(
+            "dog.edge_radius_mm",
+            dog.edge_radius / MM,
+            "mm",
+            rule="the second engine has sharp edges (0 mm)",
+            remedy="leave dog.edge_radius_mm out",
+        )
+        raise InputError(message)
     if clutch.drive.has_torques:
         raise InputError("the second engine has no [drive] of torques; leave its torques out")
-    return Stand(
-        count=dog.count, chamfer=dog.chamfer, traction=dog.traction, braking=dog.braking,
-        height=dog.height, outer_radius=dog.outer_radius, inner_radius=dog.inner_radius,
-        gap=dog.axial_gap, mass=rings.mass, sliding_inertia=rings.sliding_inertia,
-        sliding_speed=0.0, output_inertia=rings.output_inertia,
-        static_friction=contact.dynamic_friction, dynamic_friction=contact.dynamic_friction,
-        stiction_speed=0.0, timeout=clutch.timeout, seated=clutch.seated_tolerance,
-        rebound=clutch.rebound,
-    )  # fmt: skip
 
 
 def damping_ratio(clutch: Clutch, point: OperatingPoint) -> float:
-    """Return the damping ratio whose restitution is that of the contact set at a flank hit.
+    """Compute the damping ratio with the restitution of the contact set at a flank hit.
 
     The dog arrives with the mismatch and, half way down, with its free speed. Friction
-    changes the mass that the flank feels, which the engine leaves out of *A*.
+    changes the effective mass at the flank, which the engine leaves out of *A*.
     """
-    dog, rings = clutch.dog, clutch.rings
+    dog = clutch.dog
+    rings = clutch.rings
     lean = dog.traction if point.mismatch >= 0.0 else dog.braking
-    c, s, mu = math.cos(lean), math.sin(lean), clutch.contact.dynamic_friction
-    half_way = point.profile.free_flight_time(dog.axial_gap + 0.5 * dog.height, rings.mass)
-    axial = float(point.profile.free_speed(half_way, rings.mass))
-    speed = c * abs(point.mismatch) * dog.mean_radius + s * axial
+    c = math.cos(lean)
+    s = math.sin(lean)
+    mu = clutch.contact.dynamic_friction
+    half_way_time = point.profile.free_flight_time(dog.axial_gap + 0.5 * dog.height, rings.mass)
+    axial_speed = float(point.profile.free_speed(half_way_time, rings.mass))
+    speed = c * abs(point.mismatch) * dog.mean_radius + s * axial_speed
     turning = dog.mean_radius**2 / rings.reduced_inertia
     smooth = c * c * turning + s * s / rings.mass
     rough = c * (c + mu * s) * turning + s * (s - mu * c) / rings.mass
-    felt = math.sqrt(smooth / max(rough, 0.25 * smooth))
-    wanted = restitution(clutch.contact.dissipation * speed)
-    ratio = ratio_of(wanted, DAMPING_RATIOS)
-    return ratio if ratio in DAMPING_RATIOS else min(DAMPING_RATIOS[1], ratio * felt)
+    friction_factor = math.sqrt(smooth / max(rough, 0.25 * smooth))
+    ratio = ratio_of(restitution(clutch.contact.dissipation * speed), DAMPING_RATIOS)
+    if ratio in DAMPING_RATIOS:
+        return ratio
+    return min(DAMPING_RATIOS[1], ratio * friction_factor)
 
 
 class SecondEngine(Engine):
-    """A clutch built in MuJoCo that can be shifted again and again.
+    """Clutch built in MuJoCo for any number of shifts.
 
-    Raises InputError where MuJoCo is missing or cannot stand for the contact set.
+    Raises InputError where MuJoCo is missing or cannot represent the clutch.
     """
 
     def __init__(self, clutch: Clutch, settings: EngineSettings | None = None) -> None:
-        self.clutch, self.settings = clutch, settings or EngineSettings()
-        self._every = step = self.settings.time_step
-        stand, longer = stand_of(clutch), dog_planes(clutch.dog)
-        for end in ("inner", "outer"):
-            longer[end] = longer[end].moved(OVERHANG)
-        around = [n for n in ("root", "braking", "face", "back", "traction") if n in longer]
-        lines = itertools.product(itertools.pairwise([*around, "root"]), ("inner", "outer"))
-        points = [meeting(*(longer[name] for name in (*sides, end))) for sides, end in lines]
-        shapes = dog_solid(clutch.dog).vertices, np.array(points)
-        stop = -0.01 / step**2, -0.5 / step
-        super().__init__(stand, step=step, stop=stop, shapes=shapes)
+        self.clutch = clutch
+        self.settings = settings or EngineSettings()
+        self._time_step = self.settings.time_step
+        super().__init__(
+            stand_of(clutch),
+            step=self._time_step,
+            stop=(-0.01 / self._time_step**2, -0.5 / self._time_step),
+            shapes=(dog_solid(clutch.dog).vertices, _overhanging_corners(clutch.dog)),
+        )
         self._rollout = self._mujoco.rollout.Rollout(nthread=0)
 
     def engage(self, point: OperatingPoint, relative_angle: float, keep: bool = False) -> Shift:
-        """Simulate one shift; ``relative_angle`` in rad as for ``sim.shift.conclusion.engage``.
+        """Simulate a shift; ``relative_angle`` in rad as for ``sim.shift.conclusion.engage``.
 
-        ``keep`` keeps the motion of every step from the end of the free flight on, its speeds
-        half a step behind.
+        With ``keep`` the shift has the motion of every step from the end of the free flight on, its
+        speeds half a step behind.
         """
-        self._operated, profile = point, point.profile
-        asked = Point(point.mismatch, profile.net_force, profile.rise)
-        return self.shift(asked, Draw(relative_angle), keep)
+        self._operating_point = point
+        profile = point.profile
+        nominal = Point(point.mismatch, profile.net_force, profile.rise)
+        return self.shift(nominal, Draw(relative_angle), keep)
 
     def _begin(self, point: Point, draw: Draw) -> None:
         """Set the end of the free flight, and spring and damper of the contact."""
         super()._begin(point, draw)
-        profile, mass = self._operated.profile, self.clutch.rings.mass
-        ratio = damping_ratio(self.clutch, self._operated)
-        rate = min(self.settings.damping / (2.0 * ratio), 0.5 / self._every)
+        profile = self._operating_point.profile
+        mass = self.clutch.rings.mass
+        ratio = damping_ratio(self.clutch, self._operating_point)
+        rate = min(self.settings.damping / (2.0 * ratio), 0.5 / self._time_step)
         self._model.pair_solref[:] = -(rate**2), -2.0 * ratio * rate
-        start = profile.free_flight_time(FREE * self.stand.gap, mass)
+        start = profile.free_flight_time(FREE_FLIGHT_SHARE * self.stand.gap, mass)
         self._data.time = start
-        self._place[:] += start * self._rate
-        self._place[1] = profile.free_flight(start, mass)
-        self._rate[1] = profile.free_speed(start - 0.5 * self._every, mass)
+        self._position[:] += start * self._velocity
+        self._position[1] = profile.free_flight(start, mass)
+        self._velocity[1] = profile.free_speed(start - 0.5 * self._time_step, mass)
 
     def _step(self, point: Point, phase: float) -> tuple[float, float]:
         """Step on for a chunk, in which nothing but the force changes, or to full travel."""
-        data, count = self._data, round(CHUNK / self._every)
-        times = data.time + self._every * np.arange(count, dtype=np.float64)
-        force = self._operated.profile.at(times)
-        begin = np.concatenate([[data.time], self._place, self._rate])
+        data = self._data
+        count = round(CHUNK_S / self._time_step)
+        times = data.time + self._time_step * np.arange(count, dtype=np.float64)
+        force = self._operating_point.profile.at(times)
+        start = np.concatenate([[data.time], self._position, self._velocity])
         states = np.empty((1, count, 7))
         # Without its checks, which take as long as ten steps, it wants lists and a length.
         self._rollout.rollout(
-            [self._model], [data], begin[None, :], force[None, :, None],
-            skip_checks=True, nstep=count, state=states,
-        )  # fmt: skip
-        made = np.concatenate([begin[None, :], states[0]])
-        there = made[:, 2] >= self._travel
-        last = int(there.argmax()) if there.any() else count
-        data.time, self._place[:], self._rate[:] = made[last, 0], made[last, 1:4], made[last, 4:]
-        if self._kept is not None:
-            self._kept += made[1 : last + 1, [0, 2, 2, 6, 4, 5]].tolist()
-        return float(made[last - 1, 0]), float(made[last - 1, 2])
+            [self._model],
+            [data],
+            start[None, :],
+            force[None, :, None],
+            skip_checks=True,
+            nstep=count,
+            state=states,
+        )
+        # Rows: time; positions and velocities of output ring, travel and sliding ring.
+        states = np.concatenate([start[None, :], states[0]])
+        seated = states[:, 2] >= self._travel
+        last = int(seated.argmax()) if seated.any() else count
+        data.time = states[last, 0]
+        self._position[:] = states[last, 1:4]
+        self._velocity[:] = states[last, 4:]
+        if self._motion is not None:
+            self._motion += states[1 : last + 1, [0, 2, 2, 6, 4, 5]].tolist()
+        return float(states[last - 1, 0]), float(states[last - 1, 2])
+
+
+def _overhanging_corners(dog: Dog) -> Array:
+    """Compute the corners of a dog with its ends moved out by ``OVERHANG``, m, (n, 3)."""
+    planes = dog_planes(dog)
+    for end in ("inner", "outer"):
+        planes[end] = planes[end].moved(OVERHANG)
+    sides = [name for name in ("root", "braking", "face", "back", "traction") if name in planes]
+    corners = []
+    for first, second in itertools.pairwise([*sides, "root"]):
+        for end in ("inner", "outer"):
+            corners.append(meeting(planes[first], planes[second], planes[end]))
+    return np.array(corners)

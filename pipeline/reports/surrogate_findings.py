@@ -31,7 +31,7 @@ from dogshape.sim.strength.dog_strength import margin_losses, within_tolerances
 from dogshape.sim.strength.manufacture import Kind
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range, require_same_physics
-from dogshape.surrogate.sensitivity import effects
+from dogshape.surrogate.sensitivity import main_effects
 from dogshape.surrogate.store import load
 
 DESIGNS = 150  #: feasible designs that an effect is the mean over
@@ -92,7 +92,7 @@ def _effects_record(study: Setup, surrogate: Surrogate) -> Row:
                 for key, values in (("values", one.values), ("effect_s", one.effect),
                                     ("low_s", one.low), ("high_s", one.high))
             }}
-            for one in effects(surrogate, surrogate.data.variables, x)
+            for one in main_effects(surrogate, surrogate.data.variables, x)
         ],
     }  # fmt: skip
 

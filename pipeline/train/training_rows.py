@@ -15,7 +15,7 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root, engine
 from dogshape.surrogate.dataset import COLUMNS, Dataset, Mix, grid_of
-from dogshape.surrogate.query import other_physics
+from dogshape.surrogate.query import compare_physics
 from dogshape.surrogate.store import MissingError, Stored, load
 
 
@@ -53,7 +53,7 @@ def stored_surrogate(study: Setup, named: str | Path | None) -> tuple[Stored, Pa
     bundled = bundled_root().glob("*/surrogate.json")
     for path in sorted(bundled) if named is None and not space.is_file() else ():
         stored = load(path)
-        if not other_physics(stored.surrogate.data, study.physics):
+        if not compare_physics(stored.surrogate.data, study.physics):
             return stored, path
     others = (space, own, bundled_root() / study.name / "surrogate.json")
     path = Path(named or next((path for path in others if path.is_file()), own))
@@ -68,5 +68,5 @@ def own_surrogate(study: Setup, named: str | Path | None) -> tuple[Stored, Path]
         if named is not None:
             raise
         return None
-    apart = other_physics(stored.surrogate.data, study.physics)
+    apart = compare_physics(stored.surrogate.data, study.physics)
     return None if apart and named is None else (stored, path)

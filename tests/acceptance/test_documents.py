@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import dogshape
-from benchmarks.figures import BLOCK, ROOT, TABLES, filled, pages
+from benchmarks.figures import BLOCK, ROOT, TABLES, fill_tables, pages
 
 #: CHANGELOG.md is none of them: it names what was there at the time.
 PAGES = sorted(
@@ -71,7 +71,7 @@ def test_what_a_page_names_is_there(page: Path) -> None:
 def test_tables_are_those_of_their_sources(page: Path) -> None:
     """``make figures`` writes them."""
     text = page.read_text("utf-8")
-    assert text == filled(text)
+    assert text == fill_tables(text)
 
 
 def test_every_table_is_on_one_page() -> None:

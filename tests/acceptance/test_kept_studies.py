@@ -17,7 +17,7 @@ from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import RPM
-from tests.found import kept_result
+from tests.search_results import bundled_result
 
 Kept = tuple[Setup, dict[str, Any], dict[str, Any]]
 
@@ -25,7 +25,7 @@ Kept = tuple[Setup, dict[str, Any], dict[str, Any]]
 @pytest.fixture(scope="module", params=bundled_studies())
 def kept(request: pytest.FixtureRequest) -> Kept:
     """A study as it is, its kept result and the row of its chosen design."""
-    result = kept_result(request.param)
+    result = bundled_result(request.param)
     chosen = result["confirmation"]["chosen"]
     row = next(row for row in result["trials"] if row["trial"] == chosen)
     return load_study(request.param), result, row
@@ -67,7 +67,7 @@ def test_kept_times_are_simulated_again(kept: Kept) -> None:
     assert found.mean_engaged == pytest.approx(points[place]["mean_engaged_s"], rel=1e-4)
 
 
-KEPT = kept_result()
+KEPT = bundled_result()
 
 
 def test_best_design_beats_the_prototype_by_many_standard_errors() -> None:
@@ -87,7 +87,7 @@ def test_best_design_beats_the_prototype_by_many_standard_errors() -> None:
     known, _ = stored_surrogate(study, None)
     for params, found in ((study.prototype, prototype), (best_design, best)):
         x = np.array([params[name] for name in study.variables], dtype=float)
-        answer = known.surrogate.expected(x, study_mix(study))
+        answer = known.surrogate.expect(x, study_mix(study))
         time, error = answer.without_retries
         within = 2.5 * math.hypot(error, found.engaged_error)
         assert abs(time - found.engaged_mean) < within

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.adams import ALL, deviations, free_flights, laws, unhindered
+from benchmarks.adams import DENSE_ANGLES, deviations, free_flights, laws, ratios_without_skips
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.comparison import compare
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -114,13 +114,13 @@ def test_all_angles_and_the_fast_rows(adams: Bench, law: str) -> None:
     clutch = laws(adams)[law]
     own = replace(adams, clutch=clutch)
     ten = compare(own, scratch_executor().run).relative_rms
-    every = compare(own, scratch_executor().run, ALL)
+    every = compare(own, scratch_executor().run, DENSE_ANGLES)
     assert every.relative_rms is not None
     assert ten is not None
     assert every.relative_rms < ALL_ANGLES[law] < ten
     for row in deviations(every).values():
         assert abs(sum(row) / len(row)) < 0.20
-    short = unhindered(adams, clutch, clutch.shift_travel)
+    short = ratios_without_skips(adams, clutch, clutch.shift_travel)
     least, most = UNHINDERED[law]
     assert len(short) == 12
     assert 0.80 < min(short) < max(short) < 1.0

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from tests.integration.studies import Finished, finished_study, made_once
+from tests.integration.studies import Finished, finished_study, make_once
 
 
-def _study(fixture: str, more: Mapping[str, Any]) -> Any:
+def _study(fixture: str, overrides: Mapping[str, Any]) -> Any:
     """Make the fixture of the small study with other keys."""
 
     @pytest.fixture(scope="session", name=fixture)
     def make(tmp_path_factory: pytest.TempPathFactory) -> Finished:
-        return finished_study(tmp_path_factory, fixture, more)
+        return finished_study(tmp_path_factory, fixture, overrides)
 
     return make
 
@@ -35,4 +35,4 @@ def reported(finished: Finished, tmp_path_factory: pytest.TempPathFactory) -> Fi
         finished.copy(folder)
         assert ds.load_result(folder).report() == folder / "report.html"
 
-    return made_once(tmp_path_factory, "reported", make)
+    return make_once(tmp_path_factory, "reported", make)

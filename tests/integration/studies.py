@@ -1,4 +1,4 @@
-"""Finished studies, each made once a session, whichever process of it asks first."""
+"""Finished studies, each made once a session, also with several processes."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ SETTINGS = dict(map(pair_of, SMALL))
 
 
 def result_of(folder: Path) -> dict[str, Any]:
-    """Read what a study found."""
-    found: dict[str, Any] = json.loads((folder / "result.json").read_text())
-    return found
+    """Read the result of a study."""
+    record: dict[str, Any] = json.loads((folder / "result.json").read_text())
+    return record
 
 
 def designs_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """List designs without their numbers, of which a trial that a kill cut off has one."""
-    left = ("trial", "time_within_tolerances")
-    return [{k: v for k, v in row.items() if k not in left} for row in result["trials"]]
+    """List designs without trial numbers: a trial that a kill cut off has a number too."""
+    ignored_keys = ("trial", "time_within_tolerances")
+    return [{k: v for k, v in row.items() if k not in ignored_keys} for row in result["trials"]]
 
 
 def lines_of(folder: Path, name: str = "running.jsonl") -> list[bytes]:
-    """Read the shifts that a journal holds so far."""
+    """Read the lines of a journal, none without a file."""
     journal = folder / name
     return journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
 
 
 def wait_until(ready: Callable[[], object], process: subprocess.Popen[Any] | None = None) -> None:
-    """Wait for what a process brings about, which may not end before."""
+    """Wait until ``ready``; fail if the process ends before."""
     end = time.monotonic() + 300.0
     while not ready():
         assert process is None or process.poll() is None, process.communicate()
@@ -52,38 +52,40 @@ def wait_until(ready: Callable[[], object], process: subprocess.Popen[Any] | Non
 
 @dataclass(frozen=True)
 class Finished:
-    """A study that has ended. Tests that change its folder take a copy."""
+    """Finished study. Tests that change its folder take a copy."""
 
     folder: Path
 
     @property
     def result(self) -> dict[str, Any]:
-        """What it found."""
+        """Result of the study."""
         return result_of(self.folder)
 
     def copy(self, folder: Path, *without: str) -> Path:
-        """Copy its folder, but for files of some names."""
+        """Copy the folder without files of some names."""
         ignored = shutil.ignore_patterns(*without)
         return Path(shutil.copytree(self.folder, folder, ignore=ignored, dirs_exist_ok=True))
 
 
-def made_once(
+def make_once(
     factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]
 ) -> Finished:
     """Make a folder once a session, also where several processes run its tests."""
     base = factory.getbasetemp()
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     folder = base / "shared" / name
-    ended = folder.with_suffix(".ended")
+    end_mark = folder.with_suffix(".ended")
     with writing(folder.with_suffix(".lock"), patience=3600.0):
-        if not ended.exists():
+        if not end_mark.exists():
             shutil.rmtree(folder, ignore_errors=True)
             make(folder)
-            ended.touch()
+            end_mark.touch()
     return Finished(folder)
 
 
-def finished_study(factory: pytest.TempPathFactory, name: str, more: Mapping[str, Any]) -> Finished:
+def finished_study(
+    factory: pytest.TempPathFactory, name: str, overrides: Mapping[str, Any]
+) -> Finished:
     """Run the small study with other keys, once a session."""
-    study = ds.Study("mq200_paper", SETTINGS | dict(more))
-    return made_once(factory, name, lambda to: study.search(to, jobs=1, report=False))
+    study = ds.Study("mq200_paper", SETTINGS | dict(overrides))
+    return make_once(factory, name, lambda folder: study.search(folder, jobs=1, report=False))

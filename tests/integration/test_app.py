@@ -13,8 +13,8 @@ import pytest
 import dogshape as ds
 from dogshape.app import Desk, build_app, open_desk, start_server
 from tests.browser import FAULTS, Chromium
-from tests.conftest import Call, sets
-from tests.server import command_of, started
+from tests.conftest import Call, set_options
+from tests.server import command_of, start_command
 
 #: A strike, a spectrum and a scatter of the dogs, at two operating points.
 SETS = [
@@ -24,7 +24,7 @@ SETS = [
     "expectation.angles=16",
     "load.accuracy=6", "load.run_out_um=10", "load.spectrum=[[1.0, 1e4], [-0.4, 1e5]]",
 ]  # fmt: skip
-OPTIONS = sets(SETS)
+OPTIONS = set_options(SETS)
 SIMULATED = "!['', '…'].includes(document.querySelector('#simulated b')?.textContent ?? '')"
 FIELD = "document.querySelector('aside .number input')"
 
@@ -172,7 +172,7 @@ def test_files_of_a_design_are_written(desk: Desk) -> None:
 
 
 def test_the_verb_serves_until_it_is_stopped(dogshape: Call, tmp_path: Path) -> None:
-    with started(
+    with start_command(
         command_of("app", "mq200_paper", "--no-browser", "--port", "0"), tmp_path
     ) as process:
         try:

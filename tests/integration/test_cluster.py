@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.conftest import SMALL, sets
+from tests.conftest import SMALL, set_options
 from tests.integration.studies import Finished, lines_of, result_of, wait_until
-from tests.server import Cluster, command_of, dask_cluster, started
+from tests.server import Cluster, command_of, dask_cluster, start_command
 
-OVERRIDES = sets(SMALL)
+OVERRIDES = set_options(SMALL)
 STUDY = ["mq200_paper", "--no-report", "--engine", "drake", *OVERRIDES]
 EXPECT = ["mq200_paper", "--angles", "3", *OVERRIDES, "--json"]
 
@@ -21,11 +21,11 @@ EXPECT = ["mq200_paper", "--angles", "3", *OVERRIDES, "--json"]
 @contextmanager
 def _on(cluster: Cluster, verb: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     """Start a command on a cluster; where it fails, show what the cluster was at."""
-    with started(command_of(verb, *arguments, "--cluster", cluster.address)) as process:
+    with start_command(command_of(verb, *arguments, "--cluster", cluster.address)) as process:
         try:
             yield process
         except BaseException:
-            print(cluster.said())
+            print(cluster.read_log())
             raise
         finally:
             process.kill()

@@ -12,12 +12,12 @@ import pytest
 
 from dogshape.cli.app import VERBS
 from dogshape.validation.finite_elements.root_stress import fem_available
-from tests.conftest import SMALL, Call, needed, sets
+from tests.conftest import SMALL, Call, require_program, set_options
 from tests.integration.studies import Finished
 from tests.server import command_of
 
 ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
-SETS = sets(SMALL)
+SETS = set_options(SMALL)
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -234,7 +234,7 @@ def test_damaged_results_are_refused(dogshape: Call, studied: Path) -> None:
 
 
 def test_finite_elements_on_request(dogshape: Call) -> None:
-    needed(fem_available(), "scikit-fem")
+    require_program(fem_available(), "scikit-fem")
     said = dogshape("strength", "mq200_paper", "--no-simulation", "--fem", "--json").json
     rows = {(row["flank"], row["band"]): row for row in said["finite_elements"]}
     assert len(rows) == 6

@@ -24,16 +24,16 @@ from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import StorageError, WorkerError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.statistics.blocks import Block, even_blocks
-from tests.conftest import SMALL, searching, sets
+from tests.conftest import SMALL, search_run, set_options
 from tests.integration.studies import Finished, designs_of, lines_of, result_of, wait_until
-from tests.server import ROOT, command_of, started
+from tests.server import ROOT, command_of, start_command
 
 DRAKE = (*SMALL, "solver.engine=drake")  #: shifts that take long enough to be cut off
 
 
 def _command(out: Path, *more: str) -> list[str]:
     where = ("--out", str(out), "--resume", "--no-report")
-    return command_of("study", "mq200_paper", *where, *sets(DRAKE), *more)
+    return command_of("study", "mq200_paper", *where, *set_options(DRAKE), *more)
 
 
 def _done(out: Path) -> int:
@@ -46,7 +46,7 @@ def test_kills_at_random_moments_change_nothing(tmp_path: Path, in_drake: Finish
     chance = random.Random(5)
     for share, jobs, how in ((0.1, "1", signal.SIGINT), (0.4, "2", signal.SIGKILL),
                              (0.8, "1", signal.SIGKILL)):  # fmt: skip
-        process = started(_command(tmp_path, "--jobs", jobs))
+        process = start_command(_command(tmp_path, "--jobs", jobs))
         wait_until(lambda share=share: _done(tmp_path) >= share * 72)
         time.sleep(chance.random())
         os.killpg(process.pid, how)
@@ -55,7 +55,7 @@ def test_kills_at_random_moments_change_nothing(tmp_path: Path, in_drake: Finish
             assert process.returncode == 130, err
             assert "finished shifts are kept" in err
             assert "Traceback" not in err
-    run_study(load_study("mq200_paper", DRAKE), searching(tmp_path, 1, resume=True))
+    run_study(load_study("mq200_paper", DRAKE), search_run(tmp_path, 1, resume=True))
     assert designs_of(result_of(tmp_path)) == designs_of(in_drake.result)
     confirmed = (one["confirmation"]["best"] for one in (result_of(tmp_path), in_drake.result))
     one, other = ({k: v for k, v in best.items() if k != "trial"} for best in confirmed)
@@ -79,7 +79,7 @@ def test_a_full_disk_is_said_and_costs_nothing(tmp_path: Path, in_drake: Finishe
     kept = lines_of(tmp_path)
     assert len(kept) >= 3
     assert all(line.endswith(b"\n") and json.loads(line) for line in kept)
-    again = run_study(load_study("mq200_paper", DRAKE), searching(tmp_path, 1, resume=True))
+    again = run_study(load_study("mq200_paper", DRAKE), search_run(tmp_path, 1, resume=True))
     assert designs_of(again) == designs_of(in_drake.result)
 
 
@@ -169,7 +169,7 @@ def test_a_killed_worker_says_nothing_against_its_shift(small_study: Setup, tmp_
 
 def test_two_runs_in_one_folder(tmp_path: Path) -> None:
     """The second is refused while the first runs, and the first does not notice."""
-    first = started(_command(tmp_path, "--jobs", "1", "--set", "search.trials=1"))
+    first = start_command(_command(tmp_path, "--jobs", "1", "--set", "search.trials=1"))
     wait_until(lambda: lines_of(tmp_path), first)
     os.kill(first.pid, signal.SIGSTOP)
     second = subprocess.run(_command(tmp_path), cwd=ROOT, capture_output=True, text=True,
@@ -183,7 +183,7 @@ def test_two_runs_in_one_folder(tmp_path: Path) -> None:
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     """They hold memory, and nothing tells them: idle, they would wait five minutes for work."""
-    with started(_command(tmp_path, "--jobs", "2")) as parent:
+    with start_command(_command(tmp_path, "--jobs", "2")) as parent:
         wait_until(lambda: len(lines_of(tmp_path)) >= 4, parent)
         assert len(_members(parent.pid)) >= 3
         parent.kill()
@@ -230,7 +230,7 @@ def test_signals_keep_what_is_finished(tmp_path: Path, number: signal.Signals, g
     """As after Ctrl-C: what is kept, one word, and nothing of a library's."""
     asked = ["expect", "mq200_paper", "--angles", "96", "--jobs", "2"]
     command = ["env", "--default-signal=HUP", *command_of(*asked)]  # tests may run under nohup
-    process = started(command, tmp_path)
+    process = start_command(command, tmp_path)
     wait_until(lambda: _shifts(tmp_path))
     kept = _shifts(tmp_path)
     (os.killpg if group else os.kill)(process.pid, number)

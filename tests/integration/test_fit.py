@@ -11,7 +11,7 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.surrogate.query import require_same_physics
-from tests.integration.studies import SETTINGS, Finished, made_once
+from tests.integration.studies import SETTINGS, Finished, make_once
 
 FEW = SETTINGS | {
     "surrogate.references": 3,
@@ -33,7 +33,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Finished:
             fitted = ds.fit(ds.Study("mq200_paper", FEW), jobs=1)
             Path("said.json").write_text(json.dumps(fitted.to_dict()))
 
-    return made_once(tmp_path_factory, "fitted", make)
+    return make_once(tmp_path_factory, "fitted", make)
 
 
 @pytest.fixture

@@ -22,16 +22,16 @@ from dogshape.pipeline.reports.gap_page import publish
 from dogshape.sim.units import RPM
 from tests.browser import Chromium
 from tests.conftest import Call
-from tests.diagnosed import (
+from tests.diagnoses import (
     DAMPED,
     HEAVY,
     POSTERIOR,
     STAND,
-    diagnosed,
     diagnosis_of,
     reading,
     simulated_bench,
     simulated_diagnosis,
+    stand_diagnosis,
 )
 
 
@@ -88,7 +88,7 @@ def test_report_in_a_browser_and_on_paper(page: Path, tmp_path: Path) -> None:
 
 def test_the_summary_has_causes_sizes_refuted_readings_and_what_measures_a_large_size() -> None:
     """No effect moves a time of this model, and 20 kg over 3.1914 squared are 2 kg at the arm."""
-    found = diagnosed()
+    found = stand_diagnosis()
     said = summary(found)
     assert said.startswith("Bench and simulation differ by 138 ms (root mean square over 25 ")
     every, alone = found.sizes["actuation_delay"]["delay_s"], found.fits[HEAVY].intervals["delay_s"]
@@ -118,9 +118,9 @@ def test_the_summary_has_causes_sizes_refuted_readings_and_what_measures_a_large
 
 
 def test_a_reading_of_the_record_that_decides_is_stated() -> None:
-    same = reading("time_zero", "command", 0.7, diagnosed().verdict.causes)
+    same = reading("time_zero", "command", 0.7, stand_diagnosis().verdict.causes)
     other = reading("time_zero", "force", 0.3, ("drag_torque",))
-    posterior = diagnosed().posterior
+    posterior = stand_diagnosis().posterior
     assert "If " not in summary(diagnosis_of(posterior, readings=(same, same)))
     said = summary(diagnosis_of(posterior, readings=(same, other)))
     assert said.endswith(

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.pages import Command, commands_of, files_told, lines_told, steps_of
+from benchmarks.pages import Command, commands_of, output_patterns, steps_of, written_files
 from dogshape.cli.app import app
 from tests.conftest import Call
 
@@ -42,12 +42,12 @@ def test_a_page_does_what_it_says(page: Path, dogshape: Call, tmp_path: Path) ->
                 text=True,
             ).stdout  # fmt: skip
         elif step.kind == "text":
-            for pattern in lines_told(step.text):
+            for pattern in output_patterns(step.text):
                 assert re.search(pattern, " ".join(printed.split())), (
                     f"{place}: {pattern}\n{printed}"
                 )
         elif step.kind == "written":
-            named = files_told(step.text)
+            named = written_files(step.text)
             assert named, place
             assert not [name for name in named if not (tmp_path / name).is_file()], place
 

@@ -11,11 +11,11 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.sim.clutch_tables import validate
-from tests.conftest import SMALL, Call, sets
+from tests.conftest import SMALL, Call, set_options
 from tests.integration.studies import SETTINGS, Finished
 
 TIME = "expected_shift_time_s"
-SETS = sets(SMALL)
+SETS = set_options(SMALL)
 
 
 @pytest.fixture(scope="module")

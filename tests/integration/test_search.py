@@ -30,7 +30,7 @@ from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import Estimate, ShiftResult, expect, expect_point
 from dogshape.sim.strength.landing import Demand
 from dogshape.sim.units import RPM
-from tests.conftest import SMALL, searching
+from tests.conftest import SMALL, search_run
 from tests.integration.studies import Finished, designs_of, lines_of
 
 
@@ -42,7 +42,7 @@ def test_ridge_backlash_and_mechanism_are_in_every_part_of_a_search(tmp_path: Pa
     own = {"mechanism.spline_friction": 0.1, "mechanism.delay_s": 0.05, "effects.drag_torque": 0.2}
     small = {**dict(map(pair_of, SMALL)), **keys, **searched, "solver.engine": "planar"}
     study, plain = (load_study("mq200_paper", small | more) for more in (own, {}))
-    result = run_study(study, searching(tmp_path, jobs=1))
+    result = run_study(study, search_run(tmp_path, jobs=1))
     assert result["physics_hash"] == study.physics_hash
     assert result["trials"][0]["backlash_mm"] == 0.0
     for row in result["trials"][1:]:
@@ -90,7 +90,7 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
 
 
 def test_a_seed_gives_the_same_trials_on_more_workers(finished: Finished, tmp_path: Path) -> None:
-    again = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, jobs=2))
+    again = run_study(load_study("mq200_paper", SMALL), search_run(tmp_path, jobs=2))
     assert designs_of(again) == designs_of(finished.result)
     assert json.loads((tmp_path / "result.json").read_text()) == again
 
@@ -103,16 +103,16 @@ def test_a_journal_of_trials_is_mended_or_refused(
     torn = short.copy(tmp_path / "torn")
     with (torn / "trials.log").open("ab") as file:
         file.write(b'{"op_code": 4, "worker')
-    longer = run_study(load_study("mq200_paper", SMALL), searching(torn, jobs=1, resume=True))
+    longer = run_study(load_study("mq200_paper", SMALL), search_run(torn, jobs=1, resume=True))
     assert designs_of(longer) == designs_of(finished.result)
     tmp_path = short.copy(tmp_path / "broken")
     log = tmp_path / "trials.log"
     log.write_bytes(b"rubbish\n" + log.read_bytes())
     shifts = (tmp_path / "shifts.jsonl").read_bytes()
     with pytest.raises(StorageError, match=r"trials\.log is damaged; remove the file"):
-        run_study(study, searching(tmp_path, jobs=1, resume=True))
+        run_study(study, search_run(tmp_path, jobs=1, resume=True))
     log.unlink()
-    again = run_study(study, searching(tmp_path, jobs=1, resume=True))
+    again = run_study(study, search_run(tmp_path, jobs=1, resume=True))
     assert designs_of(again) == designs_of(short.result)
     assert (tmp_path / "shifts.jsonl").read_bytes() == shifts
 
@@ -121,11 +121,11 @@ def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Pat
     folder = finished.copy(tmp_path)
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     with pytest.raises(StorageError, match="holds a study already; add --resume"):
-        run_study(load_study("mq200_paper", SMALL), searching(folder))
+        run_study(load_study("mq200_paper", SMALL), search_run(folder))
     other = load_study("mq200_paper", [*SMALL, "sliding.mass_kg=0.4"])
     words = r"another configuration \(sliding\.mass_kg was 0\.3 and is now 0\.4\); give the one"
     with pytest.raises(StorageError, match=words):
-        run_study(other, searching(folder, resume=True))
+        run_study(other, search_run(folder, resume=True))
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
@@ -160,7 +160,7 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
 def test_no_feasible_design_is_said(small_study: Setup, tmp_path: Path) -> None:
     tight = load_study("mq200_paper", [*SMALL, "material.allowable_pressure_MPa=2"])
     with pytest.raises(InputError, match=r"passes every check\. Of those .* fail flank pressure"):
-        run_study(tight, searching(tmp_path, jobs=1))
+        run_study(tight, search_run(tmp_path, jobs=1))
 
 
 def test_journal_drops_a_torn_line_and_refuses_a_broken_one(tmp_path: Path) -> None:
@@ -183,7 +183,7 @@ def test_a_search_ends_where_every_design_was_tried(tmp_path: Path) -> None:
     study = build_study(file.model_copy(update={"variables": few}))
     allowed = [n for n in range(13, 21) if worth_simulating(study, {"count": n})]
     assert 1 < len(allowed) < 10
-    how = searching(tmp_path, jobs=1, resume=True)
+    how = search_run(tmp_path, jobs=1, resume=True)
     result = run_study(study, how)
     assert sorted(row["count"] for row in result["trials"]) == allowed
     assert result["best"] is not None

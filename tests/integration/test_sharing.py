@@ -16,9 +16,9 @@ from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import StorageError
-from tests.conftest import SMALL, searching, sets
+from tests.conftest import SMALL, search_run, set_options
 from tests.integration.studies import lines_of, result_of, wait_until
-from tests.server import Server, command_of, free_port, postgres, started
+from tests.server import Server, command_of, free_port, postgres, start_command
 
 Process = subprocess.Popen[str]
 
@@ -35,7 +35,7 @@ def _start(server: Server, name: str, out: Path, *more: str) -> Process:
     # So many angles that the one which starts first does not end before the other begins.
     settings = (*SMALL, "expectation.angles=12", "solver.engine=drake", f"name={name}", *more)
     where = ["--storage", server.url, "--out", str(out), "--resume", "--no-report", "--jobs", "1"]
-    return started(command_of("study", "mq200_paper", *where, *sets(settings)))
+    return start_command(command_of("study", "mq200_paper", *where, *set_options(settings)))
 
 
 def _end(process: Process) -> None:
@@ -95,6 +95,6 @@ def test_two_machines_share_a_search_and_one_is_killed(server: Server, tmp_path:
 def test_wrong_addresses_are_said(server: Server, tmp_path: Path, url: str, words: str) -> None:
     full = url.format(free=free_port(), server=server.url)
     with pytest.raises(StorageError) as refused:
-        run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, storage=full))
+        run_study(load_study("mq200_paper", SMALL), search_run(tmp_path, 1, storage=full))
     assert words in str(refused.value)
     assert "secret" not in str(refused.value)

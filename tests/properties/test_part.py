@@ -15,7 +15,7 @@ from dogshape.sim.shift.geometry import LAND, Dog, root_radius_room
 from dogshape.sim.shift.mesh import Lines, Mesh, Plane, dog_planes, rotation
 from dogshape.sim.strength.manufacture import ManufacturingLimits, manufacturing_checks
 from dogshape.sim.units import DEG, MM
-from tests.conftest import needed
+from tests.conftest import require_program
 
 Design = tuple[Dog, float]
 COARSE = {"segments": 4, "step": 3.0 * DEG}
@@ -213,7 +213,7 @@ def _manifold() -> None:
     try:
         import manifold3d  # noqa: F401
     except ImportError:
-        needed(False, "manifold3d")
+        require_program(False, "manifold3d")
 
 
 @pytest.mark.usefixtures("_manifold")

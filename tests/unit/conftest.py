@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from tests.found import Row, found
-from tests.made_up import Quick
+from tests.analytic import AnalyticShifts
+from tests.search_results import Row, search_result
 
 
 @pytest.fixture
 def result() -> Row:
-    """What a small search found."""
-    return found()
+    """Result of a small search."""
+    return search_result()
 
 
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> Quick:
+def quick(monkeypatch: pytest.MonkeyPatch) -> AnalyticShifts:
     """Made-up shifts in place of simulated ones."""
-    shifts = Quick()
+    shifts = AnalyticShifts()
     monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", shifts)
     return shifts

@@ -33,15 +33,15 @@ from dogshape.sim.errors import StorageError
 from dogshape.sim.files import writing
 from dogshape.sim.statistics.blocks import Block, Runner
 from dogshape.sim.statistics.shift_records import Record
-from tests.made_up import Quick, few_cells, made_up
+from tests.analytic import AnalyticShifts, select_cells, simulate_analytic
 
 EFFECTS = load()
 POINTS = [(10, 235.2), (50, 469.0)]
-BENCH = few_cells(load_bench("mq200_adams"), POINTS)
+BENCH = select_cells(load_bench("mq200_adams"), POINTS)
 
 
 def _simulated(
-    store: Bank | None, *names: str, bench: Bench = BENCH, run: Runner = made_up
+    store: Bank | None, *names: str, bench: Bench = BENCH, run: Runner = simulate_analytic
 ) -> Simulated:
     few = {name: EFFECTS[name] for name in names}
     settings = settings_of(bench, "sleeve")
@@ -80,7 +80,7 @@ def test_a_bank_takes_what_is_there_and_simulates_the_rest(tmp_path: Path) -> No
 
     def counted(blocks: Sequence[Block]) -> list[list[Record]]:
         asked.extend(blocks)
-        return made_up(blocks)
+        return simulate_analytic(blocks)
 
     names = ("moving_mass", "sleeve_friction")
     found = _simulated(Bank([path, mine]), *names, run=counted)
@@ -127,7 +127,7 @@ FEW = {name: EFFECTS[name] for name in ("moving_mass", "sleeve_friction")}
 
 def _bench(points: int = 1, timeout: float = 1.1) -> Bench:
     """Return some points of a clutch that the package brings no bank of."""
-    bench = few_cells(load_bench("mq200_adams"), POINTS[:points])
+    bench = select_cells(load_bench("mq200_adams"), POINTS[:points])
     return replace(bench, clutch=replace(bench.clutch, timeout=timeout))
 
 
@@ -145,7 +145,9 @@ def _same(one: Model, other: Model) -> bool:
     return all(np.array_equal(*(getattr(p, n) for p in pairs)) for n in ("times", "baseline"))
 
 
-def test_an_unfinished_bank_stays_whole_beside_a_finished_one(tmp_path: Path, quick: Quick) -> None:
+def test_an_unfinished_bank_stays_whole_beside_a_finished_one(
+    tmp_path: Path, quick: AnalyticShifts
+) -> None:
     whole = _model(tmp_path / "whole", _bench())
     assert (quick.done, _rows(tmp_path / "whole")) == (48 + whole.simulated.times.size, [])
     done, quick.done, quick.stop = quick.done, 0, 100
@@ -162,7 +164,7 @@ def test_an_unfinished_bank_stays_whole_beside_a_finished_one(tmp_path: Path, qu
 
 
 def test_a_kill_after_the_file_of_banks_loses_nothing(
-    tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, quick: AnalyticShifts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def killed(*_: object) -> None:
         raise SystemExit(9)
@@ -178,7 +180,7 @@ def test_a_kill_after_the_file_of_banks_loses_nothing(
 
 
 def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_again(
-    tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, quick: AnalyticShifts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextmanager
     def late(folder: Path, *waiting: Any) -> Iterator[None]:

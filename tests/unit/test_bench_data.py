@@ -27,7 +27,7 @@ from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set, state
 from tests.conftest import Call
-from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
+from tests.diagnoses import EFFECTS, simulated_bench, simulated_diagnosis
 
 
 @pytest.fixture

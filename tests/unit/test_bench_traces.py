@@ -34,8 +34,8 @@ from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM, RPM
 from tests.benches import good_set
-from tests.conftest import needed
-from tests.flying import flying_bench, sampled, settings
+from tests.conftest import require_program
+from tests.trace_benches import sample_trace, settings, trace_bench
 
 GAP = 1e-3
 Drawn = Callable[[float, float, int], list[BenchTrace]]
@@ -57,7 +57,7 @@ def drawn(setting: Setting) -> Drawn:
         found = []
         for early in step * rng.random(count):
             late = replace(setting, delay=float(early))
-            trace = sampled(shift, late, step, noise, rng)
+            trace = sample_trace(shift, late, step, noise, rng)
             found.append(replace(trace, time=trace.time - early))
         return found
 
@@ -113,7 +113,7 @@ def test_traces_of_one_profile_are_averaged_and_odd_ones_left_out(
     for odd in (0, 2):
         mixed = [_early(trace) if k < odd else trace for k, trace in enumerate(traces)]
         rows = [Reading(k + 2, setting.point, 1, 0.1, True, t) for k, t in enumerate(mixed)]
-        bench = replace(flying_bench(None, {}, shifts=0), cells=gather(rows))
+        bench = replace(trace_bench(None, {}, shifts=0), cells=gather(rows))
         (seen,) = flights_of(bench)
         apart = seen.times - exact[seen.places]
         assert abs(apart[seen.places < len(WAYS)]).max() < 3e-4
@@ -229,7 +229,7 @@ def test_all_channels_get_the_times_of_the_displacement(
 ) -> None:
     times, (first, last), cut = APART[kind]
     name, write, library = WRITERS[how]
-    needed(find_spec(library) is not None, library)
+    require_program(find_spec(library) is not None, library)
     write(tmp_path / name, times, how)
     trace = read_trace(tmp_path / name)
     assert trace.time == pytest.approx(1e-3 * np.arange(first, last + 1))
@@ -244,7 +244,7 @@ def test_all_channels_get_the_times_of_the_displacement(
 def test_masters_that_differ_by_a_small_share_of_the_step_are_alike(
     tmp_path: Path, late: float
 ) -> None:
-    needed(find_spec("asammdf") is not None, "asammdf")
+    require_program(find_spec("asammdf") is not None, "asammdf")
     write_mdf(tmp_path / "x.mf4", some(late=late), "")
     trace = read_trace(tmp_path / "x.mf4")
     assert trace.time.size == 61
@@ -253,7 +253,7 @@ def test_masters_that_differ_by_a_small_share_of_the_step_are_alike(
 
 
 def test_samples_of_mdf_that_are_marked_invalid_are_left_out(tmp_path: Path) -> None:
-    needed(find_spec("asammdf") is not None, "asammdf")
+    require_program(find_spec("asammdf") is not None, "asammdf")
     asammdf = importlib.import_module("asammdf")
     bad = (regular() > 0.02) & (regular() < 0.04)
     with asammdf.MDF(version="4.10") as file:
@@ -353,7 +353,7 @@ def test_broken_files(
     tmp_path: Path, name: str, how: str, changed: dict[str, Any], words: str
 ) -> None:
     write, library = (write_mdf, "asammdf") if name == "x.mf4" else (write_tdms, "nptdms")
-    needed(find_spec(library) is not None, library)
+    require_program(find_spec(library) is not None, library)
     path = tmp_path / name
     write(path, some(), how, **changed)
     with pytest.raises(DataError) as refused:

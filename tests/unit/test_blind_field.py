@@ -18,47 +18,49 @@ from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import advised_test, data, field_set, score, sealed
 from dogshape.validation.blind import cases as field_cases
-from dogshape.validation.blind.advised_test import judged_by_test, outcome_of, readings_of
+from dogshape.validation.blind.advised_test import judge_test, outcome_of, readings_of
 from dogshape.validation.blind.cases import Case
-from dogshape.validation.blind.data import expected, true_points
+from dogshape.validation.blind.data import expect, true_points
 from dogshape.validation.blind.field_set import base, cases_of, make_field
 from dogshape.validation.blind.stand import read_points, read_stand
 from dogshape.validation.blind.true_effects import RANGES
 
-DRAWN = tuple(cases_of().values())
-CASES = tuple(some[0] for some in DRAWN)
+CANDIDATES = tuple(cases_of().values())
+CASES = tuple(some[0] for some in CANDIDATES)
 GRID = read_points(base("large"))
-PLAIN = Case("none", "means", "planar", "large", 5)
+BASE_CASE = Case("none", "means", "planar", "large", 5)
 
 
 def test_a_full_set_has_what_was_asked_for() -> None:
     # docs/blind.md has these numbers.
-    assert Counter(one.engine for one in CASES) == {"planar": 116, "mujoco": 36}
+    assert Counter(case.engine for case in CASES) == {"planar": 116, "mujoco": 36}
     kinds = {"none": 32, "single": 44, "pair": 20, "three": 4, "outside": 52}
-    assert Counter(one.kind for one in CASES) == kinds
-    names = {name for one in CASES if one.kind == "single" for name in one.causes}
+    assert Counter(case.kind for case in CASES) == kinds
+    names = {name for case in CASES if case.kind == "single" for name in case.causes}
     assert names <= set(RANGES)
     assert len(names) >= 18
-    forms = Counter(one.form for one in CASES)
+    forms = Counter(case.form for case in CASES)
     assert 0.4 * len(CASES) < forms["means"] < 0.6 * len(CASES)
     assert forms["traces"] > 0
-    for one in CASES:
-        assert 12 <= len(one.places) == len(one.numbers) <= 28
-        assert 3 <= min(one.numbers) <= max(one.numbers) <= 20
-        assert 0.01 <= one.force_error <= 0.03
-        assert 0.01 <= one.speed_error <= 0.02
-        assert one.displacement_at in (one.sensor, "unknown")
-    assert all(len(set(one.numbers)) > 1 for one in CASES)
+    for case in CASES:
+        assert 12 <= len(case.places) == len(case.numbers) <= 28
+        assert 3 <= min(case.numbers) <= max(case.numbers) <= 20
+        assert 0.01 <= case.force_error <= 0.03
+        assert 0.01 <= case.speed_error <= 0.02
+        assert case.displacement_at in (case.sensor, "unknown")
+    assert all(len(set(case.numbers)) > 1 for case in CASES)
 
 
 def test_nominal_values_are_off_by_their_errors() -> None:
-    case = replace(PLAIN, places=(0,) * 24, numbers=(3,) * 24, force_error=0.03, speed_error=0.01)
+    case = replace(
+        BASE_CASE, places=(0,) * 24, numbers=(3,) * 24, force_error=0.03, speed_error=0.01
+    )
     ratios = []
     for seed in range(40):
-        both = zip(true_points(replace(case, seed=seed), GRID), GRID, strict=True)
-        ratios += [(t.force / p.force, t.mismatch / p.mismatch) for t, p in both]
-    off = np.std(np.array(ratios) - 1.0, axis=0)
-    assert off == pytest.approx([0.03, 0.01], rel=0.1)
+        pairs = zip(true_points(replace(case, seed=seed), GRID), GRID, strict=True)
+        ratios += [(t.force / p.force, t.mismatch / p.mismatch) for t, p in pairs]
+    spread = np.std(np.array(ratios) - 1.0, axis=0)
+    assert spread == pytest.approx([0.03, 0.01], rel=0.1)
     assert true_points(case, GRID) == true_points(case, GRID)
 
 
@@ -79,26 +81,36 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(field_cases, "COUNTS", {"planar": field_cases.COUNTS["planar"]})
-        patch.setitem(data.ANGLES, "planar", 4)
+        patch.setitem(data.ANGLE_COUNTS, "planar", 4)
         # The later of two candidates is clearer, and neither is clear.
         yards = iter({"noncentrality": float(k)} for k in range(9))
         patch.setattr(field_set, "yardstick_of", lambda *_: next(yards))
-        cases = {n: (one[0], replace(one[0], seed=1)) for n, one in cases_of(3, small=True).items()}
-        whole = field_set._seal
+        cases = {
+            n: (candidates[0], replace(candidates[0], seed=1))
+            for n, candidates in cases_of(3, small=True).items()
+        }
+        seal = field_set._seal
         patch.setattr(field_set, "_seal", stopped)
         with pytest.raises(KeyboardInterrupt):
             make_field(folder, cases, _likelihood)
-        patch.setattr(field_set, "_seal", whole)
-        patch.setattr(field_set, "simulated", stopped)  # what is finished is not made again
+        patch.setattr(field_set, "_seal", seal)
+        patch.setattr(field_set, "simulate_case", stopped)  # what is finished is not made again
         make_field(folder, cases, _likelihood)
     return folder
 
 
 def test_a_set_that_was_stopped_is_sealed_whole(made: Path) -> None:
-    manifest, key = sealed.manifest_of(made), sealed.opened(made)
+    manifest, key = sealed.manifest_of(made), sealed.open_key(made)
     assert set(manifest["cases"]) == set(key["cases"])
-    assert [one["name"] for one in manifest["figures"]] == [one.name for one in score.HEADLINES]
-    assert {one["kind"] for one in key["cases"].values()} == {"none", "single", "pair", "outside"}
+    assert [record["name"] for record in manifest["figures"]] == [
+        record.name for record in score.HEADLINES
+    ]
+    assert {record["kind"] for record in key["cases"].values()} == {
+        "none",
+        "single",
+        "pair",
+        "outside",
+    }
     for name, case in key["cases"].items():
         assert manifest["cases"][name] == sealed.hash_of(made / "cases" / name)
         assert case["seed"] == 1
@@ -109,7 +121,7 @@ def test_a_set_that_was_stopped_is_sealed_whole(made: Path) -> None:
 
 
 def test_data_say_nothing_of_the_truth(made: Path) -> None:
-    for name, case in sealed.opened(made)["cases"].items():
+    for name, case in sealed.open_key(made)["cases"].items():
         with (made / "cases" / name / "shifts.csv").open(encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
         bench = load_bench(made / "cases" / name)
@@ -147,10 +159,10 @@ def test_direct_tests_read_the_truth_as_shares_of_the_ranges() -> None:
     test = _direct("moving_mass", "reversed_mismatch", "actuation_delay")
     share = EFFECTS["moving_mass"].parameters[0].share(1.0)
     assert readings_of(MASS, DIAGNOSIS, test) == pytest.approx([share, 0.0, 0.0])
-    both = replace(MASS, parameters={**MASS.parameters, "reversed_mismatch": {}})
-    assert readings_of(both, DIAGNOSIS, test)[1] == 1.0
-    drawn = [outcome_of(Path(), replace(MASS, seed=k), DIAGNOSIS, test) for k in range(300)]
-    assert np.std(np.array(drawn)[:, 0]) == pytest.approx(0.02, rel=0.15)
+    reversed_case = replace(MASS, parameters={**MASS.parameters, "reversed_mismatch": {}})
+    assert readings_of(reversed_case, DIAGNOSIS, test)[1] == 1.0
+    outcomes = [outcome_of(Path(), replace(MASS, seed=k), DIAGNOSIS, test) for k in range(300)]
+    assert np.std(np.array(outcomes)[:, 0]) == pytest.approx(0.02, rel=0.15)
 
 
 def test_more_shifts_have_the_mean_that_the_engine_expects() -> None:
@@ -159,7 +171,7 @@ def test_more_shifts_have_the_mean_that_the_engine_expects() -> None:
     test = NextTest("more", "Shift.", "shifts", 1.0, cell=20, point=place, shifts=120)
     folder = base("prototype")
     mean, engaged = outcome_of(folder, MASS, DIAGNOSIS, test)
-    exact = expected("planar", read_stand(folder), [read_points(folder)[20]], MASS.truth)
+    exact = expect("planar", read_stand(folder), [read_points(folder)[20]], MASS.truth)
     assert mean == pytest.approx(exact.mean[0], abs=4.0 * exact.sd[0] / 120**0.5)
     assert engaged == 1.0
 
@@ -178,6 +190,6 @@ def test_a_test_settles_on_the_truth_or_misleads(
 ) -> None:
     monkeypatch.setattr(advised_test, "settle", lambda *_: after)
     diagnosis = SimpleNamespace(**{**vars(DIAGNOSIS), "tests": [_direct("moving_mass")]})
-    found = judged_by_test(Path(), MASS, diagnosis, [("moving_mass",)])  # type: ignore[arg-type]
-    assert found is not None
-    assert (found.settled, found.misled, found.foreseen) == (settled, misled, 0.6)
+    advised = judge_test(Path(), MASS, diagnosis, [("moving_mass",)])  # type: ignore[arg-type]
+    assert advised is not None
+    assert (advised.settled, advised.misled, advised.foreseen) == (settled, misled, 0.6)

@@ -18,11 +18,11 @@ from dogshape.validation.blind.score import headline, mark_of, score_field, shar
 from tests.conftest import Call
 
 
-def _truth(kind: str, parameters: dict[str, Any], clear: float, **more: Any) -> dict[str, Any]:
-    yard = {"power": 0.95} if kind == "none" else {"noncentrality": clear}
+def _truth(kind: str, parameters: dict[str, Any], clear: float, **changes: Any) -> dict[str, Any]:
+    yardstick = {"power": 0.95} if kind == "none" else {"noncentrality": clear}
     return {
         "kind": kind, "form": "means", "engine": "planar", "causes": sorted(parameters),
-        "parameters": parameters, "outside": {}, "yardstick": yard, **more,
+        "parameters": parameters, "outside": {}, "yardstick": yardstick, **changes,
     }  # fmt: skip
 
 
@@ -37,31 +37,31 @@ CASES = {
 CASES["case_03"]["yardstick"]["seen_as"] = [["actuation_delay"]]
 
 
-def _found(
-    chances: dict[tuple[str, ...], float], verdict: str, causes: list[str], **more: Any
+def _result(
+    probabilities: dict[tuple[str, ...], float], verdict: str, causes: list[str], **changes: Any
 ) -> dict[str, Any]:
     hypotheses = [
         {"effects": list(h), "probability": p, "evidence_probability": p, "predictive_p": 0.4}
-        for h, p in chances.items()
+        for h, p in probabilities.items()
     ]
-    hypotheses[0]["parameters"] = more.pop("parameters", {})
-    leading = [list(max(chances, key=lambda h: chances[h]))]
+    hypotheses[0]["parameters"] = changes.pop("parameters", {})
+    leading = [list(max(probabilities, key=lambda h: probabilities[h]))]
     record = {"verdict": verdict, "causes": causes, "hypotheses": hypotheses, "next_test": None}
-    return {"diagnosis": {**record, "credible_set": leading, **more}, "cpu_s": 3.0}
+    return {"diagnosis": {**record, "credible_set": leading, **changes}, "cpu_s": 3.0}
 
 
 MASS, DELAY = ("moving_mass",), ("actuation_delay",)
 RESULTS: dict[str, dict[str, Any]] = {
-    "case_00": _found(
+    "case_00": _result(
         {MASS: 0.9, (): 0.1}, "effect", ["moving_mass"],
         parameters={"added_mass_kg": {"mean": 2.1, "low": 1.5, "high": 2.5}},
     ),
-    "case_01": _found(
+    "case_01": _result(
         {("viscous_damping",): 0.6, ("sleeve_friction",): 0.35, (): 0.05}, "ambiguous", [],
         next_test={"name": "slow push"},
     ),
-    "case_02": _found({MASS: 0.97, (): 0.03}, "effect", ["moving_mass"]),
-    "case_03": _found({DELAY: 0.7, (*DELAY, *MASS): 0.3}, "effect", ["actuation_delay"]),
+    "case_02": _result({MASS: 0.97, (): 0.03}, "effect", ["moving_mass"]),
+    "case_03": _result({DELAY: 0.7, (*DELAY, *MASS): 0.3}, "effect", ["actuation_delay"]),
     "case_04": {"refused": "the times cannot be", "cpu_s": 1.0},
 }  # fmt: skip
 TEST = Advised("slow push", "direct", ("sleeve_friction",), 0.9, True, False, 0.6)
@@ -76,28 +76,30 @@ MARKS = [mark_of(Path(n), n, CASES[n], RESULTS[n], _advise) for n in CASES]
 
 
 def test_figures_of_made_up_results() -> None:
-    found = {name: (one["value"], one["n"]) for name, one in headline(MARKS).items()}
-    assert found["named"] == found["leads"] == (0.5, 2)
-    assert found["whole_truth"] == (pytest.approx(1 / 3), 3)
-    assert found["whole_seen"] == (pytest.approx(2 / 3), 3)
-    assert found["wrong_sure"] == (1.0, 1)
-    assert found["false_alarms"] == (1.0, 1)
-    assert found["none_shown"] == (0.0, 1)
-    assert found["unknown"] == (1.0, 1)
-    assert found["credible"] == (0.5, 4)
-    assert found["sizes"] == (1.0, 1)
-    assert found["pairs_said"] == (pytest.approx(0.7), 1)
-    assert found["test_settles"] == (1.0, 1)
-    assert found["test_misleads"] == (0.0, 1)
-    assert found["test_foreseen"] == (pytest.approx(-0.4), 1)
-    assert found["cpu_s"] == (pytest.approx(2.6), 5)
-    assert found["p_median"] == (0.4, 2)
+    figures = {
+        name: (interval["value"], interval["n"]) for name, interval in headline(MARKS).items()
+    }
+    assert figures["named"] == figures["leads"] == (0.5, 2)
+    assert figures["whole_truth"] == (pytest.approx(1 / 3), 3)
+    assert figures["whole_seen"] == (pytest.approx(2 / 3), 3)
+    assert figures["wrong_sure"] == (1.0, 1)
+    assert figures["false_alarms"] == (1.0, 1)
+    assert figures["none_shown"] == (0.0, 1)
+    assert figures["unknown"] == (1.0, 1)
+    assert figures["credible"] == (0.5, 4)
+    assert figures["sizes"] == (1.0, 1)
+    assert figures["pairs_said"] == (pytest.approx(0.7), 1)
+    assert figures["test_settles"] == (1.0, 1)
+    assert figures["test_misleads"] == (0.0, 1)
+    assert figures["test_foreseen"] == (pytest.approx(-0.4), 1)
+    assert figures["cpu_s"] == (pytest.approx(2.6), 5)
+    assert figures["p_median"] == (0.4, 2)
 
 
 def test_wilson_interval() -> None:
     """8 of 10: 0.490 to 0.943 (Newcombe 1998, formula 3)."""
-    found = share([True] * 8 + [False] * 2)
-    assert (found["low"], found["high"]) == pytest.approx((0.4902, 0.9433), abs=1e-4)
+    interval = share([True] * 8 + [False] * 2)
+    assert (interval["low"], interval["high"]) == pytest.approx((0.4902, 0.9433), abs=1e-4)
     assert share([])["value"] is None
 
 
@@ -165,20 +167,22 @@ def test_verbs_run_and_score_and_results_are_written_from_the_score(
     dogshape: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(advised_test, "diagnose_folder", _diagnose)
-    monkeypatch.setattr(advised_test, "advised", _advise)
+    monkeypatch.setattr(advised_test, "make_advised_test", _advise)
     folder = _sealed(tmp_path / "set")
     assert "5 of 5 cases are not diagnosed yet" in dogshape("blind", "score", folder).err
     assert "has a set of cases already" in dogshape("blind", "make", folder).err
     assert "make it with: dogshape blind make" in dogshape("blind", "run", tmp_path / "no").err
-    said = dogshape("blind", "run", folder, "--jobs", 1, "--json")
-    assert set(said.json["cases"]) == set(CASES)
+    result = dogshape("blind", "run", folder, "--jobs", 1, "--json")
+    assert set(result.json["cases"]) == set(CASES)
     assert dogshape("blind", "score", folder, "--json").json["clear"] == 3
     text = dogshape("blind", "score", folder).out
     assert "scored by the code and the headline figures that were sealed" in text
     path = tmp_path / "score.txt"
     path.write_text(text)
-    assert [words for words, *_ in headline_of(path)] == [one.words for one in score.HEADLINES]
+    assert [words for words, *_ in headline_of(path)] == [
+        figure.words for figure in score.HEADLINES
+    ]
     assert "| clear cause: named | 50 % (9 to 91) | 2 | at least 72 % | no |" in passage(path)  # type: ignore[operator]
-    monkeypatch.setattr(score, "SCORING", ("score.py",))
-    said = dogshape("blind", "score", folder)
-    assert "scored by other code than sealed: advised_test.py, sealed.py" in said.out
+    monkeypatch.setattr(score, "SCORING_FILES", ("score.py",))
+    result = dogshape("blind", "score", folder)
+    assert "scored by other code than sealed: advised_test.py, sealed.py" in result.out

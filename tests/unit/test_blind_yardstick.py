@@ -18,7 +18,7 @@ from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.validation.blind.data import Expected
-from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, seen_as
+from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, visible_causes
 
 FORCES, SPEEDS = np.meshgrid([200.0, 400.0, 600.0], [1.0, 3.0, 8.0, 20.0])
 CELLS = FORCES.size
@@ -49,17 +49,17 @@ class _Model:
                 delay = 0.1 * share
             else:
                 mean = mean + BASE * 0.5 * share * (TILT if name == "tilt" else 1.0)
-        nothing, one = 0.0 * mean, np.ones_like(mean)
-        parts = mean + delay, SD * one, nothing, nothing, nothing, 1e-3 * one, one, delay + nothing
-        return Predicted(*parts, one, nothing, SD * one, nothing, nothing)
+        zeros, ones = 0.0 * mean, np.ones_like(mean)
+        fields = mean + delay, SD * ones, zeros, zeros, zeros, 1e-3 * ones, ones, delay + zeros
+        return Predicted(*fields, ones, zeros, SD * ones, zeros, zeros)
 
 
-def _stick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) -> Yardstick:
+def _yardstick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) -> Yardstick:
     """A truth with expected means; single shifts are not known."""
-    nothing, count = np.zeros(CELLS), np.full(CELLS, n)
+    zeros, count = np.zeros(CELLS), np.full(CELLS, n)
     seen = Observed(
-        count, nothing + BASE, nothing + SD**2, nothing, nothing, nothing > 0.0,
-        count, nothing, SPEEDS.ravel(), FORCES.ravel(), None, (),
+        count, zeros + BASE, zeros + SD**2, zeros, zeros, zeros > 0.0,
+        count, zeros, SPEEDS.ravel(), FORCES.ravel(), None, (),
     )  # fmt: skip
     bench: Any = SimpleNamespace(
         measured=(), errors=NominalErrors(), margin=Margin(), clock_step=0.0
@@ -67,7 +67,7 @@ def _stick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) 
     model: Any = _Model()
     likelihood = Likelihood(bench, seen, model, replace(USUAL, discrepancy=discrepancy))
     sd = np.full(CELLS, SD)
-    return Yardstick(likelihood, Expected(nothing + mean, sd), Expected(nothing + BASE, sd))
+    return Yardstick(likelihood, Expected(zeros + mean, sd), Expected(zeros + BASE, sd))
 
 
 #: Of ln of a spread, its degrees of freedom, and the variance of a mean by Student's distribution.
@@ -77,54 +77,64 @@ VARIANCE = SD**2 / N * FREEDOM / (FREEDOM - 2.0) + (0.01 * BASE) ** 2
 
 
 def test_a_gap_of_one_sign_leaves_its_squares() -> None:
-    (found,) = _stick(BASE + 0.02).squares((), np.zeros((1, 0)))
-    assert found == pytest.approx(CELLS * 0.02**2 / VARIANCE, rel=1e-6)
-    assert _stick().squares((), np.zeros((1, 0)))[0] == pytest.approx(0.0, abs=1e-12)
+    (noncentrality,) = _yardstick(BASE + 0.02).squares((), np.zeros((1, 0)))
+    assert noncentrality == pytest.approx(CELLS * 0.02**2 / VARIANCE, rel=1e-6)
+    assert _yardstick().squares((), np.zeros((1, 0)))[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_discrepancy_takes_part_of_a_smooth_gap() -> None:
     """A gap that all points share, of which a share of the variance is common to all."""
-    stick = _stick(BASE + 0.02, discrepancy=0.05)
-    (found,) = stick.squares((), np.zeros((1, 0)))
-    smooth = 0.05 * BASE * stick.likelihood.smooth
-    whole = VARIANCE * np.eye(CELLS) + smooth @ smooth.T
+    yardstick = _yardstick(BASE + 0.02, discrepancy=0.05)
+    (noncentrality,) = yardstick.squares((), np.zeros((1, 0)))
+    smooth = 0.05 * BASE * yardstick.likelihood.smooth
+    covariance = VARIANCE * np.eye(CELLS) + smooth @ smooth.T
     gap = np.full(CELLS, 0.02)
-    assert found == pytest.approx(gap @ np.linalg.solve(whole, gap), rel=1e-6)
+    assert noncentrality == pytest.approx(gap @ np.linalg.solve(covariance, gap), rel=1e-6)
 
 
 def test_spreads_count_where_single_shifts_are_known() -> None:
-    stick = _stick(n=1001.0)
-    wide = replace(stick.truth, sd=4.0 * stick.truth.sd)
-    seen = replace(stick.likelihood.seen, freedom=np.full(CELLS, 1000.0))
-    stick = replace(stick, truth=wide, likelihood=replace(stick.likelihood, seen=seen))
-    (found,) = stick.squares((), np.zeros((1, 0)))
+    yardstick = _yardstick(n=1001.0)
+    wide_truth = replace(yardstick.truth, sd=4.0 * yardstick.truth.sd)
+    seen = replace(yardstick.likelihood.seen, freedom=np.full(CELLS, 1000.0))
+    yardstick = replace(
+        yardstick, truth=wide_truth, likelihood=replace(yardstick.likelihood, seen=seen)
+    )
+    (noncentrality,) = yardstick.squares((), np.zeros((1, 0)))
     deviate = norm.isf(f_distribution.sf(16.0, 1000.0, FREEDOM))
-    assert found == pytest.approx(CELLS * deviate**2, rel=1e-4)
+    assert noncentrality == pytest.approx(CELLS * deviate**2, rel=1e-4)
 
 
 def test_a_rival_of_the_same_change_leaves_nothing() -> None:
-    left = _stick(BASE + 0.02).left(rivals_of("single", ["delay"], EFFECTS)[:-1])
-    assert set(left) == {(), ("scale",), ("tilt",)}
-    assert left["scale",] < 1e-3  # the constant times scale as a dead time adds
-    assert left["tilt",] == pytest.approx(left[()], rel=0.1)
-    tilted = _stick(BASE * (1.0 + 0.2 * TILT)).left([("delay",), ("scale",), ("tilt",)])
-    assert tilted["tilt",] < 1e-3
-    assert min(tilted["delay",], tilted["scale",]) > 38.0
+    noncentrality = _yardstick(BASE + 0.02).noncentralities(
+        rivals_of("single", ["delay"], EFFECTS)[:-1]
+    )
+    assert set(noncentrality) == {(), ("scale",), ("tilt",)}
+    assert noncentrality["scale",] < 1e-3  # the constant times scale as a dead time adds
+    assert noncentrality["tilt",] == pytest.approx(noncentrality[()], rel=0.1)
+    tilted_noncentrality = _yardstick(BASE * (1.0 + 0.2 * TILT)).noncentralities(
+        [("delay",), ("scale",), ("tilt",)]
+    )
+    assert tilted_noncentrality["tilt",] < 1e-3
+    assert min(tilted_noncentrality["delay",], tilted_noncentrality["scale",]) > 38.0
 
 
 def test_data_show_the_part_of_a_truth_that_leaves_something() -> None:
-    stick = _stick(BASE * (1.0 + 0.2 * TILT) + 0.0002)
-    assert seen_as(stick, ("delay", "tilt"), {}) == [("tilt",)]
-    assert seen_as(_stick(BASE + 0.0002), ("delay",), {}) == [()]
-    assert seen_as(_stick(BASE + 0.02), ("delay",), {}) == [("delay",)]
+    yardstick = _yardstick(BASE * (1.0 + 0.2 * TILT) + 0.0002)
+    assert visible_causes(yardstick, ("delay", "tilt"), {}) == [("tilt",)]
+    assert visible_causes(_yardstick(BASE + 0.0002), ("delay",), {}) == [()]
+    assert visible_causes(_yardstick(BASE + 0.02), ("delay",), {}) == [("delay",)]
 
 
 def test_an_observer_shows_no_gap_by_many_shifts_and_never_a_large_one() -> None:
-    assert power_of(_stick(discrepancy=0.02, n=200.0)) > 0.95
-    far = _stick(discrepancy=0.02, n=200.0)
-    far = replace(far, plain=replace(far.plain, mean=far.plain.mean * 1.1))
-    assert power_of(far) < 0.05
-    near = [_stick(discrepancy=0.05, n=n) for n in (3.0, 200.0)]
-    near = [replace(one, plain=replace(one.plain, mean=one.plain.mean * 1.035)) for one in near]
-    few, many = map(power_of, near)
-    assert few < many
+    assert power_of(_yardstick(discrepancy=0.02, n=200.0)) > 0.95
+    large_gap = _yardstick(discrepancy=0.02, n=200.0)
+    large_gap = replace(
+        large_gap, baseline=replace(large_gap.baseline, mean=large_gap.baseline.mean * 1.1)
+    )
+    assert power_of(large_gap) < 0.05
+    small_gaps = [_yardstick(discrepancy=0.05, n=n) for n in (3.0, 200.0)]
+    for k, yardstick in enumerate(small_gaps):
+        baseline = replace(yardstick.baseline, mean=yardstick.baseline.mean * 1.035)
+        small_gaps[k] = replace(yardstick, baseline=baseline)
+    low_power, high_power = map(power_of, small_gaps)
+    assert low_power < high_power

@@ -30,8 +30,8 @@ from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import MM
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Call
-from tests.diagnosed import EFFECTS, diagnosis_of
-from tests.found import kept_folder
+from tests.diagnoses import EFFECTS, diagnosis_of
+from tests.search_results import bundled_folder
 
 BENCH = load_bench("mq200_adams")
 CLUTCH = BENCH.clutch
@@ -223,7 +223,7 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
 
 
 def test_a_design_that_failed_at_the_new_angles_is_left_out(tmp_path: Path) -> None:
-    folder = kept_folder(tmp_path / "mine")
+    folder = bundled_folder(tmp_path / "mine")
     _, before = studied(folder.root)
     result = folder.stored_result()
     chosen = result["confirmation"]["chosen"]

@@ -15,17 +15,17 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Call
-from tests.found import kept_folder, kept_result
+from tests.search_results import bundled_folder, bundled_result
 
 WHY = "shorter, and as fast within the error"
-RESULT = kept_result()
+RESULT = bundled_result()
 TRIAL = RESULT["front"][1]["trial"]
 (CONFIRMED,) = (one for one in RESULT["confirmation"]["designs"] if one["trial"] == TRIAL)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> StudyFolder:
-    return kept_folder(tmp_path / "mq200_paper")
+    return bundled_folder(tmp_path / "mq200_paper")
 
 
 def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) -> None:
@@ -109,7 +109,7 @@ def test_designs_of_a_kept_result(dogshape: Call) -> None:
 
 def test_margins_at_worst_case_tolerances_have_the_check_behind_them() -> None:
     """Also of a study that bounds that margin."""
-    rows = kept_result("mq200")["front"][:2]
+    rows = bundled_result("mq200")["front"][:2]
     items = ds.compare(*(f"mq200#{row['trial']}" for row in rows)).items
     for key in ("weakest_check_worst_case", "margin_worst_case"):
         assert [item[key] for item in items[:2]] == [row[key] for row in rows]
@@ -118,7 +118,7 @@ def test_margins_at_worst_case_tolerances_have_the_check_behind_them() -> None:
 
 def test_a_prototype_that_the_search_did_not_simulate_has_the_time_of_the_confirmation() -> None:
     own, chosen = ds.compare("mq200#0", "mq200").items
-    confirmed = kept_result("mq200")["confirmation"]["prototype"]
+    confirmed = bundled_result("mq200")["confirmation"]["prototype"]
     assert own["expected_shift_time_s"] == confirmed["expected_shift_time_s"]
     assert (own["passes"], own["weakest_check"]) == (False, "pull_out_force")
     assert chosen["difference_s"] == pytest.approx(-chosen["gain_s"])

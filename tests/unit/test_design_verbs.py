@@ -13,10 +13,12 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim.strength.checks import GROUPS
-from tests.conftest import Call, sets
+from tests.conftest import Call, set_options
 
 #: One operating point and three angles.
-QUICK = sets(["operating.mismatch_rpm=[50]", "operating.force_N=[469.0]", "expectation.angles=3"])
+QUICK = set_options(
+    ["operating.mismatch_rpm=[50]", "operating.force_N=[469.0]", "expectation.angles=3"]
+)
 
 
 def test_strength_checks_everything(dogshape: Call) -> None:
@@ -103,7 +105,7 @@ def test_nothing_is_written_where_the_extra_is_missing(
 
 
 def test_a_limit_of_manufacture_fails_a_check_and_refuses_no_shift(dogshape: Call) -> None:
-    steep = sets(["dog.count=12", "dog.chamfer_deg=14", "dog.height_mm=3"])
+    steep = set_options(["dog.count=12", "dog.chamfer_deg=14", "dog.height_mm=3"])
     point = ("--mismatch-rpm", 50, "--force-N", 469)
     shift = dogshape("shift", "mq200_paper", *steep, *point, "--relative-angle-deg", 5, "--json")
     assert (shift.status, shift.json["outcome"]) == (0, "engaged")

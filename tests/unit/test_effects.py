@@ -21,7 +21,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import FIELDS, Mechanism
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import clutch_record
-from tests.conftest import Said
+from tests.conftest import CommandResult
 
 EFFECTS = load()
 #: Of the paper's study at its first operating point, without any mechanism.
@@ -197,7 +197,7 @@ def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:
 
 
 def test_neutral_values_that_change_a_shift_are_refused(
-    tmp_path: Path, dogshape: Callable[..., Said]
+    tmp_path: Path, dogshape: Callable[..., CommandResult]
 ) -> None:
     text = OWN.format(name="thick_oil").replace('"damping_Ns_m", 0.0', '"damping_Ns_m", 400.0')
     (tmp_path / "thick_oil.py").write_text(text)

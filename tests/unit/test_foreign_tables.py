@@ -27,7 +27,7 @@ from dogshape.pipeline.diagnose.study_keys import study_of
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import RPM
 from tests.benches import GOOD
-from tests.conftest import Call, Said, sets
+from tests.conftest import Call, CommandResult, set_options
 
 
 class Bench:
@@ -36,7 +36,7 @@ class Bench:
     def __init__(self, call: Call) -> None:
         self.call = call
 
-    def said(self, text: str, *options: str, coding: str = "utf-8") -> Said:
+    def said(self, text: str, *options: str, coding: str = "utf-8") -> CommandResult:
         Path("m.csv").write_text(text, coding)
         shutil.rmtree("b", ignore_errors=True)
         return self.call("init", "bench", "m.csv", "--json", "--out", "b", *options)
@@ -382,7 +382,7 @@ def test_what_no_table_shows_is_unknown_until_it_is_stated(bench: Bench) -> None
     assert load_bench("b").record == BenchRecord(sense="unknown")
     stated = {"time_zero": "force", "displacement_at": "sleeve", "empty_cells": "failed",
               "sense": "known"}  # fmt: skip
-    bench.read(text, *sets([f"record.{key}={value}" for key, value in stated.items()]))
+    bench.read(text, *set_options([f"record.{key}={value}" for key, value in stated.items()]))
     assert "unknown" not in bench.assumed
     assert load_bench("b").record == BenchRecord(**stated)
     assert [cell.failed for cell in load_bench("b").cells] == [0, 1]

@@ -21,7 +21,7 @@ from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.benches import GOOD
-from tests.diagnosed import EFFECTS, diagnosis_of
+from tests.diagnoses import EFFECTS, diagnosis_of
 from tests.toy import bench_of, points_of
 
 FRICTION, MASS = ("sleeve_friction",), ("moving_mass",)

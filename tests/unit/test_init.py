@@ -18,7 +18,7 @@ from dogshape.pipeline.config.toml_text import SOURCE
 from dogshape.sim.shift.drive import Drive
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
-from tests.conftest import Call, Said, sets
+from tests.conftest import Call, CommandResult, set_options
 
 
 def test_without_a_table_a_folder_is_to_be_filled(dogshape: Call) -> None:
@@ -96,8 +96,8 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert bench.readings[0].time == pytest.approx(0.19)
 
 
-def _begun(dogshape: Call, *settings: str, origin: str = "mq200") -> tuple[Said, Setup]:
-    given = ("--yes", "--json", *sets(settings))
+def _begun(dogshape: Call, *settings: str, origin: str = "mq200") -> tuple[CommandResult, Setup]:
+    given = ("--yes", "--json", *set_options(settings))
     said = dogshape("init", "study", "--like", origin, "--out", "own", *given)
     assert said.status == 0, said.err
     return said, load_study("own")
@@ -213,7 +213,7 @@ def test_a_strike_of_ones_own_stays_with_another_ring(dogshape: Call) -> None:
     _, study = _begun(dogshape, *RING, *given, "strike.backlash_deg=0.4")
     assert len(study.limits.strikes) == 2
     assert study.limits.strikes[0].input_stiffness == 1e5
-    said = dogshape("init", "study", "--out", "half", "--yes", *sets((*RING, given[0])))
+    said = dogshape("init", "study", "--out", "half", "--yes", *set_options((*RING, given[0])))
     assert "strike.input_stiffness_Nm_rad" in said.sentence
 
 

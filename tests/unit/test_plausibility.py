@@ -16,7 +16,7 @@ from dogshape.pipeline.simulate.plausibility import (
     slips_of,
 )
 from dogshape.sim.errors import InputError
-from tests.conftest import Call, sets
+from tests.conftest import Call, set_options
 
 POINT = ("--engine", "planar", "--mismatch-rpm", "50", "--force-N", "469")
 
@@ -175,7 +175,7 @@ def test_a_drag_on_a_ring_that_stands_is_said() -> None:
 def test_the_speed_of_the_shafts_is_said(
     dogshape: Call, settings: tuple[str, ...], words: str
 ) -> None:
-    given = sets(settings)
+    given = set_options(settings)
     said = dogshape("shift", "mq200_paper", *POINT, "--relative-angle-deg", "3", *given)
     assert words in said.out
     found = dogshape("expect", "mq200_paper", "--angles", "3", *POINT[2:], *given, "--json")

@@ -40,7 +40,7 @@ from dogshape.sim.elementwise import Array
 from dogshape.sim.strength.locking import locking_checks, locking_friction
 from dogshape.study import Study
 from dogshape.surrogate.store import save
-from tests.found import LENGTH, TIME, VARIABLES, Row, kept_result, shift
+from tests.search_results import LENGTH, TIME, VARIABLES, Row, bundled_result, shift
 
 
 def test_every_simulated_design_is_in_the_table(result: Row) -> None:
@@ -295,7 +295,7 @@ def _by_trial(result: Row) -> dict[int, Row]:
 
 
 def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
-    result = kept_result()
+    result = bundled_result()
     table, confirmed = alternatives_table(study, result), result["confirmation"]
     first, *others = sorted(
         (row["trial"] for row in result["front"]),
@@ -313,7 +313,7 @@ def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
 
 
 def test_what_fails_or_does_not_engage_is_no_alternative(study: Setup) -> None:
-    record = kept_result()
+    record = bundled_result()
     fails, stuck = [row["trial"] for row in record["front"]][1:3]
     _by_trial(record)[fails]["checks"][0]["margin"] = -0.01
     points = _by_trial(record)[stuck]["points"]
@@ -328,7 +328,7 @@ def test_what_fails_or_does_not_engage_is_no_alternative(study: Setup) -> None:
 
 
 def test_worst_points_are_those_of_the_record(study: Setup) -> None:
-    result = kept_result()
+    result = bundled_result()
     rows, trial = {row["trial"]: row for row in result["trials"]}, result["front"][1]["trial"]
     points = result["confirmation"]["prototype"]["points"]
     own = _by_trial(result)[trial]["points"]

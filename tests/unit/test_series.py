@@ -19,8 +19,8 @@ from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.diagnose.gap_update import asked_of, joined, keep_data
 from dogshape.sim.errors import DataError
 from dogshape.sim.versions import bundled_root
-from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
-from tests.made_up import made_up
+from tests.analytic import simulate_analytic
+from tests.diagnoses import EFFECTS, simulated_bench, simulated_diagnosis
 
 HEAD = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s"
 Write = Callable[[str, Sequence[str]], Path]
@@ -102,7 +102,7 @@ RARE = replace(USUAL, late_least=1e-9)
 def _likelihood(bench: Bench, settings: Settings = RARE) -> Likelihood:
     """Build the likelihood of a bench of the closed form, without an effect."""
     few = {"sleeve_friction": EFFECTS["sleeve_friction"]}
-    (model,) = build_models(bench, few, USUAL, made_up).values()
+    (model,) = build_models(bench, few, USUAL, simulate_analytic).values()
     return Likelihood(bench, observe(bench, model), model, settings)
 
 

@@ -41,7 +41,7 @@ def truth(x: Array, points: Array) -> Array:
     return 0.06 * np.exp(shape - 0.1 * slow * (1 + u[:, 0]) - 0.2 * np.log(points[:, 1] / 400.0))
 
 
-def made(designs: int, noise: float = 0.01, seed: int = 0, losing: float = 0.0) -> Dataset:
+def make_data(designs: int, noise: float = 0.01, seed: int = 0, losing: float = 0.0) -> Dataset:
     """Designs with a known time at all of the grid; a share ``losing`` of shifts do not engage."""
     rng = np.random.default_rng(seed)
     x, size = LOW + rng.random((designs, 3)) * (HIGH - LOW), len(GRID)
@@ -53,7 +53,7 @@ def made(designs: int, noise: float = 0.01, seed: int = 0, losing: float = 0.0) 
     return Dataset(NAMES, LOW, HIGH, PHYSICS, {"drake": "1"}, MIX, grid)
 
 
-def exact(x: Array, mix: Mix = MIX) -> float:
+def exact_time(x: Array, mix: Mix = MIX) -> float:
     """The true expected time of one design."""
     return float(mix.weights @ truth(np.tile(x, (len(mix.points), 1)), mix.points))
 
@@ -61,33 +61,33 @@ def exact(x: Array, mix: Mix = MIX) -> float:
 @pytest.fixture(scope="module")
 def surrogate() -> Surrogate:
     """A surrogate of the known function, 60 designs."""
-    return fit(made(60), QUICK)
+    return fit(make_data(60), QUICK)
 
 
 @pytest.fixture(scope="module")
 def stored(surrogate: Surrogate) -> Stored:
     """The same with its figures."""
-    return Stored(surrogate, validate(surrogate, made(20, seed=5)))
+    return Stored(surrogate, validate(surrogate, make_data(20, seed=5)))
 
 
 @pytest.mark.parametrize("mix", [MIX, replace(MIX, weights=np.full(6, 1.0 / 6.0)), THIRD])
 def test_predicts_expected_times_and_covers_them(surrogate: Surrogate, mix: Mix) -> None:
-    x = made(40, seed=1).grid.x
+    x = make_data(40, seed=1).grid.x
     time, error = surrogate.predict(x, mix)
-    truths = np.array([exact(row, mix) for row in x])
+    truths = np.array([exact_time(row, mix) for row in x])
     assert np.sqrt(((time / truths - 1) ** 2).mean()) < 0.01
     assert (np.abs(time - truths) < 2.2 * error).mean() >= 0.85
-    one = surrogate.expected(x[0], mix)
-    assert (one.time, one.error) == pytest.approx((time[0], error[0]), rel=1e-4)
-    assert one.low < one.time < one.high
+    expected = surrogate.expect(x[0], mix)
+    assert (expected.time, expected.error) == pytest.approx((time[0], error[0]), rel=1e-4)
+    assert expected.low < expected.time < expected.high
     assert surrogate.medians(x, mix) == pytest.approx(time, rel=1e-3)
 
 
 def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate: Surrogate) -> None:
-    x = made(30, seed=2).grid.x
+    x = make_data(30, seed=2).grid.x
     between = Mix(np.array([[12.0, 400.0]]), np.ones(1), 1.2)
     time, error = surrogate.predict(x, between)
-    truths = np.array([exact(row, between) for row in x])
+    truths = np.array([exact_time(row, between) for row in x])
     assert np.corrcoef(time, truths)[0, 1] > 0.99
     assert time == pytest.approx(truths, rel=0.1)
     assert (np.abs(time - truths) < 1.96 * error).mean() >= 0.9
@@ -95,68 +95,74 @@ def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate:
 
 
 def test_validation_tells_signal_from_noise(surrogate: Surrogate) -> None:
-    data = made(24)
-    good = validate(fit(data, QUICK))
-    assert (good.n, good.source) == (24, "held out")
-    assert good.q2 > 0.9
-    apart = validate(surrogate, made(40, 0.001, seed=8))
-    assert (apart.n, apart.source) == (40, "references")
-    assert apart.q2 > 0.99
-    assert apart.q2_points > 0.98
-    assert min(apart.coverage_95, apart.coverage_points) >= 0.85
+    data = make_data(24)
+    held_out = validate(fit(data, QUICK))
+    assert (held_out.n, held_out.source) == (24, "held out")
+    assert held_out.q2 > 0.9
+    referenced = validate(surrogate, make_data(40, 0.001, seed=8))
+    assert (referenced.n, referenced.source) == (40, "references")
+    assert referenced.q2 > 0.99
+    assert referenced.q2_points > 0.98
+    assert min(referenced.coverage_95, referenced.coverage_points) >= 0.85
     level = 0.07 * np.exp(0.1 * np.random.default_rng(3).standard_normal((24, 1)))
     noise = replace(data, grid=replace(data.grid, means=np.tile(level, len(GRID))))
     assert validate(fit(noise, QUICK)).q2 < 0.3
 
 
 def test_a_grid_has_the_designs_with_every_point() -> None:
-    data = made(6, seed=4)
+    data = make_data(6, seed=4)
     rows = data.frame()[[*NAMES, "mismatch_rpm", "force_N", "mean_s", "standard_error_s", "sd_s",
                          "engaged", "shifts"]].to_numpy()  # fmt: skip
     rows = np.column_stack([rows, np.ones(len(rows))])
-    whole = grid_of(np.concatenate([rows, rows]), MIX)  # a row counts once
-    assert len(whole.x) == 6
+    grid = grid_of(np.concatenate([rows, rows]), MIX)  # a row counts once
+    assert len(grid.x) == 6
     order = np.lexsort(data.grid.x.T[::-1])
     for name in ("x", "means", "errors", "sds", "engaged", "shifts"):
-        assert getattr(whole, name) == pytest.approx(getattr(data.grid, name)[order])
+        assert getattr(grid, name) == pytest.approx(getattr(data.grid, name)[order])
     assert len(grid_of(rows[1:], MIX).x) == 5
-    other = rows.copy()
-    other[:, -1], other[:, 5], other[:, 8:10] = 2.0, 2.0 * rows[:, 5], 3.0 * rows[:, 8:10]
-    pooled = grid_of(np.concatenate([rows, other]), MIX)
-    assert pooled.means == pytest.approx(1.75 * whole.means)
-    assert pooled.shifts == pytest.approx(4.0 * whole.shifts)
-    hung = rows.copy()
-    hung[0, 5:8], hung[0, 8] = np.nan, 0.0
-    assert np.isnan(grid_of(hung, MIX).means).sum() == 1
+    second_rows = rows.copy()
+    second_rows[:, -1], second_rows[:, 5], second_rows[:, 8:10] = (
+        2.0,
+        2.0 * rows[:, 5],
+        3.0 * rows[:, 8:10],
+    )
+    pooled = grid_of(np.concatenate([rows, second_rows]), MIX)
+    assert pooled.means == pytest.approx(1.75 * grid.means)
+    assert pooled.shifts == pytest.approx(4.0 * grid.shifts)
+    hanging_rows = rows.copy()
+    hanging_rows[0, 5:8], hanging_rows[0, 8] = np.nan, 0.0
+    assert np.isnan(grid_of(hanging_rows, MIX).means).sum() == 1
 
 
 def test_share_stays_between_nought_and_one_and_costs_retries() -> None:
-    all_engage = fit(made(30), QUICK)
-    some_lose = fit(made(30, losing=0.2), QUICK)
+    all_engage = fit(make_data(30), QUICK)
+    some_lose = fit(make_data(30, losing=0.2), QUICK)
     x = np.array([10.0, 4.0, 18.0])
-    assert all_engage.expected(x, MIX).engaged == pytest.approx(1.0, abs=0.01)
-    losing = some_lose.expected(x, MIX)
+    assert all_engage.expect(x, MIX).engaged == pytest.approx(1.0, abs=0.01)
+    losing = some_lose.expect(x, MIX)
     assert losing.engaged == pytest.approx(0.8, abs=0.1)
-    cost = losing.time - some_lose.expected(x, replace(MIX, retry=0.0)).time
+    cost = losing.time - some_lose.expect(x, replace(MIX, retry=0.0)).time
     assert cost == pytest.approx(0.25 * MIX.retry, rel=0.4)
-    far = np.array([[500.0, 90.0, 900.0]])
-    assert 0.0 < some_lose.engaged(far, MIX).min() < 1.0
+    distant = np.array([[500.0, 90.0, 900.0]])
+    assert 0.0 < some_lose.predict_engaged(distant, MIX).min() < 1.0
 
 
 def test_too_few_designs_are_refused() -> None:
     with pytest.raises(InputError, match=r"9 designs engage.*at least 10.*mix_shifts"):
-        fit(made(9))
+        fit(make_data(9))
 
 
 def test_stored_and_read_back_predicts_the_same(stored: Stored, tmp_path: Path) -> None:
     path = tmp_path / "surrogate.json"
     save(path, stored)
-    again = load(path)
-    x = made(5, seed=9).grid.x
-    for mine, theirs in zip(stored.surrogate.predict(x), again.surrogate.predict(x), strict=True):
-        assert theirs == pytest.approx(mine, rel=1e-3)
-    assert again.validation == stored.validation
-    table = again.surrogate.data.frame()
+    loaded = load(path)
+    x = make_data(5, seed=9).grid.x
+    for written, read_back in zip(
+        stored.surrogate.predict(x), loaded.surrogate.predict(x), strict=True
+    ):
+        assert read_back == pytest.approx(written, rel=1e-3)
+    assert loaded.validation == stored.validation
+    table = loaded.surrogate.data.frame()
     assert list(table.columns)[:5] == [*NAMES, "mismatch_rpm", "force_N"]
     assert table["contact_set"].unique().tolist() == ["made_up"]
     assert len(table) == 360
@@ -230,10 +236,10 @@ def test_a_back_that_holds_has_no_estimate_either() -> None:
 def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
     keys = {"dog.crest": 0.4, "dog.chamfer_back_deg": 12.0, "dog.backlash_mm": 0.3}
     ridge = {**keys, "variables.chamfer_back_deg": [4.0, 25.0]}
-    plain = ("entry_play", "tip_width", "edge_drop")
-    for more, names in (({}, plain), (ridge, (*plain, "back_drop"))):
-        study = load_study("mq200_paper", more)
-        about = with_rows(study, np.zeros((0, len(study.variables) + 8)))
-        found = shape_of(about, study.rows([study.prototype]))
-        of_dog = [1e3 * getattr(study.clutch.dog, name) for name in names]
-        assert found[0] == pytest.approx(of_dog, rel=1e-9)
+    base_names = ("entry_play", "tip_width", "edge_drop")
+    for overrides, names in (({}, base_names), (ridge, (*base_names, "back_drop"))):
+        study = load_study("mq200_paper", overrides)
+        data = with_rows(study, np.zeros((0, len(study.variables) + 8)))
+        coordinates = shape_of(data, study.rows([study.prototype]))
+        dog_values = [1e3 * getattr(study.clutch.dog, name) for name in names]
+        assert coordinates[0] == pytest.approx(dog_values, rel=1e-9)

@@ -1,4 +1,4 @@
-r"""Closed form of crests that cross, where dogs hang by friction whatever their chamfer.
+r"""Closed form of crossing crests, where dogs hang by friction at any chamfer.
 
 Two straight crests cross under the angle :math:`\psi = h \tan\beta/r`, over a width :math:`W =
 \psi b` of overlap at the mean radius on both dogs. The common normal there is the axis. In a
@@ -53,16 +53,17 @@ class Crests:
     stiffness: float
 
     def sums(self, cells: int = 1200) -> tuple[Array, Array, Array]:
-        """Return l/delta (m,) and the integrals *n* and *t* from its low end up to there."""
-        places = np.linspace(-math.tan(self.traction), 1.0 / math.tan(self.chamfer), cells)
-        face, flank = np.array([self._pressed(place) for place in places]).T
-        along = math.cos(self.chamfer) * face + math.sin(self.traction) * flank
-        across = math.cos(self.traction) * flank - math.sin(self.chamfer) * face
-        return places, _running(along, places), _running(across, places)
+        """Compute overlaps l/delta and the integrals *n* and *t* up to each, (m,) each."""
+        overlaps = np.linspace(-math.tan(self.traction), 1.0 / math.tan(self.chamfer), cells)
+        face, flank = np.array([self._pressed(overlap) for overlap in overlaps]).T
+        axial = math.cos(self.chamfer) * face + math.sin(self.traction) * flank
+        tangential = math.cos(self.traction) * flank - math.sin(self.chamfer) * face
+        return overlaps, _integrate(axial, overlaps), _integrate(tangential, overlaps)
 
     def _pressed(self, overlap: float) -> tuple[float, float]:
-        """Return the forces of the rigid face and flank at an overlap, both over depth."""
-        (ca, sa), (cb, sb) = _turn(self.chamfer), _turn(self.traction)
+        """Compute the forces of the rigid face and flank at an overlap, over depth."""
+        (ca, sa) = _cos_sin(self.chamfer)
+        (cb, sb) = _cos_sin(self.traction)
 
         def below_face(y: float, z: float) -> float:
             return sa * y - ca * z
@@ -70,50 +71,59 @@ class Crests:
         def below_flank(y: float, z: float) -> float:
             return -(cb * y + sb * z)
 
-        found = []
-        for way in ((ca, sa), (-sb, cb)):  # up the rigid face, up the rigid flank
-            depths = [(below(-overlap, -1.0), below(*way)) for below in (below_face, below_flank)]
+        forces = []
+        for direction in ((ca, sa), (-sb, cb)):  # up the rigid face, up the rigid flank
+            depths = [
+                (below(-overlap, -1.0), below(*direction)) for below in (below_face, below_flank)
+            ]
             ends = [start / -slope for start, slope in depths if slope < 0.0]
             starts = [-start / slope for start, slope in depths if slope > 0.0]
-            low, high = max([0.0, *starts]), min(ends)
-            along = low + (high - low) * (np.arange(200) + 0.5) / 200
-            least = np.minimum(*(start + slope * along for start, slope in depths))
-            inside = high > low and min(d + s * 0.5 * (low + high) for d, s in depths) > 0.0
-            found.append(float(least.mean() * (high - low)) if inside else 0.0)
-        return found[0], found[1]
+            low = max([0.0, *starts])
+            high = min(ends)
+            positions = low + (high - low) * (np.arange(200) + 0.5) / 200
+            depth_sum = np.minimum(*(start + slope * positions for start, slope in depths))
+            touches = high > low and min(d + s * 0.5 * (low + high) for d, s in depths) > 0.0
+            forces.append(float(depth_sum.mean() * (high - low)) if touches else 0.0)
+        return forces[0], forces[1]
 
     def balance(self, overlap: Array, force: float) -> tuple[Array, Array]:
-        """Return depth in m and T/N at overlaps (m,) under an axial force on one dog, N."""
-        places, along, across = self.sums()
-        depths, ratios = [], []
-        for here in overlap:
-            low, high = here - 0.5 * self.width, here + 0.5 * self.width
+        """Compute depths, m, and T/N at overlaps (m,) under an axial force on a dog, N."""
+        overlaps, axial, tangential = self.sums()
+        depths = []
+        ratios = []
+        for position in overlap:
+            low = position - 0.5 * self.width
+            high = position + 0.5 * self.width
 
             def total(sums: Array, depth: float, a: float = low, b: float = high) -> float:
-                return float(np.diff(np.interp([a / depth, b / depth], places, sums))[0])
+                return float(np.diff(np.interp([a / depth, b / depth], overlaps, sums))[0])
 
-            small, large = 1e-9, 2e-3
+            low_depth = 1e-9
+            high_depth = 2e-3
             for _ in range(60):
-                depth = math.sqrt(small * large)
-                pressed = self.stiffness * depth**3 / self.crossing * total(along, depth)
-                small, large = (depth, large) if pressed < force else (small, depth)
-            depths.append(large)
-            ratios.append(total(across, large) / total(along, large))
+                depth = math.sqrt(low_depth * high_depth)
+                load = self.stiffness * depth**3 / self.crossing * total(axial, depth)
+                if load < force:
+                    low_depth = depth
+                else:
+                    high_depth = depth
+            depths.append(high_depth)
+            ratios.append(total(tangential, high_depth) / total(axial, high_depth))
         return np.array(depths), np.array(ratios)
 
 
-def _turn(angle: float) -> tuple[float, float]:
+def _cos_sin(angle: float) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
-def _running(values: Array, places: Array) -> Array:
+def _integrate(values: Array, overlaps: Array) -> Array:
     means = 0.5 * (values[1:] + values[:-1])
-    sums: Array = np.concatenate([[0.0], np.cumsum(means * np.diff(places))])
+    sums: Array = np.concatenate([[0.0], np.cumsum(means * np.diff(overlaps))])
     return sums
 
 
 def crests_of(clutch: Clutch) -> Crests:
-    """Return the crests of a clutch."""
+    """Build the crests of a clutch."""
     dog = clutch.dog
     crossing = dog.height * math.tan(dog.traction) / dog.mean_radius
     width = crossing * dog.radial_width
@@ -121,7 +131,7 @@ def crests_of(clutch: Clutch) -> Crests:
 
 
 def time_on_crests(shift: Engagement) -> float:
-    """Return how long the crossing lay on both dogs at the depth of the crests, s."""
+    """Compute the time of the crossing on both dogs at the depth of the crests, s."""
     trace = shift.trace
-    there = crests_cross(shift.clutch, trace.relative_angle, trace.displacement)
-    return float(np.diff(trace.time, prepend=0.0)[there].sum())
+    crossing = crests_cross(shift.clutch, trace.relative_angle, trace.displacement)
+    return float(np.diff(trace.time, prepend=0.0)[crossing].sum())

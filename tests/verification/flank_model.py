@@ -1,4 +1,4 @@
-r"""Where the pressure of two flanks that are out of angle acts, and how far dogs give way.
+r"""Line of pressure of two flanks with an angle error, and deflection of the dogs.
 
 Plane finite elements of one dog on its body, one pitch wide, in plane strain, unrolled at the mean
 radius: biquadratic, root and tip sharp, the lower face fixed, the sides moving alike. The traction
@@ -34,20 +34,16 @@ Ends = Literal["cut", "rounded"]
 ROOT_RADIUS = 0.3 * MM
 STRIPS = 48  #: over what touches
 DEPTH = 0.6  #: of the body below the floor, pitches
-GRAIN = 7  #: decimals of coordinates in mm, so that dog and body share their nodes
+NODE_DECIMALS = 7  #: decimals of coordinates in mm, so that dog and body share their nodes
 
 
 @dataclass(frozen=True)
 class Contact:
-    """How two flanks touch.
+    """Contact of two flanks."""
 
-    Height of the resultant as a share of what touches, on the ring loaded nearer its tip; approach
-    of the rings along the circumference, m; normal forces of the strips, N/m.
-    """
-
-    height: float
-    approach: float
-    force: Array
+    height: float  #: of the resultant over the contact, on the ring loaded nearer its tip
+    approach: float  #: of the rings along the circumference, m
+    force: Array  #: normal forces of the strips, N/m
 
 
 @dataclass(frozen=True)
@@ -61,18 +57,18 @@ class FlankModel:
 
     @cached_property
     def contact(self) -> FlankContact:
-        """What touches at full depth."""
+        """Contact of the flanks at full depth."""
         return flank_contact(self.dog, self.root_radius, "traction")
 
     @cached_property
     def levels(self) -> Array:
-        """Ends of the strips above the floor, m; the same from above as from below."""
+        """Ends of the strips above the floor, m, symmetric in height."""
         band = self.contact
         span = math.acos(max(-1.0, 1.0 - 2.0 * band.low / band.height))
-        turns = np.linspace(span, 0.0, math.ceil(self.strips * span / math.pi) + 1)[:-1]
-        below = band.low * (1.0 - (1.0 - np.cos(turns)) / (1.0 - math.cos(span)))
-        inside = band.low + band.height * _dense_ends(self.strips)
-        return np.concatenate([below, inside, self.dog.height - below[::-1]])
+        angles = np.linspace(span, 0.0, math.ceil(self.strips * span / math.pi) + 1)[:-1]
+        lower_levels = band.low * (1.0 - (1.0 - np.cos(angles)) / (1.0 - math.cos(span)))
+        contact_levels = band.low + band.height * _dense_ends(self.strips)
+        return np.concatenate([lower_levels, contact_levels, self.dog.height - lower_levels[::-1]])
 
     @property
     def middles(self) -> Array:
@@ -88,15 +84,16 @@ class FlankModel:
     @cached_property
     def mesh(self) -> Any:
         """The dog on its body, mm."""
-        across = _dense_ends(self.strips)
-        left, right = self.corners[0, 0], self.corners[3, 0]
+        shares = _dense_ends(self.strips)
+        left = self.corners[0, 0]
+        right = self.corners[3, 0]
         slot = 0.5 * self.dog.tip_width / MM * _dense_start(max(4, self.strips // 4))
-        root = left + (right - left) * across
-        wide = np.concatenate([left - slot[:0:-1], root, right + slot[1:]])
-        deep = self.depth * self.dog.pitch / MM * _dense_start(self.strips)
-        body = MeshQuad.init_tensor(np.round(wide, GRAIN), -deep[::-1])
-        dog = MeshQuad.init_tensor(across, self.levels / self.dog.height)
-        return body + MeshQuad(np.round(_between(self.corners, *dog.p), GRAIN), dog.t)
+        root = left + (right - left) * shares
+        body_x = np.concatenate([left - slot[:0:-1], root, right + slot[1:]])
+        body_z = self.depth * self.dog.pitch / MM * _dense_start(self.strips)
+        body = MeshQuad.init_tensor(np.round(body_x, NODE_DECIMALS), -body_z[::-1])
+        dog = MeshQuad.init_tensor(shares, self.levels / self.dog.height)
+        return body + MeshQuad(np.round(_between(self.corners, *dog.p), NODE_DECIMALS), dog.t)
 
     @cached_property
     def basis(self) -> Any:
@@ -106,41 +103,45 @@ class FlankModel:
     @cached_property
     def strip_edges(self) -> Any:
         """Edges of elements that are the strips, from the root up."""
-        slope, edge = math.tan(self.dog.traction), self.corners[3, 0]
-        found = self.mesh.facets_satisfying(
+        slope = math.tan(self.dog.traction)
+        edge = self.corners[3, 0]
+        edges = self.mesh.facets_satisfying(
             lambda p: (np.abs(p[0] - edge + p[1] * slope) < 1e-5) & (p[1] > 0.0),
             boundaries_only=True,
         )
-        if len(found) != len(self.middles):
+        if len(edges) != len(self.middles):
             raise ValueError("every strip must be one edge of an element")
-        return found[np.argsort(self.mesh.p[1][self.mesh.facets[:, found]].mean(axis=0))]
+        return edges[np.argsort(self.mesh.p[1][self.mesh.facets[:, edges]].mean(axis=0))]
 
     @cached_property
     def loads(self) -> Array:
         """Loads of one newton per millimetre of width on each strip, (unknowns, strips)."""
-        edges, lean = self.strip_edges, self.dog.traction
+        edges = self.strip_edges
+        lean = self.dog.traction
         ends = self.basis.nodal_dofs[:, self.mesh.facets[:, edges]]  # (2, 2, strips)
         middle = self.basis.facet_dofs[:, None, edges]
         loads = np.zeros((self.basis.N, len(edges)))
-        for part, unknowns in ((1.0 / 6.0, ends), (2.0 / 3.0, middle)):
-            loads[unknowns[0], np.arange(len(edges))] = -part * math.cos(lean)
-            loads[unknowns[1], np.arange(len(edges))] = -part * math.sin(lean)
+        for share, unknowns in ((1.0 / 6.0, ends), (2.0 / 3.0, middle)):
+            loads[unknowns[0], np.arange(len(edges))] = -share * math.cos(lean)
+            loads[unknowns[1], np.arange(len(edges))] = -share * math.sin(lean)
         return loads
 
     @cached_property
     def reduction(self) -> Any:
-        """Which free unknown each unknown follows, (unknowns, free)."""
-        places, count = self.basis.doflocs, self.basis.N
-        held, leader = places[1] < places[1].min() + 1e-6, np.arange(count)
-        leader[self._side(places[0].max())] = self._side(places[0].min())
-        follows = sp.csc_matrix((np.ones(count), (np.arange(count), leader)), (count, count))
-        return follows[:, np.unique(leader[~held])]
+        """Matrix from free unknowns to all, (unknowns, free)."""
+        positions = self.basis.doflocs
+        count = self.basis.N
+        fixed = positions[1] < positions[1].min() + 1e-6
+        leader = np.arange(count)
+        leader[self._side(positions[0].max())] = self._side(positions[0].min())
+        matrix = sp.csc_matrix((np.ones(count), (np.arange(count), leader)), (count, count))
+        return matrix[:, np.unique(leader[~fixed])]
 
     def _side(self, x: float) -> NDArray[np.int64]:
-        """Return the unknowns of the body's side at ``x`` in mm, from the bottom up."""
-        places = self.basis.doflocs
-        found = np.flatnonzero((np.abs(places[0] - x) < 1e-6) & (places[1] < 1e-6))
-        return np.asarray(found[np.lexsort((found, np.round(places[1][found], 6)))])
+        """List the unknowns of the body's side at ``x`` in mm, from the bottom up."""
+        positions = self.basis.doflocs
+        unknowns = np.flatnonzero((np.abs(positions[0] - x) < 1e-6) & (positions[1] < 1e-6))
+        return np.asarray(unknowns[np.lexsort((unknowns, np.round(positions[1][unknowns], 6)))])
 
     @cached_property
     def flexibility(self) -> Array:
@@ -148,25 +149,27 @@ class FlankModel:
         form = linear_elasticity(*lame_parameters(YOUNG * 1e-6, POISSON))
         stiffness = self.reduction.T @ form.assemble(self.basis) @ self.reduction
         loads = self.reduction.T @ self.loads
-        found = loads.T @ splu(stiffness.tocsc()).solve(loads)
-        return np.asarray(0.5 * (found + found.T)) * MM / 1e3
+        displacements = loads.T @ splu(stiffness.tocsc()).solve(loads)
+        return np.asarray(0.5 * (displacements + displacements.T)) * MM / 1e3
 
     def gap(self, angle: float, ends: Ends) -> Array:
-        """Return the gap of the strips at an angle in rad, m; infinite where none can touch."""
-        band, slant = self.contact, math.cos(self.dog.traction)
+        """Compute the gap of the strips at an angle in rad, m, infinite outside the contact."""
+        band = self.contact
+        slant = math.cos(self.dog.traction)
         tilt = angle * (band.high - self.middles) / slant
-        beyond = np.maximum(band.low - self.middles, self.middles - band.high) / slant
+        distance = np.maximum(band.low - self.middles, self.middles - band.high) / slant
         if ends == "cut":
-            return np.where(beyond > 0.0, np.inf, tilt)
-        rounding = np.clip(beyond / self.root_radius, 0.0, 1.0)
+            return np.where(distance > 0.0, np.inf, tilt)
+        rounding = np.clip(distance / self.root_radius, 0.0, 1.0)
         gap = tilt + self.root_radius * (1.0 - np.sqrt(1.0 - rounding**2))
         return np.where(rounding < 1.0, gap, np.inf)
 
     def press(self, angle: float, force: float, ends: Ends = "rounded") -> Contact:
         """Press the pair together with ``force`` along the circumference, N/m."""
-        slant, band = math.cos(self.dog.traction), self.contact
-        both = self.flexibility + self.flexibility[::-1, ::-1]
-        forces, approach = active_set(both, self.gap(angle, ends), force / slant)
+        slant = math.cos(self.dog.traction)
+        band = self.contact
+        pair_flexibility = self.flexibility + self.flexibility[::-1, ::-1]
+        forces, approach = active_set(pair_flexibility, self.gap(angle, ends), force / slant)
         level = forces @ self.middles / forces.sum()
         return Contact(
             height=float((level - band.low) / band.height), approach=approach / slant, force=forces
@@ -174,31 +177,33 @@ class FlankModel:
 
 
 def active_set(flexibility: Array, gap: Array, force: float) -> tuple[Array, float]:
-    """Return the forces that sum to ``force`` where bodies may push only, and the approach."""
-    on = np.isfinite(gap)
+    """Solve for forces of sum ``force`` without tension, and the approach, m."""
+    touching = np.isfinite(gap)
     for _ in range(100 + 10 * len(gap)):
         forces = np.zeros(len(gap))
-        forces[on], approach = _closed(flexibility[np.ix_(on, on)], gap[on], force)
-        pulled = forces < 0.0
-        if pulled.any():
-            on &= ~pulled
+        forces[touching], approach = _solve_closed(
+            flexibility[np.ix_(touching, touching)], gap[touching], force
+        )
+        pulling = forces < 0.0
+        if pulling.any():
+            touching &= ~pulling
             continue
-        through = ~on & (gap + flexibility @ forces - approach < -1e-9 * abs(approach))
-        if not through.any():
+        penetrating = ~touching & (gap + flexibility @ forces - approach < -1e-9 * abs(approach))
+        if not penetrating.any():
             return forces, approach
-        on |= through
+        touching |= penetrating
     raise RuntimeError("the contact does not settle")
 
 
-def _closed(flexibility: Array, gap: Array, force: float) -> tuple[Array, float]:
-    """Return forces and approach with every strip in touch."""
+def _solve_closed(flexibility: Array, gap: Array, force: float) -> tuple[Array, float]:
+    """Compute forces and approach with contact of all strips."""
     unit = np.linalg.solve(flexibility, np.column_stack([np.ones_like(gap), gap]))
     approach = (force + unit[:, 1].sum()) / unit[:, 0].sum()
     return approach * unit[:, 0] - unit[:, 1], float(approach)
 
 
 def _between(corners: Array, x: Array, z: Array) -> Array:
-    """Return points (2, n) of the quadrilateral of ``corners`` at shares of its sides."""
+    """Compute points (2, n) of the quadrilateral of ``corners`` at shares of its sides."""
     shares = np.stack([(1.0 - x) * (1.0 - z), (1.0 - x) * z, x * z, x * (1.0 - z)])
     return np.asarray(corners.T @ shares)
 

@@ -27,9 +27,9 @@ from tests.verification.crests import time_on_crests
 
 Array = NDArray[np.float64]
 POINTS = 120  #: of a profile's arc, and of a radius along its faces
-HUNG = 40  #: shifts over a window
-WIDER = 1.6  #: of a window, over which shifts land
-LONG = 0.02  #: s on crests from which a shift counts as late
+WINDOW_SHIFTS = 40  #: shifts over a window
+WINDOW_FACTOR = 1.6  #: width over which shifts land, over that of a window
+LATE_S = 0.02  #: time on crests from which a shift is late
 
 
 @dataclass(frozen=True)
@@ -60,20 +60,25 @@ class Ridges:
         The first axis points to the traction side, the second up; the ridge is the origin.
         """
         radius = self.radius
-        step, (low, high) = radius / POINTS, self.leans
+        step = radius / POINTS
+        (low, high) = self.leans
         tilt = -low + (high + low) * (np.arange(POINTS) + 0.5) / POINTS
         face, flank = ((math.sin(lean), math.cos(lean)) for lean in (-low, high))
         lengths = np.full(POINTS, radius * (high + low) / POINTS)
-        ways = {count: step * (np.arange(count * POINTS) + 0.5) for count in (1, 4)}
+        distances = {count: step * (np.arange(count * POINTS) + 0.5) for count in (1, 4)}
         normals = np.column_stack([np.sin(tilt), np.cos(tilt)])
-        places = [
+        points = [
             radius * normals,
-            radius * np.array(face) - ways[4][:, None] * [face[1], -face[0]],
-            radius * np.array(flank) + ways[1][:, None] * [flank[1], -flank[0]],
+            radius * np.array(face) - distances[4][:, None] * [face[1], -face[0]],
+            radius * np.array(flank) + distances[1][:, None] * [flank[1], -flank[0]],
         ]
-        sides = [normals, np.tile(face, (4 * POINTS, 1)), np.tile(flank, (POINTS, 1))]
-        sizes = [lengths, np.full(5 * POINTS, step)]
-        return np.concatenate(places) - [0.0, radius], np.concatenate(sides), np.concatenate(sizes)
+        directions = [normals, np.tile(face, (4 * POINTS, 1)), np.tile(flank, (POINTS, 1))]
+        segments = [lengths, np.full(5 * POINTS, step)]
+        return (
+            np.concatenate(points) - [0.0, radius],
+            np.concatenate(directions),
+            np.concatenate(segments),
+        )
 
     @property
     def leans(self) -> tuple[float, float]:
@@ -86,103 +91,122 @@ class Ridges:
         Within the arc the normal is the place's own, beyond it that of the nearer face.
         """
         low, high = self.leans
-        x, z = places[..., 0], places[..., 1] + self.radius
+        x = places[..., 0]
+        z = places[..., 1] + self.radius
         tilt = np.clip(np.arctan2(x, z), -low, high)
         depth: Array = self.radius - x * np.sin(tilt) - z * np.cos(tilt)
         return depth
 
-    def sections(self, aside: Array, depth: float) -> tuple[Array, Array]:
-        """Return loads along and across the axis of sections, N/m, each (m,).
+    def sections(self, offsets: Array, depth: float) -> tuple[Array, Array]:
+        """Compute loads along and across the axis of sections, N/m, (m,) each.
 
-        ``aside`` is how far the ridges overlap, (m,), ``depth`` how deep one stands below the
-        other, m. The other ring is turned over: half a turn about the normal of the section.
+        ``offsets`` are the overlaps of the ridges, m, (m,), and ``depth`` is that of one ridge
+        below the other, m. The other ring is turned over: half a turn about the normal of the
+        section.
         """
-        places, normals, lengths = self.profile
-        theirs = -np.column_stack([aside, np.full(len(aside), depth)])[:, None] - places
-        loads = np.maximum(self.depth(theirs), 0.0) * lengths * self.stiffness
+        points, normals, lengths = self.profile
+        mate_points = -np.column_stack([offsets, np.full(len(offsets), depth)])[:, None] - points
+        loads = np.maximum(self.depth(mate_points), 0.0) * lengths * self.stiffness
         return loads @ normals[:, 1], loads @ normals[:, 0]
 
     def pressed(self, overlap: float, depth: float, sections: int = 41) -> tuple[float, float]:
-        """Return loads along and across the axis on a dog, N, at an overlap of the ridges, m."""
+        """Compute loads along and across the axis on a dog, N, at an overlap of the ridges, m."""
         width = self.width + overlap * self.length / self.middle
-        aside = overlap + width * ((np.arange(sections) + 0.5) / sections - 0.5)
-        along, across = self.sections(aside, depth)
-        return float(along.mean()) * self.length, float(across.mean()) * self.length
+        offsets = overlap + width * ((np.arange(sections) + 0.5) / sections - 0.5)
+        axial, tangential = self.sections(offsets, depth)
+        return float(axial.mean()) * self.length, float(tangential.mean()) * self.length
 
     def ratio(self, overlap: float, force: float) -> float:
-        """Return load across over load along the axis under a force on one dog, N."""
-        low, high = 1e-8, 1e-3
+        """Compute load across over load along the axis under a force on one dog, N."""
+        low = 1e-8
+        high = 1e-3
         for _ in range(15):
             depth = math.sqrt(low * high)
-            along, across = self.pressed(overlap, depth)
-            low, high = (depth, high) if along < force else (low, depth)
-        return across / along
+            axial, tangential = self.pressed(overlap, depth)
+            if axial < force:
+                low = depth
+            else:
+                high = depth
+        return tangential / axial
 
     def window(self, force: float, friction: float) -> float:
-        """Return the width of overlap, m, over which friction holds one dog under a force, N."""
+        """Compute the width of overlap over which friction holds a dog under a force (N), m."""
         return self._end(force, friction, +1) + self._end(force, friction, -1)
 
     def _end(self, force: float, friction: float, side: int) -> float:
-        low, high = 0.0, 0.5 * self.width + 4.0 * self.radius * friction
+        low = 0.0
+        high = 0.5 * self.width + 4.0 * self.radius * friction
         for _ in range(10):
-            middle = 0.5 * (low + high)
-            held = abs(self.ratio(side * middle, force)) <= friction
-            low, high = (middle, high) if held else (low, middle)
+            centre = 0.5 * (low + high)
+            holds = abs(self.ratio(side * centre, force)) <= friction
+            if holds:
+                low = centre
+            else:
+                high = centre
         return low
 
     def hung_window(
-        self, force: float, friction: float, stiction: float, left: float, places: int = 12
+        self, force: float, friction: float, stiction: float, time: float, count: int = 12
     ) -> float:
-        """Return the width of overlap, m, from which creep does not lead out of the window in time.
+        """Compute the width of overlap in which creep stays for a time, m.
 
         Regularised friction (``sim.kernel.friction_at``) holds the load across at the slip
-        ``stiction tan(pi ratio / (2 friction))``, m/s; ``left`` in s.
+        ``stiction tan(pi ratio / (2 friction))``, m/s; ``time`` in s.
         """
         width = 0.0
         for side in (+1, -1):
             end = self._end(force, friction, side)
-            aside = end * (np.arange(places) + 0.5) / places
-            ratios = np.array([abs(self.ratio(side * float(a), force)) for a in aside])
+            overlaps = end * (np.arange(count) + 0.5) / count
+            ratios = np.array([abs(self.ratio(side * float(a), force)) for a in overlaps])
             slip = stiction * np.tan(0.5 * math.pi * np.minimum(ratios / friction, 0.999))
             # Time to the end of the window, from the start of each place.
-            rest = np.cumsum((end / places / slip)[::-1])[::-1]
-            starts = end * np.arange(places) / places
-            width += float(np.interp(-left, -rest, starts)) if rest[0] > left else 0.0
+            time_to_end = np.cumsum((end / count / slip)[::-1])[::-1]
+            starts = end * np.arange(count) / count
+            if time_to_end[0] > time:
+                width += float(np.interp(-time, -time_to_end, starts))
         return width
 
     def stiff_window(self, friction: float) -> float:
-        """Return the width of overlap over which friction holds stiff dogs, m."""
+        """Compute the width of overlap over which friction holds stiff dogs, m."""
         return self.width + 4.0 * self.radius * math.sin(math.atan(friction))
 
 
 def ridges_of(clutch: Clutch) -> Ridges:
-    """Return the rounded crests of a clutch."""
+    """Build the rounded crests of a clutch."""
     dog = clutch.dog
-    off = dog.height * math.tan(dog.traction) + 2.0 * crest_setback(dog, dog.edge_radius)
-    width = off / dog.mean_radius * dog.radial_width
+    lateral_travel = dog.height * math.tan(dog.traction) + 2.0 * crest_setback(dog, dog.edge_radius)
+    width = lateral_travel / dog.mean_radius * dog.radial_width
     return Ridges(
-        dog.chamfer, dog.traction, dog.edge_radius, width, dog.radial_width, dog.mean_radius,
-        clutch.contact.stiffness,
-    )  # fmt: skip
+        chamfer=dog.chamfer,
+        traction=dog.traction,
+        radius=dog.edge_radius,
+        width=width,
+        length=dog.radial_width,
+        middle=dog.mean_radius,
+        stiffness=clutch.contact.stiffness,
+    )
 
 
-def rounded(clutch: Clutch, radius: float) -> Clutch:
-    """Return a clutch with edges of another radius, m."""
+def with_edge_radius(clutch: Clutch, radius: float) -> Clutch:
+    """Set the radius of the edges of a clutch, m."""
     return replace(clutch, dog=replace(clutch.dog, edge_radius=radius))
 
 
-def share_held(
-    clutch: Clutch, point: OperatingPoint, over: float, shifts: int = HUNG
+def hang_and_late_widths(
+    clutch: Clutch, point: OperatingPoint, width: float, shifts: int = WINDOW_SHIFTS
 ) -> tuple[float, float]:
-    """Return the widths of overlap, m, over which shifts hang and over which they engage late.
+    """Compute the widths of overlap over which shifts hang, and over which they engage late, m.
 
-    They land without mismatch at even overlaps over the width ``over`` about ridge on ridge.
+    Shifts land without mismatch at even overlaps over ``width`` (m) about ridge on ridge.
     """
-    dog, plant = clutch.dog, PlanarClutch(clutch.with_engine("planar"))
-    middle, hung, late = 2.0 * crest_setback(dog, dog.edge_radius), 0, 0
+    dog = clutch.dog
+    plant = PlanarClutch(clutch.with_engine("planar"))
+    centre = 2.0 * crest_setback(dog, dog.edge_radius)
+    hung_count = 0
+    late_count = 0
     for share in (np.arange(shifts) + 0.5) / shifts - 0.5:
-        angle = (middle + over * float(share) - dog.crest_overlap) / dog.mean_radius
-        found = engage(plant, point, angle)
-        hung += found.outcome is Outcome.BLOCKED
-        late += found.outcome is Outcome.ENGAGED and time_on_crests(found) > LONG
-    return over * hung / shifts, over * late / shifts
+        angle = (centre + width * float(share) - dog.crest_overlap) / dog.mean_radius
+        result = engage(plant, point, angle)
+        hung_count += result.outcome is Outcome.BLOCKED
+        late_count += result.outcome is Outcome.ENGAGED and time_on_crests(result) > LATE_S
+    return width * hung_count / shifts, width * late_count / shifts

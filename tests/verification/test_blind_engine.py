@@ -22,7 +22,7 @@ from dogshape.validation.blind.mujoco_model import dog_corners
 from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift, engine_available, signal
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_points, read_stand
 from dogshape.validation.blind.true_effects import OUTSIDE, RANGES, truth_of, values_of
-from tests.conftest import needed
+from tests.conftest import require_program
 
 BASE = bundled_root() / "bench" / "mq200_adams"
 FAR = 0.2  #: m of gap: nothing is touched before
@@ -31,7 +31,7 @@ POINT = Point(10.0 * RPM, 469.0, 0.1766)
 
 @pytest.fixture(scope="module", autouse=True)
 def _mujoco() -> None:
-    needed(engine_available(), "mujoco")
+    require_program(engine_available(), "mujoco")
 
 
 @pytest.fixture(scope="module")

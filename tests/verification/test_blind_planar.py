@@ -15,7 +15,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.versions import bundled_root
-from dogshape.validation.blind.data import moments, timely
+from dogshape.validation.blind.data import mask_late, moments
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.planar_shift import PlanarEngine
 from dogshape.validation.blind.stand import Point, Truth, read_stand
@@ -91,11 +91,11 @@ def test_motion_begins_with_the_flight_of_a_free_mass() -> None:
 def test_angles_count_as_often_as_the_truth_draws_them() -> None:
     """Weights over even angles; of late shifts none."""
     times = np.array([[0.10, 0.11, 0.12, 0.13, 0.14, 0.5]])
-    soon = timely(times, np.array([0.2]))
+    soon = mask_late(times, np.array([0.2]))
     assert np.isnan(soon[0, 5])
     assert np.isfinite(soon[0, :5]).all()
     weights = np.array([1.0, 1.0, 2.0, 0.0, 0.0, 9.0])
-    found = moments(soon, weights, more=0.01)
+    found = moments(soon, weights, delay_sd=0.01)
     assert found.mean[0] == pytest.approx(0.1125)
     inner = (0.0125**2 + 0.0025**2 + 2.0 * 0.0075**2) / 4.0
     assert found.sd[0] == pytest.approx((inner + 0.01**2) ** 0.5)

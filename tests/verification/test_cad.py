@@ -13,7 +13,7 @@ from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import part_volume
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.units import DEG, MM
-from tests.conftest import needed
+from tests.conftest import require_program
 
 BODY = 5.0 * MM
 #: Chamfer, traction, braking in deg, height in mm, dogs, root radius in mm: the prototype,
@@ -30,7 +30,7 @@ SHAPES = [
 
 @pytest.fixture
 def _kernel() -> None:
-    needed(find_spec("build123d") is not None, "build123d")
+    require_program(find_spec("build123d") is not None, "build123d")
 
 
 def _dog(prototype: Dog, shape: tuple[float, ...]) -> tuple[Dog, float]:

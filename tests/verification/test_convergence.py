@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.common import DESIGNS, angles_of, clutch_of, measure, paper_study, point_of
-from benchmarks.convergence import POINTS, error, pairs, with_accuracy
+from benchmarks.convergence import POINTS, compare_cells, simulate_pairs, with_accuracy
 from dogshape.sim.shift.plant import ClutchPlant
 
 
@@ -20,7 +20,7 @@ def test_mean_shift_times_are_within_a_percent_of_the_converged(design: str) -> 
     for index, (mismatch, force) in enumerate(POINTS):
         point = point_of(paper_study(), mismatch, force)
         angles = angles_of(clutch, 12, index)
-        mean, single = error(measure(default, point, angles), measure(fine, point, angles))
+        mean, single = compare_cells(measure(default, point, angles), measure(fine, point, angles))
         assert mean < 1.0, (mismatch, force)
         typical.append(single)
     assert np.median(typical) < 0.01
@@ -35,7 +35,7 @@ def test_error_falls_with_the_tolerance() -> None:
         accuracy: measure(ClutchPlant(with_accuracy(clutch, accuracy)), point, angles)
         for accuracy in (1e-2, 1e-3, 1e-4, 1e-7)
     }
-    errors = [error(cells[a], cells[1e-7])[1] for a in (1e-2, 1e-3, 1e-4)]
+    errors = [compare_cells(cells[a], cells[1e-7])[1] for a in (1e-2, 1e-3, 1e-4)]
     order = np.polyfit(np.log([1e-2, 1e-3, 1e-4]), np.log(errors), 1)[0]
     assert order > 0.5
     assert errors[-1] < 1e-3
@@ -49,7 +49,7 @@ def test_designs_drawn_over_the_space_at_both_signs(designs: int, angles: int, f
 
     At the rate that was found, 0.3 %, four flips in 120 shifts have a chance below 0.1 %.
     """
-    made = pairs(paper_study(), designs=designs, angles=angles)
+    made = simulate_pairs(paper_study(), designs=designs, angles=angles)
     assert sum(int(pair.flipped.sum()) for pair in made) <= flips
     assert np.median(np.concatenate([pair.errors for pair in made])) < 0.01
     assert np.quantile([abs(pair.smooth_error) for pair in made], 0.9) < 0.5

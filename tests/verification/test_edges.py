@@ -28,7 +28,12 @@ from dogshape.sim.strength.manufacture import manufacturing_checks
 from dogshape.sim.units import DEG, MM
 from tests.conftest import Point, dog_of
 from tests.verification.crests import DESIGNS, Crests, crests_of, time_on_crests
-from tests.verification.ridges import WIDER, ridges_of, rounded, share_held
+from tests.verification.ridges import (
+    WINDOW_FACTOR,
+    hang_and_late_widths,
+    ridges_of,
+    with_edge_radius,
+)
 
 
 @pytest.mark.parametrize("radius", [0.02 * MM, 0.1 * MM, 0.3 * MM])
@@ -94,7 +99,7 @@ def test_two_ridges_press_as_cylinders_on_a_bed(clutch: Clutch) -> None:
     """
     radius, short = 0.3 * MM, 0.1 * MM
     dog = replace(clutch.dog, outer_diameter=48 * MM + short, inner_diameter=48 * MM - short)
-    own = rounded(replace(clutch, dog=dog), radius)
+    own = with_edge_radius(replace(clutch, dog=dog), radius)
     for depth in (5e-6, 10e-6):
         half = math.sqrt(2.0 * (0.5 * radius) * depth)
         peak = own.contact.stiffness * depth
@@ -108,7 +113,7 @@ def test_two_ridges_press_as_cylinders_on_a_bed(clutch: Clutch) -> None:
 @pytest.mark.parametrize("aside", [-0.15, -0.05, 0.0, 0.05, 0.2])
 def test_forces_beside_the_ridge_are_those_of_sections(clutch: Clutch, aside: float) -> None:
     """Load along and across the axis against sums over the exact profile, arcs and faces."""
-    own = rounded(clutch, 0.3 * MM)
+    own = with_edge_radius(clutch, 0.3 * MM)
     along, across = ridges_of(own).pressed(aside * MM, 40e-6, 200)
     axial, tangential = _pressed(own, aside * MM, 40e-6)
     assert axial == pytest.approx(along, rel=0.01)
@@ -117,7 +122,7 @@ def test_forces_beside_the_ridge_are_those_of_sections(clutch: Clutch, aside: fl
 
 def test_a_rounded_crest_lands_later_by_what_it_lost(clutch: Clutch, point: Point) -> None:
     """Ridge on ridge: the first touch is at the gap and twice the loss of height."""
-    own = rounded(clutch.with_engine("planar"), 0.3 * MM)
+    own = with_edge_radius(clutch.with_engine("planar"), 0.3 * MM)
     dog = own.dog
     angle = (2.0 * crest_setback(dog, dog.edge_radius) - dog.crest_overlap) / dog.mean_radius
     found = engage(own, point(0.0, 235.2), angle)
@@ -139,8 +144,8 @@ def test_shifts_hang_over_the_closed_forms_window(clutch: Clutch, point: Point, 
     dog = replace(dog_of(clutch.dog, DESIGNS[name]), edge_radius=0.3 * MM)
     own, here = replace(replace(clutch, dog=dog), contact=firm), point(0.0, 235.2)
     ridges, each = ridges_of(own), 235.2 / dog.count
-    over, friction = WIDER * ridges.stiff_window(0.1), firm.dynamic_friction
-    hung, _ = share_held(own, here, over, 24)
+    over, friction = WINDOW_FACTOR * ridges.stiff_window(0.1), firm.dynamic_friction
+    hung, _ = hang_and_late_widths(own, here, over, 24)
     left = own.timeout - here.profile.rise
     least = ridges.hung_window(each, friction, firm.stiction_velocity, left)
     most, step = ridges.window(each, friction), over / 24

@@ -26,7 +26,7 @@ from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.planar import PlanarClutch, touch_time
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
-from tests.made_up import RECORD, few_cells
+from tests.analytic import RECORD, select_cells
 from tests.verification.test_likelihood import world
 
 NOISE = 0.05
@@ -98,7 +98,7 @@ def _compiled(blocks: Sequence[Block]) -> list[list[Record]]:
 
 @pytest.fixture(scope="module")
 def simulated() -> Model:
-    bench = few_cells(load_bench("mq200_adams"), [(50.0, 235.2), (149.0, 235.2), (249.0, 641.5)])
+    bench = select_cells(load_bench("mq200_adams"), [(50.0, 235.2), (149.0, 235.2), (249.0, 641.5)])
     bench = replace(bench, clutch=bench.clutch.with_engine("planar"), record=RECORD)
     names = ("sleeve_friction", "actuation_lag", "relative_angle", "actuation_delay")
     every = load(None)

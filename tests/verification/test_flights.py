@@ -23,7 +23,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
-from tests.flying import EFFECTS, flying_bench, settings
+from tests.trace_benches import EFFECTS, settings, trace_bench
 
 GAP = 1e-3
 LEVELS = np.array(WAYS) * GAP
@@ -198,7 +198,7 @@ TRUTHS: dict[str, Mapping[str, float]] = {
 @cache
 def _seen(name: str | None) -> tuple[SeenFlight, ...]:
     """Return the marks of a bench with one of the effects, or without any."""
-    return flights_of(flying_bench(name, TRUTHS[name] if name else {}))
+    return flights_of(trace_bench(name, TRUTHS[name] if name else {}))
 
 
 def _values(name: str) -> Array:
@@ -254,7 +254,7 @@ def _moved(bench: Bench, offsets: Mapping[float, float]) -> Bench:
 
 def test_traces_that_no_effect_explains_raise_unknown() -> None:
     offsets = {235.2: 0.002, 315.5: 0.03, 469.0: 0.003, 641.5: 0.025}
-    seen = flights_of(_moved(flying_bench(None, {}), offsets))
+    seen = flights_of(_moved(trace_bench(None, {}), offsets))
     logs = _evidence(seen)
     assert log_unknown(seen, FLIGHTS) > max(logs.values()) + 5.0
     best = max(logs, key=lambda h: logs[h])

@@ -17,7 +17,7 @@ from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
-from tests.made_up import small_model
+from tests.analytic import small_model
 
 DATA = np.concatenate([np.linspace(-0.6, 0.0, 75, endpoint=False), np.linspace(0.0, 1.4, 450)])
 

@@ -11,7 +11,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.materials import POISSON, YOUNG
 from dogshape.sim.units import DEG
 from dogshape.validation.finite_elements.root_stress import fem_available
-from tests.conftest import needed
+from tests.conftest import require_program
 
 if TYPE_CHECKING:
     from tests.verification.flank_model import FlankModel
@@ -22,7 +22,7 @@ FORCE = 4e5  #: N/m
 @pytest.fixture(scope="module")
 def coarse(prototype: Dog) -> FlankModel:
     """The prototype with twelve strips."""
-    needed(fem_available(), "scikit-fem")
+    require_program(fem_available(), "scikit-fem")
     from tests.verification.flank_model import FlankModel
 
     return FlankModel(prototype, strips=12)
@@ -67,7 +67,7 @@ def test_pressure_is_that_of_a_flat_punch(coarse: FlankModel) -> None:
 
 def test_flexibility_is_symmetric_and_a_slender_dog_bends_as_a_beam() -> None:
     """A load at b turns all above by b^2/(2 E'I) more than the root: its curvature in b."""
-    needed(fem_available(), "scikit-fem")
+    require_program(fem_available(), "scikit-fem")
     from tests.verification.flank_model import FlankModel
 
     dog = Dog(628, 0.0, 0.0, 0.0, 30e-3, 2.0, 1.992, 1e-3)

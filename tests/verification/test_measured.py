@@ -23,7 +23,7 @@ from dogshape.diagnosis.inference.static_readings import (
     measured_facts,
 )
 from dogshape.diagnosis.terms import NONE, UNKNOWN
-from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
+from tests.diagnoses import EFFECTS, simulated_bench, simulated_diagnosis
 from tests.fits import SETTING, space_of
 
 DELAY = ("actuation_delay",)

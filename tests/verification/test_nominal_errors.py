@@ -21,8 +21,8 @@ from dogshape.diagnosis.terms import NONE
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
-from tests.diagnosed import EFFECTS, FEW, simulated_bench, simulated_diagnosis
-from tests.made_up import few_cells, flight, made_up, mean_time
+from tests.analytic import flight_time, mean_time, select_cells, simulate_analytic
+from tests.diagnoses import EFFECTS, FEW_EFFECTS, simulated_bench, simulated_diagnosis
 from tests.toy import bench_of, points_of
 
 POINTS = points_of()
@@ -41,7 +41,7 @@ def _smooth(blocks: Sequence[Block]) -> list[list[Record]]:
 
 
 def _likelihood(bench: Bench) -> Likelihood:
-    effects = {name: EFFECTS[name] for name in FEW}
+    effects = {name: EFFECTS[name] for name in FEW_EFFECTS}
     (model,) = build_models(bench, effects, USUAL, _smooth).values()
     return Likelihood(bench, observe(bench, model), model, USUAL)
 
@@ -52,7 +52,7 @@ def test_the_likelihood_takes_slopes_of_the_simulated_force_and_mismatch() -> No
     force, mismatch = _likelihood(bench).sensitivity
     for k, cell in enumerate(bench.cells):
         mean = mean_time(bench.clutch, cell.point)
-        free = flight(bench.clutch, cell.point)
+        free = flight_time(bench.clutch, cell.point)
         assert force[k] == pytest.approx(-0.25 * free / mean, rel=0.1)
         slip = cell.point.mismatch
         # Levels err by their angles, so a slope by a hundredth of the time over that of mismatch.
@@ -96,7 +96,7 @@ def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> Non
 
 def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:
     """Five readings of a long tail that no simulated angle shows."""
-    bench = few_cells(load_bench("mq200_adams"), [(100, 235.2)])
+    bench = select_cells(load_bench("mq200_adams"), [(100, 235.2)])
     (cell,) = bench.cells
     times = [0.07, 0.08, 0.09, 0.1, 0.26]
     single = tuple(Reading(k, cell.point, 1, time, True) for k, time in enumerate(times, 2))
@@ -105,7 +105,8 @@ def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:
     told = (Reading(2, cell.point, 5, float(np.mean(times)), True, sd=sd),)
     beside = replace(bench, cells=(replace(cell, readings=told),))
     mean, found, same = (
-        compare(one, made_up, 8).differences[0].standard_error for one in (bench, alone, beside)
+        compare(one, simulate_analytic, 8).differences[0].standard_error
+        for one in (bench, alone, beside)
     )
     # What the simulation adds is within the error of a mean with the simulated spread.
     assert 0.0 < found**2 - sd**2 / 5 < mean**2 < found**2
@@ -113,7 +114,7 @@ def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:
 
 
 def test_errors_of_nominal_values_join_those_of_the_gaps() -> None:
-    bench = few_cells(
+    bench = select_cells(
         load_bench("mq200_adams"), [(n, f) for n in (50, 100) for f in (235.2, 641.5)]
     )
     size = Tolerance(force_percent=2.0, mismatch_rpm=2.0)
@@ -126,7 +127,10 @@ def test_errors_of_nominal_values_join_those_of_the_gaps() -> None:
     }
     squares = {
         name: np.array(
-            [d.standard_error**2 for d in compare(replace(bench, errors=e), made_up, 8).differences]
+            [
+                d.standard_error**2
+                for d in compare(replace(bench, errors=e), simulate_analytic, 8).differences
+            ]
         )
         for name, e in errors.items()
     }

@@ -13,7 +13,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import kstest
 
-from benchmarks.self_consistency import answer, cause_of, in_set
+from benchmarks.self_consistency import cause_of, draw_and_diagnose, in_credible_set
 from dogshape.diagnosis.inference import ranking
 from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
 from dogshape.diagnosis.inference.ranking import (
@@ -30,7 +30,7 @@ from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
-from tests.made_up import KNOWN, mean_time, small_model
+from tests.analytic import ANALYTIC_EFFECTS, mean_time, small_model
 from tests.verification.test_likelihood import world
 
 MASS, LAG = ("moving_mass",), ("actuation_lag",)
@@ -116,7 +116,7 @@ def test_evidence_is_that_of_nested_sampling() -> None:
 
 def test_prior_probabilities_of_all_sets_are_one() -> None:
     _, model = world()
-    sets = [h for k in range(USUAL.most + 1) for h in itertools.combinations(KNOWN, k)]
+    sets = [h for k in range(USUAL.most + 1) for h in itertools.combinations(ANALYTIC_EFFECTS, k)]
     logs = [log_prior(h, model, USUAL, 0.0) for h in (*sets, UNKNOWN)]
     assert np.exp(logs).sum() == pytest.approx(1.0)
     odds = log_prior(MASS, model, USUAL, 0.0) - log_prior(NONE, model, USUAL, 0.0)
@@ -182,8 +182,8 @@ SETS = 100
 def test_probabilities_hold_what_they_say() -> None:
     """Bounds are three standard errors of 100 sets."""
     bench, model = small_model()
-    found = [answer(bench, model, seed) for seed in range(SETS)]
-    held = np.mean([in_set(one) for one in found])
+    found = [draw_and_diagnose(bench, model, seed) for seed in range(SETS)]
+    held = np.mean([in_credible_set(one) for one in found])
     assert abs(held - 0.9) < 3.0 * (0.9 * 0.1 / SETS) ** 0.5
     said = np.array([one.leads for one in found])
     right = np.array([tuple(one.leading) == cause_of(one) for one in found])

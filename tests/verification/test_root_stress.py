@@ -18,7 +18,7 @@ from dogshape.sim.units import DEG
 from dogshape.validation.finite_elements import root_stress
 from dogshape.validation.finite_elements.root_mesh import RootShape
 from dogshape.validation.finite_elements.root_stress import BANDS, RootModel, fem_available
-from tests.conftest import needed
+from tests.conftest import require_program
 
 FORCE = 1000.0
 FLANKS: list[tuple[Flank, float]] = [("traction", -1.0), ("braking", 1.0)]
@@ -26,7 +26,7 @@ FLANKS: list[tuple[Flank, float]] = [("traction", -1.0), ("braking", 1.0)]
 
 @pytest.fixture(scope="module", autouse=True)
 def _skfem() -> None:
-    needed(fem_available(), "scikit-fem")
+    require_program(fem_available(), "scikit-fem")
 
 
 @pytest.fixture(scope="module")

@@ -15,12 +15,12 @@ import pytest
 
 from benchmarks.common import measure
 from benchmarks.second_engine import (
-    FLIP,
+    FLIP_RATIO,
     POINTS,
     Agreement,
     measure_compiled,
     measure_second,
-    narrow_stiff,
+    narrow_stiff_rings,
 )
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError
@@ -32,7 +32,7 @@ from dogshape.sim.units import DEG
 from dogshape.validation.blind.mujoco_model import restitution_of
 from dogshape.validation.blind.mujoco_shift import engine_available
 from dogshape.validation.second_engine import FINE, EngineSettings, SecondEngine
-from tests.conftest import Point, dog_of, needed
+from tests.conftest import Point, dog_of, require_program
 from tests.verification.test_motion import DESIGNS
 from tests.verification.test_shapes import SHAPES, shaped
 
@@ -43,7 +43,7 @@ FORMS = {**SHAPES, "flat, undercut": (1.0, 0.0, 0.0, -3.0, -3.0, 3.0)}
 
 @pytest.fixture(scope="module", autouse=True)
 def _mujoco() -> None:
-    needed(engine_available(), "mujoco")
+    require_program(engine_available(), "mujoco")
 
 
 def _pair(clutch: Clutch, point: OperatingPoint, index: int) -> Agreement:
@@ -76,7 +76,7 @@ def test_single_shifts_agree(pairs: dict[tuple[int, int], Agreement]) -> None:
     assert max(medians.values()) < 0.08, medians
     singles = np.concatenate([pair.size for pair in pairs.values()])
     assert np.median(singles) < 0.015
-    assert np.mean(singles > FLIP) < 1 / 7
+    assert np.mean(singles > FLIP_RATIO) < 1 / 7
 
 
 @pytest.mark.slow
@@ -99,7 +99,7 @@ def test_narrow_rings_agree(clutch: Clutch, point: Point, mismatch: float, force
 
     So what is left on wide rings is where and along which normal edges touch.
     """
-    pair = _pair(narrow_stiff(clutch), point(mismatch, force), 1)
+    pair = _pair(narrow_stiff_rings(clutch), point(mismatch, force), 1)
     assert np.median(pair.size) < 0.003
     assert pair.kept == pytest.approx(0.0, abs=0.005)
 
@@ -118,7 +118,7 @@ def test_ridge_backlash_and_undercut_agree(clutch: Clutch, point: Point, name: s
         pairs.append(Agreement(compiled, measure_second(SecondEngine(own, FINE), here, angles)))
     sizes = np.array([pair.size for pair in pairs])
     assert np.median(sizes, axis=1).max() < 0.015
-    assert np.sum(sizes > FLIP) <= 2
+    assert np.sum(sizes > FLIP_RATIO) <= 2
     assert [pair.kept for pair in pairs] == pytest.approx([0.0] * 3, abs=0.03)
 
 
@@ -165,7 +165,7 @@ def test_a_struck_flank_throws_back_as_rigid_bodies_do(
     clutch: Clutch, point: Point, engine: str, angle: float
 ) -> None:
     """At 249 1/min: speeds after the impact within 3 %, restitution near Hunt and Crossley's."""
-    narrow, fast = narrow_stiff(clutch), point(249.0, 469.0)
+    narrow, fast = narrow_stiff_rings(clutch), point(249.0, 469.0)
     if engine == "drake":
         trace = engage(ClutchPlant(narrow), fast, angle * DEG).trace
         time, apart, axial = trace.time, trace.relative_speed, trace.axial_speed

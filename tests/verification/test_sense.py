@@ -20,8 +20,8 @@ from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record
-from tests.diagnosed import simulated_bench
-from tests.made_up import RECORD, few_cells, made_up, mean_time
+from tests.analytic import RECORD, mean_time, select_cells, simulate_analytic
+from tests.diagnoses import simulated_bench
 
 EFFECTS = load()
 NAMES = ("actuation_delay", "moving_mass", "relative_angle", REVERSED, "sleeve_friction")
@@ -38,7 +38,7 @@ def _back(slip: float) -> float:
 def _signed(blocks: Sequence[Block]) -> list[list[Record]]:
     """Simulate blocks of closed form, in which a negative mismatch throws dogs back."""
     found = []
-    for block, rows in zip(blocks, made_up(blocks), strict=True):
+    for block, rows in zip(blocks, simulate_analytic(blocks), strict=True):
         slip = block.point.mismatch * 30.0 / np.pi
         factor = _back(-slip) if slip < 0.0 else 1.0
         found.append(
@@ -56,7 +56,7 @@ def _with_sense(bench: Bench, sense: Sense) -> Bench:
 
 
 def _model(sense: Sense, run: object = _signed) -> Model:
-    bench = _with_sense(few_cells(load_bench("mq200_adams"), CELLS), sense)
+    bench = _with_sense(select_cells(load_bench("mq200_adams"), CELLS), sense)
     (found,) = build_models(bench, SOME, USUAL, run).values()  # type: ignore[arg-type]
     return found
 
@@ -140,9 +140,9 @@ HEAVIER = Effect("heavier", (), _heavier, BenchTest("look", "Look at it."))
 
 def test_an_effect_without_parameters_has_one_level() -> None:
     """One of the user's own is there or not: its only level is simulated, and a delay adds."""
-    bench = _with_sense(few_cells(load_bench("mq200_adams"), CELLS), "known")
+    bench = _with_sense(select_cells(load_bench("mq200_adams"), CELLS), "known")
     effects = {"heavier": HEAVIER, **{n: EFFECTS[n] for n in ("actuation_delay",)}}
-    (model,) = build_models(bench, effects, USUAL, made_up).values()
+    (model,) = build_models(bench, effects, USUAL, simulate_analytic).values()
     (place,) = model.simulated.of(("heavier",))
     assert model.simulated.levels[place].values == ()
     alone = model.predict(("heavier",), np.zeros((3, 0)))

@@ -11,7 +11,7 @@ from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.elementwise import Array
 from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort
-from dogshape.surrogate.sensitivity import accumulate, effects
+from dogshape.surrogate.sensitivity import accumulate, main_effects
 
 #: Ends of the search ranges of the paper's study, and what each variable adds across them, s.
 LOW, HIGH = np.array([0.0, 4.0, 4.0, 1.6, 6.0]), np.array([20.0, 30.0, 30.0, 6.0, 36.0])
@@ -23,15 +23,15 @@ DESIGNS = 70
 def terms(x: Array) -> Array:
     """What each variable of designs (n, 5) adds to the time, (n, 5), s."""
     u = (x - LOW) / (HIGH - LOW)
-    added: Array = u * SLOPES
-    added[:, 0] += BEND * u[:, 0] ** 2
-    return added
+    effect_terms: Array = u * SLOPES
+    effect_terms[:, 0] += BEND * u[:, 0] ** 2
+    return effect_terms
 
 
 def pace(points: Array) -> Array:
     """How much longer than at 50 1/min and 400 N a shift takes at points (n, 2), (n,)."""
-    slower: Array = (points[:, 0] / 50.0) ** -0.1 * (points[:, 1] / 400.0) ** -0.2
-    return slower
+    factor: Array = (points[:, 0] / 50.0) ** -0.1 * (points[:, 1] / 400.0) ** -0.2
+    return factor
 
 
 def truth(x: Array, points: Array) -> Array:
@@ -62,22 +62,22 @@ def surrogate(study: Setup) -> Surrogate:
 
 def test_effects_of_an_additive_time_are_its_terms(study: Setup, surrogate: Surrogate) -> None:
     mix, x = study_mix(study), feasible(study, 100, 9)
-    found = effects(surrogate, surrogate.data.variables, x)
-    assert [one.variable for one in found] == list(surrogate.data.variables)
+    main = main_effects(surrogate, surrogate.data.variables, x)
+    assert [effect.variable for effect in main] == list(surrogate.data.variables)
     mean = float(mix.weights @ pace(mix.points))
     inside = []
-    for column, one in enumerate(found):
-        _, moved, form = accumulate(x, column)
-        known = form @ (mean * terms(moved).sum(axis=1))
-        along = np.tile(x[:1], (len(one.values), 1))
-        along[:, column] = one.values
+    for column, effect in enumerate(main):
+        _, designs, form = accumulate(x, column)
+        exact = form @ (mean * terms(designs).sum(axis=1))
+        line = np.tile(x[:1], (len(effect.values), 1))
+        line[:, column] = effect.values
         # What the form adds up is the term itself but for a constant.
-        assert np.ptp(known - mean * terms(along)[:, column]) < 1e-12
-        assert one.effect == pytest.approx(known, abs=1.5e-3)
-        assert (one.high - one.low).max() < 8e-3
-        inside += list((one.low <= known) & (known <= one.high))
+        assert np.ptp(exact - mean * terms(line)[:, column]) < 1e-12
+        assert effect.effect == pytest.approx(exact, abs=1.5e-3)
+        assert (effect.high - effect.low).max() < 8e-3
+        inside += list((effect.low <= exact) & (exact <= effect.high))
     assert np.mean(inside) >= 0.9
-    count = {one.variable: one for one in found}["count"]
+    count = {effect.variable: effect for effect in main}["count"]
     assert count.values[np.argmin(count.effect)] == x[:, 4].max()
     assert count.values.tolist() == [round(v) for v in count.values]
 
@@ -85,7 +85,7 @@ def test_effects_of_an_additive_time_are_its_terms(study: Setup, surrogate: Surr
 def test_an_effect_is_not_that_of_what_comes_along() -> None:
     first = np.linspace(0.0, 1.0, 60)
     x = np.column_stack([first, first + 0.01 * np.sin(50.0 * first), np.ones(60)])
-    _, moved, form = accumulate(x, 1)
-    assert form @ moved[:, 0] == pytest.approx(0.0, abs=1e-12)
-    values, moved, form = accumulate(x, 0)
-    assert form @ moved[:, 0] == pytest.approx(values - values.mean(), abs=0.01)
+    _, designs, form = accumulate(x, 1)
+    assert form @ designs[:, 0] == pytest.approx(0.0, abs=1e-12)
+    values, designs, form = accumulate(x, 0)
+    assert form @ designs[:, 0] == pytest.approx(values - values.mean(), abs=0.01)

@@ -1,10 +1,10 @@
-"""Diagnosis of a blind case as a user gets it, and the check of the test that it advises.
+"""Diagnosis of a blind case as a user gets it, and the check of its advised test.
 
 The outcome comes from the case's truth, never from the diagnosis: true parameters as shares of
 their ranges with the error of the test, more shifts of the same engine, or marks of traces. The
 diagnosis then updates its probabilities (``diagnosis.next_test.settle``). The case is *settled* if
-the truth, or all of it that data can show, is named then, and *misled* if a hypothesis with a cause
-that does not act is.
+the truth, or its visible part, is named then, and *misled* if a hypothesis with a cause that does
+not act is named.
 """
 
 from __future__ import annotations
@@ -32,105 +32,114 @@ from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.cases import Case, case_of
-from dogshape.validation.blind.data import draws, engine_of, measured_rows, timely
+from dogshape.validation.blind.data import draw_shifts, engine_of, mask_late, measured_rows
 from dogshape.validation.blind.stand import Point, read_stand
 
 Names = tuple[str, ...]
 
-ENGINE = "planar"  #: that simulates for the diagnosis
+ENGINE = "planar"  #: of the diagnosis
+OUTCOME_SEED = 73  #: beside a case's seed, of the outcome of a test
 
 
 @dataclass(frozen=True)
 class Advised:
-    """Outcome of the advised test of one case: its name and kind, and what leads after it.
+    """Outcome of the advised test of a case."""
 
-    ``settled`` on the truth, ``misled`` to a cause that does not act; ``foreseen`` is the chance to
-    settle that the diagnosis gives it.
-    """
-
-    test: str
+    test: str  #: name
     kind: str
-    top: Names
-    probability: float
-    settled: bool
-    misled: bool
-    foreseen: float
+    top: Names  #: leading hypothesis after the test
+    probability: float  #: of the leading hypothesis
+    settled: bool  #: whether the truth is named
+    misled: bool  #: whether a cause that does not act is named
+    foreseen: float  #: probability to settle by the diagnosis
 
 
-def judged_by_test(
-    folder: Path, case: Case, diagnosis: Diagnosis, right: Sequence[Names]
+def judge_test(
+    folder: Path, case: Case, diagnosis: Diagnosis, correct: Sequence[Names]
 ) -> Advised | None:
-    """Make the advised test of a case by its truth; None where no hypothesis predicts it.
+    """Make the advised test of a case by its truth, and judge the diagnosis after it.
 
-    ``right`` are the hypotheses on which to settle is right. The same case gives the same outcome.
+    ``correct`` are hypotheses that are correct to name, the truth first. The same case gives the
+    same outcome.
     """
     test = diagnosis.tests[0]
     outcome = outcome_of(folder, case, diagnosis, test)
-    after: Mapping[Names, float] = settle(diagnosis, test, outcome)
-    top = max(after, key=lambda h: after[h])
-    sure = after[top] > diagnosis.settings.named and nameable(top, diagnosis.settings)
-    wrong = not set(top) <= set(right[0])
+    posterior: Mapping[Names, float] = settle(diagnosis, test, outcome)
+    top = max(posterior, key=lambda h: posterior[h])
+    named = posterior[top] > diagnosis.settings.named and nameable(top, diagnosis.settings)
     return Advised(
-        test.name, test.kind, top, float(after[top]),
-        sure and top in right, sure and wrong, test.settles,
-    )  # fmt: skip
+        test=test.name,
+        kind=test.kind,
+        top=top,
+        probability=float(posterior[top]),
+        settled=named and top in correct,
+        misled=named and not set(top) <= set(correct[0]),
+        foreseen=test.settles,
+    )
 
 
 def outcome_of(
     folder: Path, case: Case, diagnosis: Diagnosis, test: NextTest
 ) -> Sequence[float] | str:
-    """Make the outcome of a test; NaN for what is not shown."""
-    generator = np.random.default_rng([case.seed, 73])
+    """Make the outcome of a test by the truth of a case; NaN for a quantity that it cannot show."""
+    generator = np.random.default_rng([case.seed, OUTCOME_SEED])
     if test.kind == "record":
         return {"time_zero": "command", "displacement_at": case.sensor}[test.question]
     if test.kind == "direct":
         exact = readings_of(case, diagnosis, test)
         return generator.normal(exact, diagnosis.settings.test_error).tolist()
     assert test.cell is not None
-    asked = diagnosis.bench.cells[test.cell].point
-    point = Point(asked.mismatch, asked.profile.force, asked.profile.rise)
-    return _shifted(folder, case, test, point, generator)
+    cell_point = diagnosis.bench.cells[test.cell].point
+    point = Point(cell_point.mismatch, cell_point.profile.force, cell_point.profile.rise)
+    return _repeat_shifts(folder, case, test, point=point, generator=generator)
 
 
 def readings_of(case: Case, diagnosis: Diagnosis, test: NextTest) -> list[float]:
     """Compute the exact readings of a direct test, as shares of the parameters' ranges.
 
-    An effect without parameters reads 1 where it is there, else 0. What is outside the list reads
-    as what acts: a valve that sticks as its mean delay, a dog that stands out as a smaller gap.
+    An effect without parameters reads 1 where it acts, else 0. A valve that sticks reads as its
+    mean delay, a high dog as a smaller gap.
     """
     truth = case.truth
-    more = {"delay_s": truth.waiting[0], "gap_offset_mm": -truth.high_dog / MM}
-    found = []
+    offsets = {"delay_s": truth.delay_moments[0], "gap_offset_mm": -truth.high_dog / MM}
+    readings = []
     for name in test.effects:
-        effect, given = diagnosis.effects[name], case.parameters.get(name)
+        effect = diagnosis.effects[name]
+        values = case.parameters.get(name)
         if not effect.parameters:
-            found.append(float(given is not None))
-        for one in effect.parameters:
-            neutral = one.neutral_of(diagnosis.model.setting)
-            value = (given or {}).get(one.name, neutral) + more.get(one.name, 0.0)
-            found.append(one.share(value))
-    return found
+            readings.append(float(values is not None))
+        for parameter in effect.parameters:
+            neutral = parameter.neutral_of(diagnosis.model.setting)
+            value = (values or {}).get(parameter.name, neutral)
+            readings.append(parameter.share(value + offsets.get(parameter.name, 0.0)))
+    return readings
 
 
-def _shifted(
-    folder: Path, case: Case, test: NextTest, point: Point, generator: np.random.Generator
+def _repeat_shifts(
+    folder: Path, case: Case, test: NextTest, *, point: Point, generator: np.random.Generator
 ) -> list[float]:
-    """Shift again: mean time of timely shifts in s and share engaged, or marks of the flight."""
-    stand, truth = read_stand(folder), case.truth
-    engine, fade = engine_of(case.engine, stand, truth), 1.0 - truth.drift
-    # They come after the series, when all that drifts away is gone.
-    made = draws(truth, stand, 1, test.shifts, int(generator.integers(2**31)))[0]
+    """Simulate the shifts of a test: mean time, s, and share engaged, or marks of the flight."""
+    stand = read_stand(folder)
+    truth = case.truth
+    engine = engine_of(case.engine, stand, truth)
+    fade = 1.0 - truth.drift  # after the series the drift is complete
+    seed = int(generator.integers(2**31))
+    (draws,) = draw_shifts(truth, stand, point_count=1, shift_count=test.shifts, seed=seed)
     keep = test.kind == "traces"
-    shifts = [engine.shift(point, replace(one, fade=fade), keep) for one in made]
+    shifts = [engine.shift(point, replace(draw, fade=fade), keep) for draw in draws]
     if not keep:
         times = np.array([[shift.time for shift in shifts]], dtype=float)
-        wait = min(stand.timeout, stand.pitch / abs(point.mismatch))
         engaged = float(np.isfinite(times).mean())
-        soon = timely(times, np.array([wait]))
-        return [float(np.nanmean(soon)) if engaged else np.nan, engaged]
-    tables = [measured_rows(truth, point, one, fade, generator) for one in shifts]
+        if not engaged:
+            return [np.nan, engaged]
+        wait = min(stand.timeout, stand.pitch / abs(point.mismatch))
+        return [float(np.nanmean(mask_late(times, np.array([wait])))), engaged]
     units = (1.0, MM, 1.0, RPM, RPM)
-    traces = [BenchTrace(Path("trace"), *(t * units).T) for t in tables if t is not None]
+    traces = []
+    for shift in shifts:
+        rows = measured_rows(truth, point, shift, fade=fade, generator=generator)
+        if rows is not None:
+            traces.append(BenchTrace(Path("trace"), *(rows * units).T))
     if not traces:
         return []
     profile = ForceProfile(point.force, point.rise)
@@ -138,29 +147,31 @@ def _shifted(
 
 
 def diagnose_folder(folder: Path) -> dict[str, Any]:
-    """Diagnose a blind case."""
-    return diagnosed(load_bench(folder), _means(1)).to_dict()
+    """Diagnose the blind case in a folder; return the record of the diagnosis."""
+    return diagnosed(load_bench(folder), _bank_options(1)).to_dict()
 
 
 def likelihood_of(folder: Path, sensor: str, model: Model | None = None) -> Likelihood:
-    """Build the likelihood of a data set whose displacement is read at a side of the linkage.
+    """Build the likelihood of a data set with its sensor at a side of the linkage.
 
-    ``model`` is that of its clutch and points, where it is known. A clutch is simulated where no
-    bank has it.
+    Without ``model``, that of its clutch and points, a clutch that no bank has is simulated.
     """
     bench: Bench = load_bench(folder)
     record = bench.record.model_copy(update={"displacement_at": cast(Place, sensor)})
     bench = replace(bench, clutch=bench.clutch.with_engine(ENGINE), record=record)
-    means = _means(0)
+    options = _bank_options(0)
     if model is None:
-        (model,) = models_of(bench, load(None), means).values()
-    return Likelihood(bench, observe(bench, model), model, means.settings)
+        (model,) = models_of(bench, load(None), options).values()
+    return Likelihood(bench, observe(bench, model), model, options.settings)
 
 
-def advised(folder: Path, truth: Mapping[str, Any], right: Sequence[Names]) -> Advised | None:
-    """Diagnose a case again, make the test that it advises by the truth, and judge the outcome."""
-    return judged_by_test(folder, case_of(truth), diagnosed(load_bench(folder), _means(1)), right)
+def make_advised_test(
+    folder: Path, truth: Mapping[str, Any], correct: Sequence[Names]
+) -> Advised | None:
+    """Diagnose a case again, make its advised test by the truth, and judge the outcome."""
+    diagnosis = diagnosed(load_bench(folder), _bank_options(1))
+    return judge_test(folder, case_of(truth), diagnosis, correct)
 
 
-def _means(jobs: int) -> Means:
+def _bank_options(jobs: int) -> Means:
     return Means(jobs=jobs, engine=ENGINE)

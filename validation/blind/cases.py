@@ -3,14 +3,14 @@
 Kinds and numbers of cases are fixed by engine (``COUNTS``); clutch, contact, operating points,
 numbers of shifts, effects, strengths and form are drawn; true force and mismatch are off the
 nominal ones by some percent. Of some kinds several candidates are drawn on the same operating
-points, of which the first one that is clear by the yardstick is kept (``DRAWS``).
+points; the first that is clear by the yardstick is kept (``CANDIDATE_COUNTS``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -31,67 +31,66 @@ COUNTS: dict[str, dict[str, int]] = {
 OUTSIDE: dict[str, dict[str, int]] = {
     "planar": {"sticking_valve": 6, "hanging_valve": 6, "swapped_forces": 10, "swapped_speeds": 14},
     "mujoco": {
-        "sticking_valve": 2, "hanging_valve": 2, "swapped_speeds": 4, "speed_ripple": 2,
-        "high_dog": 4, "two_stages": 2,
+        "sticking_valve": 2,
+        "hanging_valve": 2,
+        "swapped_speeds": 4,
+        "speed_ripple": 2,
+        "high_dog": 4,
+        "two_stages": 2,
     },
-}  # fmt: skip
+}
 #: Cases of each engine in a small set, on the first clutch.
-SMALL = {"none": 1, "single": 1, "pair": 1}
+SMALL_COUNTS = {"none": 1, "single": 1, "pair": 1}
 #: Candidates of a case by engine and kind, where there are several.
-DRAWS: dict[str, dict[str, int]] = {
+CANDIDATE_COUNTS: dict[str, dict[str, int]] = {
     "planar": {"single": 10, "pair": 6, "outside": 8},
     "mujoco": {"single": 4, "outside": 3},
 }
-COMMON = ("actuation_delay", "sleeve_friction")  #: likely in every bench
-WITH_COMMON = 0.4  #: share of pairs and threes with one of them
-POINTS = (12, 28)  #: operating points of a case, at least and at most
-NUMBERS = (3, 20)  #: shifts of an operating point, even in the logarithm
-FEW = (3, 5)  #: the same of a case with traces
-FORCE_ERRORS, SPEED_ERRORS = (0.01, 0.03), (0.01, 0.02)  #: standard deviations, least and most
-SHUFFLED = 0.5  #: share of series of single shifts that were made in random order
-MEANS, TRACES = 0.6, 0.05  #: shares of cases with means only, and with traces
-SPREADS = 0.5  #: share of cases with means only that have standard deviations
-UNLABELLED = 0.25  #: share of records that leave a convention unknown
-LEAST = 0.6  #: least strength of an effect
-STRENGTHS = (0.7, 1.0)  #: of anything outside the list
-DRIFTING, DRIFTS = 0.5, (0.02, 0.1)  #: share of series of single shifts whose force falls, and how
-#: Outside the list, seen by the spread of single shifts.
-BY_SINGLES = ("sticking_valve", "hanging_valve", "speed_ripple", "high_dog", "two_stages")
+COMMON_EFFECTS = ("actuation_delay", "sleeve_friction")  #: likely in every bench
+COMMON_SHARE = 0.4  #: of pairs and threes with a common effect
+POINT_COUNTS = (12, 28)  #: range of the operating points of a case
+SHIFT_COUNTS = (3, 20)  #: range of the shifts of an operating point, even in the logarithm
+TRACE_COUNTS = (3, 5)  #: range of the shifts of an operating point with traces
+FORCE_ERRORS = (0.01, 0.03)  #: range of the relative standard deviation of forces
+SPEED_ERRORS = (0.01, 0.02)  #: range of the relative standard deviation of mismatches
+SHUFFLED_SHARE = 0.5  #: of series of single shifts in random order
+MEANS_SHARE = 0.6  #: of cases with means only
+TRACES_SHARE = 0.05  #: of cases with traces
+SPREADS_SHARE = 0.5  #: of cases with means only that have standard deviations
+UNKNOWN_SHARE = 0.25  #: of records that leave a convention unknown
+STRENGTHS = (0.6, 1.0)  #: range of an effect's strength
+OUTSIDE_STRENGTHS = (0.7, 1.0)  #: range of the strength of a cause outside the list
+DRIFT_SHARE = 0.5  #: of series of single shifts whose force falls
+DRIFTS = (0.02, 0.1)  #: range of the share of the force that is lost
+#: Causes outside the list that the spread of single shifts shows.
+SPREAD_CAUSES = ("sticking_valve", "hanging_valve", "speed_ripple", "high_dog", "two_stages")
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case: its truth, the form of its data, its engine, its clutch and its test series.
-
-    ``parameters`` are values by effect of the list, ``outside`` strengths of unlisted things,
-    ``contact`` fields of the truth that are no cause. ``places`` and ``numbers`` are operating
-    points among those of the clutch and shifts at each; ``force_error`` and ``speed_error`` the
-    standard deviations of true over nominal values. ``shuffled`` shifts were made in random order;
-    ``spreads`` if a table of means has standard deviations. ``sensor`` is the side of the linkage
-    that is read; ``displacement_at`` and ``time_zero`` are conventions as they are stated.
-    """
+    """Truth of a case, form of its data, engine, clutch and test series."""
 
     kind: Kind
     form: Form
-    engine: str
-    stand: str
+    engine: str  #: ``planar`` or ``mujoco``
+    stand: str  #: name of the clutch
     seed: int
-    parameters: dict[str, Values] = field(default_factory=dict)
-    outside: dict[str, float] = field(default_factory=dict)
-    contact: dict[str, float] = field(default_factory=dict)
-    places: tuple[int, ...] = ()
-    numbers: tuple[int, ...] = ()
-    force_error: float = 0.0
-    speed_error: float = 0.0
-    shuffled: bool = False
-    spreads: bool = False
-    sensor: str = "sleeve"
-    displacement_at: str = "sleeve"
-    time_zero: str = "command"
+    parameters: dict[str, Values] = field(default_factory=dict)  #: values by effect of the list
+    outside: dict[str, float] = field(default_factory=dict)  #: strengths of unlisted causes
+    contact: dict[str, float] = field(default_factory=dict)  #: fields of the truth, no cause
+    places: tuple[int, ...] = ()  #: indices of operating points among those of the clutch
+    numbers: tuple[int, ...] = ()  #: shifts at each operating point
+    force_error: float = 0.0  #: standard deviation of true over nominal forces
+    speed_error: float = 0.0  #: standard deviation of true over nominal mismatches
+    shuffled: bool = False  #: whether shifts are in random order
+    spreads: bool = False  #: whether a table of means has standard deviations
+    sensor: str = "sleeve"  #: side of the linkage that is read
+    displacement_at: str = "sleeve"  #: side of the linkage, as stated
+    time_zero: str = "command"  #: start of the shift time, as stated
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Names of the effects of the list, in alphabetical order; unknown for one outside."""
+        """Names of the effects in alphabetical order; ``unknown`` for a cause outside the list."""
         return ("unknown",) if self.outside else tuple(sorted(self.parameters))
 
     @property
@@ -100,7 +99,7 @@ class Case:
         return truth_of(self.parameters, self.outside, self.contact, self.sensor)
 
     @property
-    def plain(self) -> Truth:
+    def baseline(self) -> Truth:
         """Truth of the stand without any cause, with its contact."""
         return truth_of({}, {}, self.contact, self.sensor)
 
@@ -118,76 +117,96 @@ def case_of(record: Mapping[str, Any]) -> Case:
 def field_cases(
     grids: Mapping[str, Sequence[Point]], seed: int | None = None, *, small: bool = False
 ) -> tuple[tuple[Case, ...], ...]:
-    """Draw the cases of a field set in shuffled order, each as its candidates.
+    """Draw the cases of a field set in shuffled order, each as a tuple of its candidates.
 
-    ``grids`` are the operating points of each clutch; ``small`` a case of each kind and engine.
+    ``grids`` are the operating points of each clutch. A ``small`` set has a case of each kind and
+    engine.
     """
     generator = np.random.default_rng(SEED if seed is None else seed)
-    found = []
-    for engine, counts in COUNTS.items():
-        order = generator.permutation(list(grids)).tolist()
-        wanted: list[tuple[Kind, str]] = _wanted(generator, engine, SMALL if small else counts)
-        for k, (kind, name) in enumerate(wanted):
-            # Each clutch has a third of each kind, since kinds stand in blocks.
-            stand = order[k % len(order)]
-            blank = Case(kind, "singles", engine, stand, 0)
-            first = _drawn(generator, blank, name, grids[stand])
-            many = 1 if small else DRAWS.get(engine, {}).get(kind, 1)
-            more = [_again(generator, first, name) for _ in range(many - 1)]
-            found.append((first, *more))
-    return tuple(found[k] for k in generator.permutation(len(found)))
+    cases = []
+    for engine in COUNTS:
+        stands = generator.permutation(list(grids)).tolist()
+        for k, (kind, name) in enumerate(_list_kinds(generator, engine, small=small)):
+            # Each clutch has a third of each kind, since the list is sorted by kind.
+            stand = stands[k % len(stands)]
+            blank = Case(kind, "singles", engine, stand=stand, seed=0)
+            candidates = [_draw_case(generator, blank, name, grids[stand])]
+            count = 1 if small else CANDIDATE_COUNTS.get(engine, {}).get(kind, 1)
+            for _ in range(count - 1):
+                candidates.append(_draw_candidate(generator, candidates[0], name))
+            cases.append(tuple(candidates))
+    return tuple(cases[k] for k in generator.permutation(len(cases)))
 
 
-def _wanted(
-    generator: np.random.Generator, engine: str, counts: Mapping[str, int]
+def _list_kinds(
+    generator: np.random.Generator, engine: str, *, small: bool
 ) -> list[tuple[Kind, str]]:
-    """List kind, and effect or thing outside the list where it is fixed, of an engine's cases.
+    """List the kinds of an engine's cases, each with its cause where that is fixed, else ''.
 
     The compiled engine has each effect alone once.
     """
-    listed = generator.permutation(sorted(RANGES)).tolist()
-    found: list[tuple[Kind, str]] = []
-    for kind, count in counts.items():
-        fixed = listed if kind == "single" and engine == "planar" else []
-        found += [(kind, name) for name in [*fixed, *[""] * count][:count]]  # type: ignore[misc]
-    outside = OUTSIDE[engine] if counts is not SMALL else dict.fromkeys([*OUTSIDE[engine]][:1], 1)
-    return found + [("outside", name) for name, count in outside.items() for _ in range(count)]
+    effects = generator.permutation(sorted(RANGES)).tolist()
+    kinds: list[tuple[Kind, str]] = []
+    for kind, count in (SMALL_COUNTS if small else COUNTS[engine]).items():
+        names = effects if kind == "single" and engine == "planar" else []
+        names = [*names, *[""] * count][:count]
+        kinds += [(cast(Kind, kind), name) for name in names]
+    outside = OUTSIDE[engine]
+    if small:
+        outside = {next(iter(outside)): 1}
+    for name, count in outside.items():
+        kinds += [("outside", name)] * count
+    return kinds
 
 
-def _causes(
+def _draw_causes(
     generator: np.random.Generator, kind: Kind, name: str
 ) -> tuple[dict[str, Values], dict[str, float]]:
-    """Draw parameters by effect, and strengths of things outside the list."""
+    """Draw parameters by effect, and strengths of causes outside the list."""
     if kind == "none":
         return {}, {}
     if kind == "outside":
-        return {}, {name: float(generator.uniform(*STRENGTHS))}
-    rare = sorted(n for n, ranges in RANGES.items() if ranges and n not in COMMON)
-    many = {"single": 1, "pair": 2}.get(kind, 3)
-    names = [name] if name else generator.choice(rare, many, replace=False).tolist()
-    if many > 1 and generator.random() < WITH_COMMON:
-        names[0] = str(generator.choice(COMMON))
-    strengths = {n: float(generator.uniform(LEAST, 1.0)) for n in sorted(names)}
-    return {n: values_of(n, strength, generator) for n, strength in strengths.items()}, {}
+        return {}, {name: float(generator.uniform(*OUTSIDE_STRENGTHS))}
+    rare_effects = sorted(
+        effect for effect, ranges in RANGES.items() if ranges and effect not in COMMON_EFFECTS
+    )
+    count = {"single": 1, "pair": 2}.get(kind, 3)
+    names = [name] if name else generator.choice(rare_effects, count, replace=False).tolist()
+    if count > 1 and generator.random() < COMMON_SHARE:
+        names[0] = str(generator.choice(COMMON_EFFECTS))
+    strengths = {effect: float(generator.uniform(*STRENGTHS)) for effect in sorted(names)}
+    parameters = {
+        effect: values_of(effect, strength, generator) for effect, strength in strengths.items()
+    }
+    return parameters, {}
 
 
-def _again(generator: np.random.Generator, case: Case, name: str) -> Case:
-    """Draw a candidate: its sizes, and of several causes which."""
-    parameters, outside = _causes(generator, case.kind, name)
+def _draw_candidate(generator: np.random.Generator, case: Case, name: str) -> Case:
+    """Draw causes and their sizes for a case, and a seed."""
+    parameters, outside = _draw_causes(generator, case.kind, name)
     seed = int(generator.integers(2**31))
     return replace(case, parameters=parameters, outside=outside, seed=seed)
 
 
-def _drawn(generator: np.random.Generator, case: Case, name: str, grid: Sequence[Point]) -> Case:
-    """Draw all of a case but its kind, engine and clutch."""
-    chance, places = generator.random(), _places(generator, grid)
-    form: Form = "means" if chance < MEANS and name not in BY_SINGLES else "singles"
-    form = "traces" if chance > 1.0 - TRACES else form
-    low, high = FEW if form == "traces" else NUMBERS
-    drift = generator.uniform(*DRIFTS) if generator.random() < DRIFTING else 0.0
+def _draw_case(
+    generator: np.random.Generator, case: Case, name: str, grid: Sequence[Point]
+) -> Case:
+    """Draw form, test series, conventions and causes of a case.
+
+    ``case`` has the kind, engine and clutch.
+    """
+    chance = generator.random()
+    places = _draw_places(generator, grid)
+    form: Form = "singles"
+    if chance < MEANS_SHARE and name not in SPREAD_CAUSES:
+        form = "means"
+    if chance > 1.0 - TRACES_SHARE:
+        form = "traces"
+    low, high = TRACE_COUNTS if form == "traces" else SHIFT_COUNTS
+    drift = generator.uniform(*DRIFTS) if generator.random() < DRIFT_SHARE else 0.0
     numbers = np.exp(generator.uniform(np.log(low - 0.5), np.log(high + 0.5), len(places)))
     sensor = str(generator.choice(("actuator", "sleeve")))
-    placed = replace(
+    case = replace(
         case,
         form=form,
         contact={**contact_of(generator), "drift": 0.0 if form == "means" else float(drift)},
@@ -195,21 +214,22 @@ def _drawn(generator: np.random.Generator, case: Case, name: str, grid: Sequence
         numbers=tuple(np.round(numbers).astype(int).tolist()),
         force_error=float(generator.uniform(*FORCE_ERRORS)),
         speed_error=float(generator.uniform(*SPEED_ERRORS)),
-        shuffled=form != "means" and bool(generator.random() < SHUFFLED),
-        spreads=form == "means" and bool(generator.random() < SPREADS),
+        shuffled=form != "means" and bool(generator.random() < SHUFFLED_SHARE),
+        spreads=form == "means" and bool(generator.random() < SPREADS_SHARE),
         sensor=sensor,
-        displacement_at="unknown" if generator.random() < UNLABELLED else sensor,
-        time_zero="unknown" if generator.random() < UNLABELLED else "command",
+        displacement_at="unknown" if generator.random() < UNKNOWN_SHARE else sensor,
+        time_zero="unknown" if generator.random() < UNKNOWN_SHARE else "command",
     )
-    return _again(generator, placed, name)
+    return _draw_candidate(generator, case, name)
 
 
-def _places(generator: np.random.Generator, grid: Sequence[Point]) -> tuple[int, ...]:
-    """Draw operating points: three mismatches at least, of two of them two forces."""
-    most = min(POINTS[1], len(grid))
+def _draw_places(generator: np.random.Generator, grid: Sequence[Point]) -> tuple[int, ...]:
+    """Draw indices of operating points: at least three mismatches, two of them with two forces."""
+    max_count = min(POINT_COUNTS[1], len(grid))
     while True:
-        count = int(generator.integers(POINTS[0], most + 1))
+        count = int(generator.integers(POINT_COUNTS[0], max_count + 1))
         places = tuple(sorted(generator.choice(len(grid), count, replace=False).tolist()))
         speeds = [grid[k].mismatch for k in places]
-        if sum(speeds.count(one) > 1 for one in set(speeds)) > 1 and len(set(speeds)) > 2:
+        repeated_count = sum(speeds.count(speed) > 1 for speed in set(speeds))
+        if repeated_count > 1 and len(set(speeds)) > 2:
             return places

@@ -4,7 +4,7 @@
     DIR/stands/large/       clutch and all operating points of the cases on it, without times
     DIR/manifest.json       hashes of key, data and scoring code, and the list of headline figures
     DIR/key.json            truths, yardsticks and a salt
-    DIR/making/             while a set is made: what is finished; gone once it is sealed
+    DIR/making/             finished cases while a set is made; removed once it is sealed
 
 Of several candidates of a case the first one that is clear is kept, else the one with the largest
 yardstick. The yardstick (``validation.blind.yardstick``) is computed before anything is diagnosed,
@@ -28,30 +28,37 @@ from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.cases import CLUTCHES, Case, case_of, field_cases
-from dogshape.validation.blind.data import bench_text, expected, expected_of, simulated, write_case
+from dogshape.validation.blind.data import (
+    bench_text,
+    expect,
+    expect_case,
+    simulate_case,
+    write_case,
+)
 from dogshape.validation.blind.score import CLEAR, HEADLINES, scoring_code
 from dogshape.validation.blind.sealed import FORMAT, Advance, hash_of, ignore, read, run_all
 from dogshape.validation.blind.stand import read_points, read_stand
-from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, seen_as
+from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, visible_causes
 
 Record = dict[str, Any]  #: key, manifest and parts of them, as they are kept in JSON
-#: Likelihood of a data set's folder, with the sensor at a side of the linkage; and its model,
-#: where that is known.
+#: Likelihood of a data set: its folder, the side of the linkage of its sensor, and a known model.
 LikelihoodOf = Callable[[Path, str, Model | None], Likelihood]
 
-MAKING, STANDS = "making", "stands"
+MAKING = "making"
+STANDS = "stands"
 
 
 def base(stand: str) -> Path:
-    """Locate the folder of a clutch that the package brings."""
+    """Return the folder of a bundled clutch."""
     return bundled_root() / CLUTCHES[stand]
 
 
 def cases_of(seed: int | None = None, *, small: bool = False) -> dict[str, tuple[Case, ...]]:
-    """Draw the cases of a set, each as its candidates."""
+    """Draw the cases of a set by name, each as a tuple of its candidates."""
     clutches = list(CLUTCHES)[:1] if small else CLUTCHES
     grids = {name: read_points(base(name)) for name in clutches}
-    return {f"case_{k:03d}": one for k, one in enumerate(field_cases(grids, seed, small=small))}
+    cases = field_cases(grids, seed, small=small)
+    return {f"case_{k:03d}": candidates for k, candidates in enumerate(cases)}
 
 
 def make_field(
@@ -61,79 +68,103 @@ def make_field(
     jobs: int = 1,
     advance: Advance = ignore,
 ) -> Record:
-    """Write a sealed field set and return its manifest; goes on where it was stopped.
+    """Write a sealed field set and return its manifest; a stopped run goes on.
 
-    ``likelihood_of`` simulates a clutch where that was never done; with ``jobs`` above one it has
-    to be picklable. ``advance`` counts cases.
+    ``likelihood_of`` simulates a clutch that no bank has; with ``jobs`` above 1 it has to be
+    picklable. ``advance`` counts cases.
 
-    Raises StorageError where the folder has a set already.
+    StorageError where the folder has a set already.
     """
     if (folder / "manifest.json").exists():
         raise StorageError(f"{folder} has a set of cases already; give another folder")
-    for stand in sorted({some[0].stand for some in cases.values()}):
-        where = folder / STANDS / stand
-        where.mkdir(parents=True, exist_ok=True)
-        write_whole(where / "bench.toml", bench_text(base(stand), stand))
-        write_whole(where / "shifts.csv", (base(stand) / "shifts.csv").read_text(encoding="utf-8"))
-        likelihood_of(where, "sleeve", None)
-    made = [
-        (folder, name, [one.record() for one in some], likelihood_of)
-        for name, some in cases.items()
-    ]
-    run_all(_made, made, jobs, advance)
+    for stand in sorted({candidates[0].stand for candidates in cases.values()}):
+        stand_folder = folder / STANDS / stand
+        stand_folder.mkdir(parents=True, exist_ok=True)
+        table = (base(stand) / "shifts.csv").read_text(encoding="utf-8")
+        write_whole(stand_folder / "bench.toml", bench_text(base(stand), stand))
+        write_whole(stand_folder / "shifts.csv", table)
+        likelihood_of(stand_folder, "sleeve", None)
+    calls = []
+    for name, candidates in cases.items():
+        records = [candidate.record() for candidate in candidates]
+        calls.append((folder, name, records, likelihood_of))
+    run_all(_make_case, calls, jobs, advance)
     return _seal(folder, list(cases))
 
 
-def _made(folder: Path, name: str, asked: list[Record], likelihood_of: LikelihoodOf) -> None:
-    """Make a case of its candidates, unless an interrupted run has made it of the same ones."""
+def _make_case(
+    folder: Path, name: str, candidates: list[Record], likelihood_of: LikelihoodOf
+) -> None:
+    """Make a case of its candidates, unless an interrupted run made it of the same ones."""
     path = folder / MAKING / f"{name}.json"
-    asked = json.loads(json.dumps(asked))
-    if path.exists() and read(path, "remove it")["asked"] == asked:
+    candidates = json.loads(json.dumps(candidates))
+    if path.exists() and read(path, "remove it")["asked"] == candidates:
         return
-    cases = [case_of(record) for record in asked]
-    where = base(cases[0].stand)
-    stand, every = read_stand(where), read_points(where)
-    points = [every[k] for k in cases[0].places]
-    # Candidates differ in their causes alone.
-    plain, model, made = expected(cases[0].engine, stand, points, cases[0].plain), None, []
-    for k, case in enumerate(cases):
-        data = folder / MAKING / f"{name}_{k}" / name
-        times = write_case(data, where, case, points, simulated(case, stand, points))
-        truth = plain if case.kind == "none" else expected_of(case, stand, points)
-        likelihood = likelihood_of(data, case.sensor, model)
-        model = likelihood.model
-        yardstick = yardstick_of(Yardstick(likelihood, truth, plain), case)
-        expectation = {key: part.tolist() for key, part in asdict(truth).items()}
-        more = {"times_s": times, "expected": expectation, "yardstick": yardstick}
-        made.append(case.record() | more)
-        if yardstick.get("noncentrality", 0.0) >= CLEAR:
-            break
-    best = max(range(len(made)), key=lambda k: float(made[k]["yardstick"].get("noncentrality", 0)))
+    records = _make_candidates(folder, name, candidates, likelihood_of)
+    noncentralities = [float(r["yardstick"].get("noncentrality", 0)) for r in records]
+    best = noncentralities.index(max(noncentralities))
     rmtree(folder / "cases" / name, ignore_errors=True)
     (folder / "cases").mkdir(exist_ok=True)
     (folder / MAKING / f"{name}_{best}" / name).rename(folder / "cases" / name)
-    for k in range(len(made)):
+    for k in range(len(records)):
         rmtree(folder / MAKING / f"{name}_{k}", ignore_errors=True)
-    write_whole(path, json.dumps({"asked": asked, "made": made[best]}))
+    write_whole(path, json.dumps({"asked": candidates, "made": records[best]}))
 
 
-def yardstick_of(stick: Yardstick, case: Case) -> Record:
+def _make_candidates(
+    folder: Path, name: str, candidates: list[Record], likelihood_of: LikelihoodOf
+) -> list[Record]:
+    """Write the data of candidates up to a clear one; return their entries of the key."""
+    cases = [case_of(record) for record in candidates]
+    base_folder = base(cases[0].stand)
+    stand = read_stand(base_folder)
+    stand_points = read_points(base_folder)
+    points = [stand_points[k] for k in cases[0].places]
+    # Candidates differ in their causes alone.
+    baseline = expect(cases[0].engine, stand, points, cases[0].baseline)
+    model = None
+    records = []
+    for k, case in enumerate(cases):
+        data = folder / MAKING / f"{name}_{k}" / name
+        shifts = simulate_case(case, stand, points)
+        times = write_case(data, base_folder, case, points, shifts)
+        truth = baseline if case.kind == "none" else expect_case(case, stand, points)
+        likelihood = likelihood_of(data, case.sensor, model)
+        model = likelihood.model
+        yardstick = yardstick_of(Yardstick(likelihood, truth, baseline), case)
+        record = case.record() | {
+            "times_s": times,
+            "expected": {"mean": truth.mean.tolist(), "sd": truth.sd.tolist()},
+            "yardstick": yardstick,
+        }
+        records.append(record)
+        if yardstick.get("noncentrality", 0.0) >= CLEAR:
+            break
+    return records
+
+
+def yardstick_of(yardstick: Yardstick, case: Case) -> Record:
     """Compute the yardstick of a case.
 
-    Without any effect it has how often data of that size can show that the gap is within its
-    margin. Else the noncentrality that is left by the best rival, and the part of the truth that
-    the data can show.
+    Without any effect it has the share of data sets of that size that show that the gap is within
+    its margin. Else it has the noncentrality under the best rival, and the smallest part of the
+    truth that the data cannot tell from the truth.
     """
     if case.kind == "none":
-        return {"power": power_of(stick)}
-    left = stick.left(rivals_of(case.kind, case.causes, stick.likelihood.model.effects))
-    rival = min(left, key=lambda h: left[h])
-    seen = [] if case.outside else seen_as(stick, case.causes, left)
-    return {"noncentrality": left[rival], "rival": list(rival), "seen_as": list(map(list, seen))}
+        return {"power": power_of(yardstick)}
+    rivals = rivals_of(case.kind, case.causes, yardstick.likelihood.model.effects)
+    noncentrality = yardstick.noncentralities(rivals)
+    rival = min(noncentrality, key=lambda hypothesis: noncentrality[hypothesis])
+    visible = [] if case.outside else visible_causes(yardstick, case.causes, noncentrality)
+    return {
+        "noncentrality": noncentrality[rival],
+        "rival": list(rival),
+        "seen_as": [list(causes) for causes in visible],
+    }
 
 
 def _seal(folder: Path, names: Sequence[str]) -> Record:
-    """Write the key and the manifest."""
+    """Write the key and the manifest; return the manifest."""
     truths = {n: read(folder / MAKING / f"{n}.json", "remove it")["made"] for n in names}
     key = {"format": FORMAT, "salt": secrets.token_hex(16), "cases": truths}
     text = json.dumps(key, indent=1)
@@ -141,7 +172,7 @@ def _seal(folder: Path, names: Sequence[str]) -> Record:
         "format": FORMAT,
         "cases": {name: hash_of(folder / "cases" / name) for name in truths},
         "key_sha256": hashlib.sha256(text.encode()).hexdigest(),
-        "figures": [asdict(one) for one in HEADLINES],
+        "figures": [asdict(headline) for headline in HEADLINES],
         "scoring_sha256": scoring_code(),
     }
     write_whole(folder / "key.json", text)

@@ -1,4 +1,4 @@
-r"""One shift of a stand with its truth, in MuJoCo, and what the stand reads of it.
+r"""One shift of a stand with its truth, in MuJoCo, as the stand records it.
 
 MuJoCo's semi-implicit Euler steps through the free flight coarsely and, from just before the crests
 meet, with ``STEP``. Between steps three constants of MuJoCo are set: the coefficient of
@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,18 +27,19 @@ from dogshape.validation.blind.stand import Point, Stand, Truth
 
 Series = NDArray[np.float64]
 
-HELD = 5e-3  #: m/s, speeds of stiction below it count as none
-TOGETHER = 2  #: steps between two settings of friction and force
-NEAR = 0.9  #: share of the gap that is flown coarsely
-LOOK = 0.01  #: s between two looks at whether anything moves
-FLAT = 0.9  #: axial part of a normal above which faces touch
+HELD = 5e-3  #: stiction velocity below which dogs are held, m/s
+STEPS_PER_SETTING = 2  #: between two settings of friction and force
+COARSE_SHARE = 0.9  #: of the gap that is flown in coarse steps
+REST_INTERVAL_S = 0.01  #: between two tests for rest
+REST_TOLERANCE = 1e-7  #: change of a resting position between two tests, m or rad
+FACE_NORMAL = 0.9  #: axial component of a normal above which faces touch
 DETENT_WIDTH = 1e-3  #: m
-SPLINE_PLACE = 0.8  #: radius of the spline over the inner radius of the dogs
+SPLINE_RADIUS_RATIO = 0.8  #: radius of the spline over the inner radius of the dogs
 
 
 @dataclass(frozen=True)
 class Draw:
-    """Values that differ from shift to shift.
+    """Values drawn for each shift.
 
     ``angle`` in rad between dogs at the start of the force, ``late`` in s how long the force
     waits, ``phase`` in rad of the ripple, ``fade`` the share of the force that a drift has left.
@@ -52,18 +53,16 @@ class Draw:
 
 @dataclass(frozen=True)
 class Shift:
-    """Reading of the stand: a time in s, None where the shift did not engage, and the motion.
+    """Reading of the stand: a shift time and, if recorded, the motion."""
 
-    ``motion`` (n, 6), where it is kept: s, m at the sensor, m of the ring, rad/s of the sliding
-    and of the output ring, m/s of the ring.
-    """
-
-    time: float | None
+    time: float | None  #: s, None where the shift did not engage
+    #: time, s; displacement of sensor and ring, m; angular velocity of sliding and output ring,
+    #: rad/s; velocity of the ring, m/s; (n, 6)
     motion: Series | None = None
 
 
-def loaded() -> Any:
-    """Return MuJoCo; InputError where it cannot be loaded."""
+def load_mujoco() -> Any:
+    """Import MuJoCo; InputError where it cannot be loaded."""
     try:
         import_module("mujoco.rollout")
         return import_module("mujoco")
@@ -75,18 +74,18 @@ def loaded() -> Any:
 
 
 def engine_available() -> bool:
-    """Test that MuJoCo can be imported."""
+    """Test whether MuJoCo can be imported."""
     try:
-        loaded()
+        load_mujoco()
     except InputError:
         return False
     return True
 
 
 def signal(truth: Truth, point: Point, time: float) -> float:
-    """Compute the force in N at ``time`` in s after its start: a cubic step to a point's force.
+    """Compute the force at a time after its start, N: a cubic step to the force of a point.
 
-    With two stages the first share of it waits for the second.
+    ``time`` is in s. With two stages the force stays at the first until ``truth.stage_time``.
     """
     s = min(1.0, max(0.0, time / point.rise))
     step = s * s * (3.0 - 2.0 * s)
@@ -99,150 +98,188 @@ def signal(truth: Truth, point: Point, time: float) -> float:
     return point.force * step
 
 
-def friction_law(stand: Stand, truth: Truth) -> tuple[float, float, float]:
-    """Return static and dynamic coefficient, and the slip in m/s below which dogs creep."""
+class FrictionLaw(NamedTuple):
+    """Friction of the dogs."""
+
+    static: float
+    dynamic: float
+    creep_velocity: float  #: slip below which dogs creep, m/s; 0 for none
+
+    def coefficient(self, slip: float) -> float:
+        """Compute the coefficient of friction at a slip in m/s."""
+        if self.creep_velocity == 0.0:
+            return self.dynamic
+        z = slip / self.creep_velocity - 10.0
+        step = 1.0 - z / math.sqrt(1.0 + z * z)
+        sliding_coefficient = self.dynamic + 0.5 * (self.static - self.dynamic) * step
+        return (
+            sliding_coefficient
+            * slip
+            / math.sqrt(slip * slip + self.creep_velocity * self.creep_velocity)
+        )
+
+
+def friction_law(stand: Stand, truth: Truth) -> FrictionLaw:
+    """Build the friction law of the dogs; a stand that hardly creeps has one coefficient."""
     static = stand.static_friction if truth.static_friction is None else truth.static_friction
     dynamic = stand.dynamic_friction if truth.dynamic_friction is None else truth.dynamic_friction
     if stand.stiction_speed < HELD:
-        return dynamic, dynamic, 0.0
-    return static, dynamic, truth.stiction * stand.stiction_speed
-
-
-def coefficient(law: tuple[float, float, float], slip: float) -> float:
-    """Return the coefficient of friction at a slip in m/s."""
-    static, dynamic, creep = law
-    if creep == 0.0:
-        return dynamic
-    z = slip / creep - 10.0
-    fallen = dynamic + 0.5 * (static - dynamic) * (1.0 - z / math.sqrt(1.0 + z * z))
-    return fallen * slip / math.sqrt(slip * slip + creep * creep)
+        return FrictionLaw(dynamic, dynamic, creep_velocity=0.0)
+    return FrictionLaw(static, dynamic, creep_velocity=truth.stiction * stand.stiction_speed)
 
 
 class Engine:
-    """A stand with its truth that can be shifted again and again; ``model`` as for its text."""
+    """Stand with its truth in MuJoCo for any number of shifts.
+
+    ``model`` are options of ``mujoco_model.model_text``.
+    """
 
     def __init__(self, stand: Stand, truth: Truth | None = None, **model: Any) -> None:
-        self.stand, self.truth = stand, truth or Truth()
-        self._mujoco = loaded()
+        self.stand = stand
+        self.truth = truth or Truth()
+        self._mujoco = load_mujoco()
         text = model_text(stand, self.truth, **model)
         self._model = self._mujoco.MjModel.from_xml_string(text)
         self._data = self._mujoco.MjData(self._model)
         self._friction = self._model.pair_friction[:, :2]
-        self._place, self._rate = self._data.qpos, self._data.qvel
-        self._applied, self._control = self._data.qfrc_applied, self._data.ctrl
+        self._position = self._data.qpos
+        self._velocity = self._data.qvel
+        self._applied_force = self._data.qfrc_applied
+        self._control = self._data.ctrl
         self._law = friction_law(stand, self.truth)
-        names = ("output", "shift", "sliding", *(["actuator"] if self.truth.linkage else []))
+        names = ["output", "shift", "sliding"]
+        if self.truth.linkage:
+            names.append("actuator")
         self._dof = [int(self._model.joint(name).dofadr[0]) for name in names]
         gap = stand.gap + self.truth.gap_offset
-        self._near = NEAR * gap - self.truth.high_dog
+        self._coarse_travel = COARSE_SHARE * gap - self.truth.high_dog
         self._travel = gap + stand.height - stand.seated - self.truth.high_dog
-        turning = self.truth.inertia_factor * stand.sliding_inertia
-        shares = 1.0 - stand.mass * stand.radius**2 / turning
-        self._flank = self._face = (-1.0, -1.0)
-        self._spline = max(0.0, shares) / (SPLINE_PLACE * stand.inner_radius)
+        inertia = self.truth.inertia_factor * stand.sliding_inertia
+        spline_share = 1.0 - stand.mass * stand.radius**2 / inertia
+        spline_radius = SPLINE_RADIUS_RATIO * stand.inner_radius
+        self._spline_force_per_torque = max(0.0, spline_share) / spline_radius  # 1/m
+        self._flank_reference = (-1.0, -1.0)
+        self._face_reference = (-1.0, -1.0)
+        self._motion: list[tuple[float, ...]] | None = None
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
-        """Simulate one shift; ``keep`` keeps its motion."""
-        point = self.truth.given(point, draw.fade)
+        """Simulate a shift at a nominal point, with its motion if ``keep``."""
+        point = self.truth.apply(point, draw.fade)
         delay = self.truth.delay + draw.late
         self._begin(point, draw)
-        self._kept = [self._state()] if keep else None
-        read: float | None = None  # time at which the sensor is seated
-        ended: float | None = None  # the same, once the ring is
-        limit = self.stand.timeout - delay
-        stood: tuple[float, ...] = ()
-        look = point.rise + 6.0 * self.truth.lag + self.truth.stage_time
-        while self._data.time < limit:
-            before, mark = self._step(point, draw.phase)
-            ring, sensor = self._places()
-            now = float(self._data.time)
-            if read is None and sensor >= self._travel:
-                read = before + (self._travel - mark) / (sensor - mark) * (now - before)
-            if ring >= self._travel:
-                ended = delay + (now if read is None else read)
-                break
-            if now >= look:
-                rest = self._rest()
-                if stood and max(abs(a - b) for a, b in zip(rest, stood, strict=True)) < 1e-7:
-                    break
-                look, stood = now + LOOK, rest
-        motion = None if self._kept is None else np.array(self._kept)
-        if motion is not None:
+        self._motion = [self._state()] if keep else None
+        seated_time = self._run(point, draw, self.stand.timeout - delay)
+        motion = None
+        if self._motion is not None:
+            motion = np.array(self._motion)
             motion[:, 0] += delay
-        late = ended is not None and ended > self.stand.timeout
-        return Shift(None if late else ended, motion)
+        if seated_time is None:
+            return Shift(None, motion)
+        shift_time = delay + seated_time
+        return Shift(None if shift_time > self.stand.timeout else shift_time, motion)
+
+    def _run(self, point: Point, draw: Draw, time_limit: float) -> float | None:
+        """Step until the ring is seated; return the time that the sensor shows, s, or None."""
+        sensor_time: float | None = None
+        resting_state: tuple[float, ...] = ()
+        next_test = point.rise + 6.0 * self.truth.lag + self.truth.stage_time
+        while self._data.time < time_limit:
+            previous_time, previous_sensor = self._step(point, draw.phase)
+            ring, sensor = self._displacements()
+            time = float(self._data.time)
+            if sensor_time is None and sensor >= self._travel:
+                share = (self._travel - previous_sensor) / (sensor - previous_sensor)
+                sensor_time = previous_time + share * (time - previous_time)
+            if ring >= self._travel:
+                return time if sensor_time is None else sensor_time
+            if time >= next_test:
+                state = self._resting_state()
+                changes = [abs(a - b) for a, b in zip(state, resting_state, strict=False)]
+                if changes and max(changes) < REST_TOLERANCE:
+                    return None
+                resting_state = state
+                next_test = time + REST_INTERVAL_S
+        return None
 
     def _begin(self, point: Point, draw: Draw) -> None:
-        data, model, truth = self._data, self._model, self.truth
-        self._mujoco.mj_resetData(model, data)
+        """Set the state at the start of the force, contact and friction."""
+        self._mujoco.mj_resetData(self._model, self._data)
         output, _, sliding, *_ = self._dof
-        self._place[output] = draw.angle
-        self._rate[sliding] = self.stand.sliding_speed
-        self._rate[output] = self.stand.sliding_speed + point.mismatch
-        self._rate[output] += truth.ripple * math.sin(draw.phase)
-        self._flank, self._face = contact_references(self.stand, truth, point)
-        model.pair_solref[:] = self._flank
+        self._position[output] = draw.angle
+        self._velocity[sliding] = self.stand.sliding_speed
+        self._velocity[output] = self.stand.sliding_speed + point.mismatch
+        self._velocity[output] += self.truth.ripple * math.sin(draw.phase)
+        references = contact_references(self.stand, self.truth, point)
+        self._flank_reference, self._face_reference = references
+        self._model.pair_solref[:] = self._flank_reference
         self._set_friction(self.stand.radius * abs(point.mismatch))
 
     def _set_friction(self, slip: float) -> None:
-        self._friction[:] = max(1e-5, coefficient(self._law, slip))
+        self._friction[:] = max(1e-5, self._law.coefficient(slip))
 
     def _step(self, point: Point, phase: float) -> tuple[float, float]:
-        """Step on; return time and way at the sensor before the last step, s and m."""
-        data, model, truth = self._data, self._model, self.truth
-        before = float(data.time), self._places()[1]
+        """Step on; return time and displacement at the sensor before the last step, s and m."""
+        data = self._data
+        model = self._model
+        truth = self.truth
+        start = float(data.time), self._displacements()[1]
         shift = self._dof[1]
-        flying = not truth.linkage and data.ncon == 0 and self._place[shift] < self._near
+        in_gap = self._position[shift] < self._coarse_travel
+        flying = not truth.linkage and data.ncon == 0 and in_gap
         model.opt.timestep = FLIGHT_STEP if flying else STEP
         self._control[0] = signal(truth, point, data.time)
         if truth.detent:
-            z = (float(self._place[shift]) - truth.detent_position) / DETENT_WIDTH
-            hump = truth.detent * math.cos(math.pi * z) ** 2
-            self._applied[shift] = -hump if abs(z) < 0.5 else 0.0
+            z = (float(self._position[shift]) - truth.detent_position) / DETENT_WIDTH
+            force = truth.detent * math.cos(math.pi * z) ** 2
+            self._applied_force[shift] = -force if abs(z) < 0.5 else 0.0
         if truth.ripple:
-            turn = truth.ripple_rate * data.time + phase
-            swing = truth.ripple * truth.ripple_rate * math.cos(turn)
-            self._applied[self._dof[0]] = self.stand.output_inertia * swing
-        self._mujoco.mj_step(model, data, nstep=1 if flying else TOGETHER)
+            angle = truth.ripple_rate * data.time + phase
+            acceleration = truth.ripple * truth.ripple_rate * math.cos(angle)
+            self._applied_force[self._dof[0]] = self.stand.output_inertia * acceleration
+        self._mujoco.mj_step(model, data, nstep=1 if flying else STEPS_PER_SETTING)
         if data.ncon:
-            self._after_contact()
+            self._set_contact()
         elif truth.spline_friction:
             model.dof_frictionloss[shift] = truth.friction
-        if self._kept is not None:
-            self._kept.append(self._state())
-        return before
+        if self._motion is not None:
+            self._motion.append(self._state())
+        return start
 
-    def _after_contact(self) -> None:
-        """Set friction by the slip and the torque of the step that was made, and what touches."""
-        flat = abs(float(self._data.contact.frame[0, 2])) > FLAT
-        self._model.pair_solref[:] = self._face if flat else self._flank
-        if self._law[2]:
-            # Rows of the last contact: normal speed and both components of the slip.
-            along, across = self._data.efc_vel[-2:].tolist()
-            self._set_friction(math.hypot(along, across))
+    def _set_contact(self) -> None:
+        """Set contact and friction by normal, slip and torque of the last step."""
+        on_face = abs(float(self._data.contact.frame[0, 2])) > FACE_NORMAL
+        self._model.pair_solref[:] = self._face_reference if on_face else self._flank_reference
+        if self._law.creep_velocity:
+            # Rows of the last contact: normal speed and two components of the slip.
+            slip = self._data.efc_vel[-2:].tolist()
+            self._set_friction(math.hypot(*slip))
         if self.truth.spline_friction:
             # The hinge's constraint force is the contact's and that of the drag, if any.
             torque = abs(float(self._data.qfrc_constraint[self._dof[2]]))
-            pressed = self.truth.spline_friction * self._spline * torque
-            self._model.dof_frictionloss[self._dof[1]] = self.truth.friction + pressed
+            force = self.truth.spline_friction * self._spline_force_per_torque * torque
+            self._model.dof_frictionloss[self._dof[1]] = self.truth.friction + force
 
-    def _places(self) -> tuple[float, float]:
-        """Return the way of the ring and the one that is read, m."""
-        ring = float(self._place[self._dof[1]])
-        ahead = self.truth.linkage and self.truth.sensor == "actuator"
-        return ring, float(self._place[self._dof[3]]) if ahead else ring
+    def _displacements(self) -> tuple[float, float]:
+        """Return displacements of the ring and at the sensor, m."""
+        ring = float(self._position[self._dof[1]])
+        if self.truth.linkage and self.truth.sensor == "actuator":
+            return ring, float(self._position[self._dof[3]])
+        return ring, ring
 
-    def _rest(self) -> tuple[float, ...]:
-        """Gather the final state once nothing more will happen: ways, and the pitch's angle.
+    def _resting_state(self) -> tuple[float, ...]:
+        """Return displacements, m, and relative angle, rad, which stay the same at rest.
 
-        A ring that never moves lets the other one turn, so that the angle counts in contact only.
+        A ring that never moves lets the other one turn, so the angle is 0 without contact.
         """
         output, _, sliding, *_ = self._dof
-        apart = float(self._place[output] - self._place[sliding])
-        return (*self._places(), apart if self._data.ncon else 0.0)
+        angle = 0.0
+        if self._data.ncon:
+            angle = float(self._position[output] - self._position[sliding])
+        return (*self._displacements(), angle)
 
     def _state(self) -> tuple[float, ...]:
-        ring, sensor = self._places()
+        """Return a row of ``Shift.motion``."""
+        ring, sensor = self._displacements()
         output, shift, sliding, *_ = self._dof
-        speeds = (float(self._rate[dof]) for dof in (sliding, output, shift))
-        return (float(self._data.time), sensor, ring, *speeds)
+        velocities = (float(self._velocity[dof]) for dof in (sliding, output, shift))
+        return (float(self._data.time), sensor, ring, *velocities)

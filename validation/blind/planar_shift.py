@@ -1,4 +1,4 @@
-"""Stand of a blind check in the compiled engine, with a contact of its own.
+"""Stand of a blind check in the compiled engine, with the contact of its truth.
 
 It shares mechanism and geometry with the simulation and differs in the contact as two honest
 engines do: stiffness, dissipation and stiction velocity of the truth change mean times by some
@@ -20,15 +20,16 @@ from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.planar import PlanarClutch
-from dogshape.validation.blind.mujoco_shift import DETENT_WIDTH, SPLINE_PLACE, Draw, Shift
+from dogshape.validation.blind.mujoco_shift import DETENT_WIDTH, SPLINE_RADIUS_RATIO, Draw, Shift
 from dogshape.validation.blind.stand import Point, Stand, Truth
 
 
 class PlanarEngine:
-    """A stand with its truth, ready to shift."""
+    """Stand with its truth in the compiled engine for any number of shifts."""
 
     def __init__(self, stand: Stand, truth: Truth | None = None) -> None:
-        self.stand, self.truth = stand, truth or Truth()
+        self.stand = stand
+        self.truth = truth or Truth()
         if self.truth.ripple or self.truth.high_dog or self.truth.stage_time:
             raise InputError(
                 "the compiled engine has no ripple, no high dog and no force in stages; take the "
@@ -37,23 +38,31 @@ class PlanarEngine:
         self._plant = PlanarClutch(clutch_of(stand, self.truth).with_engine("planar"))
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
-        """Simulate one shift; ``keep`` keeps its motion."""
-        truth, true = self.truth, self.truth.given(point, draw.fade)
-        asked = OperatingPoint(true.mismatch, ForceProfile(true.force, true.rise, lag=truth.lag))
-        found, late = engage(self._plant, asked, draw.angle), truth.delay + draw.late
-        ahead = truth.linkage and truth.sensor == "actuator"
-        time, motion = found.actuator_time if ahead else found.shift_time, None
-        ended = None if time is None else float(time) + late
+        """Simulate a shift at a nominal point, with its motion if ``keep``."""
+        truth = self.truth
+        actual = truth.apply(point, draw.fade)
+        profile = ForceProfile(actual.force, actual.rise, lag=truth.lag)
+        result = engage(self._plant, OperatingPoint(actual.mismatch, profile), draw.angle)
+        delay = truth.delay + draw.late
+        at_actuator = truth.linkage and truth.sensor == "actuator"
+        engaged_time = result.actuator_time if at_actuator else result.shift_time
+        motion = None
         if keep:
-            seen = found.trace
-            ways = seen.actuator_displacement if ahead else seen.displacement, seen.displacement
-            speeds = seen.sliding_speed, seen.output_speed, seen.axial_speed
-            motion = np.column_stack([seen.time + late, *ways, *speeds])
-        return Shift(None if ended is None or ended > self.stand.timeout else ended, motion)
+            trace = result.trace
+            sensor = trace.actuator_displacement if at_actuator else trace.displacement
+            motion = np.column_stack(
+                [
+                    *(trace.time + delay, sensor, trace.displacement),
+                    *(trace.sliding_speed, trace.output_speed, trace.axial_speed),
+                ]
+            )
+        if engaged_time is None or float(engaged_time) + delay > self.stand.timeout:
+            return Shift(None, motion)
+        return Shift(float(engaged_time) + delay, motion)
 
 
 def clutch_of(stand: Stand, truth: Truth) -> Clutch:
-    """Build the clutch with its truth, mechanisms as those of the effects of the list."""
+    """Build the clutch with its truth, with the mechanisms of the effects of the list."""
     dog = Dog(
         count=stand.count,
         chamfer=stand.chamfer + truth.chamfer_offset,
@@ -66,24 +75,36 @@ def clutch_of(stand: Stand, truth: Truth) -> Clutch:
     )
     inertia = truth.inertia_factor * stand.sliding_inertia
     rings = Rings(stand.mass, inertia, stand.output_inertia)
-    static, dynamic = truth.static_friction, truth.dynamic_friction
+    static = stand.static_friction if truth.static_friction is None else truth.static_friction
+    dynamic = stand.dynamic_friction if truth.dynamic_friction is None else truth.dynamic_friction
     contact = replace(
         contact_set("adams2019"),
         name="blind",
-        static_friction=stand.static_friction if static is None else static,
-        dynamic_friction=stand.dynamic_friction if dynamic is None else dynamic,
+        static_friction=static,
+        dynamic_friction=dynamic,
         stiction_velocity=truth.stiction * stand.stiction_speed,
         stiffness=truth.stiffness,
         dissipation=truth.dissipation,
     )
-    alike = (
-        *("added_mass", "friction", "damping", "detent", "detent_position", "spline_friction"),
-        *("drag_torque", "compliance", "free_play"),
-    )
     mechanism = Mechanism(
-        **{name: getattr(truth, name) for name in alike},
+        added_mass=truth.added_mass,
+        friction=truth.friction,
+        damping=truth.damping,
+        detent=truth.detent,
+        detent_position=truth.detent_position,
         detent_width=DETENT_WIDTH,
-        spline_radius=SPLINE_PLACE * stand.inner_radius,
+        spline_friction=truth.spline_friction,
+        spline_radius=SPLINE_RADIUS_RATIO * stand.inner_radius,
+        drag_torque=truth.drag_torque,
+        compliance=truth.compliance,
+        free_play=truth.free_play,
     )
-    solver = solver_for(contact)
-    return Clutch(dog, rings, contact, solver, stand.timeout, stand.seated, mechanism=mechanism)
+    return Clutch(
+        dog,
+        rings,
+        contact,
+        solver=solver_for(contact),
+        timeout=stand.timeout,
+        seated_tolerance=stand.seated,
+        mechanism=mechanism,
+    )

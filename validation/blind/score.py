@@ -3,11 +3,11 @@
 A case is *clear* where the best refit by a rival leaves a noncentrality of ``CLEAR`` of its truth
 (``validation.blind.yardstick``). The code that scores is sealed by its hashes.
 
-A diagnosis counts effects that the data cannot show as absent. So a hypothesis is *as seen* where
-it is the truth, or the part of it that the yardstick says the data can show. Names and leading
-hypotheses of clear cases are held against the truth itself; the 90 % set, wrong names above 0.95
-and advised tests also count what is as seen as right. The probability said of pairs is that by
-evidence, before effects count as absent. Shares have Wilson's 95 % interval, means a bootstrap's.
+A diagnosis counts invisible effects as absent. So a hypothesis is *as seen* where it is the truth,
+or the part of it that the data can show by the yardstick. Names and leading hypotheses of clear
+cases are compared with the truth itself; for the 90 % set, wrong names above 0.95 and advised tests
+a hypothesis as seen is right too. The stated probability of pairs is that by evidence, before
+effects count as absent. Shares have Wilson's 95 % interval, means a bootstrap's.
 """
 
 from __future__ import annotations
@@ -33,38 +33,35 @@ Advise = Callable[[Path, Record, Sequence[Names]], Advised | None]
 
 UNKNOWN: Names = ("unknown",)
 CLEAR = 38.0  #: noncentrality from which a truth is clear
-NORMAL = 1.959964  #: of a two-sided 95 % interval
-DRAWS = 2000  #: of a bootstrap
-SHOWN = 0.9  #: power from which data without any effect can show that
-SURE = 0.95  #: probability above which nothing may be wrong
-OPEN = 0.8  #: probability up to which the cause is open
-SCORING = ("score.py", "advised_test.py", "sealed.py")  #: files that score
+NORMAL_95 = 1.959964  #: half width of a 95 % interval, standard deviations
+BOOTSTRAP_DRAWS = 2000
+MIN_POWER = 0.9  #: from which data without any effect can show that
+SURE_PROBABILITY = 0.95  #: above which a name has to be right
+OPEN_PROBABILITY = 0.8  #: up to which the cause is open
+SCORING_FILES = ("score.py", "advised_test.py", "sealed.py")
 
 
 @dataclass(frozen=True)
 class Headline:
-    """A headline figure: its name in the score, its words, and from and to where its aim lies.
+    """Headline figure with its aim; without bounds it has none."""
 
-    One without ends has no aim; it is given beside the others.
-    """
-
-    name: str
-    words: str
-    low: float | None = None
-    high: float | None = None
+    name: str  #: in the score
+    words: str  #: in a table
+    low: float | None = None  #: lower bound of the aim
+    high: float | None = None  #: upper bound of the aim
     percent: bool = True
 
     @property
     def aim(self) -> str:
-        """Write the aim."""
-        end = self.high if self.low is None else self.low
-        if end is None:
+        """Text of the aim, '' for none."""
+        bound = self.high if self.low is None else self.low
+        if bound is None:
             return ""
-        text = f"{100.0 * end:.0f} %" if self.percent else f"{end:g}"
-        return f"at {'most' if self.low is None else 'least'} {text}"
+        text = f"{100.0 * bound:.0f} %" if self.percent else f"{bound:g}"
+        return f"at most {text}" if self.low is None else f"at least {text}"
 
-    def met(self, value: float | None) -> bool | None:
-        """Decide whether a value meets the aim; None for no value or no aim."""
+    def meets_aim(self, value: float | None) -> bool | None:
+        """Test whether a value meets the aim; None without value or aim."""
         if value is None or not self.aim:
             return None
         return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
@@ -94,12 +91,14 @@ HEADLINES = (
 
 def scoring_code() -> dict[str, str]:
     """Hash the files of the scoring code, by name."""
-    here = Path(__file__).resolve().parent
-    return {name: hashlib.sha256((here / name).read_bytes()).hexdigest() for name in SCORING}
+    folder = Path(__file__).resolve().parent
+    return {
+        name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in SCORING_FILES
+    }
 
 
 class Interval(TypedDict):
-    """Value of ``n`` cases with the ends of its 95 % interval; None where there is no case."""
+    """Value of ``n`` cases with its 95 % interval; None without cases."""
 
     value: float | None
     low: float | None
@@ -108,58 +107,58 @@ class Interval(TypedDict):
 
 
 def share(flags: Iterable[bool]) -> Interval:
-    """Compute a share with Wilson's 95 % interval: ``value``, ``low``, ``high``, ``n``."""
-    given = list(flags)
-    n = len(given)
+    """Compute a share of flags with Wilson's 95 % interval."""
+    outcomes = list(flags)
+    n = len(outcomes)
     if n == 0:
         return {"value": None, "low": None, "high": None, "n": 0}
     # By hand: scipy's exact quantile would change the ninth digit of records that are kept.
-    p, z2 = sum(given) / n, NORMAL**2
-    middle = (p + z2 / (2 * n)) / (1.0 + z2 / n)
-    half = NORMAL / (1.0 + z2 / n) * math.sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n))
-    return {"value": p, "low": max(0.0, middle - half), "high": min(1.0, middle + half), "n": n}
+    p = sum(outcomes) / n
+    z2 = NORMAL_95**2
+    centre = (p + z2 / (2 * n)) / (1.0 + z2 / n)
+    half_width = NORMAL_95 / (1.0 + z2 / n) * math.sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n))
+    return {
+        "value": p,
+        "low": max(0.0, centre - half_width),
+        "high": min(1.0, centre + half_width),
+        "n": n,
+    }
 
 
 def mean(values: Iterable[float | None], seed: int = 0) -> Interval:
-    """Compute a mean with a bootstrap's 95 % interval; None among the values are left out."""
-    given = np.array([v for v in values if v is not None], dtype=float)
-    n = len(given)
+    """Compute the mean of values that are not None with a bootstrap's 95 % interval."""
+    sample = np.array([v for v in values if v is not None], dtype=float)
+    n = len(sample)
     if n == 0:
         return {"value": None, "low": None, "high": None, "n": 0}
     # By hand: scipy's bootstrap refuses a single value, and a set may have no more.
     generator = np.random.default_rng(seed)
-    drawn = given[generator.integers(n, size=(DRAWS, n))].mean(axis=1)
-    low, high = np.quantile(drawn, (0.025, 0.975))
-    return {"value": float(given.mean()), "low": float(low), "high": float(high), "n": n}
+    means = sample[generator.integers(n, size=(BOOTSTRAP_DRAWS, n))].mean(axis=1)
+    low, high = np.quantile(means, (0.025, 0.975))
+    return {"value": float(sample.mean()), "low": float(low), "high": float(high), "n": n}
 
 
 @dataclass(frozen=True)
 class Mark:
-    """Truth of a case beside its diagnosis; hypotheses are names in alphabetical order.
-
-    ``also`` is what the truth looks like to any method, but for causes that data cannot show.
-    ``clear`` if no rival can be taken for the truth, ``shown`` if data without any effect can show
-    that. ``inside``: for each true size whether its 90 % interval holds it, where the truth leads.
-    ``p`` is the predictive p-value of the leading hypothesis.
-    """
+    """Truth of a case beside its diagnosis; hypotheses are names in alphabetical order."""
 
     name: str
     kind: str
     form: str
     engine: str
     truth: Names
-    also: tuple[Names, ...]
+    visible: tuple[Names, ...]  #: parts of the truth that the data cannot tell from it
     outside: Names
-    clear: bool
-    shown: bool
+    clear: bool  #: no rival fits the truth
+    shown: bool  #: data without any effect can show that
     verdict: str
     causes: Names
     posterior: Mapping[Names, float]
     evidence: Mapping[Names, float]
     credible: tuple[Names, ...]
-    inside: tuple[bool, ...]
-    p: float | None
-    cpu: float
+    inside: tuple[bool, ...]  #: of each true size: 90 % interval has it, where the truth leads
+    p: float | None  #: predictive p-value of the leading hypothesis
+    cpu: float  #: processor time, s
     advised: Advised | None = None
 
     @property
@@ -169,43 +168,52 @@ class Mark:
 
     @property
     def named(self) -> bool:
-        """Test that the diagnosis names a cause."""
+        """Whether the diagnosis names a cause."""
         return self.verdict == "effect"
 
     @property
     def seen(self) -> tuple[Names, ...]:
-        """Truth, and what of it the data can show."""
-        return (self.truth, *self.also)
+        """Truth, and its parts that the data cannot tell from it."""
+        return (self.truth, *self.visible)
 
     @property
-    def said_less_right(self) -> float | None:
+    def overconfidence(self) -> float | None:
         """Probability of the leading hypothesis by evidence, less 1 where that is the truth."""
         if not self.evidence:
             return None
-        return self.evidence[self.likeliest] - (self.likeliest == self.truth)
+        correct = self.evidence_top == self.truth
+        return self.evidence[self.evidence_top] - correct
 
     @property
-    def likeliest(self) -> Names:
+    def evidence_top(self) -> Names:
         """Most probable hypothesis by evidence; none where the data were refused."""
         return max(self.evidence, key=lambda h: self.evidence[h], default=())
 
+    @property
+    def in_credible_set(self) -> bool:
+        """Whether the credible set has the truth as seen."""
+        return any(hypothesis in self.credible for hypothesis in self.seen)
+
     def row(self) -> Record:
-        """Write the row of the case."""
-        record = {
-            n: getattr(self, n) for n in ("name", "kind", "form", "engine", "clear", "verdict")
-        }
-        probability = self.posterior.get(self.top, 1.0)
-        more = {"test": asdict(self.advised)} if self.advised else {}
-        return record | {
+        """Return the row of the case."""
+        row: Record = {
+            "name": self.name,
+            "kind": self.kind,
+            "form": self.form,
+            "engine": self.engine,
+            "clear": self.clear,
+            "verdict": self.verdict,
             "truth": list(self.truth),
             "outside": list(self.outside),
             "causes": list(self.causes),
             "top": list(self.top),
-            "probability": probability,
-            "in_set": any(one in self.credible for one in self.seen),
+            "probability": self.posterior.get(self.top, 1.0),
+            "in_set": self.in_credible_set,
             "p": self.p,
-            **more,
         }
+        if self.advised:
+            row["test"] = asdict(self.advised)
+        return row
 
 
 def score_field(
@@ -213,95 +221,121 @@ def score_field(
 ) -> Record:
     """Open the key of a field set whose cases are all diagnosed, and score.
 
-    ``advise`` makes the advised test of a case; it has to be picklable where ``jobs`` is above one.
-    Raises StorageError where the key is not the sealed one, InputError where results are missing.
+    ``advise`` makes the advised test of a case; it has to be picklable for ``jobs`` above 1.
+    StorageError where the key is not the sealed one, InputError where results are missing.
     """
-    results, manifest = sealed.results_of(folder), sealed.manifest_of(folder)
-    cases = sealed.opened(folder)["cases"].items()
-    calls = [(folder, name, truth, results[name], advise) for name, truth in cases]
+    results = sealed.results_of(folder)
+    manifest = sealed.manifest_of(folder)
+    truths = sealed.open_key(folder)["cases"]
+    calls = [(folder, name, truth, results[name], advise) for name, truth in truths.items()]
     marks = sealed.run_all(mark_of, calls, jobs, advance)
-    then, now = manifest["scoring_sha256"], scoring_code()
-    code = {
-        "changed": sorted(n for n in {*then, *now} if then.get(n) != now.get(n)),
-        "figures_as_sealed": manifest["figures"] == [asdict(one) for one in HEADLINES],
+    sealed_code = manifest["scoring_sha256"]
+    code = scoring_code()
+    changed = [name for name in {*sealed_code, *code} if sealed_code.get(name) != code.get(name)]
+    as_sealed = manifest["figures"] == [asdict(headline) for headline in HEADLINES]
+    return {
+        "code": {"changed": sorted(changed), "figures_as_sealed": as_sealed},
+        **score_marks(marks),
     }
-    return {"code": code, **scored(marks)}
 
 
 def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advise) -> Mark:
-    """Hold one result against the truth of its case (of the key)."""
-    found: Record = result.get("diagnosis", {})
-    every = {tuple(h["effects"]): h for h in found.get("hypotheses", ())}
-    yard, causes = truth["yardstick"], tuple(truth["causes"])
-    also = between([tuple(p) for p in yard.get("seen_as", ())], causes)
-    posterior = {h: float(one["probability"]) for h, one in every.items()}
+    """Compare the result of a case with its truth, an entry of the key."""
+    diagnosis: Record = result.get("diagnosis", {})
+    hypotheses = {tuple(h["effects"]): h for h in diagnosis.get("hypotheses", ())}
+    yardstick = truth["yardstick"]
+    causes = tuple(truth["causes"])
+    visible = visible_parts([tuple(part) for part in yardstick.get("seen_as", ())], causes)
+    posterior = {h: float(record["probability"]) for h, record in hypotheses.items()}
+    evidence = {h: float(record["evidence_probability"]) for h, record in hypotheses.items()}
     top = max(posterior, key=lambda h: posterior[h], default=UNKNOWN)
-    sizes = {n: v for values in truth["parameters"].values() for n, v in values.items()}
-    given: Record = every.get(top, {}).get("parameters", {}) if top == causes else {}
-    open_ = found.get("verdict") == "ambiguous" and posterior[top] <= OPEN and found["next_test"]
+    top_record: Record = hypotheses.get(top, {})
+    inside = _sizes_inside(truth, top_record) if top == causes else ()
+    advised = None
+    ambiguous = diagnosis.get("verdict") == "ambiguous"
+    if ambiguous and posterior[top] <= OPEN_PROBABILITY and diagnosis["next_test"]:
+        advised = advise(folder / "cases" / name, truth, (causes, *visible))
     return Mark(
         name=name,
         kind=truth["kind"],
         form=truth["form"],
         engine=truth["engine"],
         truth=causes,
-        also=also,
+        visible=visible,
         outside=tuple(truth["outside"]),
-        clear=yard.get("noncentrality", 0.0) >= CLEAR,
-        shown=yard.get("power", 0.0) >= SHOWN,
-        verdict=found.get("verdict", "refused"),
-        causes=tuple(sorted(found.get("causes", ()))),
+        clear=yardstick.get("noncentrality", 0.0) >= CLEAR,
+        shown=yardstick.get("power", 0.0) >= MIN_POWER,
+        verdict=diagnosis.get("verdict", "refused"),
+        causes=tuple(sorted(diagnosis.get("causes", ()))),
         posterior=posterior,
-        evidence={h: float(one["evidence_probability"]) for h, one in every.items()},
-        credible=tuple(tuple(sorted(h)) for h in found.get("credible_set", ())),
-        inside=tuple(
-            given[n]["low"] <= v <= given[n]["high"] for n, v in sizes.items() if n in given
-        ),
-        p=every.get(top, {}).get("predictive_p"),
+        evidence=evidence,
+        credible=tuple(tuple(sorted(h)) for h in diagnosis.get("credible_set", ())),
+        inside=inside,
+        p=top_record.get("predictive_p"),
         cpu=float(result["cpu_s"]),
-        advised=advise(folder / "cases" / name, truth, (causes, *also)) if open_ else None,
+        advised=advised,
     )
 
 
-def between(seen: Sequence[Names], truth: Names) -> tuple[Names, ...]:
-    """List what says no less than data can show of a truth, and less than the truth.
+def _sizes_inside(truth: Record, hypothesis: Record) -> tuple[bool, ...]:
+    """Test for each true size whether the interval of a hypothesis has it."""
+    intervals: Record = hypothesis.get("parameters", {})
+    inside = []
+    for values in truth["parameters"].values():
+        for name, value in values.items():
+            if name in intervals:
+                inside.append(intervals[name]["low"] <= value <= intervals[name]["high"])
+    return tuple(inside)
 
-    ``seen`` has the fewest causes that leave nothing visible.
+
+def visible_parts(smallest: Sequence[Names], truth: Names) -> tuple[Names, ...]:
+    """List proper subsets of a truth with all causes of a smallest visible part.
+
+    ``smallest`` are the subsets with the fewest causes that the data cannot tell from the truth.
     """
-    parts = [p for size in range(len(truth)) for p in itertools.combinations(truth, size)]
-    return tuple(part for part in parts if any(set(one) <= set(part) for one in seen))
+    parts = []
+    for size in range(len(truth)):
+        for part in itertools.combinations(truth, size):
+            if any(set(causes) <= set(part) for causes in smallest):
+                parts.append(part)
+    return tuple(parts)
 
 
-def scored(marks: Sequence[Mark]) -> Record:
+def score_marks(marks: Sequence[Mark]) -> Record:
     """Compute all figures from the marks of the cases."""
-    head = headline(marks)
+    figures = headline(marks)
+    rows = []
+    for figure in HEADLINES:
+        interval = figures[figure.name]
+        row = {**asdict(figure), "aim": figure.aim, "figure": interval}
+        rows.append({**row, "met": figure.meets_aim(interval["value"])})
+    groups = {f"by_{key}": _headline_by(marks, key) for key in ("form", "engine", "kind")}
     return {
         "cases": len(marks),
         "clear": sum(m.clear for m in marks),
-        "headline": [
-            {**asdict(one), "aim": one.aim, "figure": head[one.name],
-             "met": one.met(head[one.name]["value"])}
-            for one in HEADLINES
-        ],
-        **{
-            f"by_{key}": {
-                group: headline([m for m in marks if getattr(m, key) == group])
-                for group in sorted({getattr(m, key) for m in marks})
-            }
-            for key in ("form", "engine", "kind")
-        },
+        "headline": rows,
+        **groups,
         "marks": [m.row() for m in marks],
-    }  # fmt: skip
+    }
+
+
+def _headline_by(marks: Sequence[Mark], key: str) -> dict[str, dict[str, Interval]]:
+    """Compute the headline figures of groups of cases by a field of their marks."""
+    values = sorted({getattr(m, key) for m in marks})
+    return {value: headline([m for m in marks if getattr(m, key) == value]) for value in values}
 
 
 def headline(marks: Sequence[Mark]) -> dict[str, Interval]:
-    """Compute the headline figures of some cases, by name."""
+    """Compute the headline figures of cases, by name."""
     listed = [m for m in marks if m.clear and m.kind != "outside"]
     outside = [m for m in marks if m.clear and m.kind == "outside"]
-    none, named = [m for m in marks if m.kind == "none"], [m for m in marks if m.named]
-    sure = [m for m in named if m.posterior.get(m.top, 0.0) > SURE]
+    none = [m for m in marks if m.kind == "none"]
+    named = [m for m in marks if m.named]
+    sure = [m for m in named if m.posterior.get(m.top, 0.0) > SURE_PROBABILITY]
     tests = [m.advised for m in marks if m.advised is not None]
-    p = [m.p for m in marks if m.p is not None and m.top in m.seen]
+    p_values = [m.p for m in marks if m.p is not None and m.top in m.seen]
+    p_median = float(np.median(p_values)) if p_values else None
+    p_uniform = float(kstest(p_values, "uniform").pvalue) if len(p_values) > 1 else None
     return {
         "named": share(m.named and m.causes == m.truth for m in listed),
         "leads": share(m.top == m.truth for m in listed),
@@ -311,18 +345,18 @@ def headline(marks: Sequence[Mark]) -> dict[str, Interval]:
         "false_alarms": share(m.named for m in none),
         "none_shown": share(m.verdict == "none" for m in none if m.shown),
         "unknown": share(m.verdict in ("unknown", "refused") for m in outside),
-        "credible": share(any(one in m.credible for one in m.seen) for m in marks if m.posterior),
+        "credible": share(m.in_credible_set for m in marks if m.posterior),
         "sizes": share(inside for m in marks for inside in m.inside),
-        "pairs_said": mean(m.said_less_right for m in marks if m.kind == "pair"),
-        "pairs_lead": mean(m.said_less_right for m in marks if len(m.likeliest) == 2),
-        "test_settles": share(one.settled for one in tests),
-        "test_misleads": share(one.misled for one in tests),
-        "test_foreseen": mean(one.foreseen - one.settled for one in tests),
+        "pairs_said": mean(m.overconfidence for m in marks if m.kind == "pair"),
+        "pairs_lead": mean(m.overconfidence for m in marks if len(m.evidence_top) == 2),
+        "test_settles": share(test.settled for test in tests),
+        "test_misleads": share(test.misled for test in tests),
+        "test_foreseen": mean(test.foreseen - test.settled for test in tests),
         "cpu_s": mean(m.cpu for m in marks),
-        "p_median": _alone(float(np.median(p)) if p else None, len(p)),
-        "p_uniform": _alone(float(kstest(p, "uniform").pvalue) if len(p) > 1 else None, len(p)),
+        "p_median": _without_interval(p_median, len(p_values)),
+        "p_uniform": _without_interval(p_uniform, len(p_values)),
     }
 
 
-def _alone(value: float | None, n: int) -> Interval:
+def _without_interval(value: float | None, n: int) -> Interval:
     return {"value": value, "low": value, "high": value, "n": n}

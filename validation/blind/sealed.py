@@ -2,7 +2,7 @@
 
 ``validation.blind.field_set`` makes a set; ``DIR/results/case_000.json`` has the diagnosis of a
 case. ``run`` reads ``manifest.json`` and ``cases`` and never opens the key. It refuses data that
-are not those of the manifest, and goes on where it was stopped.
+differ from the manifest, and a stopped run goes on.
 """
 
 from __future__ import annotations
@@ -33,12 +33,16 @@ def ignore(_: int) -> None:
 def run_all(
     function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], jobs: int, advance: Advance
 ) -> list[Any]:
-    """Call a function with each of some arguments, in so many processes; one does it here."""
-    found = []
-    for one in Parallel(jobs, return_as="generator")(delayed(function)(*call) for call in calls):
-        found.append(one)
+    """Call a function with each tuple of arguments in ``jobs`` processes; return all results.
+
+    ``advance`` counts calls.
+    """
+    results = []
+    parallel = Parallel(jobs, return_as="generator")
+    for result in parallel(delayed(function)(*call) for call in calls):
+        results.append(result)
         advance(1)
-    return found
+    return results
 
 
 def hash_of(folder: Path) -> str:
@@ -52,52 +56,55 @@ def hash_of(folder: Path) -> str:
 
 
 def manifest_of(folder: Path) -> Record:
-    """Read the manifest of a set; StorageError where there is none or it is of another kind."""
-    found = read(folder / "manifest.json", "make it with: dogshape blind make DIR")
-    if found.get("format") != FORMAT or "cases" not in found:
+    """Read the manifest of a set; StorageError where it is missing or of another format."""
+    manifest = read(folder / "manifest.json", "make it with: dogshape blind make DIR")
+    if manifest.get("format") != FORMAT or "cases" not in manifest:
         raise StorageError(
             f"{folder / 'manifest.json'} is no manifest of a field set; make it again"
         )
-    return found
+    return manifest
 
 
 def run(
     folder: Path, diagnose: Diagnose, jobs: int = 1, advance: Advance = ignore
 ) -> dict[str, Record]:
-    """Diagnose the cases that are left and return all results by case.
+    """Diagnose the cases without a result; return the results of all cases by name.
 
-    ``diagnose`` gets the folder of a case and returns the record of a diagnosis; where it refuses
-    the data, the refusal is the result. It has to be picklable where ``jobs`` is above one.
+    ``diagnose`` maps the folder of a case to the record of a diagnosis; where it refuses the data,
+    the refusal is the result. It has to be picklable for ``jobs`` above 1.
     """
     manifest = manifest_of(folder)
     results = folder / "results"
     results.mkdir(exist_ok=True)
-    left = [name for name in manifest["cases"] if not _done(results / f"{name}.json", manifest)]
-    for name in left:
+    names = list(manifest["cases"])
+    open_names = [name for name in names if not _is_done(results / f"{name}.json", manifest)]
+    for name in open_names:
         if hash_of(folder / "cases" / name) != manifest["cases"][name]:
             raise StorageError(
                 f"{folder / 'cases' / name} is not as it was made; make the cases again"
             )
-    advance(len(manifest["cases"]) - len(left))
-    run_all(_diagnosed, [(folder, name, diagnose, manifest) for name in left], jobs, advance)
-    return {name: read(results / f"{name}.json", "run again") for name in manifest["cases"]}
+    advance(len(names) - len(open_names))
+    calls = [(folder, name, diagnose, manifest) for name in open_names]
+    run_all(_diagnose_case, calls, jobs, advance)
+    return {name: read(results / f"{name}.json", "run again") for name in names}
 
 
-def _diagnosed(folder: Path, name: str, diagnose: Diagnose, manifest: Record) -> None:
-    begin = time.process_time()
+def _diagnose_case(folder: Path, name: str, diagnose: Diagnose, manifest: Record) -> None:
+    """Diagnose a case and write its result with the processor time."""
+    start = time.process_time()
     record: Record = {"key_sha256": manifest["key_sha256"]}
     try:
         record["diagnosis"] = diagnose(folder / "cases" / name)
     except StorageError:
-        raise  # no word on the data
+        raise  # the fault of the folder, not of the data
     except DogshapeError as error:
         record["refused"] = str(error)
-    record["cpu_s"] = time.process_time() - begin
+    record["cpu_s"] = time.process_time() - start
     write_whole(folder / "results" / f"{name}.json", json.dumps(record, indent=1))
 
 
-def _done(path: Path, manifest: Record) -> bool:
-    """Test that a result exists; one of another set of cases raises StorageError."""
+def _is_done(path: Path, manifest: Record) -> bool:
+    """Test whether a result exists; StorageError for a result of another set of cases."""
     if not path.exists():
         return False
     if read(path, "remove it").get("key_sha256") != manifest["key_sha256"]:
@@ -105,8 +112,8 @@ def _done(path: Path, manifest: Record) -> bool:
     return True
 
 
-def opened(folder: Path) -> Record:
-    """Read the key; StorageError where its hash is not that of the manifest."""
+def open_key(folder: Path) -> Record:
+    """Read the key; StorageError where its hash differs from the manifest's."""
     manifest = manifest_of(folder)
     path = folder / "key.json"
     try:
@@ -122,21 +129,21 @@ def results_of(folder: Path) -> dict[str, Record]:
     """Read all results; InputError where cases are not diagnosed yet."""
     manifest = manifest_of(folder)
     paths = {name: folder / "results" / f"{name}.json" for name in manifest["cases"]}
-    left = [name for name, path in paths.items() if not _done(path, manifest)]
-    if left:
+    open_names = [name for name, path in paths.items() if not _is_done(path, manifest)]
+    if open_names:
         raise InputError(
-            f"{len(left)} of {len(paths)} cases are not diagnosed yet; go on with: "
+            f"{len(open_names)} of {len(paths)} cases are not diagnosed yet; go on with: "
             "dogshape blind run DIR"
         )
     return {name: read(path, "remove it and run again") for name, path in paths.items()}
 
 
 def read(path: Path, remedy: str) -> Record:
-    """Read a JSON object; StorageError where that cannot be."""
+    """Read a JSON object; StorageError with a remedy where the file has none."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise StorageError(f"{path} cannot be read ({type(error).__name__}); {remedy}") from error
-    if not isinstance(found, dict):
+    if not isinstance(content, dict):
         raise StorageError(f"{path} holds no JSON object; {remedy}")
-    return found
+    return content

@@ -1,4 +1,4 @@
-r"""Stand of a blind check: content of ``bench.toml``, and the physics that it leaves out.
+r"""Stand of a blind check: content of ``bench.toml``, and the physics missing there.
 
 Nothing here is taken from the simulation or from its effects: a stand is read from the keys of
 ``bench.toml`` alone, and a *truth* is plain numbers that an engine gives to its own mechanisms.
@@ -17,7 +17,7 @@ from typing import Any
 from dogshape.sim.errors import DataError
 from dogshape.sim.units import MM, RPM, to_si
 
-LEAST_FORCE = 1.0  #: N, of any shift
+MIN_FORCE_N = 1.0  #: of any shift
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Truth:
-    """True properties of the bench that ``bench.toml`` leaves out; SI units."""
+    """True properties of the bench beyond ``bench.toml``; SI units."""
 
     delay: float = 0.0  #: of the force, s
     lag: float = 0.0  #: of first order of the force, s
@@ -73,10 +73,10 @@ class Truth:
     force_loss: float = 0.0  #: N, after the factor
     rise_factor: float = 1.0  #: of the rise time
     friction: float = 0.0  #: of the ring along its shaft, N
-    damping: float = 0.0  #: the same, N s/m
+    damping: float = 0.0  #: of the ring along its shaft, N s/m
     added_mass: float = 0.0  #: kg, on the ring or behind its linkage
     compliance: float = 0.0  #: between actuator and ring, m/N
-    free_play: float = 0.0  #: the same, m
+    free_play: float = 0.0  #: between actuator and ring, m
     sensor: str = "actuator"  #: side of the linkage that is read, or ``sleeve``
     detent: float = 0.0  #: peak force, N
     detent_position: float = 0.5e-3  #: m
@@ -97,81 +97,92 @@ class Truth:
     centre: float = 0.0  #: of the relative angles, pitches
     sticking: float = 0.0  #: mean of an exponential delay of each shift, s
     hang: float = 0.0  #: share of the shifts whose force starts late
-    hang_time: float = 0.0  #: by how much, s
+    hang_time: float = 0.0  #: delay of these shifts, s
     ripple: float = 0.0  #: amplitude of the output speed, rad/s
     ripple_rate: float = 50.0  #: 1/s
     high_dog: float = 0.0  #: height by which one dog stands out, m
     stage: float = 1.0  #: share of the force that comes first
-    stage_time: float = 0.0  #: for how long, s
+    stage_time: float = 0.0  #: duration of the first share, s
     drift: float = 0.0  #: share of the force that is gone at the end of the series
 
     @property
     def linkage(self) -> bool:
-        """Test that the actuator moves apart from the ring."""
+        """Whether the actuator moves relative to the ring."""
         return self.compliance > 0.0 or self.free_play > 0.0
 
     @property
-    def waiting(self) -> tuple[float, float]:
-        """Mean and standard deviation of how long the force waits, s."""
-        spread = self.hang_time * math.sqrt(self.hang * (1.0 - self.hang))
-        return self.sticking + self.hang * self.hang_time, math.hypot(self.sticking, spread)
+    def delay_moments(self) -> tuple[float, float]:
+        """Mean and standard deviation of the random delay of the force, s."""
+        hang_sd = self.hang_time * math.sqrt(self.hang * (1.0 - self.hang))
+        return self.sticking + self.hang * self.hang_time, math.hypot(self.sticking, hang_sd)
 
-    def given(self, point: Point, fade: float = 1.0) -> Point:
-        """Compute the mismatch, force and rise that a shift really has at a nominal point.
+    def apply(self, point: Point, fade: float = 1.0) -> Point:
+        """Compute the actual operating point of a shift at a nominal point.
 
-        ``fade`` is the share of the force that a drift has left.
+        ``fade`` is the share of the force that remains after a drift.
         """
         sign = math.copysign(1.0, point.mismatch)
         mismatch = self.mismatch_factor * point.mismatch + sign * self.mismatch_offset
         force = (self.force_factor * point.force - self.force_loss) * fade
         return Point(
-            -mismatch if self.reversed else mismatch,
-            max(LEAST_FORCE, force),
-            self.rise_factor * point.rise,
+            mismatch=-mismatch if self.reversed else mismatch,
+            force=max(MIN_FORCE_N, force),
+            rise=self.rise_factor * point.rise,
         )
 
 
-#: Fields of a stand by section and key of ``bench.toml``.
+#: Sections and keys of ``bench.toml`` by field of a stand.
 _KEYS = {
-    "chamfer": "dog.chamfer_deg", "traction": "dog.traction_deg",
-    "braking": "dog.braking_deg", "height": "dog.height_mm", "gap": "dog.axial_gap_mm",
-    "outer_radius": "dog.outer_diameter_mm", "inner_radius": "dog.inner_diameter_mm",
-    "mass": "sliding.mass_kg", "sliding_inertia": "sliding.inertia_kgm2",
-    "output_inertia": "output.inertia_kgm2", "static_friction": "contact.static_friction",
+    "chamfer": "dog.chamfer_deg",
+    "traction": "dog.traction_deg",
+    "braking": "dog.braking_deg",
+    "height": "dog.height_mm",
+    "gap": "dog.axial_gap_mm",
+    "outer_radius": "dog.outer_diameter_mm",
+    "inner_radius": "dog.inner_diameter_mm",
+    "mass": "sliding.mass_kg",
+    "sliding_inertia": "sliding.inertia_kgm2",
+    "output_inertia": "output.inertia_kgm2",
+    "static_friction": "contact.static_friction",
     "dynamic_friction": "contact.dynamic_friction",
     "stiction_speed": "contact.stiction_velocity_m_s",
-}  # fmt: skip
+}
 
 
 def read_stand(folder: Path) -> Stand:
     """Read the stand of a data set; a missing key raises DataError."""
     path = folder / "bench.toml"
     data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    drive = data.get("drive", {})
     try:
-        found = {}
+        values = {}
         for name, key in _KEYS.items():
-            section, _, short = key.partition(".")
-            found[name] = to_si(key, data[section][short]) * (0.5 if "radius" in name else 1.0)
-        if (
-            data.get("drive", {}).get("shaft_speed_rpm", 0.0) != 0.0
-            or len(data.get("drive", {})) > 1
-        ):
+            section, _, short_key = key.partition(".")
+            factor = 0.5 if "radius" in name else 1.0
+            values[name] = to_si(key, data[section][short_key]) * factor
+        if drive.get("shaft_speed_rpm", 0.0) != 0.0 or len(drive) > 1:
             raise DataError(f"{path} has a [drive], but a blind check knows a ring that stands")
         travel = data["dog"]["height_mm"] + data["dog"]["axial_gap_mm"]
-        seated = (travel - data["shift_travel_mm"]) * MM
-        times = {"timeout": data["timeout_s"], "seated": seated, "sliding_speed": 0.0}
-        return Stand(count=data["dog"]["count"], **found, **times)
+        return Stand(
+            count=data["dog"]["count"],
+            **values,
+            timeout=data["timeout_s"],
+            seated=(travel - data["shift_travel_mm"]) * MM,
+            sliding_speed=0.0,
+        )
     except KeyError as error:
         raise DataError(f"{path} has no key {error}, which a blind check needs; add it") from error
 
 
 def read_points(folder: Path) -> tuple[Point, ...]:
-    """Return the operating points of a data set's table, each once, in its order."""
+    """Read the distinct operating points of a data set's table, in its order."""
+    points = []
     with (folder / "shifts.csv").open(encoding="utf-8", newline="") as file:
-        rows = [
-            Point(
-                float(row["mismatch_rpm"]) * RPM, float(row["force_N"]), float(row["force_rise_s"])
+        for row in csv.DictReader(file):
+            point = Point(
+                mismatch=float(row["mismatch_rpm"]) * RPM,
+                force=float(row["force_N"]),
+                rise=float(row["force_rise_s"]),
             )
-            for row in csv.DictReader(file)
-        ]
-    return tuple(dict.fromkeys(rows))
+            points.append(point)
+    return tuple(dict.fromkeys(points))

@@ -1,7 +1,7 @@
-"""Truth of cases: effects by the names of the contract, and things outside the list.
+"""Truth of cases: effects by the names of the contract, and causes outside the list.
 
-Ranges are those of the priors, written out here so that truth does not lean on ``sim.effects``
-(a test holds them against each other). A *strength* is a share of the way from neutral to an end
+Ranges are those of the priors, written out here so that truth does not depend on ``sim.effects``
+(a test compares them). A *strength* is a share of the way from neutral to an end
 of the prior: of the range where the prior is uniform, of the logarithm where it is log-uniform.
 """
 
@@ -21,22 +21,19 @@ Values = dict[str, float]
 
 @dataclass(frozen=True)
 class Range:
-    """A parameter in the unit that its name ends in: its field of the truth, and its prior.
+    """Parameter of an effect with its field of the truth and its prior."""
 
-    ``neutral`` changes nothing. ``by_strength`` is False for a place, such as that of a detent.
-    """
-
-    name: str
-    field: str
-    unit: float
+    name: str  #: with the unit of its values
+    field: str  #: of the truth
+    unit: float  #: in SI units
     low: float
     high: float
-    log: bool = False
-    neutral: float = 0.0
-    by_strength: bool = True
+    log: bool = False  #: whether the prior is log-uniform
+    neutral: float = 0.0  #: value without effect
+    by_strength: bool = True  #: False for a position, such as that of a detent
 
-    def at(self, strength: float, upwards: bool) -> float:
-        """Return the value at a strength in [0, 1], towards the upper or the lower end."""
+    def value_at(self, strength: float, upwards: bool) -> float:
+        """Compute the value at a strength in [0, 1], towards the upper or the lower end."""
         if self.log:
             start = self.neutral if self.neutral > self.low else self.low
             end = self.high if upwards or start == self.low else self.low
@@ -44,7 +41,7 @@ class Range:
         end = self.high if upwards or self.neutral <= self.low else self.low
         return self.neutral + strength * (end - self.neutral)
 
-    def anywhere(self, generator: np.random.Generator) -> float:
+    def draw(self, generator: np.random.Generator) -> float:
         """Draw a value from the inner four fifths of the prior."""
         share = 0.1 + 0.8 * float(generator.random())
         if self.log:
@@ -123,20 +120,23 @@ def values_of(effect: str, strength: float, generator: np.random.Generator) -> V
     Coefficients of friction go the same way, so that the dynamic one stays below.
     """
     upwards = bool(generator.random() < 0.5)
-    return {
-        one.name: one.at(strength, upwards) if one.by_strength else one.anywhere(generator)
-        for one in RANGES[effect]
-    }
+    values = {}
+    for parameter in RANGES[effect]:
+        if parameter.by_strength:
+            values[parameter.name] = parameter.value_at(strength, upwards)
+        else:
+            values[parameter.name] = parameter.draw(generator)
+    return values
 
 
 def contact_of(generator: np.random.Generator) -> dict[str, float]:
-    """Draw the contact of a case, fields of the truth."""
-    factors = {
-        name: float(low * (high / low) ** generator.random())
-        for name, (low, high) in NUISANCES.items()
-    }
-    plain = Truth()
-    return {name: factor * float(getattr(plain, name)) for name, factor in factors.items()}
+    """Draw the contact of a case, by field of the truth."""
+    neutral = Truth()
+    contact = {}
+    for name, (low, high) in NUISANCES.items():
+        factor = float(low * (high / low) ** generator.random())
+        contact[name] = factor * float(getattr(neutral, name))
+    return contact
 
 
 def truth_of(
@@ -152,9 +152,10 @@ def truth_of(
     fields: dict[str, Any] = {**(contact or {}), "sensor": sensor}
     fields |= {SWITCHES[effect]: True for effect in parameters if effect in SWITCHES}
     for effect, values in parameters.items():
-        for one in RANGES[effect]:
-            if one.name in values:  # a mass behind a linkage and an added mass add up
-                fields[one.field] = fields.get(one.field, 0.0) + one.unit * values[one.name]
+        for parameter in RANGES[effect]:
+            if parameter.name in values:  # a mass behind a linkage and an added mass add up
+                value = parameter.unit * values[parameter.name]
+                fields[parameter.field] = fields.get(parameter.field, 0.0) + value
     for name, strength in outside.items():
         fields |= OUTSIDE[name](strength)
     return Truth(**fields)

@@ -18,7 +18,7 @@ from dogshape.validation.blind.cases import SEED
 from dogshape.validation.blind.sealed import manifest_of
 from dogshape.validation.blind.sealed import run as run_cases
 
-Record = Mapping[str, Any]  #: a score of ``validation.blind.score``, as it is printed in JSON
+Record = Mapping[str, Any]  #: a score of ``validation.blind.score``, as printed in JSON
 Parts = Sequence[str | Table]
 
 blind = typer.Typer(
@@ -65,8 +65,8 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     total = len(manifest_of(folder)["cases"])
     diagnose = _diagnosis().diagnose_folder
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
-        found = run_cases(folder, diagnose, workers_of(jobs), progress.advance)
-    emit({"cases": found}, json, lambda: run_table(found))
+        results = run_cases(folder, diagnose, workers_of(jobs), progress.advance)
+    emit({"cases": results}, json, lambda: run_table(results))
 
 
 @blind.command()
@@ -76,55 +76,73 @@ def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     Example: dogshape blind score results/blind --json
     """
     scoring = import_module("dogshape.validation.blind.score")
-    total, advise = len(manifest_of(folder)["cases"]), _diagnosis().advised
+    total = len(manifest_of(folder)["cases"])
+    advise = _diagnosis().make_advised_test
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
-        found = scoring.score_field(folder, advise, workers_of(jobs), progress.advance)
-    emit(found, json, lambda: score_table(found))
+        record = scoring.score_field(folder, advise, workers_of(jobs), progress.advance)
+    emit(record, json, lambda: score_table(record))
 
 
 def _diagnosis() -> Any:
-    """Load what diagnoses a case, with the simulation."""
+    """Import the diagnosis of a case, which loads the simulation."""
     return import_module("dogshape.validation.blind.advised_test")
 
 
 def run_table(results: Mapping[str, Record]) -> Parts:
-    """Write verdict, leading hypothesis and time of each case."""
+    """Tabulate verdict, leading hypothesis and processor time of each case."""
     rows: list[Sequence[str]] = []
     for name, result in results.items():
         time = f"{result['cpu_s']:.1f}"
         if "refused" in result:
             rows.append((name, "refused", "-", "-", time))
             continue
-        found = result["diagnosis"]
-        top = found["hypotheses"][0]
-        words = " + ".join(top["effects"]) or "none"
-        rows.append((name, found["verdict"], words, f"{top['probability']:.2f}", time))
+        diagnosis = result["diagnosis"]
+        top = diagnosis["hypotheses"][0]
+        hypothesis = " + ".join(top["effects"]) or "none"
+        rows.append((name, diagnosis["verdict"], hypothesis, f"{top['probability']:.2f}", time))
     return [Table(("case", "verdict", "leading", "probability", "processor s"), rows)]
 
 
-def score_table(found: Record) -> Parts:
-    """Write the headline figures of a field set with their aims, then by form, engine and kind."""
+def score_table(score: Record) -> Parts:
+    """Tabulate the headline figures of a set with their aims, and by form, engine and kind."""
     rows: list[Sequence[str]] = []
     met = {True: "yes", False: "no", None: "-"}
-    for one in found["headline"]:
-        figure = one["figure"]
-        value = figure_text(figure, one["percent"])
-        rows.append((one["words"], value, str(figure["n"]), one["aim"] or "-", met[one["met"]]))
-    groups: list[Sequence[str]] = []
-    said = {one["name"]: one for one in found["headline"]}
+    headlines = {headline["name"]: headline for headline in score["headline"]}
+    for headline in headlines.values():
+        figure = headline["figure"]
+        value = figure_text(figure, headline["percent"])
+        aim = headline["aim"] or "-"
+        rows.append((headline["words"], value, str(figure["n"]), aim, met[headline["met"]]))
+    group_rows: list[Sequence[str]] = []
     for key in ("by_form", "by_engine", "by_kind"):
-        for group, mine in found[key].items():
-            for name, figure in mine.items():
-                value = figure_text(figure, said[name]["percent"])
-                if figure["n"]:
-                    groups.append((f"{group}: {said[name]['words']}", value, str(figure["n"])))
-    clear = f"{found['cases']} cases, {found['clear']} of them clear"
+        for group, figures in score[key].items():
+            group_rows += _group_rows(group, figures, headlines)
     heads = ("figure", "value (95 %)", "n", "aim", "met")
-    return [_code_line(found["code"]), clear, "", Table(heads, rows), "", Table(heads[:3], groups)]
+    return [
+        _code_line(score["code"]),
+        f"{score['cases']} cases, {score['clear']} of them clear",
+        "",
+        Table(heads, rows),
+        "",
+        Table(heads[:3], group_rows),
+    ]
+
+
+def _group_rows(
+    group: str, figures: Mapping[str, Record], headlines: Mapping[str, Record]
+) -> list[Sequence[str]]:
+    """Write the rows of a group's figures that have cases."""
+    rows: list[Sequence[str]] = []
+    for name, figure in figures.items():
+        if figure["n"]:
+            headline = headlines[name]
+            value = figure_text(figure, headline["percent"])
+            rows.append((f"{group}: {headline['words']}", value, str(figure["n"])))
+    return rows
 
 
 def _code_line(code: Record) -> str:
-    """Write a sentence on the code that scores a set."""
+    """Write a sentence on the code of a score."""
     if code["changed"]:
         return f"scored by other code than sealed: {', '.join(code['changed'])}"
     if not code["figures_as_sealed"]:
@@ -136,7 +154,9 @@ def figure_text(figure: Record, percent: bool = True) -> str:
     """Write a figure with its interval; a dash without a value."""
     if figure["value"] is None:
         return "-"
-    value, low, high = (figure[name] for name in ("value", "low", "high"))
+    value = figure["value"]
+    low = figure["low"]
+    high = figure["high"]
     if percent:
         return f"{100 * value:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
     return f"{value:.2f} ({low:.2f} to {high:.2f})"

@@ -1,7 +1,7 @@
-r"""Yardstick of a case: the noncentrality that the best refit by a rival leaves.
+r"""Yardstick of a case: the noncentrality of its data under the best refit by a rival.
 
-The engine of a case says without scatter how the truth changes mean times and spreads against no
-effect. The same change of the diagnosis' own prediction is the data, so that the error of its
+The engine of a case computes without scatter how the truth changes mean times and spreads against
+no effect. The same change of the diagnosis' prediction is the data, so that the error of its
 simulation cancels. A rival hypothesis *h* leaves, within its ranges,
 
 .. math:: \Lambda = \min_h \min_\theta \; r^T C^{-1} r + \sum_k s_k^2, \qquad
@@ -27,24 +27,23 @@ from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis
 from dogshape.validation.blind.data import Expected
 
 NONE: Hypothesis = ()
-TRIED = (1, 65, 256, 256, 384)  #: values of a hypothesis by its number of parameters
-REFINED = 10  #: rivals that are refitted further, those that leave the least
-AROUND = 64  #: values of each round of that
-WIDTHS = (0.12, 0.05, 0.02, 0.008)  #: of the ranges, about the best so far
-ENGAGED = 0.5  #: share below which a rival has no times where the truth has
-SERIES, DRAWN = 100, 100  #: test series of an observer, and draws of the gap for each
+GRID_SIZES = (1, 65, 256, 256, 384)  #: values of a hypothesis by its number of parameters
+MAX_REFITS = 10  #: rivals of the smallest noncentrality that are refitted
+REFIT_SIZE = 64  #: values of each round of a refit
+REFIT_WIDTHS = (0.12, 0.05, 0.02, 0.008)  #: of the ranges, about the best value, by round
+MIN_ENGAGED = 0.5  #: share at a point below which a rival has no times where the truth has
+MIN_SD_S = 5e-4  #: of expected data
+SERIES_COUNT = 100  #: test series of an observer
+GAP_DRAWS = 100  #: of the gap for each test series
 
 
 @dataclass(frozen=True)
 class Yardstick:
-    """Expected data of a case under the likelihood of its diagnosis.
-
-    ``truth`` and ``plain`` are expected by the engine of the case with and without its causes.
-    """
+    """Expected data of a case under the likelihood of its diagnosis."""
 
     likelihood: Likelihood
-    truth: Expected
-    plain: Expected
+    truth: Expected  #: of the case's engine with its causes
+    baseline: Expected  #: of the case's engine without causes
 
     @cached_property
     def base(self) -> Predicted:
@@ -54,68 +53,75 @@ class Yardstick:
     @cached_property
     def exact(self) -> Likelihood:
         """Likelihood of the expected data: no scatter, no late and no odd means."""
-        seen, base = self.likelihood.seen, self.base
-        mean = base.mean[0] + self.truth.mean - self.plain.mean
+        seen = self.likelihood.seen
+        base = self.base
+        mean = base.mean[0] + self.truth.mean - self.baseline.mean
         with np.errstate(divide="ignore", invalid="ignore"):
-            sd = base.sd[0] * self.truth.sd / self.plain.sd
-        known = (seen.count > 0) & np.isfinite(mean) & np.isfinite(sd)
-        nothing = np.zeros(len(mean))
+            sd = base.sd[0] * self.truth.sd / self.baseline.sd
+        measured = (seen.count > 0) & np.isfinite(mean) & np.isfinite(sd)
         exact = replace(
             seen,
-            count=np.where(known, seen.count, 0.0),
-            mean=np.where(known, mean, 0.0),
-            variance=np.where(known, np.maximum(sd, 5e-4) ** 2, 1.0),
-            freedom=np.where(known, seen.freedom, 0.0),
-            late=nothing,
-            hidden=nothing.astype(bool),
+            count=np.where(measured, seen.count, 0.0),
+            mean=np.where(measured, mean, 0.0),
+            variance=np.where(measured, np.maximum(sd, MIN_SD_S) ** 2, 1.0),
+            freedom=np.where(measured, seen.freedom, 0.0),
+            late=np.zeros(len(mean)),
+            hidden=np.zeros(len(mean), dtype=bool),
         )
         settings = replace(self.likelihood.settings, odd_share=1e-300, odd_spread=1e-300)
         return replace(self.likelihood, seen=exact, settings=settings)
 
     def squares(self, hypothesis: Hypothesis, shares: Array) -> Array:
-        """Compute the noncentrality that values (m, p) of a hypothesis leave, (m,).
+        """Compute the noncentrality under values (m, p) of a hypothesis, (m,).
 
-        Infinite for a value that no bench can have, or by which nothing engages where shifts do.
+        Infinite for a value that no bench can have, or without engagement where the truth engages.
         """
-        exact, some = self.exact, self.exact.having
-        p = exact.model.predict(hypothesis, shares)
-        found = exact.terms(p)
-        columns = exact.all_columns(p, exact.settings.discrepancy)[:, some]
-        squares = squared_distance(found.residual, found.variance, columns)
-        squares = squares + np.nansum(exact.spread_scores(p) ** 2, axis=1)
-        there = (p.engaged[:, some] >= ENGAGED).all(axis=1)
-        there &= exact.model.possible(hypothesis, shares)
-        return np.where(there & np.isfinite(squares), squares, np.inf)
+        exact = self.exact
+        points = exact.having
+        prediction = exact.model.predict(hypothesis, shares)
+        terms = exact.terms(prediction)
+        columns = exact.all_columns(prediction, exact.settings.discrepancy)[:, points]
+        squares = squared_distance(terms.residual, terms.variance, columns)
+        squares = squares + np.nansum(exact.spread_scores(prediction) ** 2, axis=1)
+        possible = (prediction.engaged[:, points] >= MIN_ENGAGED).all(axis=1)
+        possible &= exact.model.possible(hypothesis, shares)
+        return np.where(possible & np.isfinite(squares), squares, np.inf)
 
-    def left(self, rivals: Iterable[Hypothesis]) -> dict[Hypothesis, float]:
-        """Compute the noncentrality that some rivals leave; only the best ones are refitted."""
+    def noncentralities(self, rivals: Iterable[Hypothesis]) -> dict[Hypothesis, float]:
+        """Compute the noncentrality under each rival, refitted for the ``MAX_REFITS`` best."""
         space = self.exact.model.space
-        first = {h: self._best(h, filling(len(space(h).parameters))) for h in rivals}
-        best = sorted(first, key=lambda h: first[h][0])[:REFINED]
-        return {h: found for h, (found, _) in first.items()} | {
-            h: self._refitted(h, *first[h]) for h in best
-        }
+        fits = {h: self._fit(h, unit_grid(len(space(h).parameters))) for h in rivals}
+        noncentrality = {h: squares for h, (squares, _) in fits.items()}
+        for h in sorted(fits, key=lambda h: fits[h][0])[:MAX_REFITS]:
+            noncentrality[h] = self._refit(h, *fits[h])
+        return noncentrality
 
-    def _best(self, hypothesis: Hypothesis, shares: Array) -> tuple[float, Array]:
+    def _fit(self, hypothesis: Hypothesis, shares: Array) -> tuple[float, Array]:
+        """Return the smallest noncentrality among values (m, p), and its value, (p,)."""
         squares = self.squares(hypothesis, shares)
-        place = int(squares.argmin())
-        return float(squares[place]), shares[place]
+        best = int(squares.argmin())
+        return float(squares[best]), shares[best]
 
-    def _refitted(self, hypothesis: Hypothesis, least: float, middle: Array) -> float:
-        """Search about the best value; ``least`` is its noncentrality."""
-        for width in WIDTHS if middle.size else ():
-            around = middle + width * (2.0 * _halton(middle.size, AROUND) - 1.0)
-            found, place = self._best(hypothesis, np.clip(around, 0.0, 1.0))
-            if found < least:
-                least, middle = found, place
-        return least
+    def _refit(self, hypothesis: Hypothesis, noncentrality: float, value: Array) -> float:
+        """Search about a value (p,) of a noncentrality; return the smallest noncentrality."""
+        if not value.size:
+            return noncentrality
+        for width in REFIT_WIDTHS:
+            values = value + width * (2.0 * _halton(value.size, REFIT_SIZE) - 1.0)
+            squares, candidate = self._fit(hypothesis, np.clip(values, 0.0, 1.0))
+            if squares < noncentrality:
+                noncentrality = squares
+                value = candidate
+        return noncentrality
 
 
-def filling(size: int) -> Array:
-    """Compute shares that fill a unit cube of ``size`` dimensions evenly, (m, size)."""
-    count = TRIED[min(size, len(TRIED) - 1)]
-    if size < 2:
-        return np.linspace(0.0, 1.0, count)[:, None] if size else np.zeros((1, 0))
+def unit_grid(size: int) -> Array:
+    """Compute values that fill a unit cube of ``size`` dimensions evenly, (m, size)."""
+    count = GRID_SIZES[min(size, len(GRID_SIZES) - 1)]
+    if size == 0:
+        return np.zeros((1, 0))
+    if size == 1:
+        return np.linspace(0.0, 1.0, count)[:, None]
     return _halton(size, count)
 
 
@@ -124,57 +130,65 @@ def _halton(size: int, count: int) -> Array:
 
 
 def rivals_of(kind: str, causes: Sequence[str], effects: Iterable[str]) -> list[Hypothesis]:
-    """List the rivals of a truth: none and each other single effect, and pairs that can be it.
+    """List the rivals of a truth: none, single effects and pairs.
 
-    Of two and more causes pairs with one of them at least are rivals, of what is outside the list
-    all pairs. The reversed sense is a rival alone.
+    Pairs are rivals of two and more causes, if they have at least one of them, and of a cause
+    outside the list. The reversed sense is a rival alone.
     """
-    names, mine = sorted({*effects} - {REVERSED}), tuple(sorted(causes))
-    singles: list[Hypothesis] = [NONE, *((n,) for n in (*names, REVERSED) if (n,) != mine)]
-    pairs = list(itertools.combinations(names, 2))
-    if kind == "outside":
-        return [*singles, *pairs]
-    if len(mine) < 2:
-        return singles
-    return [*singles, *(p for p in pairs if p != mine and set(p) & set(mine))]
+    names = sorted({*effects} - {REVERSED})
+    truth = tuple(sorted(causes))
+    singles: list[Hypothesis] = [(name,) for name in (*names, REVERSED)]
+    rivals = [NONE, *(single for single in singles if single != truth)]
+    for pair in itertools.combinations(names, 2):
+        similar = len(truth) >= 2 and pair != truth and set(pair) & set(truth)
+        if kind == "outside" or similar:
+            rivals.append(pair)
+    return rivals
 
 
-def seen_as(
-    stick: Yardstick, causes: Sequence[str], known: dict[Hypothesis, float]
+def visible_causes(
+    yardstick: Yardstick, causes: Sequence[str], noncentrality: dict[Hypothesis, float]
 ) -> list[Hypothesis]:
-    """List the fewest causes of a truth whose refit leaves nothing visible; several may do.
+    """List the smallest subsets of causes whose refit leaves no visible difference.
 
-    ``known`` has the noncentrality that some rivals leave.
+    ``noncentrality`` has that of hypotheses that were fitted before.
     """
-    mine = tuple(sorted(causes))
-    for size in range(len(mine)):
-        parts = list(itertools.combinations(mine, size))
-        left = stick.left([part for part in parts if part not in known]) | known
-        if found := [part for part in parts if left[part] < stick.likelihood.settings.visible]:
-            return found
-    return [mine]
+    truth = tuple(sorted(causes))
+    threshold = yardstick.likelihood.settings.visible
+    for size in range(len(truth)):
+        subsets = list(itertools.combinations(truth, size))
+        unfitted = [subset for subset in subsets if subset not in noncentrality]
+        fits = yardstick.noncentralities(unfitted) | noncentrality
+        visible = [subset for subset in subsets if fits[subset] < threshold]
+        if visible:
+            return visible
+    return [truth]
 
 
-def power_of(stick: Yardstick, seed: int = 1) -> float:
-    """Compute how often an observer who knows that no effect acts shows a gap within its margin.
+def power_of(yardstick: Yardstick, seed: int = 1) -> float:
+    """Estimate the share of test series without effect that show a gap within its margin.
 
-    Test series of the engine's means with scatter and errors of nominal values are drawn. The gap
-    is within its margin where its root mean square over the points is below one margin; that is
-    shown where its probability, given the data, is that from which the diagnosis names.
+    Test series are drawn from the engine's means with scatter and errors of nominal values. The gap
+    is within its margin where its root mean square over the points is below one margin; a series
+    shows it where its probability reaches that at which the diagnosis names a cause.
     """
-    generator, given = np.random.default_rng(seed), stick.likelihood
-    seen, base = given.seen, stick.base
-    known = (seen.count > 0) & np.isfinite(stick.plain.mean)
-    count = np.where(known, seen.count, 1.0)
-    simulated = base.mean[0]
-    error = np.sqrt(stick.plain.sd**2 / count + given.each * simulated**2)
-    margin = given.bench.margin.of(simulated)[known]
-    many = base.only(np.zeros(DRAWN, dtype=int))
-    within = []
-    for _ in range(SERIES):
-        mean = np.where(known, stick.plain.mean + error * generator.standard_normal(len(error)), 0)
-        series = replace(seen, count=np.where(known, count, 0.0), mean=mean, freedom=0.0 * mean)
-        _, offset, nuisance = replace(given, seen=series).drawn(many, generator)
+    generator = np.random.default_rng(seed)
+    likelihood = yardstick.likelihood
+    seen = likelihood.seen
+    baseline = yardstick.baseline
+    measured = (seen.count > 0) & np.isfinite(baseline.mean)
+    count = np.where(measured, seen.count, 1.0)
+    simulated = yardstick.base.mean[0]
+    error = np.sqrt(baseline.sd**2 / count + likelihood.each * simulated**2)
+    margin = likelihood.bench.margin.of(simulated)[measured]
+    predictions = yardstick.base.only(np.zeros(GAP_DRAWS, dtype=int))
+    probabilities = []
+    for _ in range(SERIES_COUNT):
+        drawn_mean = baseline.mean + error * generator.standard_normal(len(error))
+        mean = np.where(measured, drawn_mean, 0)
+        series = replace(seen, count=np.where(measured, count, 0.0), mean=mean, freedom=0.0 * mean)
+        _, offset, nuisance = replace(likelihood, seen=series).drawn(predictions, generator)
         gaps = offset - nuisance
-        within.append((((gaps[:, known] / margin) ** 2).mean(axis=1) < 1.0).mean())
-    return float((np.array(within) >= given.settings.named).mean())
+        in_margin = ((gaps[:, measured] / margin) ** 2).mean(axis=1) < 1.0
+        probabilities.append(in_margin.mean())
+    return float((np.array(probabilities) >= likelihood.settings.named).mean())

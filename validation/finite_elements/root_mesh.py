@@ -13,8 +13,8 @@ lean.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,21 +26,28 @@ from dogshape.sim.units import MM
 
 Points = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Curve = Callable[[Points], Points]  #: parameters (n,) to points (n, 2)
 
 SIDES: dict[Flank, int] = {"traction": +1, "braking": -1}
-#: Cells of the coarsest mesh: half a fillet, surface layer, floor, flank, core, depth, radius.
-_ARC, _LAYER, _FLOOR, _FLANK, _CORE, _DEPTH, _RADIAL = 2, 1, 1, 3, 2, 3, 3
-_SMALLEST_FLOOR = 0.05  #: of the fillet radius: half of the floor left between two fillets
+#: Cells of the coarsest mesh.
+HALF_FILLET_CELLS = 2
+LAYER_CELLS = 1
+FLOOR_CELLS = 1
+FLANK_CELLS = 3
+CORE_CELLS = 2
+DEPTH_CELLS = 3
+RADIAL_CELLS = 3
+MIN_FLOOR = 0.05  #: half of the floor between two fillets, of the fillet radius
+GROWTH = 1.5  #: of a cell over the neighbouring finer one, where cells are graded
+MATCH_TOLERANCE = 1e-6  #: of coinciding nodes, of the fillet radius
 
 
 @dataclass(frozen=True)
 class RootShape:
-    """A dog with its root fillet (``root_radius``, m), on a body ``depth`` (m) below the floor."""
+    """Dog with its root fillet on a body."""
 
     dog: Dog
-    root_radius: float
-    depth: float
+    root_radius: float  #: of the fillet, m
+    depth: float  #: of the body below the floor, m
 
     def __post_init__(self) -> None:
         require_between("root_radius_mm", self.root_radius / MM, 0.01, 10.0, "correct the fillet")
@@ -50,28 +57,29 @@ class RootShape:
 
     def _require_room(self, flank: Flank) -> None:
         radius = self.dog.inner_radius
-        room = 0.5 * (self.dog.tip_width_at(radius) + self.dog.backlash_angle * radius)
-        need = (1.0 + _SMALLEST_FLOOR) * self.root_radius * math.tan(0.5 * self.sweep(flank))
+        floor = 0.5 * (self.dog.tip_width_at(radius) + self.dog.backlash_angle * radius)
+        min_floor = (1.0 + MIN_FLOOR) * self.root_radius * math.tan(0.5 * self.sweep(flank))
         remedy = "use a smaller root radius, fewer dogs or smaller side angles"
-        if room < need:
-            rule = f"half a fillet and a little floor need {need * 1e3:.4g} mm"
+        if floor < min_floor:
+            rule = f"half a fillet and a little floor need {min_floor * 1e3:.4g} mm"
             name = "half the slot's floor at the inner radius"
-            raise GeometryError(refusal(name, room * 1e3, "mm", rule, remedy))
-        high = self.top(flank, self.dog.outer_radius) + 0.5 * self.dog.height
-        if high < 1.5 * self.fillet_height(flank):
+            raise GeometryError(refusal(name, floor * 1e3, "mm", rule=rule, remedy=remedy))
+        height = self.top(flank, self.dog.outer_radius) + 0.5 * self.dog.height
+        if height < 1.5 * self.fillet_height(flank):
             rule = "the fillet may take at most two thirds of it"
-            raise GeometryError(refusal(f"{flank} flank", high * 1e3, "mm high", rule, remedy))
+            name = f"{flank} flank"
+            raise GeometryError(refusal(name, height * 1e3, "mm high", rule=rule, remedy=remedy))
 
     def sweep(self, flank: Flank) -> float:
-        """Angle that the fillet covers, rad."""
+        """Compute the angle of the fillet, rad."""
         return 0.5 * math.pi - side_angle(self.dog, flank)
 
     def fillet_height(self, flank: Flank) -> float:
-        """Height above the floor at which the fillet runs into the flank, m."""
+        """Compute the height above the floor at which the fillet ends on the flank, m."""
         return self.root_radius * (1.0 - math.sin(side_angle(self.dog, flank)))
 
     def top(self, flank: Flank, radius: float) -> float:
-        """Upper end of a flank at a radius above the median plane, m."""
+        """Compute the height of a flank's upper end above the median plane at a radius, m."""
         return 0.5 * self.dog.height - self.dog.drops_at(radius)[FLANKS.index(flank)]
 
     @property
@@ -82,20 +90,15 @@ class RootShape:
 
 @dataclass(frozen=True)
 class Section:
-    """Topology of a section: cells of nine nodes, and which of them bound what.
+    """Topology of a section: cells of nine nodes, and its boundaries."""
 
-    ``cells`` (m, 3, 3) node numbers, first index along the surface, second away from it. ``fillet``
-    and ``flank`` are cell numbers by flank; ``bottom``, ``left`` and ``right`` node numbers, the
-    last two in the same order from the floor down.
-    """
-
-    cells: Ints
-    fillet: dict[Flank, Ints]
-    flank: dict[Flank, Ints]
-    bottom: Ints
-    left: Ints
-    right: Ints
-    order: Ints
+    cells: Ints  #: node numbers, first along the surface, then away from it, (m, 3, 3)
+    fillet: dict[Flank, Ints]  #: cell numbers by flank
+    flank: dict[Flank, Ints]  #: cell numbers by flank
+    bottom: Ints  #: node numbers
+    left: Ints  #: node numbers from the floor down
+    right: Ints  #: node numbers from the floor down
+    order: Ints  #: of each node the number of its first point among those of all blocks, (n,)
 
     @property
     def nodes(self) -> int:
@@ -104,10 +107,10 @@ class Section:
 
 
 def _graded(cells: int, length: float, first: float) -> Points:
-    """Return knots on [0, 1], mid-nodes between them, (2 cells + 1,); ``first`` cell in m.
+    """Compute graded knots on [0, 1] with mid-nodes, (2 cells + 1,).
 
-    The map is exponential and, ``first`` falling with the number of cells, the same at
-    each refinement.
+    ``length`` and the ``first`` cell are in m. The map is exponential and, as ``first`` falls with
+    the number of cells, the same at each refinement.
     """
     ratio = min(cells * first / length, 1.0)
     knots = np.linspace(0.0, 1.0, cells + 1)
@@ -118,122 +121,147 @@ def _graded(cells: int, length: float, first: float) -> Points:
 
 
 def _with_middles(knots: Points) -> Points:
-    full = np.empty(2 * len(knots) - 1)
-    full[::2] = knots
-    full[1::2] = 0.5 * (knots[1:] + knots[:-1])
-    return full
+    """Insert midpoints between knots (n,), (2 n - 1,)."""
+    nodes = np.empty(2 * len(knots) - 1)
+    nodes[::2] = knots
+    nodes[1::2] = 0.5 * (knots[1:] + knots[:-1])
+    return nodes
 
 
-def _ruled(start: Points, end: Points, across: Points) -> Points:
-    """Return points (n, m, 2) on straight lines from ``start`` to ``end``, both (n, 2)."""
-    return np.asarray(start[:, None] + across[None, :, None] * (end - start)[:, None])
+def _ruled(start: Points, end: Points, shares: Points) -> Points:
+    """Compute points (n, m, 2) at shares (m,) of the lines from ``start`` to ``end``, (n, 2)."""
+    return np.asarray(start[:, None] + shares[None, :, None] * (end - start)[:, None])
 
 
-@dataclass(frozen=True)
-class _Side:
-    """Curves of one side at one radius; y points outwards from the dog's middle."""
+class _Strip(NamedTuple):
+    """Corresponding points on a surface and on the layer below it, m, (n, 2) each."""
 
-    floor: tuple[Points, Points]  # on the floor and one layer below it, from the cut inwards
-    arc: tuple[Points, Points]
-    flank: tuple[Points, Points]
+    surface: Points
+    below: Points
 
 
-def _line(start: Points, end: Points, at: Points) -> Points:
-    return start + at[:, None] * (end - start)
+class _Side(NamedTuple):
+    """Strips of one side at one radius from the cut inwards; y points outwards from the dog."""
+
+    floor: _Strip
+    fillet: _Strip
+    flank: _Strip
+
+
+def _line(start: Points, end: Points, shares: Points) -> Points:
+    """Compute points at shares (n,) of the line between two points (2,), (n, 2)."""
+    return start + shares[:, None] * (end - start)
 
 
 def _side(shape: RootShape, flank: Flank, radius: float, fineness: int) -> _Side:
-    dog, rho, layer = shape.dog, shape.root_radius, shape.layer
-    lean, sweep = side_angle(shape.dog, flank), shape.sweep(flank)
-    play, floor = dog.backlash_angle * radius, -0.5 * dog.height
+    """Compute the strips of one side at a radius, m."""
+    dog = shape.dog
+    rho = shape.root_radius
+    layer = shape.layer
+    lean = side_angle(shape.dog, flank)
+    sweep = shape.sweep(flank)
+    play = dog.backlash_angle * radius
+    floor = -0.5 * dog.height
     quarter = 0.25 * (dog.pitch_angle * radius - play)
     foot = quarter - floor * math.tan(lean) + rho * math.tan(0.5 * sweep)
     cut = quarter - floor * math.tan(lean) + 0.5 * (dog.tip_width_at(radius) + play)
-    angles = sweep * _with_middles(np.linspace(0.0, 1.0, 2 * _ARC * fineness + 1))
-    ray = np.column_stack([-np.sin(angles), -np.cos(angles)])
+    knots = np.linspace(0.0, 1.0, 2 * HALF_FILLET_CELLS * fineness + 1)
+    angles = sweep * _with_middles(knots)
+    rays = np.column_stack([-np.sin(angles), -np.cos(angles)])
     centre = np.array([foot, floor + rho])
-    arc, inner = centre + rho * ray, centre + (rho + layer) * ray
+    fillet = _Strip(centre + rho * rays, centre + (rho + layer) * rays)
     top = shape.top(flank, radius)
     rise = math.tan(dog.falls[FLANKS.index(flank)])
     edge = np.array([quarter - top * math.tan(lean), top])
     # Gradings belong to the mean radius, so that they are the same at every radius.
-    cell = rho * sweep / (2 * _ARC * fineness)
-    long = 0.5 * (dog.tip_width + dog.backlash) - rho * math.tan(0.5 * sweep)
-    high = (shape.top(flank, dog.mean_radius) - floor - shape.fillet_height(flank)) / math.cos(lean)
-    along_floor = 1.0 - _graded(_FLOOR * fineness, long, 1.5 * cell)[::-1]
-    along_flank = _graded(_FLANK * fineness, high, 1.5 * cell)
-    end, below = np.array([cut, floor]), np.array([cut, floor - layer])
+    cell = rho * sweep / (2 * HALF_FILLET_CELLS * fineness)
+    floor_length = 0.5 * (dog.tip_width + dog.backlash) - rho * math.tan(0.5 * sweep)
+    flank_height = shape.top(flank, dog.mean_radius) - floor - shape.fillet_height(flank)
+    flank_length = flank_height / math.cos(lean)
+    floor_shares = 1.0 - _graded(FLOOR_CELLS * fineness, floor_length, GROWTH * cell)[::-1]
+    flank_shares = _graded(FLANK_CELLS * fineness, flank_length, GROWTH * cell)
+    edge_below = edge + layer * np.array([-1.0, rise])
     return _Side(
-        (_line(end, arc[0], along_floor), _line(below, inner[0], along_floor)),
-        (arc, inner),
-        (
-            _line(arc[-1], edge, along_flank),
-            _line(inner[-1], edge + layer * np.array([-1.0, rise]), along_flank),
+        floor=_Strip(
+            _line(np.array([cut, floor]), fillet.surface[0], floor_shares),
+            _line(np.array([cut, floor - layer]), fillet.below[0], floor_shares),
+        ),
+        fillet=fillet,
+        flank=_Strip(
+            _line(fillet.surface[-1], edge, flank_shares),
+            _line(fillet.below[-1], edge_below, flank_shares),
         ),
     )
 
 
 def _blocks(shape: RootShape, radius: float, fineness: int) -> dict[str, Points]:
-    """Return the blocks of a section; corresponding points of all radii match."""
-    layer = _with_middles(np.linspace(0.0, 1.0, _LAYER * fineness + 1) ** 2)
-    cell = shape.layer / (_LAYER * fineness)
-    down = _graded(_DEPTH * fineness, shape.depth - shape.layer, 1.5 * cell)
+    """Compute the blocks of a section at a radius by name, (n, m, 2) each.
+
+    Corresponding points of all radii match.
+    """
+    layer = _with_middles(np.linspace(0.0, 1.0, LAYER_CELLS * fineness + 1) ** 2)
+    cell = shape.layer / (LAYER_CELLS * fineness)
+    depth = _graded(DEPTH_CELLS * fineness, shape.depth - shape.layer, GROWTH * cell)
     bottom = -0.5 * shape.dog.height - shape.depth
-    middle = 2 * _ARC * fineness
-    found, inside, hips = dict[str, Points](), {}, {}
+    middle = 2 * HALF_FILLET_CELLS * fineness
+    blocks: dict[str, Points] = {}
+    core_sides = {}
+    tops = {}
     for flank, sign in SIDES.items():
         side = _side(shape, flank, radius, fineness)
-        turn = np.array([sign, 1.0])
-        for name, (outer, inner) in (
-            ("floor", side.floor),
-            ("fillet", side.arc),
-            ("flank", side.flank),
-        ):
-            found[f"{name} {flank}"] = _ruled(outer * turn, inner * turn, layer)
-        inside[flank] = np.concatenate([side.arc[1][middle:], side.flank[1][1:]]) * turn
-        hips[flank] = np.concatenate([side.floor[1], side.arc[1][1 : middle + 1]]) * turn
-    across = _with_middles(np.linspace(0.0, 1.0, _CORE * fineness + 1))
-    found["core"] = _ruled(inside["braking"], inside["traction"], across)
-    waist = _line(inside["braking"][0], inside["traction"][0], across)
-    for name, top in (("body", waist), *((f"body {flank}", hips[flank]) for flank in SIDES)):
-        low = np.column_stack([top[:, 0], np.full(len(top), bottom)])
-        found[name] = _ruled(top, low, down)
-    return found
+        mirror = np.array([sign, 1.0])
+        for name, strip in side._asdict().items():
+            blocks[f"{name} {flank}"] = _ruled(strip.surface * mirror, strip.below * mirror, layer)
+        core_side = np.concatenate([side.fillet.below[middle:], side.flank.below[1:]])
+        top = np.concatenate([side.floor.below, side.fillet.below[1 : middle + 1]])
+        core_sides[flank] = core_side * mirror
+        tops[f"body {flank}"] = top * mirror
+    core_shares = _with_middles(np.linspace(0.0, 1.0, CORE_CELLS * fineness + 1))
+    blocks["core"] = _ruled(core_sides["braking"], core_sides["traction"], core_shares)
+    waist = _line(core_sides["braking"][0], core_sides["traction"][0], core_shares)
+    for name, top in {"body": waist, **tops}.items():
+        foot = np.column_stack([top[:, 0], np.full(len(top), bottom)])
+        blocks[name] = _ruled(top, foot, depth)
+    return blocks
 
 
 def make_section(shape: RootShape, fineness: int) -> Section:
     """Number the nodes and cells of a section."""
     blocks = _blocks(shape, shape.dog.mean_radius, fineness)
     points = np.concatenate([block.reshape(-1, 2) for block in blocks.values()])
-    grain = 1e-6 * shape.root_radius
-    _, order, number = np.unique(
-        np.round(points / grain + 0.137).astype(np.int64),
+    tolerance = MATCH_TOLERANCE * shape.root_radius
+    _, order, numbers = np.unique(
+        np.round(points / tolerance + 0.137).astype(np.int64),
         axis=0,
         return_index=True,
         return_inverse=True,
     )
-    number = number.reshape(-1)
+    numbers = numbers.reshape(-1)
     cells: list[Ints] = []
-    lattice, start, rows = {}, 0, {}
+    lattices = {}
+    surface_cells = {}
+    start = 0
+    cell_count = 0
     for name, block in blocks.items():
         n, m = block.shape[:2]
-        lattice[name] = number[start : start + n * m].reshape(n, m)
+        lattices[name] = numbers[start : start + n * m].reshape(n, m)
         start += n * m
-        found = _cells(lattice[name])
-        first = sum(map(len, cells))
-        cells.append(found)
+        block_cells = _cells(lattices[name])
+        cells.append(block_cells)
         # Cells run fastest away from the surface.
-        rows[name] = np.arange(first, first + len(found), (m - 1) // 2)
-    cuts = {
-        flank: np.concatenate([lattice[f"floor {flank}"][0], lattice[f"body {flank}"][0][1:]])
-        for flank in SIDES
-    }
-    names = ("body", "body traction", "body braking")
+        end = cell_count + len(block_cells)
+        surface_cells[name] = np.arange(cell_count, end, (m - 1) // 2)
+        cell_count = end
+    cuts = {}
+    for flank in SIDES:
+        body = lattices[f"body {flank}"]
+        cuts[flank] = np.concatenate([lattices[f"floor {flank}"][0], body[0][1:]])
+    bodies = [lattices[name] for name in ("body", "body traction", "body braking")]
     return Section(
         cells=np.concatenate(cells),
-        fillet={flank: rows[f"fillet {flank}"] for flank in SIDES},
-        flank={flank: rows[f"flank {flank}"] for flank in SIDES},
-        bottom=np.unique(np.concatenate([lattice[name][:, -1] for name in names])),
+        fillet={flank: surface_cells[f"fillet {flank}"] for flank in SIDES},
+        flank={flank: surface_cells[f"flank {flank}"] for flank in SIDES},
+        bottom=np.unique(np.concatenate([body[:, -1] for body in bodies])),
         left=cuts["braking"],
         right=cuts["traction"],
         order=order,
@@ -241,6 +269,7 @@ def make_section(shape: RootShape, fineness: int) -> Section:
 
 
 def _cells(lattice: Ints) -> Ints:
+    """List the cells of a lattice of nodes (n, m), (cells, 3, 3)."""
     n, m = lattice.shape
     return np.array(
         [lattice[i : i + 3, j : j + 3] for i in range(0, n - 2, 2) for j in range(0, m - 2, 2)]
@@ -248,14 +277,14 @@ def _cells(lattice: Ints) -> Ints:
 
 
 def radial_planes(dog: Dog, fineness: int) -> Points:
-    """Return the radii of the planes of nodes, (2 n + 1,) m, denser towards both ends."""
-    knots = np.linspace(-1.0, 1.0, _RADIAL * fineness + 1)
+    """Compute the radii of the planes of nodes, m, (2 n + 1,), denser towards both ends."""
+    knots = np.linspace(-1.0, 1.0, RADIAL_CELLS * fineness + 1)
     knots = knots + 0.2 * np.sin(math.pi * knots)
     return dog.mean_radius + 0.5 * dog.radial_width * _with_middles(knots)
 
 
 def ring_points(shape: RootShape, section: Section, radii: Points, fineness: int) -> Points:
-    """Return the nodes of one pitch, (planes * n, 3) in m, plane by plane."""
+    """Compute the nodes of one pitch plane by plane, m, (planes * n, 3)."""
     planes = []
     for radius in radii:
         blocks = _blocks(shape, float(radius), fineness).values()

@@ -47,27 +47,23 @@ Matrix = Any  #: scipy's sparse matrix in compressed rows
 TIP_PART = 0.2  #: of the flank's height that the band at the tip takes
 FINENESS = 2  #: default: 8 cells over a fillet, 6 along the radius
 HUB_STIFFNESS = 1e11  #: N/m a node: thousands of times that of a cell
+CHUNK_CELLS = 1000  #: that are assembled at a time
 
 
 @dataclass(frozen=True)
 class RootStress:
-    """Largest first principal stress in the fillet of the loaded flank, Pa, and its load.
+    """Largest first principal stress in the fillet of the loaded flank, and its load."""
 
-    ``radius`` (m) and ``angle`` (rad along the fillet from the floor) are its place; ``force`` is
-    tangential, N, ``lever`` the height of its line above the floor, m, ``axial`` the force of the
-    flank towards the body, N.
-    """
-
-    tension: float
-    radius: float
-    angle: float
-    force: float
-    lever: float
-    axial: float
+    tension: float  #: Pa
+    radius: float  #: of its place, m
+    angle: float  #: of its place along the fillet from the floor, rad
+    force: float  #: tangential, N
+    lever: float  #: height of the force's line above the floor, m
+    axial: float  #: force of the flank towards the body, N
 
 
 def fem_available() -> bool:
-    """Test that scikit-fem can be imported."""
+    """Test whether scikit-fem can be imported."""
     try:
         _skfem()
     except InputError:
@@ -85,19 +81,20 @@ def _skfem() -> Any:
 
 @dataclass(frozen=True)
 class _Surface:
-    """Points on the surface of cells: nodes (c, 27), places and n dA (c, q, 3), shapes."""
+    """Gauss points on the surface of cells."""
 
-    nodes: NDArray[np.int64]
-    places: Points
-    area: Points
-    value: Points  # (27, 1 or c, q)
-    slope: Points  # (27, 3, c, q), 1/m
+    nodes: NDArray[np.int64]  # of the cells, (c, 27)
+    position: Points  # m, (c, q, 3)
+    area: Points  # outward normal times area, m2, (c, q, 3)
+    value: Points  # of the shape functions, (27, 1 or c, q)
+    slope: Points  # of the shape functions, 1/m, (27, 3, c, q)
 
 
 class RootModel:
-    """One pitch of a ring, assembled and ready for any number of loads.
+    """Assembled model of one pitch of a ring for any number of loads.
 
-    ``fineness`` multiplies the coarsest mesh's cells each way; ``cut`` holds the middle of slots.
+    ``fineness`` multiplies the coarsest mesh's cells each way; ``cut`` is the condition in the
+    middle of slots; a ``hub`` holds the body radially.
     """
 
     def __init__(
@@ -114,134 +111,149 @@ class RootModel:
             self.stiffness = self.stiffness + self._hub()
         self.reduction = self._reduction(cut)
         matrix = self.reduction.T @ self.stiffness @ self.reduction
-        symmetric = {"SymmetricMode": True}
-        self.factor = splu(matrix.tocsc(), "MMD_AT_PLUS_A", 0.0, options=symmetric)
+        options = {"SymmetricMode": True}
+        self.factor = splu(matrix.tocsc(), "MMD_AT_PLUS_A", 0.0, options=options)
+
+    @property
+    def _layers(self) -> int:
+        """Number of cells along the radius."""
+        return (len(self.radii) - 1) // 2
 
     def _connect(self) -> NDArray[np.int64]:
-        """Return the nodes (cells, 3, 3, 3) of each cell: along, away from the surface, radius."""
-        plane, layers = self.section.cells, (len(self.radii) - 1) // 2
-        steps = self.section.nodes * np.arange(3)
-        stack = [plane[..., None] + 2 * k * self.section.nodes + steps for k in range(layers)]
-        cells = np.concatenate(stack)
+        """List the nodes of each cell: along, away from the surface, radius, (cells, 3, 3, 3)."""
+        plane = self.section.cells
+        plane_size = self.section.nodes
+        steps = plane_size * np.arange(3)
+        layers = [plane[..., None] + 2 * k * plane_size + steps for k in range(self._layers)]
+        cells = np.concatenate(layers)
         corner = self.points[cells[:, 0, 0, 0]]
-        edges = [self.points[cells[(slice(None), *e)]] - corner for e in np.eye(3, dtype=int) * 2]
+        edges = [
+            self.points[cells[:, 2, 0, 0]] - corner,
+            self.points[cells[:, 0, 2, 0]] - corner,
+            self.points[cells[:, 0, 0, 2]] - corner,
+        ]
         mirrored = np.linalg.det(np.stack(edges, axis=1)) < 0.0
         cells[mirrored] = cells[mirrored][:, ::-1]
         return np.asarray(cells)
 
     def _hub(self) -> Matrix:
-        """Return stiff radial springs on the body's inner face, below the surface layer, N/m."""
+        """Build stiff radial springs on the body's inner face, below the surface layer, N/m."""
         inner = self.points[: self.section.nodes]
         floor = -0.5 * self.shape.dog.height
-        held = np.flatnonzero(inner[:, 2] < floor - 1.01 * self.shape.layer)
-        radial = inner[held, :2] / np.hypot(*inner[held, :2].T)[:, None]
+        nodes = np.flatnonzero(inner[:, 2] < floor - 1.01 * self.shape.layer)
+        radial = inner[nodes, :2] / np.hypot(*inner[nodes, :2].T)[:, None]
         spring = HUB_STIFFNESS * radial[:, :, None] * radial[:, None, :]
-        unknown = 3 * held[:, None] + np.arange(2)
-        rows, columns = np.repeat(unknown, 2, axis=1), np.tile(unknown, (1, 2))
+        unknowns = 3 * nodes[:, None] + np.arange(2)
+        rows = np.repeat(unknowns, 2, axis=1).ravel()
+        columns = np.tile(unknowns, (1, 2)).ravel()
         size = 3 * len(self.points)
-        return sp.csr_matrix((spring.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+        return sp.csr_matrix((spring.ravel(), (rows, columns)), shape=(size, size))
 
     def _reduction(self, cut: Cut) -> Matrix:
         """Build the matrix from free unknowns to all; the free unknowns keep their order."""
-        section, nodes = self.section, self.section.nodes
-        fixed, turned = np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=bool)
+        section = self.section
+        nodes = section.nodes
+        fixed = np.zeros(nodes, dtype=bool)
         fixed[section.bottom] = True
+        periodic = np.zeros(nodes, dtype=bool)
         if cut == "fixed":
-            fixed[section.left] = fixed[section.right] = True
+            fixed[section.left] = True
+            fixed[section.right] = True
         if cut == "periodic":
-            turned[section.left] = True
-        leader = np.arange(nodes)
-        leader[section.left] = section.right
-        turns = np.broadcast_to(np.eye(3), (nodes, 3, 3)).copy()
-        turns[turned] = rotation(-self.shape.dog.pitch_angle)
-        follows = np.where(turned, leader, np.arange(nodes))
-        there = np.flatnonzero(~fixed)
-        rows, columns = (
-            3 * node[there, None] + np.arange(3) for node in (np.arange(nodes), follows)
-        )
-        plane = sp.csr_matrix(
-            (
-                turns[there].ravel(),
-                (np.repeat(rows, 3, axis=1).ravel(), np.tile(columns, (1, 3)).ravel()),
-            ),
-            shape=(3 * nodes, 3 * nodes),
-        )[:, np.repeat(~(fixed | turned), 3)]
-        return sp.block_diag([plane] * len(self.radii), format="csr")
+            periodic[section.left] = True
+        opposite = np.arange(nodes)
+        opposite[section.left] = section.right
+        rotations = np.broadcast_to(np.eye(3), (nodes, 3, 3)).copy()
+        rotations[periodic] = rotation(-self.shape.dog.pitch_angle)
+        leader = np.where(periodic, opposite, np.arange(nodes))
+        moving = np.flatnonzero(~fixed)
+        rows = 3 * moving[:, None] + np.arange(3)
+        columns = 3 * leader[moving, None] + np.arange(3)
+        indices = np.repeat(rows, 3, axis=1).ravel(), np.tile(columns, (1, 3)).ravel()
+        plane = sp.csr_matrix((rotations[moving].ravel(), indices), shape=(3 * nodes, 3 * nodes))
+        free = np.repeat(~(fixed | periodic), 3)
+        return sp.block_diag([plane[:, free]] * len(self.radii), format="csr")
 
     def _surface(self, plane_cells: NDArray[np.int64], along: int, radial: int) -> _Surface:
-        """Evaluate Gauss points on the surface of cells of the section."""
-        every, layers = len(self.section.cells), (len(self.radii) - 1) // 2
-        cells = np.concatenate([plane_cells + k * every for k in range(layers)])
-        (x, wx), (y, wy) = _gauss(along), _gauss(radial)
+        """Evaluate the Gauss points on the surface of cells of the section.
+
+        ``along`` and ``radial`` are numbers of points along the surface and the radius.
+        """
+        plane_size = len(self.section.cells)
+        cells = np.concatenate([plane_cells + k * plane_size for k in range(self._layers)])
+        x, x_weights = _gauss(along)
+        y, y_weights = _gauss(radial)
         grid = [g.ravel() for g in np.meshgrid(x, [0.0], y, indexing="ij")]
-        rule = np.stack(grid), np.outer(wx, wy).ravel()
+        rule = np.stack(grid), np.outer(x_weights, y_weights).ravel()
         basis = _skfem().CellBasis(self.mesh, self.element, elements=cells, quadrature=rule)
         inverse = np.moveaxis(basis.mapping.invDF(rule[0], tind=cells), (0, 1), (2, 3))
-        # n dA = -det(J) J^-T e for the face that the second local axis e leaves.
-        area = -basis.dx[..., None] * inverse[..., 1, :]
         return _Surface(
-            _by_local(self.cells)[cells],
-            np.moveaxis(np.asarray(basis.global_coordinates()), 0, 2),
-            area,
-            np.stack([np.asarray(shape[0]) for shape in basis.basis]),
-            np.stack([shape[0].grad for shape in basis.basis]),
+            nodes=_by_local(self.cells)[cells],
+            position=np.moveaxis(np.asarray(basis.global_coordinates()), 0, 2),
+            # n dA = -det(J) J^-T e for the face that the second local axis e leaves.
+            area=-basis.dx[..., None] * inverse[..., 1, :],
+            value=np.stack([np.asarray(shape[0]) for shape in basis.basis]),
+            slope=np.stack([shape[0].grad for shape in basis.basis]),
         )
 
     def load(self, flank: Flank, band: Band) -> Points:
-        """Return the nodal forces (nodes, 3) of a pressure of 1 Pa on a band, N."""
-        skin = self._surface(self.section.flank[flank], 24, 3)
-        x, y, z = np.moveaxis(skin.places, 2, 0)
+        """Compute the nodal forces of a pressure of 1 Pa on a band of a flank, N, (nodes, 3)."""
+        surface = self._surface(self.section.flank[flank], 24, 3)
+        x, y, z = np.moveaxis(surface.position, 2, 0)
         low, high = self._band(flank, band, np.hypot(x, y))
-        pressed = skin.area * ((z >= low) & (z <= high))[..., None]
+        area = surface.area * ((z >= low) & (z <= high))[..., None]
         force = np.zeros((len(self.points), 3))
-        for local, value in enumerate(skin.value):
-            np.add.at(force, skin.nodes[:, local], -np.einsum("cq,cqi->ci", value, pressed))
+        for local, value in enumerate(surface.value):
+            np.add.at(force, surface.nodes[:, local], -np.einsum("cq,cqi->ci", value, area))
         return force
 
     def _band(self, flank: Flank, band: Band, radius: Points) -> tuple[Points, Points]:
+        """Compute the lower and upper end of a band at radii, m, same shape."""
         dog = self.shape.dog
         ends = [dog.inner_radius, dog.outer_radius]
         tops = np.interp(radius, ends, [self.shape.top(flank, r) for r in ends])
-        half = 0.5 * dog.height
+        half_height = 0.5 * dog.height
         if band == "tip":
-            return tops - TIP_PART * (tops + half), tops
-        reach = np.minimum(tops, half - self.shape.fillet_height(flank))
+            return tops - TIP_PART * (tops + half_height), tops
+        reach = np.minimum(tops, half_height - self.shape.fillet_height(flank))
         return -reach, reach
 
     def solve(self, force: Points) -> Points:
-        """Return the displacements (nodes, 3), m."""
+        """Compute the displacements under nodal forces (nodes, 3), N, m, (nodes, 3)."""
         free = self.factor.solve(self.reduction.T @ force.reshape(-1))
         return np.asarray(self.reduction @ free).reshape(-1, 3)
 
     def surface_stress(
         self, displacement: Points, plane_cells: NDArray[np.int64]
     ) -> tuple[Points, Points]:
-        """Return places (n, 3) and stresses (n, 3, 3) on a part of the surface, m and Pa.
+        """Compute positions, m, (n, 3), and stresses, Pa, (n, 3, 3), on a part of the surface.
 
         ``plane_cells`` are those of a fillet or a flank of the section.
         """
-        skin = self._surface(plane_cells, 2, 2)
-        gradient = np.einsum("cni,njcq->cqij", displacement[skin.nodes], skin.slope, optimize=True)
-        normal = skin.area / np.linalg.norm(skin.area, axis=2, keepdims=True)
+        surface = self._surface(plane_cells, 2, 2)
+        nodal = displacement[surface.nodes]
+        gradient = np.einsum("cni,njcq->cqij", nodal, surface.slope, optimize=True)
+        normal = surface.area / np.linalg.norm(surface.area, axis=2, keepdims=True)
         stress = skin_stress(gradient, normal)
-        return skin.places.reshape(-1, 3), stress.reshape(-1, 3, 3)
+        return surface.position.reshape(-1, 3), stress.reshape(-1, 3, 3)
 
     def stress(self, flank: Flank, band: Band, force: float) -> RootStress:
-        """Return the stress under a tangential ``force`` in N on a band of a flank."""
+        """Compute the stress under a tangential ``force`` in N on a band of a flank."""
         load = self.load(flank, band)
         angle = np.arctan2(self.points[:, 1], self.points[:, 0])
         tangential = -SIDES[flank] * (load[:, 1] * np.cos(angle) - load[:, 0] * np.sin(angle))
         total = float(tangential.sum())
         height = self.points[:, 2] + 0.5 * self.shape.dog.height
         displacement = self.solve(load * (force / total))
-        places, stress = self.surface_stress(displacement, self.section.fillet[flank])
-        first = np.linalg.eigvalsh(stress)[:, -1]
-        peak = int(first.argmax())
-        risen = (places[peak, 2] + 0.5 * self.shape.dog.height) / self.shape.root_radius
+        positions, stress = self.surface_stress(displacement, self.section.fillet[flank])
+        principal = np.linalg.eigvalsh(stress)[:, -1]
+        peak = int(principal.argmax())
+        peak_height = positions[peak, 2] + 0.5 * self.shape.dog.height
+        cosine = min(max(1.0 - peak_height / self.shape.root_radius, -1.0), 1.0)
         return RootStress(
-            tension=float(first[peak]),
-            radius=float(np.hypot(*places[peak, :2])),
-            angle=min(math.acos(min(max(1.0 - risen, -1.0), 1.0)), self.shape.sweep(flank)),
+            tension=float(principal[peak]),
+            radius=float(np.hypot(*positions[peak, :2])),
+            angle=min(math.acos(cosine), self.shape.sweep(flank)),
             force=force,
             lever=float(tangential @ height) / total,
             axial=-float(load[:, 2].sum()) * force / total,
@@ -249,14 +261,14 @@ class RootModel:
 
 
 def _by_local(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return nodes (cells, 27) in scikit-fem's local order."""
-    # Place of each local node on the lattice 0, 1, 2 of a cell.
+    """Order the nodes of cells (cells, 3, 3, 3) as scikit-fem does, (cells, 27)."""
+    # Position of each local node on the lattice 0, 1, 2 of a cell.
     i, j, k = np.round(2.0 * _skfem().ElementHex2().doflocs).astype(np.int64).T
     return np.asarray(cells[:, i, j, k])
 
 
 def hexahedra(points: Points, cells: NDArray[np.int64]) -> tuple[Any, Any]:
-    """Return scikit-fem's mesh and element of cells (m, 3, 3, 3) of nodes ``points`` (n, 3)."""
+    """Build scikit-fem's mesh and element of cells (m, 3, 3, 3) of nodes ``points`` (n, 3)."""
     skfem = _skfem()
     local = _by_local(cells)
     vertices, t = np.unique(local[:, :8], return_inverse=True)
@@ -265,56 +277,60 @@ def hexahedra(points: Points, cells: NDArray[np.int64]) -> tuple[Any, Any]:
     )
     curved = skfem.MeshHex2.from_mesh(straight)
     element = skfem.ElementHex2()
-    places = np.empty((3, len(points)))
-    places[:, skfem.Dofs(curved, element).element_dofs] = points[local].transpose(2, 1, 0)
-    return skfem.MeshHex2(places, curved.t), element
+    positions = np.empty((3, len(points)))
+    positions[:, skfem.Dofs(curved, element).element_dofs] = points[local].transpose(2, 1, 0)
+    return skfem.MeshHex2(positions, curved.t), element
 
 
 def assemble(mesh: Any, element: Any, cells: NDArray[np.int64], nodes: int) -> Matrix:
-    """Return the stiffness matrix, unknown ``3 node + direction``, N/m."""
+    """Assemble the stiffness matrix of unknowns ``3 node + direction``, N/m."""
     shear = YOUNG / (2.0 * (1.0 + POISSON))
     lame = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
-    unknown = (3 * _by_local(cells)[:, :, None] + np.arange(3)).reshape(len(cells), 81)
+    unknowns = (3 * _by_local(cells)[:, :, None] + np.arange(3)).reshape(len(cells), 81)
     total = sp.csr_matrix((3 * nodes, 3 * nodes))
-    for some in np.array_split(np.arange(len(cells)), max(1, len(cells) // 1000)):
-        basis = _skfem().CellBasis(mesh, element, elements=some, intorder=5)
+    chunks = np.array_split(np.arange(len(cells)), max(1, len(cells) // CHUNK_CELLS))
+    for chunk in chunks:
+        basis = _skfem().CellBasis(mesh, element, elements=chunk, intorder=5)
         slope = np.stack([shape[0].grad for shape in basis.basis])  # (27, 3, cells, points)
-        flat = slope.transpose(2, 0, 1, 3).reshape(len(some), 81, -1)
+        flat = slope.transpose(2, 0, 1, 3).reshape(len(chunk), 81, -1)
         pair = (flat * basis.dx[:, None, :]) @ flat.transpose(0, 2, 1)
         pair = pair.reshape(-1, 27, 3, 27, 3)
         trace = np.einsum("eiaja->eij", pair)
         local = lame * pair + shear * pair.transpose(0, 1, 4, 3, 2)
         for a in range(3):
             local[:, :, a, :, a] += shear * trace
-        rows = np.repeat(unknown[some], 81, axis=1).ravel()
-        columns = np.tile(unknown[some], (1, 81)).ravel()
+        rows = np.repeat(unknowns[chunk], 81, axis=1).ravel()
+        columns = np.tile(unknowns[chunk], (1, 81)).ravel()
         total = total + sp.csr_matrix((local.ravel(), (rows, columns)), shape=total.shape)
     return total
 
 
 def skin_stress(gradient: Points, normal: Points) -> Points:
-    """Return stresses (..., 3, 3) in Pa on a free surface with unit ``normal`` (..., 3).
+    """Compute stresses on a free surface with unit ``normal`` (..., 3), Pa, (..., 3, 3).
 
-    What the surface's own stretch (of the displacement ``gradient`` (..., 3, 3)) makes in
-    plane stress: no traction holds exactly, and gradients into the depth, which a mesh
-    resolves last, do not enter.
+    They are the plane stress of the surface's stretch, from the displacement ``gradient``
+    (..., 3, 3): the surface is exactly free of traction, and gradients into the depth, which a
+    mesh resolves last, do not enter.
     """
-    flat = np.eye(3) - normal[..., :, None] * normal[..., None, :]
-    strain = flat @ (0.5 * (gradient + np.swapaxes(gradient, -1, -2))) @ flat
+    plane = np.eye(3) - normal[..., :, None] * normal[..., None, :]
+    strain = plane @ (0.5 * (gradient + np.swapaxes(gradient, -1, -2))) @ plane
     trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
-    return np.asarray(YOUNG / (1.0 + POISSON) * (strain + POISSON / (1.0 - POISSON) * trace * flat))
+    volumetric = POISSON / (1.0 - POISSON) * trace * plane
+    return np.asarray(YOUNG / (1.0 + POISSON) * (strain + volumetric))
 
 
 def _gauss(count: int) -> tuple[Points, Points]:
+    """Return Gauss-Legendre points and weights on [0, 1], (count,) each."""
     points, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (points + 1.0), 0.5 * weights
 
 
-#: Words of what is pressed.
-PRESSED: dict[Band | Literal["load"], str] = {
-    "whole": "all that touches", "tip": "top fifth of the flank",
+#: Words of a loaded band.
+BAND_WORDS: dict[Band | Literal["load"], str] = {
+    "whole": "all that touches",
+    "tip": "top fifth of the flank",
     "load": "at the load height, interpolated",
-}  # fmt: skip
+}
 
 
 class RootCheck(Record):
@@ -328,44 +344,55 @@ class RootCheck(Record):
 
 
 def root_checks(dog: Dog, limits: Limits) -> list[RootCheck]:
-    """Return both flanks under the design load, on all that touches and at the tip.
+    """Check both flanks under the design load, on all that touches and at the tip.
 
-    Takes some ten seconds; raises InputError where scikit-fem is missing.
+    Takes some ten seconds; InputError where scikit-fem is missing.
     """
     radius = limits.root_radius
     model = RootModel(RootShape(dog, radius, dog.pitch))
-    rows = []
+    checks = []
     for flank in FLANKS:
         force = limits.load.force_per_dog(dog, flank)
-        found = [model.stress(flank, band, force) for band in BANDS]
-        own = [Load(force, flank, one.lever) for one in found]
-        loads = [*own, root_load(dog, limits, flank)]
-        formulas = [root_tension(dog, radius, load) for load in loads]
-        # The ratio to the closed form runs straight over the height of the load.
-        ratios = [one.tension / formula for one, formula in zip(found, formulas, strict=False)]
-        ratio = float(np.interp(loads[-1].lever, [load.lever for load in own], ratios))
-        tensions = [*(one.tension for one in found), ratio * formulas[-1]]
-        rows += [
-            RootCheck(
-                flank=flank, band=band, lever_mm=load.lever / MM,
-                finite_elements_MPa=tension / MPA, closed_form_MPa=formula / MPA,
-            )
-            for band, load, tension, formula in zip(
-                PRESSED, loads, tensions, formulas, strict=True
-            )
-        ]  # fmt: skip
-    return rows
+        levers = []
+        ratios = []
+        for band in BANDS:
+            result = model.stress(flank, band, force)
+            formula = root_tension(dog, radius, Load(force, flank, result.lever))
+            checks.append(_root_check(flank, band, result.lever, result.tension, formula))
+            levers.append(result.lever)
+            ratios.append(result.tension / formula)
+        load = root_load(dog, limits, flank)
+        formula = root_tension(dog, radius, load)
+        # The ratio to the closed form is linear in the height of the load.
+        ratio = float(np.interp(load.lever, levers, ratios))
+        checks.append(_root_check(flank, "load", load.lever, ratio * formula, formula))
+    return checks
+
+
+def _root_check(
+    flank: Flank, band: Band | Literal["load"], lever: float, tension: float, formula: float
+) -> RootCheck:
+    return RootCheck(
+        flank=flank,
+        band=band,
+        lever_mm=lever / MM,
+        finite_elements_MPa=tension / MPA,
+        closed_form_MPa=formula / MPA,
+    )
 
 
 def root_table(checks: Sequence[RootCheck]) -> Table:
     """Tabulate the tension by finite elements beside the closed form."""
     heads = "tension at the root", "lever, mm", "finite elements, MPa", "closed form, MPa", "ratio"
-    rows = [
-        (
-            f"{one.flank} flank, {PRESSED[one.band]}", f"{one.lever_mm:.2f}",
-            f"{one.finite_elements_MPa:.0f}", f"{one.closed_form_MPa:.0f}",
-            f"{one.closed_form_MPa / one.finite_elements_MPa:.2f}",
+    rows = []
+    for check in checks:
+        ratio = check.closed_form_MPa / check.finite_elements_MPa
+        row = (
+            f"{check.flank} flank, {BAND_WORDS[check.band]}",
+            f"{check.lever_mm:.2f}",
+            f"{check.finite_elements_MPa:.0f}",
+            f"{check.closed_form_MPa:.0f}",
+            f"{ratio:.2f}",
         )
-        for one in checks
-    ]  # fmt: skip
+        rows.append(row)
     return Table(heads, rows)

@@ -13,7 +13,7 @@ from dogshape.expectation import EVERYWHERE, simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.train.training_rows import own_surrogate, stored_surrogate
-from dogshape.surrogate.query import other_physics
+from dogshape.surrogate.query import compare_physics
 from dogshape.surrogate.store import MissingError
 from tests.conftest import Call
 
@@ -42,7 +42,7 @@ def test_a_copy_of_the_study_has_it_by_its_physics(tmp_path: Path) -> None:
     copy.write_text(text)
     mine = load_study(copy, ["operating.mismatch_rpm=[50]"])
     stored, _ = stored_surrogate(mine, None)
-    assert not other_physics(stored.surrogate.data, mine.physics)
+    assert not compare_physics(stored.surrogate.data, mine.physics)
     assert own_surrogate(load_study(copy, ["sliding.mass_kg=0.4"]), None) is None
 
 

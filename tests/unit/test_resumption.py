@@ -21,23 +21,23 @@ from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.terminal import ProgressBar
-from tests.conftest import Call, Listener, Said
-from tests.diagnosed import simulated_bench, simulated_diagnosis
-from tests.made_up import Quick, few_cells, made_up
+from tests.analytic import AnalyticShifts, select_cells, simulate_analytic
+from tests.conftest import Call, CommandResult, Listener
+from tests.diagnoses import simulated_bench, simulated_diagnosis
 
 POINT = ("expect", "mq200_paper", "--mismatch-rpm", 149, "--force-N", 469, "--jobs", 1)
 EXPECT, PRECISE = (*POINT, "--angles", 6), (*POINT, "--precision", 0.2)
 VALIDATE = ("validate", "mq200_adams", "--angles", 3, "--jobs", 1)
 
 
-def _line(said: Said) -> str:
+def _line(said: CommandResult) -> str:
     """Return standard error without the console's breaks."""
     return " ".join(said.err.split())
 
 
 @pytest.mark.parametrize("asked", [EXPECT, PRECISE, VALIDATE])
 def test_a_stopped_command_goes_on(
-    dogshape: Call, tmp_path: Path, quick: Quick, asked: tuple[object, ...]
+    dogshape: Call, tmp_path: Path, quick: AnalyticShifts, asked: tuple[object, ...]
 ) -> None:
     whole = dogshape(*asked)
     assert whole.status == 0, whole.err
@@ -56,7 +56,9 @@ def test_a_stopped_command_goes_on(
     assert not (tmp_path / "results").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_told(dogshape: Call, tmp_path: Path, quick: Quick) -> None:
+def test_a_folder_that_cannot_be_made_is_told(
+    dogshape: Call, tmp_path: Path, quick: AnalyticShifts
+) -> None:
     (tmp_path / "results").write_text("a file", encoding="utf-8")
     said = dogshape(*EXPECT)
     assert said.status == 0
@@ -67,7 +69,7 @@ def test_a_folder_that_cannot_be_made_is_told(dogshape: Call, tmp_path: Path, qu
 
 
 def test_the_same_command_twice_at_once_is_told(
-    tmp_path: Path, quick: Quick, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, quick: AnalyticShifts, capsys: pytest.CaptureFixture[str]
 ) -> None:
     where = Where(1, None, tmp_path, ProgressBar())
     with where.executor("expect", ("abc", 3), 1) as (first, _):
@@ -78,26 +80,26 @@ def test_the_same_command_twice_at_once_is_told(
     assert not list(tmp_path.iterdir()), "what was there before stays"
 
 
-def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
-    bench = few_cells(load_bench("mq200_adams"), [(10, 235.2)])
+def test_the_bank_announces_what_is_left(tmp_path: Path, quick: AnalyticShifts) -> None:
+    bench = select_cells(load_bench("mq200_adams"), [(10, 235.2)])
     effects = {"moving_mass": load()["moving_mass"]}
     bench = replace(bench, clutch=replace(bench.clutch, timeout=1.1))  # no bank has this clutch
     blocks: list[Block] = []
 
     def noted(asked: Sequence[Block]) -> list[list[Record]]:
         blocks.extend(asked)
-        return made_up(asked)
+        return simulate_analytic(asked)
 
     build_models(bench, effects, USUAL, noted)
     left = sum(len(block.angles) for block in blocks[1:])
-    append(tmp_path / "shifts.jsonl", *Quick()(blocks[0]))
+    append(tmp_path / "shifts.jsonl", *AnalyticShifts()(blocks[0]))
     said: list[str] = []
     models_of(bench, effects, Means(tmp_path, jobs=1, progress=Listener(said)))
     assert f"lacks {left + len(blocks[0].angles)} shifts" in said[0]
 
 
 def test_the_diagnosis_is_written_before_its_price(
-    dogshape: Call, tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
+    dogshape: Call, tmp_path: Path, quick: AnalyticShifts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = simulated_bench({"actuation_delay": {"delay_s": 0.08}})
     found = simulated_diagnosis(bench, advise=True)

@@ -1,4 +1,4 @@
-"""Diagnoses for tests: one of the stand made by hand, and those of a clutch of closed form."""
+"""Diagnoses for tests: of the stand, made by hand, and of a clutch of closed form."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
-from tests.made_up import RECORD, few_cells, made_up, mean_time
+from tests.analytic import RECORD, mean_time, select_cells, simulate_analytic
 
 EFFECTS = load()
 STAND = load_bench("mq200_stand")
 DRAWS = 400
 NAMED = ("actuation_delay", "drag_torque")
-HEAVY, DAMPED = ((*NAMED, "moving_mass"), (*NAMED, "viscous_damping"))
+HEAVY = (*NAMED, "moving_mass")
+DAMPED = (*NAMED, "viscous_damping")
 POSTERIOR = {HEAVY: 0.62, DAMPED: 0.2, NAMED: 0.14, UNKNOWN: 0.02, NONE: 0.02}
 #: Mean and standard deviation of each size that a fit may have.
 SIZES = {
@@ -68,10 +69,10 @@ class Fit:
 
 
 def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
-    """Fit a hypothesis by draws of ``SIZES``, with mean times (C,) that all draws share."""
+    """Fit a hypothesis by draws of ``SIZES`` with equal mean times, s, (C,)."""
     generator = np.random.default_rng(len(hypothesis))
     space = Space(tuple(EFFECTS[name] for name in hypothesis), setting_of(STAND))
-    columns = [generator.normal(*SIZES[one.name], DRAWS) for one in space.parameters]
+    columns = [generator.normal(*SIZES[parameter.name], DRAWS) for parameter in space.parameters]
     values = np.stack(columns, axis=1) if columns else np.zeros((DRAWS, 0))
     mean = np.tile(times, (DRAWS, 1))
     predicted = SimpleNamespace(mean=mean, sd=0.3 * mean, error=0.01 * mean)
@@ -88,102 +89,141 @@ def verdict_of(posterior: Mapping[Hypothesis, float]) -> Verdict:
 
 
 @cache
-def diagnosed() -> Any:
+def stand_diagnosis() -> Any:
     """Diagnose the stand by hand: dead time and drag named, a mass open, a linkage refuted."""
     return diagnosis_of(POSTERIOR)
 
 
-def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **more: Any) -> Any:
-    """Make a diagnosis of a posterior, whose fits explain all but 10 % of the times."""
-    seen = np.array([0.2 if cell.time is None else cell.time for cell in bench.cells])
-    base, known = 0.45 * seen, [h for h in posterior if h != UNKNOWN]
-    fits = {h: fit_of(h, 0.9 * seen) for h in known if h} | {NONE: fit_of(NONE, base, 1e-5)}
-    parts, verdict = inclusion(posterior), verdict_of(posterior)
-    leading = max(known, key=lambda h: posterior[h])
-    rival = next((h for h in known if h != leading), None)
+def diagnosis_of(
+    posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **changes: Any
+) -> Any:
+    """Build a diagnosis of a posterior, whose fits explain all but 10 % of the times."""
+    times = np.array([0.2 if cell.time is None else cell.time for cell in bench.cells])
+    base = 0.45 * times
+    listed = [h for h in posterior if h != UNKNOWN]
+    fits = {h: fit_of(h, 0.9 * times) for h in listed if h} | {NONE: fit_of(NONE, base, 1e-5)}
+    inclusions = inclusion(posterior)
+    verdict = verdict_of(posterior)
+    leading = max(listed, key=lambda h: posterior[h])
+    rival = next((h for h in listed if h != leading), None)
     gaps = tuple(
         PointGap(cell, mean, 0.02) for cell, mean in zip(bench.cells, base.tolist(), strict=True)
     )
     sizes = {}
-    for name in parts:
-        drawn = [f.values[:, f.space.columns(name)] for h, f in fits.items() if name in h]
-        columns = zip(EFFECTS[name].parameters, np.concatenate(drawn).T, strict=True)
-        sizes[name] = {one.name: Interval.of(column) for one, column in columns}
-    found = SimpleNamespace(
-        bench=bench, effects=EFFECTS, posterior=dict(posterior), evidence=dict(posterior),
-        fits=fits, inclusion=parts, inclusion_error=dict.fromkeys(parts, 0.01),
-        verdict=verdict, within=0.01, gaps=gaps, leading=leading,
-        rival=rival, readings=(), tests=tests(), facts=facts_of(bench), margin_s=0.011,
-        sizes=sizes, noise=0.004, seconds=4.2,
-        seen=SimpleNamespace(mean=seen, count=np.array([cell.n for cell in bench.cells])),
+    for name in inclusions:
+        draws = [f.values[:, f.space.columns(name)] for h, f in fits.items() if name in h]
+        columns = zip(EFFECTS[name].parameters, np.concatenate(draws).T, strict=True)
+        sizes[name] = {parameter.name: Interval.of(column) for parameter, column in columns}
+    diagnosis = SimpleNamespace(
+        bench=bench,
+        effects=EFFECTS,
+        posterior=dict(posterior),
+        evidence=dict(posterior),
+        fits=fits,
+        inclusion=inclusions,
+        inclusion_error=dict.fromkeys(inclusions, 0.01),
+        verdict=verdict,
+        within=0.01,
+        gaps=gaps,
+        leading=leading,
+        rival=rival,
+        readings=(),
+        tests=advised_tests(),
+        facts=facts_of(bench),
+        margin_s=0.011,
+        sizes=sizes,
+        noise=0.004,
+        seconds=4.2,
+        seen=SimpleNamespace(mean=times, count=np.array([cell.n for cell in bench.cells])),
         model=SimpleNamespace(  # no effect moves a time
-            setting=setting_of(bench), effects=EFFECTS,
+            setting=setting_of(bench),
+            effects=EFFECTS,
             predict=lambda h, shares: SimpleNamespace(mean=np.tile(base, (len(shares), 1))),
         ),
         held_out=SimpleNamespace(
-            baseline=0.138, held_out=0.021, chance=0.018, rival=rival,
-            rival_held_out=None if rival is None else 0.022, mean=0.9 * seen, sd=0.02 * seen,
+            baseline=0.138,
+            held_out=0.021,
+            chance=0.018,
+            rival=rival,
+            rival_held_out=None if rival is None else 0.022,
+            mean=0.9 * times,
+            sd=0.02 * times,
         ),
-    )  # fmt: skip
-    vars(found).update(more)
-    found.to_dict = lambda: record_of(found)
-    return found
+    )
+    vars(diagnosis).update(changes)
+    diagnosis.to_dict = lambda: record_of(diagnosis)
+    return diagnosis
 
 
-def tests() -> tuple[Any, ...]:
+def advised_tests() -> tuple[Any, ...]:
     """List two tests: traces that settle much, and a cheap run-down."""
     return (
         SimpleNamespace(
-            name="traces of 10 shifts at 5 1/min and 235.2 N", kind="traces", effects=(), hours=2.2,
-            information=0.9, settles=0.55, misleads=0.02, why="Record them. Work: 2.2 h.",
+            name="traces of 10 shifts at 5 1/min and 235.2 N",
+            kind="traces",
+            effects=(),
+            hours=2.2,
+            information=0.9,
+            settles=0.55,
+            misleads=0.02,
+            why="Record them. Work: 2.2 h.",
         ),
         SimpleNamespace(
-            name="run-down of the sliding ring", kind="direct", effects=("drag_torque",), hours=1.0,
-            information=0.0, settles=0.0, misleads=0.0, why="Turn it. Work: 1 h.",
+            name="run-down of the sliding ring",
+            kind="direct",
+            effects=("drag_torque",),
+            hours=1.0,
+            information=0.0,
+            settles=0.0,
+            misleads=0.0,
+            why="Turn it. Work: 1 h.",
         ),
-    )  # fmt: skip
+    )
 
 
-def record_of(found: Any) -> dict[str, Any]:
+def record_of(diagnosis: Any) -> dict[str, Any]:
     """Write the keys of ``gap.json`` that pages and updates take."""
     return {
-        "bench": found.bench.name,
+        "bench": diagnosis.bench.name,
         "engine": "planar",
-        "verdict": found.verdict.kind,
-        "causes": list(found.verdict.causes),
+        "verdict": diagnosis.verdict.kind,
+        "causes": list(diagnosis.verdict.causes),
         "hypotheses": [
-            {"effects": list(h), "probability": p, "evidence_probability": found.evidence[h]}
-            for h, p in found.posterior.items()
+            {"effects": list(h), "probability": p, "evidence_probability": diagnosis.evidence[h]}
+            for h, p in diagnosis.posterior.items()
         ],
-        "inclusion": found.inclusion,
-        "credible_set": [list(h) for h in found.verdict.credible],
+        "inclusion": diagnosis.inclusion,
+        "credible_set": [list(h) for h in diagnosis.verdict.credible],
         "record": {"time_zero": "unknown", "sense": "unknown"},
-        "next_test": {"name": found.tests[0].name, "why": found.tests[0].why},
+        "next_test": {"name": diagnosis.tests[0].name, "why": diagnosis.tests[0].why},
     }
 
 
 def reading(key: str, value: str, probability: float, causes: tuple[str, ...]) -> Any:
     """Make a reading of the record by which some effects are named."""
-    verdict = replace(diagnosed().verdict, causes=causes)
+    verdict = replace(stand_diagnosis().verdict, causes=causes)
     return SimpleNamespace(key=key, value=value, probability=probability, verdict=verdict)
 
 
 #: Operating points of the closed form: mismatch in 1/min and force in N.
-PLACES = [(m, force) for m in (10.0, 50.0, 100.0, 249.0) for force in (235.2, 469.0, 641.5)]
-FEW = ("actuation_delay", "sleeve_friction", "moving_mass", "mismatch_speed", "force_scale")
+MISMATCHES_AND_FORCES = [
+    (m, force) for m in (10.0, 50.0, 100.0, 249.0) for force in (235.2, 469.0, 641.5)
+]
+FEW_EFFECTS = ("actuation_delay", "sleeve_friction", "moving_mass", "mismatch_speed", "force_scale")
 
 
 def simulated_bench(cause: Mapping[str, Mapping[str, float]], seed: int = 1) -> Bench:
     """Make means of twenty shifts of the closed form with a cause, each off by some 2 ms."""
-    bench = few_cells(load_bench("mq200_adams"), PLACES)
-    generator, rows = np.random.default_rng(seed), []
+    bench = select_cells(load_bench("mq200_adams"), MISMATCHES_AND_FORCES)
+    generator = np.random.default_rng(seed)
+    rows = []
     for k, cell in enumerate(bench.cells):
         setting = Setting(bench.clutch, cell.point)
         for name, values in cause.items():
             setting = EFFECTS[name].apply(setting, values)
         time = mean_time(setting.clutch, setting.point) + setting.delay
-        off = float(generator.normal(0.0, 0.002))
-        rows.append(Reading(k + 2, cell.point, 20, time + off, engaged=True))
+        error = float(generator.normal(0.0, 0.002))
+        rows.append(Reading(k + 2, cell.point, 20, time + error, engaged=True))
     return replace(bench, cells=gather(rows), record=RECORD)
 
 
@@ -191,6 +231,8 @@ def simulated_diagnosis(
     bench: Bench, settings: Settings = USUAL, *, advise: bool = False
 ) -> Diagnosis:
     """Diagnose a bench of the closed form, among a few effects."""
-    models = build_models(bench, {name: EFFECTS[name] for name in FEW}, settings, made_up)
-    found = diagnose(bench, models, settings)
-    return replace(found, tests=choose(found)) if advise else found
+    models = build_models(
+        bench, {name: EFFECTS[name] for name in FEW_EFFECTS}, settings, simulate_analytic
+    )
+    diagnosis = diagnose(bench, models, settings)
+    return replace(diagnosis, tests=choose(diagnosis)) if advise else diagnosis

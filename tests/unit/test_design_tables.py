@@ -13,10 +13,10 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.sim.texts import read_table
 from dogshape.sim.units import RPM
-from tests.conftest import Call, Said
+from tests.conftest import Call, CommandResult
 
 
-def _asked(dogshape: Call, text: str, *more: object) -> Said:
+def _asked(dogshape: Call, text: str, *more: object) -> CommandResult:
     Path("designs.csv").write_text(text)
     return dogshape("check", "mq200_paper", "--designs", "designs.csv", *more)
 
