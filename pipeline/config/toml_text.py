@@ -79,7 +79,8 @@ def with_values(
             table.remove(name)
         elif there != value:
             whole = isinstance(value, Mapping) and ("." not in key or isinstance(there, Table))
-            table[name] = tomlkit.item(dict(value)) if whole else _item(value, lines=True)
+            item = tomlkit.item(dict(value)) if whole else _item(value, lines=True)
+            _put(table, name, item)
             _renew_comment(table[name], key, comments)
             _drop_sources_before(table, name)
         if there != value:
@@ -108,6 +109,18 @@ def meanings_of(text: str) -> dict[str, str]:
                 _drop_source(item)
                 found[key] = item.trivia.comment if isinstance(item, Item) else ""
     return {key: comment for key, comment in found.items() if comment}
+
+
+def _put(table: Any, name: str, item: Any) -> None:
+    """Set a key; a new one goes before the comments at the end, which are about the next table."""
+    tail: list[Any] = []
+    if isinstance(table, Table) and name not in table:
+        body = table.value.body
+        while body and body[-1][0] is None:
+            tail.insert(0, body.pop())
+    table[name] = item
+    if tail:
+        table.value.body.extend(tail)
 
 
 def _renew_comment(item: Any, key: str, comments: Mapping[str, str] | None) -> None:

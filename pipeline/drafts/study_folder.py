@@ -33,6 +33,7 @@ from dogshape.pipeline.config.study_file import (
 )
 from dogshape.pipeline.config.toml_text import meanings_of, sources_of, toml_value, with_values
 from dogshape.pipeline.diagnose.study_keys import Data, clutch_tables, rounded, study_of
+from dogshape.pipeline.drafts.answers import read_numbers
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import validate
@@ -41,9 +42,11 @@ from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.drive import ENGINE_SIDES
 from dogshape.sim.shift.mechanism import SPLINE
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.manufacture import Tolerances
 from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
-from dogshape.sim.units import RPM
+from dogshape.sim.units import DEG, RPM, from_si, unit_of
 
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 COMMENTED = "mq200"  #: the bundled study whose file explains its keys
@@ -54,9 +57,15 @@ HEAD = """\
 DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
 HEIGHT, COUNT, BACKLASH = "dog.height_mm", "dog.count", "dog.backlash_mm"
+CHAMFER, CHAMFER_BACK, CREST = "dog.chamfer_deg", "dog.chamfer_back_deg", "dog.crest"
+BACKLASH_DEG = "dog.backlash_deg"
+CHAMFERS = (CHAMFER, CHAMFER_BACK)
+PLAY_DEVIATION, COAST = "tolerance.backlash_mm", "load.coast_share"
+RELEASE = "load.faces_release"
 HELD, SHARE, POINTS = "load.separating_force_limit_N", "load.pull_out_share", "operating.points"
 MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
 ACTUATOR, OPERATING, MISMATCH = "actuation.force_N", "operating.force_N", "operating.mismatch_rpm"
+STRIKE_MISMATCH = "strike.mismatch_rpm"
 #: Words for the keys of the actuator, and of the operating points, which it has to cover.
 ACTUATION = {
     ACTUATOR: "final forces of the actuator, N, with blanks between",
@@ -65,23 +74,24 @@ ACTUATION = {
     "shift.retraction_s": "time to pull back before the next attempt, s",
 }
 OPERATION = {
-    MISMATCH: "mismatches of the shifts, 1/min, with blanks between",
-    OPERATING: "forces of the shifts, N",
+    MISMATCH: "mismatches of the shifts, 1/min, with blanks between, or LOW to HIGH",
+    OPERATING: "forces of the shifts, N, likewise",
 }
 #: Words for the keys of a clutch that are worth a question.
 CLUTCH = {
     COUNT: "number of dogs",
-    "dog.chamfer_deg": "chamfer of the face, deg",
-    "dog.traction_deg": "side angle of the traction flank, deg",
-    "dog.braking_deg": "side angle of the braking flank, deg",
+    CHAMFER: "chamfer of the face, deg; 0: flat",
+    CHAMFER_BACK: "chamfer behind the ridge of a roof tip, deg; 0: no roof",
+    CREST: "place of the ridge on the tip, 0 braking edge to 1 traction edge",
+    "dog.traction_deg": "side angle of the traction flank, deg; below 0: undercut",
+    "dog.braking_deg": "side angle of the braking flank, deg; below 0: undercut",
     "dog.outer_diameter_mm": "outer diameter of the dogs, mm",
     "dog.inner_diameter_mm": "inner diameter of the dogs, mm",
     "dog.axial_gap_mm": "axial gap between the crests before the shift, mm",
-    BACKLASH: "backlash at the mean radius, mm",
-    "dog.crest": "place of the ridge on the tip, 0 braking edge to 1 traction edge",
-    "dog.chamfer_back_deg": "chamfer behind the ridge, deg",
+    BACKLASH: "backlash of the seated pair at the mean radius, mm; or in deg",
+    PLAY_DEVIATION: "largest deviation of the backlash either way, mm",
     "dog.edge_radius_mm": "radius of the tip edges, mm",
-    MASS: "moving mass, with fork and rod, kg",
+    MASS: "mass of the sliding ring, kg",
     "sliding.inertia_kgm2": "inertia of the sliding ring and all that turns with it, kg m²",
     "output.inertia_kgm2": "inertia of the output side, referred to the dogs, kg m²",
 }
@@ -94,9 +104,13 @@ SPEED, SIDE = "drive.shaft_speed_rpm", "drive.engine_side"
 #: Words for keys whose default follows from the clutch, and of what it does and is made of.
 USE = {
     HEIGHT: "height of the dogs, mm",
+    ADDED: "mass of fork, rod and piston that moves along, kg",
     TORQUE: "rated torque at the dogs, N m",
-    RADIUS: "radius of the toothing that the ring slides on, mm",
-    SPEED: "speed of both shafts, on the wheels' side, 1/min; 0: the sliding ring stands",
+    COAST: "largest torque on the braking flank (coast, recuperation, reverse) over the rated one; "
+    "or in N m",
+    RADIUS: "radius of the toothing that the ring slides on, of a sleeve its own teeth's, mm",
+    SPEED: "speed of both shafts, on the wheels' side, 1/min, of a range its middle; "
+    "0: the sliding ring stands",
     SIDE: "ring that turns with the engine",
     DRAG: "drag torque on the sliding ring, N m",
     HELD: "force of latch or detent on the engaged ring, N; 0: unknown",
@@ -134,7 +148,7 @@ DECIDING: dict[str, tuple[str, ...]] = {
         "load.shifts", "load.accuracy", MATERIAL, "manufacturing.root_radius_mm", "dog",
     ),
 }  # fmt: skip
-SHOWN = 60  #: characters of a value
+ROOF_CREST = 0.5  #: place of the ridge of a roof tip: alike for either sign of the mismatch
 #: Limits of a search in units of their own are void with any of these.
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
 
@@ -291,6 +305,11 @@ def questions_of(
     for key, value, whence in (
         *_defaults(tables),
         *simulated,
+        (CHAMFER_BACK, 0.0, ""),
+        (CREST, ROOF_CREST, "an assumption"),
+        (PLAY_DEVIATION, from_si(PLAY_DEVIATION, Tolerances.backlash), "an assumption"),
+        (ADDED, 0.0, "none, an assumption"),
+        (COAST, LoadCase.coast_share, "all of it"),
         (SPEED, 0.0, "the sliding ring stands"),
         (SIDE, "sliding", "an assumption"),
         (HELD, 0.0, "not judged"),
@@ -301,8 +320,6 @@ def questions_of(
             own[key], sources[key] = value, whence
         if key in STRIKE and not isinstance(own[key], list):
             own[key] = [own[key]]
-    if MASS not in values:
-        del own[MASS], sources[MASS]
     parts = {key: value if isinstance(value, list) else [value] for key, value in own.items()}
     asked = {k: own[k] for k in own if all(isinstance(p, (int, float, str)) for p in parts[k])}
     found = source.dog_values | asked
@@ -373,22 +390,16 @@ def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
     lines = []
     for answer, keys in DECIDING.items():
         found = dict.fromkeys(k for one in keys for k in kept if f"{k}.".startswith(f"{one}."))
-        texts = (f"{key} = {_shown(kept.pop(key))}" for key in found)
+        texts = (f"{key} = {toml_value(kept.pop(key))}" for key in found)
         if found:
             lines.append(f"as in '{origin}', decides {answer}: {', '.join(texts)}")
     if kept:
-        others = ", ".join(f"{key} = {_shown(value)}" for key, value in kept.items())
+        others = ", ".join(f"{key} = {toml_value(value)}" for key, value in kept.items())
         lines.append(f"as in '{origin}', keys of less influence: {others}")
     if absent := _defaults(partial(value_at, tomllib.loads(text))):
         words = ", ".join(f"{key} = {value:g} ({reason})" for key, value, reason in absent)
         lines.append(f"not given, by default: {words}")
     return lines
-
-
-def _shown(value: Any) -> str:
-    """Write a value in one line, of a long list its length."""
-    text = toml_value(value)
-    return text if len(text) <= SHOWN else f"{len(value)} values"
 
 
 def _doubts(study: Setup) -> list[str]:
@@ -429,7 +440,7 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
     for by, keys in void:
         if changed & set(by):
             found |= {key: None for key in keys if old(key) is not None}
-    found = _simulated_strike(given, new) | found
+    found |= _simulated_strike(given, lambda key: None if key in found else new(key))
     if len(lists) == 2 and not min(has) <= min(wants) <= max(wants) <= max(has):
         found[OPERATING] = has
         if points:  # a list of points becomes a grid
@@ -437,6 +448,11 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
     if "strike" in found and any(key.startswith("strike.") for key in given):
         del found["strike"]
         found |= {f"strike.{key}": None for key in old("strike")}
+    spread, strikes = new(MISMATCH), new("strike") and "strike" not in found
+    if strikes and isinstance(spread, dict) and {"low", "high"} <= spread.keys():
+        found[STRIKE_MISMATCH] = [spread["low"], spread["high"]]  # no draw has its ends
+    found |= _tip(new, changed=any(old(key) != new(key) for key in CHAMFERS))
+    found |= _widened_ranges(lambda key: new(key) if key in given else found.get(key, new(key)))
     found = {key: value for key, value in found.items()
              if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip
     follows = ", ".join(f"{key} {value}" for key, value in found.items() if value is not None)
@@ -449,7 +465,10 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
 
 
 def _simulated_strike(given: Mapping[str, Any], tables: Callable[[str], Any]) -> Data:
-    """Compute ring and shaft of the shifts that a given strike does not hold: its middle."""
+    """Compute ring and shaft of the shifts from a given strike: the middle of its range.
+
+    A nominal value that the strike holds stays.
+    """
     found: Data = {}
     for key, there in NOMINAL.items():
         ends = given.get(key)
@@ -457,6 +476,86 @@ def _simulated_strike(given: Mapping[str, Any], tables: Callable[[str], Any]) ->
         if not all(isinstance(end, (int, float)) and end > 0 for end in ends):
             continue
         nominal = tables(there)
-        if nominal is not None and not min(ends) <= nominal <= max(ends):
+        if nominal is None or not min(ends) <= nominal <= max(ends):
             found[there] = rounded(math.sqrt(min(ends) * max(ends)), 3)
+    alone = len(found) == 1 and any(
+        tables(there) is None for there in NOMINAL.values() if there not in found
+    )
+    return {} if alone else found
+
+
+def _tip(tables: Callable[[str], Any], *, changed: bool) -> Data:
+    """Compute what a tip decides: ridge, and whether its faces release where it ``changed``.
+
+    A tip without a back chamfer has no ridge, a new roof has it in the middle. Flat faces wait for
+    the next window, others slide.
+    """
+    found, crest = Data(), tables(CREST)
+    chamfers = [tables(key) or 0.0 for key in CHAMFERS]
+    if not all(isinstance(angle, (int, float)) for angle in chamfers):
+        return found
+    if chamfers[1] == 0.0 and tables(CHAMFER_BACK) is not None and crest is not None:
+        found[CREST] = None
+    if chamfers[1] > 0.0 and crest is None:
+        found[CREST] = ROOF_CREST
+    flat, releases = not any(chamfers), tables(RELEASE) is not False
+    if changed and flat == releases:
+        found[RELEASE] = False if flat else None
     return found
+
+
+def _widened_ranges(tables: Callable[[str], Any]) -> Data:
+    """Compute the ranges of a search that do not hold the own shape, widened to it."""
+    found: Data = {}
+    for key, (low, high) in (tables("variables") or {}).items():
+        own = tables(f"dog.{key}")
+        if f"dog.{key}" == BACKLASH and tables(BACKLASH_DEG) is not None:
+            own = tables(BACKLASH_DEG) * _mm_per_deg(*map(tables, DIAMETERS))
+        if not isinstance(own, (int, float)) or low <= own <= high:
+            continue
+        number = type(low)
+        found[f"variables.{key}"] = [
+            min(low, number(math.floor(own))),
+            max(high, number(math.ceil(own))),
+        ]
+    return found
+
+
+def _mm_per_deg(outer: float, inner: float) -> float:
+    """Convert a degree about the shaft to mm at the mean radius of two diameters, mm."""
+    return 0.25 * (outer + inner) * DEG
+
+
+def is_void(key: str, answers: Mapping[str, Any]) -> bool:
+    """Check whether an earlier answer leaves a question without a subject."""
+    part = {CREST: CHAMFER_BACK, PLAY_DEVIATION: BACKLASH}.get(key)
+    return part is not None and answers.get(part) == 0
+
+
+def value_of(key: str, text: str, *, default: Any, answers: Mapping[str, Any]) -> Any:
+    """Read the answer to the question of a key, whose ``default`` has the kind of the value.
+
+    A backlash may be in degrees and the torque of the braking flank in N m. A range of operating
+    points is a uniform distribution, one of a list its ends. Raises InputError.
+    """
+    others: dict[str, float] = {}
+    if key == BACKLASH and answers.keys() >= set(DIAMETERS):
+        others["deg"] = _mm_per_deg(*map(answers.__getitem__, DIAMETERS))
+    if key == COAST and answers.get(TORQUE, 0.0) > 0.0:
+        others["Nm"] = 1.0 / answers[TORQUE]
+    answer = read_numbers(text, unit_of(key), others)
+    numbers = [rounded(number) for number in answer.numbers]
+    many = isinstance(default, (list, tuple, Mapping))
+    if answer.ranged and not many:
+        middle, half = 0.5 * sum(numbers), 0.5 * (numbers[1] - numbers[0])
+        also = f"; its deviation of {half:g} is asked next" if key == BACKLASH else ""
+        raise InputError(f"the study has one value, so give its middle {middle:g}{also}")
+    if answer.ranged and key in (MISMATCH, OPERATING):
+        return {"distribution": "uniform", "low": numbers[0], "high": numbers[1]}
+    if many:
+        return numbers
+    if len(numbers) > 1:
+        raise InputError("give a number")
+    if isinstance(default, int) and numbers[0] != round(numbers[0]):
+        raise InputError("give a whole number")
+    return type(default)(numbers[0])

@@ -15,8 +15,9 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import SOURCE
+from dogshape.pipeline.drafts.answers import read_numbers
 from dogshape.sim.shift.drive import Drive
-from dogshape.sim.units import RPM
+from dogshape.sim.units import DEG, RPM
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Call, CommandResult, set_options
 
@@ -50,10 +51,11 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
     # Actuator; points, at once refused; actuator and points again; dogs, ring and what turns with
-    # it; height, torque; toothing, shafts, engine, drag, latch, torque left, shifts, strike, steel.
-    answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30 8 12 22 140 124 1 0,2 2,5"
-    typed = f"{answers} 0,05 0,6 5 1500  1800 output 0,8 9000 0,1 1e6 0,004&0,02 1e5 steel 20MnCr5"
-    typed = typed.replace(" ", "\n").replace("&", " ")
+    # it; height, fork, torque, coast; toothing, shafts, engine, drag, latch, torque left, shifts,
+    # strike, steel.
+    answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30 8  12 22 140 124 1 0,2  2,5"
+    typed = f"{answers} 0,05 0,6 5  1500   1800 output 0,8 9000 0,1 1e6 0,004&0,02 1e5 steel"
+    typed = f"{typed} 20MnCr5".replace(" ", "\n").replace("&", " ")
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
     assert done.exit_code == 0, done.stderr
     study = load_study("mine")
@@ -70,16 +72,16 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     for words in (
         "not judged; 2.5 kg at the mean radius have 0.01089",
         "kinds of clutch: amt (30 dogs, 140/124 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
-        "chamfer of the face, deg (the MQ200 prototype, thesis table 5) [8]:",
-        "slides on, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
-        "1/min; 0: the sliding ring stands", "ring that turns with the engine",
+        "chamfer of the face, deg; 0: flat (the MQ200 prototype, thesis table 5) [8]:",
+        "own teeth's, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
+        "a range its middle; 0: the sliding ring stands", "ring that turns with the engine",
         "mq200_three (15 dogs, 52/44 mm, 200 N m)\n", "ring is pulled out (all of it) [1]:",
-        "give one of 16MnCr5, 20MnCr5", "forces of the shifts, N [1500]:",
+        "give one of 16MnCr5, 20MnCr5", "forces of the shifts, N, likewise [1500]:",
         "shift force is 1600 N, but the study has a rise time for 1500 N alone",
     ):  # fmt: skip
         assert words in done.stderr
-    # The same clutch again by twenty times return: toothing and drag are its own.
-    done = CliRunner().invoke(app, ["init", "study", "--out", "same"], input=30 * "\n")
+    # The same clutch again by return alone: toothing and drag are its own.
+    done = CliRunner().invoke(app, ["init", "study", "--out", "same"], input=50 * "\n")
     assert done.exit_code == 0, done.stderr
     assert load_study("same").physics_hash == load_study("mq200").physics_hash
     Path("m.csv").write_text("x;y;F_shift (kN)\n50;190;0,469\n100;180;0,469\n")
@@ -94,6 +96,87 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     )
     assert bench.source.startswith("me, today; m.csv (SHA-256 ")
     assert bench.readings[0].time == pytest.approx(0.19)
+
+
+def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A data sheet is typed as it stands; what it leaves open is asked again."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    lines = (
+        "amt|12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|15\N{DEGREE SIGN}|15|"
+        "|-3|\N{MINUS SIGN}3 deg|122|110|1|1 deg|0.15|3.1 kg|0.35|45|6|1.2|3,200|3200 N m|1500 N m"
+        "|58|600 to 1800|1200||4|120|0.2|5e5|200 kg cm2|90 kN m/rad|"
+    )
+    typed = lines.replace("|", "\n") + "\n"
+    done = CliRunner().invoke(app, ["init", "study", "--out", "sleeve"], input=typed)
+    assert done.exit_code == 0, done.stderr
+    for words in (
+        "'bar' is no unit of this quantity; give it in N, pressure times area: 1 bar on 1 cm2 is",
+        "3,200 may be 3200 or 3.2; write it without the comma",
+        "the study has one value, so give its middle 1200",
+    ):
+        assert words in done.stderr
+    study = load_study("sleeve")
+    dog, load = study.clutch.dog, study.limits.load
+    assert (dog.chamfer, dog.chamfer_back, dog.crest) == pytest.approx((15 * DEG, 15 * DEG, 0.5))
+    assert dog.backlash == pytest.approx(DEG * 0.058)
+    assert study.limits.tolerances.backlash == pytest.approx(1.5e-4)
+    assert load.coast_share == pytest.approx(1500 / 3200)
+    assert study.clutch.rings.mass == 3.1
+    assert study.clutch.mechanism.added_mass == 1.2
+    assert study.clutch.mechanism.ring_inertia == study.limits.strikes[0].ring_inertia == 0.02
+    speeds = [point.mismatch / RPM for point in study.points]
+    assert (len(speeds), study.forces) == (24, [1500.0])
+    assert max(map(abs, speeds)) < 60.0
+    # No draw has the ends of the range, which the strike is judged at.
+    assert study.limits.strikes[0].mismatch == pytest.approx((-60 * RPM, 60 * RPM))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "numbers"),
+    [
+        ("0,5", "mm", (0.5,)),
+        ("1 cm", "mm", (10.0,)),
+        ("25 kg mm²", "kg m2", (2.5e-5,)),
+        ("1 N m/deg", "N m/rad", (1 / DEG,)),
+        ("-500 250; 800", "1/min", (-500.0, 250.0, 800.0)),
+        ("0.6..0.9 mm", "mm", (0.6, 0.9)),
+    ],
+)
+def test_numbers_of_an_answer(text: str, unit: str, numbers: tuple[float, ...]) -> None:
+    assert read_numbers(text, unit).numbers == pytest.approx(numbers)
+
+
+@pytest.mark.parametrize("text", ["", "five", "nan", "5 to 3", "1 to 2 to 3", "1 2 to 3", "3 kg"])
+def test_answers_that_are_refused(text: str) -> None:
+    with pytest.raises(ds.InputError):
+        read_numbers(text, "mm")
+
+
+def test_a_flat_tip_takes_ridge_and_release_of_the_roof_along(dogshape: Call) -> None:
+    flat = "dog.chamfer_deg=0", "dog.chamfer_back_deg=0"
+    said, study = _begun(dogshape, *flat, origin="ev_disconnect")
+    assert study.clutch.dog.crest == 1.0
+    assert not study.limits.load.faces_release
+    assert "load.faces_release False" in " ".join(said.json["assumed"])
+    assert study.variables["chamfer_back_deg"] == (0.0, 25.0)
+    shutil.rmtree("own")
+    # A flat kind that is given a roof has a ridge, and faces that slide.
+    _, roof = _begun(dogshape, "dog.chamfer_deg=12", "dog.chamfer_back_deg=12", origin="motorcycle")
+    assert (roof.clutch.dog.crest, roof.limits.load.faces_release) == (0.5, True)
+
+
+def test_ranges_of_the_search_hold_the_own_dog(dogshape: Call) -> None:
+    _, study = _begun(dogshape, "dog.traction_deg=-4.5", "dog.count=5", "dog.height_mm=7.5")
+    wide = {name: study.variables[name] for name in ("traction_deg", "count", "height_mm")}
+    assert wide == {"traction_deg": (-5.0, 30.0), "count": (5, 36), "height_mm": (1.6, 8.0)}
+    assert study.variables["braking_deg"] == (4.0, 30.0)
+
+
+def test_a_new_key_stands_before_the_comments_of_the_next_table(dogshape: Call) -> None:
+    _begun(dogshape, "mechanism.friction_N=12")
+    text = Path("own/study.toml").read_text()
+    assert text.index("friction_N = 12") < text.index("# Friction of the dogs in the same range")
 
 
 def _begun(dogshape: Call, *settings: str, origin: str = "mq200") -> tuple[CommandResult, Setup]:
@@ -113,7 +196,9 @@ def test_own_mismatch_and_force_replace_the_points_of_the_kind(
         assert [round(p.mismatch / RPM) for p in study.points] == [20, 50]
         assert "by values of yours: operating.points" in " ".join(said.json["assumed"])
         shutil.rmtree("own")
-    assert "operating.points = 8 values" in _begun(dogshape, origin="amt")[0].json["assumed"][0]
+    # No number of the kind is hidden.
+    points = "operating.points = [{mismatch_rpm = 20.0, force_N = 1000.0, weight = 4.0}, {"
+    assert points in _begun(dogshape, origin="amt")[0].json["assumed"][0]
     assert len(load_study("ev_disconnect", [own[0], "operating.force_N=[320]"]).points) == 2
     said = dogshape("init", "study", "--like", "amt", "--yes", "--set", own[1])
     assert "remove one of the two (--set operating.points=), or set operating.mismatch_rpm and" in (

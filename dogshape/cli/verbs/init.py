@@ -14,7 +14,7 @@ import typer
 from typer import Argument, Option
 
 from dogshape.cli.options import PLAIN, Json, Sets, emit
-from dogshape.sim.errors import GeometryError, InputError, meant_number
+from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.units import unit_of
 from dogshape.terminal import print_parts, terminal
 
@@ -101,7 +101,7 @@ def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool)
                 return make(own())
             except (InputError, GeometryError) as error:
                 typer.echo(f"{error}\nnothing is written yet; your answers are kept", err=True)
-                answers.update(ask_values(answers, words))
+                answers.update(ask_values(before | answers, words))
 
     # What follows from a part is the default of the next one.
     for part in (draft.ACTUATION, draft.OPERATION, draft.CLUTCH, draft.USE):
@@ -234,7 +234,7 @@ def _pair(text: str) -> tuple[str, str]:
 def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand."""
     from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
-    from dogshape.pipeline.drafts.study_folder import WORDS, source_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts.study_folder import MASS, WORDS, source_of  # noqa: PLC0415
 
     found = guessed(draft)
     while draft.tables:
@@ -253,7 +253,8 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     origin = ask("clutch of the stand, as in (study or bench)", draft.origin)
     if not ask(f"is the clutch exactly that of '{origin}'?", True):
         before = source_of(origin).dog_values
-        values = changed(ask_values(before, WORDS), before) | values
+        words = WORDS | {MASS: "moving mass, with fork and rod, kg"}
+        values = changed(ask_values(before, words), before) | values
     for key, (question, choices) in RECORD.items():
         if key not in values and (key != EMPTY or found["empty"]):
             values[key] = ask(f"{question}: {', '.join(choices)}", "unknown", choices)
@@ -317,44 +318,48 @@ def may_ask(yes: bool) -> bool:
     return not yes and sys.stdin.isatty()
 
 
-def ask(question: str, default: Any, choices: Sequence[str] = ()) -> Any:
+def ask(
+    question: str,
+    default: Any,
+    choices: Sequence[str] = (),
+    read: Callable[[str], Any] | None = None,
+) -> Any:
     """Ask for a value of the kind of the default: yes or no, a number, numbers, or words.
 
-    A decimal comma is taken as a point. An answer of another kind is asked about again; the end of
-    the input stops the program as Ctrl-C does.
+    ``read`` makes a value of an answer that is neither yes or no nor a word, by default a number.
+    An answer of another kind is asked about again; the end of the input stops the program as Ctrl-C
+    does.
     """
-    many = isinstance(default, (list, tuple))
+    from dogshape.pipeline.drafts.answers import number_of, shown_value  # noqa: PLC0415
 
     def value_of(text: str) -> Any:
         if isinstance(default, str):
             if choices and text not in choices:
                 raise typer.BadParameter(f"give one of {', '.join(choices)}")
             return text.strip()
-        numbers = [meant_number(word.rstrip(";")) for word in text.split()]
-        if not numbers or None in numbers or (not many and len(numbers) > 1):
-            kind = "numbers with blanks between" if many else "a number"
-            raise typer.BadParameter(f"give {kind}")
-        if isinstance(default, int) and numbers[0] != round(numbers[0] or 0.0):
-            raise typer.BadParameter("give a whole number")
-        return numbers if many else type(default)(numbers[0])
+        try:
+            return (read or number_of)(text)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from None
 
     try:
         if isinstance(default, bool):
             return typer.confirm(question, default=default, err=True)
-        words = default if many else [default]
-        shown = " ".join(f"{one:g}" if isinstance(one, float) else f"{one}" for one in words)
-        return typer.prompt(question, default=shown, err=True, value_proc=value_of)
+        return typer.prompt(question, default=shown_value(default), err=True, value_proc=value_of)
     except typer.Abort:
         raise KeyboardInterrupt from None
 
 
 def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
-    """Ask for values by their keys."""
-    from dogshape.pipeline.drafts.study_folder import CHOICES  # noqa: PLC0415
+    """Ask for values by their keys; keys that earlier answers make void are left out."""
+    from dogshape.pipeline.drafts.study_folder import CHOICES, is_void, value_of  # noqa: PLC0415
 
-    return {
-        key: ask(words.get(key, key), value, CHOICES.get(key, ())) for key, value in values.items()
-    }
+    answers: dict[str, Any] = {}
+    for key, default in values.items():
+        if not is_void(key, answers):
+            read = partial(value_of, key, default=default, answers=answers)
+            answers[key] = ask(words.get(key, key), default, CHOICES.get(key, ()), read)
+    return answers
 
 
 def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
