@@ -102,7 +102,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; raises InputError with the line, OSError where there is none."""
     try:
         return tomllib.loads(text_of(path))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(f"{path} is not valid TOML: {error}; correct the line") from error
     except DataError as error:
         raise InputError(f"{path} is not valid TOML: {error}; save it as UTF-8") from error

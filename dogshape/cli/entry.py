@@ -15,6 +15,7 @@ import unicodedata
 from collections.abc import Iterator
 from itertools import pairwise
 from types import FrameType
+from typing import Any
 
 #: Signals that end the program as Ctrl-C does: by ``kill``, a scheduler, a closed terminal.
 ENDING = (signal.SIGTERM, signal.SIGHUP)
@@ -149,7 +150,9 @@ def _sentence(error: Exception, message: str) -> str:
 
         return broken_rule(names[-1], details()[0])
     option = getattr(error, "option_name", None)
-    if not isinstance(option, str):
+    command: Any = getattr(getattr(error, "ctx", None), "command", None)
+    options = [name for parameter in getattr(command, "params", ()) for name in parameter.opts]
+    if not isinstance(option, str) or "--set" not in options:
         return message
     from dogshape.pipeline.config.schema import keys_like  # noqa: PLC0415
 

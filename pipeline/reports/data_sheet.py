@@ -124,8 +124,9 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     unknown name, a design that is not there, and for settings of a design with a number;
     StorageError for a folder with damaged files.
     """
-    where, sign, number = name.rpartition("#") if "#" in name else (name, "", "")
-    if not chosen and (not sign or Path(name).exists()):
+    numbered = "#" in name and not Path(name).exists()
+    where, sign, number = name.rpartition("#") if numbered else (name, "", "")
+    if not chosen and not sign:
         return NamedDesign(name, load_study(name, settings))
     if settings:
         fault = f"'{name}' is a design as it was simulated, which --set would change"

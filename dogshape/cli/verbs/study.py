@@ -34,8 +34,19 @@ from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
 from dogshape.sim.units import MM
 
+TABLES = (".csv", ".xlsx")
 ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
-           "--sheet": (".html", ".json")}  # fmt: skip
+           "--sheet": (".html", ".json"), "--html": (".html", ".htm"),
+           "--trace": TABLES}  # fmt: skip
+
+
+def _named_study(name: str, settings: list[str]) -> ds.Study:
+    """Load a study, or as FOLDER#N and STUDY#N a design of a search as a study of its own."""
+    if "#" not in name or Path(name).exists():
+        return ds.Study(name, settings)
+    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+
+    return ds.Study.from_config(named_design(name, settings, chosen=False).own_study)
 
 
 def _plausible(study: ds.Study, angles: Collection[float] = ()) -> None:
@@ -71,8 +82,8 @@ def shift(
 
     if html is not None and html == trace:
         raise InputError(f"--html and --trace both name {html}; give two files")
-    require_targets({"--html": html, "--trace": trace})
-    given = ds.Study(study, with_engine(set_, engine))
+    require_targets({"--html": html, "--trace": trace}, ENDINGS)
+    given = _named_study(study, with_engine(set_, engine))
     found = given.shift(
         mismatch_rpm=mismatch_rpm, force_N=force_N, angle_deg=relative_angle_deg,
         force_rise_s=force_rise_s, all_dogs=all_dogs,
@@ -106,7 +117,7 @@ def expect(
         "precision": precision, "cluster": cluster,
     }  # fmt: skip
     if draws is None:
-        given = ds.Study(study, settings)
+        given = _named_study(study, settings)
         _plausible(given, listed if isinstance(listed, tuple) else ())
         found = given.expect(**point, angles=listed, **kept(jobs))
         warn(one.removeprefix("warning: ") for one in found.shortfall if json)
@@ -155,7 +166,7 @@ def strength(
 
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
-    given, record, more = ds.Study(study, with_engine(set_, engine)), {}, []
+    given, record, more = _named_study(study, with_engine(set_, engine)), {}, []
     if fem:
         from dogshape.validation.finite_elements import root_stress  # noqa: PLC0415
 
@@ -188,8 +199,8 @@ def check(
     """
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
 
-    given = ds.Study(study, with_engine(set_, engine))
-    require_targets({"--out": out})
+    given = _named_study(study, with_engine(set_, engine))
+    require_targets({"--out": out}, {"--out": TABLES})
     asked: Any = {"mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate}
     if designs is not None:
         from dogshape.predictions import beside  # noqa: PLC0415
