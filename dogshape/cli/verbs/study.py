@@ -41,12 +41,17 @@ ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
 
 
 def _named_study(name: str, settings: list[str]) -> ds.Study:
-    """Load a study, or as FOLDER#N and STUDY#N a design of a search as a study of its own."""
+    """Load a study, that of a folder of results, or as FOLDER#N or STUDY#N a searched design."""
+    from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
+    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
+
+    stored = StudyFolder(Path(name))
+    if stored.manifest.is_file():
+        return ds.Study.from_config(stored.stored_study()).replace_keys(settings_of(settings))
     if "#" not in name or Path(name).exists():
         return ds.Study(name, settings)
-    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
-
-    return ds.Study.from_config(named_design(name, settings, chosen=False).own_study)
+    return ds.Study.from_config(named_design(name, settings, chosen=False).prototype_study)
 
 
 def _plausible(study: ds.Study, angles: Collection[float] = ()) -> None:
@@ -381,15 +386,10 @@ def app(
 
     Example: dogshape app mq200_paper --set load.torque_Nm=150
     """
-    from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
-    stored, folder = StudyFolder(Path(study)), None
-    if stored.manifest.is_file():
-        folder = stored.root
-        given = ds.Study.from_config(stored.stored_study()).replace_keys(settings_of(set_))
-    else:
-        given = ds.Study(study, set_)
+    folder = Path(study) if StudyFolder(Path(study)).manifest.is_file() else None
+    given = _named_study(study, set_ or [])
     ds.serve_app(
         given, surrogate=surrogate, folder=folder, port=port, browser=browser,
         progress=True, command=shlex.join([study, *(f"--set={s}" for s in set_ or ())]),
