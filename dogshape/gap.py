@@ -30,7 +30,7 @@ from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of
 from dogshape.pipeline.reports import gap_page
-from dogshape.pipeline.store.folder import require_targets
+from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.running import receiver
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError, number
@@ -165,6 +165,7 @@ def diagnose(
     folder = None if out is None else Path(out)
     if folder is not None:
         gap_update.require_no_updates(folder)
+        _require_no_study(folder)
     if study is not None:
         studied(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
@@ -179,6 +180,14 @@ def diagnose(
             if folder is not None:
                 gap_page.publish(found, folder, price)
     return Diagnosis(found, price, folder)
+
+
+def _require_no_study(folder: Path) -> None:
+    """Raise StorageError for a folder of a study, whose report a diagnosis would write over."""
+    for file in (StudyFolder(folder).manifest, folder / "study.toml"):
+        if file.is_file():
+            fault = f"which holds a study ({file.name}), whose report a diagnosis would replace"
+            raise StorageError(f"--out is {folder}, {fault}; name another folder")
 
 
 @dataclass(frozen=True, repr=False)

@@ -217,7 +217,7 @@ def load(path: Path) -> Stored:
             f"there is no surrogate at {path}; run 'dogshape study' or 'dogshape fit' first, "
             "or name a file with --surrogate"
         ) from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DataError(f"{path} is not a surrogate file; {FIT_AGAIN}") from error
 
 

@@ -2,7 +2,7 @@
 
 A correction is written ``QUANTITY=WAY``, for instance ``time=ms``: the column is in
 milliseconds. ``QUANTITY=given`` says that it is right as it stands, however odd it looks. A
-unit and a zero of one quantity go together: ``trace_time=ms``, ``trace_time=from_force``.
+unit, a sign and a zero of one quantity go together: ``trace_time=ms``, ``trace_time=from_force``.
 """
 
 from __future__ import annotations
@@ -11,14 +11,18 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from dogshape.diagnosis.bench.force_start import FIRST, ForceStart, find_force_start
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import Row, Sheet, joined_rows
-from dogshape.diagnosis.bench.traces import BenchTrace, ForceStart, find_force_start
+from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError, require_known
 from dogshape.sim.units import MM, MS, RPM
 
 GIVEN = "given"
-ZEROS = ("from_force", "zeroed")  #: ways that move a zero and change no unit
+#: Ways that change no unit, by what they change: those of different kinds go together.
+KINDS = {"from_force": "zero", "zeroed": "zero", "turned": "sign", "exchanged": "columns"}
 
 
 def _scaled(one: Any, by: float, *names: str) -> Any:
@@ -56,6 +60,13 @@ def _from_force(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
     return replace(trace, time=trace.time - start.time, start_error=start.error)
 
 
+def _turned_displacement(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
+    """Count the displacement from its reading at rest, in the other direction."""
+    start = find_force_start(trace, row.rise)
+    rest = start.displacement if start else float(np.median(trace.displacement[:FIRST]))
+    return replace(trace, displacement=rest - trace.displacement)
+
+
 #: Corrections of rows and of their traces, in the order in which they are made.
 OF_ROWS: dict[str, Callable[[Row, Sensor], Row]] = {
     "axes=swapped": lambda r, _: replace(r, mismatch=r.force, force=r.mismatch),
@@ -67,6 +78,8 @@ OF_ROWS: dict[str, Callable[[Row, Sensor], Row]] = {
     "mismatch=reversed": lambda r, _: _scaled(r, -1.0, "mismatch"),
 }
 OF_TRACES: dict[str, Callable[[BenchTrace, Row, Sensor], BenchTrace]] = {
+    "trace_force=turned": lambda t, _, s: _scaled(t, -1.0, "force"),
+    "displacement=turned": _turned_displacement,
     "displacement=m": lambda t, _, s: _scaled(t, 1.0 / MM, "displacement"),
     "displacement=arm": lambda t, _, s: _scaled(t, _factor(s, "displacement"), "displacement"),
     "displacement=zeroed": lambda t, r, _: replace(
@@ -78,6 +91,9 @@ OF_TRACES: dict[str, Callable[[BenchTrace, Row, Sensor], BenchTrace]] = {
     "trace_force=arm": lambda t, _, s: _scaled(t, _factor(s, "force"), "force"),
     "trace_force=zeroed": lambda t, r, _: replace(t, force=t.force - _start(t, r).force),
     "speeds=rad_s": lambda t, _, s: _scaled(t, 1.0 / RPM, "sliding_speed", "output_speed"),
+    "speeds=exchanged": lambda t, _, s: replace(
+        t, sliding_speed=t.output_speed, output_speed=t.sliding_speed
+    ),
 }
 JOINED = "points=joined"  #: of all rows at once, last
 WAYS = (*OF_ROWS, *OF_TRACES, JOINED)
@@ -88,7 +104,7 @@ def contradict(one: str, other: str) -> bool:
     (quantity, _, way), (second, _, instead) = one.partition("="), other.partition("=")
     if quantity != second or way == instead:
         return False
-    return GIVEN in (way, instead) or (way in ZEROS) == (instead in ZEROS)
+    return GIVEN in (way, instead) or KINDS.get(way) == KINDS.get(instead)
 
 
 def parse(texts: Iterable[str]) -> tuple[str, ...]:
@@ -131,7 +147,8 @@ class Finding:
 
     ``correction``, such as ``time=ms``, would make ``quantity`` right. A ``certain`` one cannot be
     true as it stands and is refused; ``arguable`` tells whether a user may say that it is right.
-    ``remedy`` is what to do where neither a correction nor the data set is.
+    ``alternatives`` are other corrections with the same effect on what was found. ``remedy`` is
+    what to do where neither a correction nor the data set is.
     """
 
     quantity: str
@@ -141,11 +158,13 @@ class Finding:
     certain: bool = False
     arguable: bool = True
     remedy: str = ""
+    alternatives: tuple[tuple[str, str], ...] = ()
 
     @property
     def sentence(self) -> str:
         """Finding, probable cause and remedy in a sentence."""
         ways = [f"--correct {self.correction} applies this correction"] if self.correction else []
+        ways += [f"--correct {way} where it is {cause}" for way, cause in self.alternatives]
         if self.arguable:
             ways.append(f"--correct {self.quantity}={GIVEN} keeps the values")
         return self.with_remedy(self.remedy or ", or ".join(["correct the data set", *ways]))

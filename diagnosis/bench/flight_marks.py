@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.traces import BenchTrace, scatter, smoothed, step_of
+from dogshape.diagnosis.bench.samples import scatter, smoothed, step_of
+from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.shift.actuation import ForceProfile
 

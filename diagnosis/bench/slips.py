@@ -21,7 +21,13 @@ import numpy as np
 from dogshape.diagnosis.bench.corrections import GIVEN, Finding, Findings, contradict, corrected
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_groups
-from dogshape.diagnosis.bench.trace_slips import TRACED, median, trace_notes
+from dogshape.diagnosis.bench.trace_slips import (
+    TRACED,
+    median,
+    recording_faults,
+    trace_notes,
+    trace_rate,
+)
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
@@ -258,5 +264,6 @@ def table_clock(stand: Stand, sheet: Sheet) -> Findings:
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Callable[[Stand, Sheet], Findings], ...] = (
     axes_by_rise, physical_ranges, force_by_calibration, early_times, *TRACED,
-    repeated_rows, nearly_same_points, trace_notes, table_clock,
+    repeated_rows, nearly_same_points, recording_faults, trace_notes, trace_rate,
+    table_clock,
 )  # fmt: skip

@@ -6,25 +6,20 @@ range; times and readings at rest show another zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dogshape.diagnosis.bench.corrections import Finding, Findings, corrected
+from dogshape.diagnosis.bench.force_start import FIRST, ForceStart, find_force_start
+from dogshape.diagnosis.bench.samples import scatter, smoothed, step_of
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
-from dogshape.diagnosis.bench.traces import (
-    FIRST,
-    BenchTrace,
-    ForceStart,
-    find_force_start,
-    scatter,
-    smoothed,
-    step_of,
-)
+from dogshape.diagnosis.bench.traces import LEAD, BenchTrace
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, MS, RPM, short
@@ -36,6 +31,9 @@ CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margi
 REST = 0.02  #: of axial gap or nominal force, least reading at rest that is said
 MOVED = 0.005  #: of the travel, least way of the first samples of a record that begins in motion
 CLEAR = 5.0  #: scatters of a median that a value at rest exceeds, four times 1.25 standard errors
+FALLING = 0.5  #: of the fall, rise of a channel above which it does not only fall
+MIN_SAMPLES_PER_SHIFT = 20  #: samples that marks of a flight need within a shift, judged
+MAX_SPEED = 1.5  #: times the speed from the work of the force: for a force of twice the nominal
 ANOTHER = "shift times that count from another instant than the force"
 DEAD = (
     "a dead time or slow rise of the force, or a zero that table and traces share, which a "
@@ -139,9 +137,107 @@ def trace_notes(stand: Stand, sheet: Sheet) -> Findings:
             notes.append(f"ends {early} ms before the shift of row {one.row.row} is over{before}")
         noted += [f"{trace.path.name}: {'; '.join(notes)}"] if notes else []
     if noted:
-        more = f", and {len(noted) - 1} more traces alike" if len(noted) > 1 else ""
-        looks = "a recording that was stopped early, or channels with times of their own"
-        yield Finding("traces", f"{noted[0]}{more}", looks, arguable=False)
+        looks = (
+            "a recording that was stopped early, samples that were lost, or channels with times of "
+            "their own"
+        )
+        yield Finding("traces", _of_traces(noted), looks, arguable=False)
+
+
+def recording_faults(stand: Stand, sheet: Sheet) -> Findings:
+    """Find faults of a recording that reading a trace showed, a finding for each cause."""
+    by_cause: dict[str, list[str]] = {}
+    for traced_row in traced(stand, sheet):
+        for text, cause in traced_row.trace.faults:
+            by_cause.setdefault(cause, []).append(f"{traced_row.trace.path.name}: {text}")
+    for cause, texts in by_cause.items():
+        yield Finding("traces", _of_traces(texts), cause, arguable=False)
+
+
+def _of_traces(texts: Sequence[str]) -> str:
+    """Give the first of the sentences on traces, and the number of the others."""
+    others = f", and {len(texts) - 1} more alike" if len(texts) > 1 else ""
+    return f"{texts[0]}{others}"
+
+
+def trace_signs(stand: Stand, sheet: Sheet) -> Findings:
+    """Find forces and displacements that fall where a shift makes them rise."""
+    rows = traced(stand, sheet)
+    for quantity, name, unit, scale in (
+        ("trace_force", "force", "N", 1.0),
+        ("displacement", "displacement", "mm", MM),
+    ):
+        ends = [end for row in rows if (end := _fall(getattr(row.trace, name)))]
+        if 2 * len(ends) <= len(rows):
+            continue
+        first, last = (number(float(f"{value / scale:.3g}")) for value in ends[0])
+        text = (
+            f"{name}_{unit} falls in {len(ends)} of {len(rows)} traces, from {first} to {last} "
+            f"{unit} in the first, but it rises in a shift"
+        )
+        cause = "a sensor of the opposite sign"
+        yield Finding(quantity, text, cause, f"{quantity}=turned", certain=True)
+
+
+def _fall(values: Array) -> tuple[float, float] | None:
+    """Give first and lowest reading of a channel that falls further than it rises, else None."""
+    smooth = smoothed(values)
+    rest = float(np.median(values[:FIRST]))
+    fall, rise = rest - float(smooth.min()), float(smooth.max()) - rest
+    clear = max(CLEAR * scatter(values), FALLING * fall)
+    return (rest, rest - fall) if fall > CLEAR * scatter(values) and rise < clear else None
+
+
+def trace_rate(stand: Stand, sheet: Sheet) -> Findings:
+    """Find channels with too few samples in the time of their shift."""
+    slow = []
+    for row in traced(stand, sheet):
+        if row.row.time is None:
+            continue
+        needed = row.row.time / MIN_SAMPLES_PER_SHIFT
+        steps = {LEAD: step_of(row.trace.time), **row.trace.steps}
+        slow += [
+            f"{row.trace.path.name}: {name} is sampled every {short(step / MS, 3)} ms, but the "
+            f"shift of {short(row.row.time / MS, 3)} ms needs a sample every "
+            f"{short(needed / MS, 3)} ms or more often"
+            for name, step in steps.items()
+            if step > needed
+        ]
+    if slow:
+        cause = "a recorder too slow for the marks of the flight"
+        yield Finding("traces", _of_traces(slow), cause, arguable=False)
+
+
+def trace_jumps(stand: Stand, sheet: Sheet) -> Findings:
+    r"""Find displacements that jump further than the sleeve can go within a sample step.
+
+    By the work of the force the sleeve has at most the speed :math:`\\sqrt{2 F s/m}` after the way
+    s, with the largest force F up to then, measured or nominal.
+    """
+    jumps = []
+    for row in traced(stand, sheet):
+        trace, mass = row.trace, stand.clutch.rings.mass
+        try:
+            profile = ForceProfile(row.row.force, row.row.rise)
+        except InputError:
+            continue
+        way, noise = smoothed(trace.displacement), CLEAR * scatter(trace.displacement)
+        nominal = np.array([profile.at(float(time)) for time in trace.time])
+        force = np.maximum.accumulate(np.maximum(smoothed(trace.force), nominal))
+        work = np.maximum(force, 0.0) * (abs(np.maximum.accumulate(way) - way[0]) + noise)
+        speed = np.sqrt(2.0 * work / mass)
+        most = MAX_SPEED * speed[1:] * np.diff(trace.time) + noise
+        places = np.flatnonzero(abs(np.diff(way)) > most)
+        if places.size:
+            before, after = way[places[0] : places[0] + 2] / MM
+            jumps.append(
+                f"{trace.path.name}: displacement_mm jumps from {short(before, 3)} to "
+                f"{short(after, 3)} mm at {number(trace.time[places[0] + 1])} s, further than the "
+                "force can move the sleeve in one sample step"
+            )
+    if jumps:
+        cause = "lost counts, a loose contact or samples that are missing"
+        yield Finding("displacement", _of_traces(jumps), cause)
 
 
 def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
@@ -232,6 +328,7 @@ class Range:
     ``ways`` (correction, unit in words) the first that brings the median ratio into the range is
     the slip, which is refused. Without one the cause is ``other``, which is refused beyond
     ``possible``. Of a sensor at the actuator the range ends at ``soft`` times ``high``.
+    ``alternatives`` are corrections, with their cause, that change the ratio as one of ``ways``.
     """
 
     quantity: str
@@ -244,6 +341,7 @@ class Range:
     possible: tuple[float, float] = (-np.inf, np.inf)
     arguable: bool = True
     soft: float = 1.0
+    alternatives: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     def _middle(self, stand: Stand, sheet: Sheet) -> float:
         return median([self.ratio(one) for one in traced(stand, sheet)], 1.0)
@@ -263,7 +361,9 @@ class Range:
             if self.low <= self._middle(stand, other) <= high:
                 quantity = correction.partition("=")[0]
                 text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
-                yield Finding(quantity, found, text, correction, True, self.arguable)
+                others = self.alternatives.get(correction, ())
+                yield Finding(quantity, found, text, correction, True, self.arguable,
+                              alternatives=others)  # fmt: skip
                 return
         certain = not self.possible[0] < middle < self.possible[1]
         yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
@@ -275,6 +375,7 @@ TRACED: tuple[Callable[[Stand, Sheet], Findings], ...] = (
           "by t_s the travel of the traces takes {0} times the time of the shift",
           (("trace_time=ms", "milliseconds"),),
           "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False),
+    trace_signs,
     trace_clock,
     # Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
     Range("displacement", travel_ratio, 0.9, 1.15,
@@ -289,7 +390,9 @@ TRACED: tuple[Callable[[Stand, Sheet], Findings], ...] = (
           (("mismatch=rad_s", "mismatch_rpm in radians a second"),
            ("speeds=rad_s", "the speeds of the traces in radians a second"),
            ("mismatch=reversed", "a mismatch_rpm of sliding less output speed")),
-          "another speed than the nominal one"),
+          "another speed than the nominal one",
+          alternatives={"mismatch=reversed":
+                        (("speeds=exchanged", "the traces' two speed columns exchanged"),)}),
     Range("trace_force", force_ratio, 0.5, 1.5,
           "force_N of the traces ends at {0} of what force_N of the table makes it",
           (("trace_force=kN", "kilonewtons"),
@@ -297,4 +400,5 @@ TRACED: tuple[Callable[[Stand, Sheet], Findings], ...] = (
            ("trace_force=arm", "the force at the robot arm in the traces")),
           "a sensor with a wrong scale"),
     trace_rest,
+    trace_jumps,
 )  # fmt: skip

@@ -1,47 +1,58 @@
-r"""Time series of bench shifts: their files, the start of the force, readings at rest before it.
-
-Noise, an offset of the sensor and the slow beginning of a cubic rise hide the first instant of the
-force. So a curve is fitted to the samples up to a share of the rise: a level at rest,
-:math:`F_0`, up to the start :math:`t_0`, and from there one of three shapes of :math:`t - t_0`,
-
-- the nominal cubic step, :math:`k\,(\tau^2 - 2\tau^3/3T)` with the rise time *T* of the shift,
-- a slower beginning, :math:`k_2\tau^2 + k_3\tau^3`, as a lag makes it,
-- a ramp or a jump, :math:`k_1\tau + k_2\tau^2`.
-
-Another shape than the nominal one is taken where the Bayesian information criterion prefers it
-clearly. The scale of the force is free, so its unit does not matter.
+"""Time series of bench shifts: their files, and one time axis for all channels.
 
 *Files* are CSV, LabVIEW's TDMS and ASAM's MDF (``docs/bench.md``); time zero is the start of the
 force. All channels are brought to the times of the displacement by linear interpolation where every
-channel has samples. What was interpolated, cut or lost is said.
+channel has samples. Samples that are none (dropouts, invalid, repeated ones) are left out. What was
+interpolated, cut or left out is said.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import gc
+import logging
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import lru_cache
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import median_filter
 
-from dogshape.diagnosis.bench.cell_values import unit_named
+from dogshape.diagnosis.bench.cell_values import FORCE, LENGTH, SPEED, unit_named
+from dogshape.diagnosis.bench.cell_values import TIME as DURATION
+from dogshape.diagnosis.bench.samples import (
+    Channel,
+    Fault,
+    clock_fault,
+    dropouts,
+    frozen_runs,
+    held_step,
+    rounded_clock,
+    scatter,
+)
 from dogshape.diagnosis.terms import Array
-from dogshape.sim.errors import DataError, InputError, did_you_mean, number, number_rule
+from dogshape.sim.errors import (
+    DataError,
+    DogshapeError,
+    InputError,
+    did_you_mean,
+    number,
+    number_rule,
+)
 from dogshape.sim.texts import is_plain, read_table
-from dogshape.sim.units import to_si
+from dogshape.sim.units import MS, short, to_si
 
 
 @dataclass(frozen=True, eq=False)
 class BenchTrace:
     """Time series of one bench shift, each (n,), SI units, referred to the sleeve.
 
-    ``notes`` say what was interpolated, cut or lost; ``start_error`` is the standard error of time
-    zero where it was found from the force, s.
+    ``notes`` say what was interpolated or cut, ``faults`` what is wrong with the recording and was
+    left out; ``start_error`` is the standard error of time zero where it was found from the force,
+    s; ``steps`` are the sample steps of channels that were interpolated, s.
     """
 
     path: Path
@@ -51,161 +62,25 @@ class BenchTrace:
     sliding_speed: Array
     output_speed: Array
     notes: tuple[str, ...] = field(default=(), kw_only=True)
+    faults: tuple[Fault, ...] = field(default=(), kw_only=True)
+    steps: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     start_error: float = field(default=0.0, kw_only=True)
-
-
-#: Force above rest that is seen as a rise, of the largest: above the hum and drift of load cells.
-THRESHOLD = 0.05
-CLEAR = 4.0  #: scatters, the same at least: by chance a median of three passes once in 10^8
-RISEN = 0.8  #: of the largest force, up to which the rise is fitted: below plateau and corner
-#: Advantage in the information criterion from which another shape is taken (Kass, Raftery 1995).
-EVIDENCE = 10.0
-Shape = Callable[[Array], list[Array]]  #: columns of a fit from times after the start
-
-FREE, ARRIVED = 0.2, 0.9  #: shares of the displacement: nothing touches before, and end of travel
-FIRST = 5  #: first samples, which are taken as being at rest where nothing else says it
-SEARCHED = 4.0  #: how far before the threshold the start may be, in lengths of the fitted rise
-RESTED = 10  #: how many samples at rest are fitted at most, in those of the fitted rise
-FITTED = 4  #: least samples of a rise that is fitted; of a jump the middle of a step is taken
-GRID, PASSES = 24, 4  #: starts that are tried at a time, each time closer to each other
-
-
-@dataclass(frozen=True)
-class ForceStart:
-    """Start of the force, s, its standard error, and readings at rest, N and m."""
-
-    time: float
-    error: float
-    force: float
-    displacement: float
-
-
-def step_of(time: Array) -> float:
-    """Compute the median time from sample to sample, s, of times (n,)."""
-    return float(np.median(np.diff(time)))
-
-
-def smoothed(values: Array) -> Array:
-    """Compute the median of three neighbours, (n,)."""
-    return median_filter(values, 3, mode="nearest")
-
-
-def scatter(values: Array) -> float:
-    """Estimate the standard deviation of the noise of samples from their third differences."""
-    if values.size < 8:
-        return 0.0
-    return 1.48 * float(np.median(abs(np.diff(values, 3)))) / float(np.sqrt(20.0))
-
-
-@lru_cache(maxsize=512)
-def find_force_start(trace: BenchTrace, rise: float) -> ForceStart | None:
-    """Find the start of the force in a trace; ``rise`` is its nominal rise time in s.
-
-    Returns None where no rise stands out from the noise.
-    """
-    size = _undisturbed(trace)
-    time, force = trace.time[:size], trace.force[:size]
-    smooth, rest = smoothed(force), float(np.median(force[:FIRST]))
-    top = float(smooth.max()) - rest
-    least = max(THRESHOLD * top, CLEAR * scatter(force))
-    # From the rise backwards: hum and bursts before it may pass the threshold too.
-    end = int(np.argmax(smooth >= rest + RISEN * top)) + 1
-    below = np.flatnonzero(smooth[:end] < rest + least)
-    if top < 2.0 * least or not below.size:
-        return None
-    place = min(int(below[-1]) + 1, end - 1)
-    begin = max(0, place - RESTED * (end - place))
-    start, error, level = float(time[place]) - 0.5 * step_of(trace.time), 0.0, rest
-    if end - place >= FITTED:
-        start, error, level = _fit_start(time[begin:end], force[begin:end], place - begin, rise)
-    still = trace.displacement[: max(FIRST, int(np.searchsorted(trace.time, start)))]
-    # Between two samples a jump may be anywhere.
-    error = float(np.hypot(error, step_of(trace.time) / np.sqrt(12.0)))
-    return ForceStart(start, error, level, float(np.median(still)))
-
-
-def _fit_start(time: Array, force: Array, place: int, rise: float) -> tuple[float, float, float]:
-    span = float(time[-1] - time[place])
-    # Times in lengths of the fitted rise keep the fit well conditioned.
-    scaled, full = (time - time[place]) / span, max(rise / span, 1.0 / time.size)
-    shapes: tuple[Shape, ...] = (
-        lambda tau: [(1.0 - np.minimum(tau, full) / (1.5 * full)) * np.minimum(tau, full) ** 2],
-        lambda tau: [tau**2, tau**3],
-        lambda tau: [tau, tau**2],
-    )
-    # A record that begins after time zero may begin after the force, as the nominal rise tells.
-    early = min(float(time[0]), max(0.0, float(time[0]) - rise))
-    lows = ((early - float(time[place])) / span, float(scaled[0]), float(scaled[0]))
-    fits = [_fit(scaled, force, shape, low) for shape, low in zip(shapes, lows, strict=True)]
-    best = min(fits)
-    _, start, error, level = best if best[0] < fits[0][0] - EVIDENCE else fits[0]
-    return float(time[place]) + span * start, span * error, level
-
-
-def _undisturbed(trace: BenchTrace) -> int:
-    """Count the samples whose force no contact disturbs.
-
-    Where the force falls, these are the samples before the first touch; before the end of travel,
-    where it falls later (release, seating).
-    """
-    way, force = smoothed(trace.displacement), smoothed(trace.force)
-    least = max(THRESHOLD * np.ptp(force), 2.0 * CLEAR * scatter(trace.force))
-    fallen = np.maximum.accumulate(force) - force > least
-    if not fallen.any():
-        return way.size
-    rest = float(np.median(way[:FIRST]))
-    touched, arrived = (
-        int(np.argmax(way >= rest + share * (way.max() - rest))) for share in (FREE, ARRIVED)
-    )
-    return max(2 * FIRST, touched if np.argmax(fallen) < arrived else arrived)
-
-
-def _fit(time: Array, force: Array, shape: Shape, low: float) -> tuple[float, float, float, float]:
-    """Fit a shape that starts after ``low``: information criterion, start and its standard error,
-    and force at rest.
-    """
-
-    def columns(starts: Array) -> Array:
-        tau = np.maximum(0.0, time - starts[:, None])
-        return np.stack([np.ones_like(tau), *shape(tau)], axis=-1)
-
-    def solved(matrix: Array) -> tuple[Array, Array]:
-        turned = matrix.swapaxes(1, 2)
-        found = np.linalg.pinv(turned @ matrix) @ (turned @ force)[..., None]
-        return found, ((force - (matrix @ found)[..., 0]) ** 2).sum(axis=1)
-
-    low, high = max(low, -SEARCHED), 0.0
-    for _ in range(PASSES):
-        starts = np.linspace(low, high, GRID)
-        place = int(np.argmin(solved(columns(starts))[1]))
-        low, high = float(starts[max(0, place - 1)]), float(starts[min(GRID - 1, place + 1)])
-    start, near = float(starts[place]), 1e-4
-    matrix = columns(np.array([start, start - near, start + near]))
-    found, left = solved(matrix[:1])
-    whole = np.column_stack([matrix[0], (matrix[2] - matrix[1]) @ found[0] / (2.0 * near)])
-    squares, size = max(float(left[0]), 1e-300), time.size
-    inverse = np.linalg.pinv(whole.T @ whole)[-1, -1]
-    error = float(np.sqrt(squares / max(1, size - whole.shape[1]) * max(0.0, inverse)))
-    score = size * np.log(squares / size) + whole.shape[1] * np.log(size)
-    return float(score), start, error, float(found[0, 0, 0])
 
 
 TIME = "t_s"
 LEAD = "displacement_mm"  #: the channel whose times all others get
 COLUMNS = (TIME, LEAD, "force_N", "sliding_speed_rpm", "output_speed_rpm")
 LEAST = 10  #: samples that a trace must have
+MAX_DROPOUT = 1.0 / 3.0  #: share of a channel's samples at most that dropouts may take
 #: Share of the sample step within which times are equal: float32 masters differ by less.
 ALIKE = 0.1
 HOLE = 5.0  #: sample steps without a sample from which samples count as lost
-
-
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """Samples of a channel: times in s and values, each (n,), and their rows in the file."""
-
-    time: Array
-    values: Array
-    rows: Sequence[int]
+DIMENSIONS = {TIME: DURATION, LEAD: LENGTH, COLUMNS[2]: FORCE, COLUMNS[3]: SPEED, COLUMNS[4]: SPEED}
+OWN_UNITS = {DURATION: "s", LENGTH: "mm", FORCE: "N", SPEED: "1/min"}  #: of the project's files
+#: Properties of a TDMS channel that name its unit, in lower case.
+UNIT_PROPERTIES = ("unit_string", "unit", "units", "ni_unitdescription", "unit_description")
+TIME_MASTER = 1  #: kind of an MDF master that counts time; others count angle, distance or samples
+MAGIC = {"TDMS": (b"TDSm",), "MDF": (b"MDF ", b"UnFinMF")}  #: first bytes of the files
 
 
 def read_trace(path: Path) -> BenchTrace:
@@ -215,70 +90,150 @@ def read_trace(path: Path) -> BenchTrace:
     """
     if not path.is_file():
         raise DataError(f"there is no trace {path}; add the file, or leave the cell trace empty")
-    channels = READERS.get(path.suffix.lower(), _read_csv)(path)
-    for name, channel in channels.items():
-        _require_samples(path, name, channel)
+    read = READERS.get(path.suffix.lower(), _read_csv)(path)
+    channels = {name: _examined(path, name, channel) for name, channel in read.items()}
     lead = channels[LEAD]
-    margin = ALIKE * step_of(lead.time)
-    first = max(one.time[0] for one in channels.values()) - margin
-    last = min(one.time[-1] for one in channels.values()) + margin
+    margin = ALIKE * lead.step
+    first = max(channel.time[0] for channel in channels.values()) - margin
+    last = min(channel.time[-1] for channel in channels.values()) + margin
     time = lead.time[(lead.time >= first) & (lead.time <= last)]
     if time.size < LEAST:
         spans = ", ".join(
-            f"{name} from {number(one.time[0])} to {number(one.time[-1])} s"
-            for name, one in channels.items()
+            f"{name} from {number(channel.time[0])} to {number(channel.time[-1])} s"
+            for name, channel in channels.items()
         )
         raise DataError(
             f"{path}: the channels have {time.size} samples of {LEAD} in common ({spans}), but a "
             f"trace needs at least {LEAST}; correct start times or rates, or export the whole shift"
         )
-    table = {name: np.interp(time, one.time, one.values) for name, one in channels.items()}
+    table = {
+        name: np.interp(time, channel.time, channel.values) for name, channel in channels.items()
+    }
     table[TIME] = time
-    notes = tuple(_notes(channels, time, margin))
-    return BenchTrace(path, *(to_si(name, 1.0) * table[name] for name in COLUMNS), notes=notes)
+    coarse = [name for name, channel in channels.items() if channel.step > lead.step + margin]
+    return BenchTrace(
+        path,
+        *(to_si(name, 1.0) * table[name] for name in COLUMNS),
+        notes=tuple(_notes(channels, time, margin)),
+        faults=tuple(dict.fromkeys(f for channel in channels.values() for f in channel.faults)),
+        steps={name: channels[name].step for name in coarse},
+    )
 
 
 def _notes(channels: Mapping[str, Channel], time: Array, margin: float) -> list[str]:
     """List what was interpolated, cut and lost, in sentences."""
     lead = channels[LEAD]
     apart = [
-        f"{name} ({one.time.size} samples, every {number(1e3 * step_of(one.time))} ms)"
-        for name, one in channels.items()
-        if one.time.shape != lead.time.shape or abs(one.time - lead.time).max() > margin
+        f"{name} ({channel.time.size} samples, every {number(channel.step / MS)} ms)"
+        for name, channel in channels.items()
+        if abs(channel.step - lead.step) > margin or _distance(time, channel.time) > margin
     ]
     notes = [f"{', '.join(apart)} interpolated on the times of {LEAD} (every "
-             f"{number(1e3 * step_of(lead.time))} ms)"] if apart else []  # fmt: skip
+             f"{number(lead.step / MS)} ms)"] if apart else []  # fmt: skip
     if time.size < lead.time.size:
         notes.append(
             f"{lead.time.size - time.size} of {lead.time.size} samples of {LEAD} cut, as not all "
             f"channels have values before {number(time[0])} or after {number(time[-1])} s"
         )
-    for name, one in channels.items():
-        place = int(np.argmax(np.diff(one.time)))
-        low, high = one.time[place : place + 2]
-        own = name == LEAD or not np.array_equal(one.time, lead.time)
-        if own and high - low > HOLE * step_of(one.time):
+    for name, channel in channels.items():
+        place = int(np.argmax(np.diff(channel.time)))
+        low, high = channel.time[place : place + 2]
+        own = name == LEAD or not np.array_equal(channel.time, lead.time)
+        if own and high - low > HOLE * channel.step:
             notes.append(f"{name} without a sample from {number(low)} to {number(high)} s")
     return notes
 
 
-def _require_samples(path: Path, name: str, channel: Channel) -> None:
-    """Raise DataError for values that are not finite, few samples, and time that does not grow."""
-    time, rows = channel.time, channel.rows
+def _distance(time: Array, samples: Array) -> float:
+    """Compute the largest distance from a time to its nearest sample, s."""
+    places = np.clip(np.searchsorted(samples, time), 1, samples.size - 1)
+    nearest = np.minimum(abs(samples[places] - time), abs(time - samples[places - 1]))
+    return float(nearest.max())
+
+
+def _examined(path: Path, name: str, channel: Channel) -> Channel:
+    """Leave out samples that are none, and name faults of the recording.
+
+    Raises DataError for values that are not finite, few samples, and time that does not grow.
+    """
+    _require_samples(path, name, channel)
+    time, values = channel.time, channel.values
     clock = f"column {TIME}" if name == LEAD else f"the time of {name}"
-    for what, values in ((f"column {name}", channel.values), (clock, time)):
-        for place in np.flatnonzero(~np.isfinite(values)).tolist():
-            raise bad_cell(path, rows[place], what, values[place], "a finite number")
-    if time.size < (least := LEAST if name == LEAD else 2):
+    doubled = np.append(False, (np.diff(time) == 0.0) & (np.diff(values) == 0.0))
+    still = np.append(False, np.diff(time) == 0.0)
+    if doubled.any() and (doubled == still).all() and (np.diff(time[~doubled]) > 0.0).all():
+        row = channel.rows[int(doubled.argmax())]
+        text = f"{doubled.sum()} of {time.size} samples are there twice (row {row}) and left out"
+        channel = channel.selected(~doubled, Fault(text, "samples that were written twice"))
+    if stop := clock_fault(channel):
+        place, cause, remedy = stop
         raise DataError(
-            f"{path} has {time.size} samples of {name}, but a trace needs at least {least}; export "
-            "the whole shift"
+            f"{path}, row {channel.rows[place]}, {clock} is '{channel.time[place]:.15g}' after "
+            f"'{channel.time[place - 1]:.15g}', but time must grow from sample to sample; {cause}; "
+            f"{remedy}"
         )
-    for place in (np.flatnonzero(np.diff(time) <= 0.0) + 1).tolist():
+    if name == LEAD and (rounded := rounded_clock(channel.time)):
+        resolution, step = rounded
+        text = (
+            f"{TIME} is rounded to {number(resolution / MS)} ms, but the samples lie "
+            f"{short(step / MS, 3)} ms apart, so that times err by up to "
+            f"{number(0.5 * resolution / MS)} ms"
+        )
+        fault = Fault(text, "an export with too few digits")
+        channel = channel.selected(np.ones(channel.time.size, dtype=bool), fault)
+    return _without_faults(path, name, channel)
+
+
+def _without_faults(path: Path, name: str, channel: Channel) -> Channel:
+    """Leave out dropouts and repeated values, and name values that stand still."""
+    time, values = channel.time, channel.values
+    lost = dropouts(values)
+    if lost.any():
+        level = values[lost][abs(values[lost]).argmax()]
+        level = level if abs(level) > abs(values[~lost]).max() else 0.0
+        text = (
+            f"{lost.sum()} of {time.size} samples of {name} lie at {number(level)} between "
+            f"{number(time[lost][0])} and {number(time[lost][-1])} s, between values far from it"
+        )
+        if lost.sum() > MAX_DROPOUT * time.size:
+            raise DataError(f"{path}: {text}; mend sensor or cable, and measure the shift again")
+        fault = Fault(f"{text}, and are left out", "dropouts of the sensor or its cable")
+        channel = channel.selected(~lost, fault)
+    if (count := held_step(channel.values)) > 1:
+        first = int(np.flatnonzero(np.diff(channel.values))[0] + 1) % count
+        places = np.arange(first, channel.values.size, count)
+        text = f"{name} repeats each value {count} times, of which the first is kept"
+        channel = channel.selected(places, Fault(text, "a recorder faster than the sensor"))
+    faults = []
+    for first, end in frozen_runs(channel.values):
+        value, low, high = channel.values[first], channel.time[first], channel.time[end - 1]
+        extreme = {channel.values.max(): "largest", channel.values.min(): "smallest"}.get(value)
+        is_extreme = f", its {extreme} value," if extreme else ""
+        noise = short(scatter(channel.values), 2)
+        text = (
+            f"{name} stands at {number(value)}{is_extreme} from {number(low)} to {number(high)} s "
+            f"({end - first} samples), but scatters by {noise} elsewhere"
+        )
+        cause = "a sensor that hangs"
+        if extreme:
+            cause = "a sensor or amplifier at the end of its range"
+        faults.append(Fault(text, cause))
+    return channel.selected(np.ones(channel.values.size, dtype=bool), *faults)
+
+
+def _require_samples(path: Path, name: str, channel: Channel) -> None:
+    """Raise DataError for values that are not finite, and for few samples."""
+    time = channel.time
+    clock = f"column {TIME}" if name == LEAD else f"the time of {name}"
+    for place_name, values in ((f"column {name}", channel.values), (clock, time)):
+        for place in np.flatnonzero(~np.isfinite(values)).tolist():
+            raise bad_cell(path, channel.rows[place], place_name, values[place], "a finite number")
+    least = LEAST if name == LEAD else 2
+    if time.size < least:
+        spacing = f"they lie {number(channel.step / MS)} ms apart: " if time.size > 1 else ""
         raise DataError(
-            f"{path}, row {rows[place]}, {clock} is '{time[place]:.15g}' after "
-            f"'{time[place - 1]:.15g}', but time must grow from sample to sample; sort the trace "
-            "and leave doubled samples out"
+            f"{path} has {time.size} samples of {name}, but a trace needs at least {least}; "
+            f"{spacing}sample faster, or export the whole shift"
         )
 
 
@@ -298,26 +253,49 @@ def _read_csv(path: Path) -> dict[str, Channel]:
         for row, cell in zip(lines, cells, strict=True):
             if not is_plain(cell) and (cell or name == TIME):
                 raise bad_cell(path, row, f"column {name}", cell, number_rule(cell))
-    time, found = np.array(columns.pop(TIME), dtype=float), {}
+    time, channels = np.array(columns.pop(TIME), dtype=float), {}
     for name, cells in columns.items():
         places = [place for place, cell in enumerate(cells) if cell]
         values = np.array([cells[k] for k in places], dtype=float)
-        found[name] = Channel(time[places], values, [lines[k] for k in places])
-    return found
+        channels[name] = Channel(time[places], values, [lines[k] for k in places])
+    return channels
 
 
-def _open(path: Path, library: str, reader: str, kind: str, extra: str) -> Any:
+def _reader(library: str, name: str, kind: str, extra: str) -> Any:
+    """Load the class or function that reads a kind of file; InputError without the library."""
     try:
-        read: Any = attrgetter(reader)(import_module(library.lower()))
+        return attrgetter(name)(import_module(library.lower()))
     except ImportError as error:
         raise InputError(
             f"{library} cannot be loaded ({error}), but {kind} trace needs it; install it with: "
             f"pip install -c constraints.txt '.[{extra}]', or export the trace as CSV"
         ) from error
+
+
+def _undamaged(path: Path, kind: str, read: Callable[[Path], dict[str, Channel]]) -> Any:
+    """Read a file; whatever its library raises for damaged bytes becomes a DataError."""
+    hook = sys.unraisablehook
     try:
-        return read(str(path))
-    except Exception as error:  # what it raises for foreign bytes depends on these bytes
-        raise DataError(f"{path} is not {kind} file: {error}; export the trace again") from error
+        return read(path)
+    except DogshapeError:
+        raise
+    except Exception as error:
+        reason = str(error)
+        # A reader that was never whole may fail once more as it is deleted, which is to be silent.
+        sys.unraisablehook = _ignore
+        error.__traceback__ = None
+    gc.collect()
+    sys.unraisablehook = hook
+    article = "an" if kind == "MDF" else "a"
+    fault = f"is not {article} {kind} file: {reason}; export the trace again"
+    with path.open("rb") as file:
+        if file.read(8).startswith(MAGIC[kind]):
+            fault = f"is damaged or cut short ({reason}); copy or export the trace again"
+    raise DataError(f"{path} {fault}")
+
+
+def _ignore(_: object) -> None:
+    """Report nothing."""
 
 
 def _only(path: Path, name: str, groups: Sequence[Any], known: Iterable[str]) -> Any:
@@ -336,7 +314,10 @@ def _only(path: Path, name: str, groups: Sequence[Any], known: Iterable[str]) ->
 
 
 def _as_numbers(path: Path, name: str, samples: Any) -> Array:
+    kind = getattr(np.asarray(samples), "dtype", np.dtype(float)).kind
     try:
+        if kind in "Mm":
+            raise TypeError("dates")
         return np.asarray(samples, dtype=float)
     except (TypeError, ValueError) as error:
         raise DataError(
@@ -344,45 +325,144 @@ def _as_numbers(path: Path, name: str, samples: Any) -> Array:
         ) from error
 
 
+def _require_unit(path: Path, name: str, text: str) -> None:
+    """Raise DataError for a unit beside a channel that is not the one of its name."""
+    if not (spelling := str(text).strip()):
+        return
+    unit, own = unit_named(spelling), OWN_UNITS[DIMENSIONS[name]]
+    if unit is not None and unit.dimension == DIMENSIONS[name] and unit.factor == 1.0:
+        return
+    fault = "but its name says another unit"
+    if unit is None or unit.dimension != DIMENSIONS[name]:
+        fault = f"which is no known unit of {DIMENSIONS[name]}"
+    elif np.isnan(unit.factor):
+        fault = "which may be revolutions or radians a second"
+    raise DataError(
+        f"{path}, channel {name} is in '{spelling}', {fault}; convert the channel to {own}, or "
+        "export the trace as CSV with the unit in the name"
+    )
+
+
 def _read_mdf(path: Path) -> dict[str, Channel]:
-    found = {}
-    with _open(path, "asammdf", "MDF", "an MDF", "mdf") as file:
+    """Read the channels of an MDF file with the times of their masters."""
+    open_file = _reader("asammdf", "MDF", "an MDF", "mdf")
+    channels = {}
+    with open_file(str(path)) as file:
         for name in COLUMNS[1:]:
             group, index = _only(path, name, file.channels_db.get(name, ()), file.channels_db)
+            recorded = file.get(name, group=group, index=index, ignore_invalidation_bits=True)
             signal = file.get(name, group=group, index=index).validate()
-            unit = unit_named(signal.unit or "")
-            if unit is not None and unit.factor != 1.0:
+            _require_unit(path, name, signal.unit or "")
+            master, kind = signal.master_metadata or (TIME, TIME_MASTER)
+            if kind > TIME_MASTER:
                 raise DataError(
-                    f"{path}, channel {name} is in '{signal.unit}', but its name says another "
-                    "unit; convert it or name it by its unit"
+                    f"{path}, channel {name} is recorded over '{master}' and not over time; export "
+                    "it with a time master"
                 )
+            count, total = len(signal.samples), len(recorded.samples)
+            text = f"{total - count} of {total} samples of {name} are marked invalid and left out"
+            faults = (Fault(text, "a sensor or bus without a signal"),) if count < total else ()
+            if total > count == 0:
+                raise DataError(f"{path}: all {total} samples of {name} are marked invalid; "
+                                "measure the shift again")  # fmt: skip
             time = np.asarray(signal.timestamps, dtype=float)
-            found[name] = Channel(time, _as_numbers(path, name, signal.samples), range(time.size))
-    return found
+            values = _as_numbers(path, name, signal.samples)
+            channels[name] = Channel(time, values, range(time.size), faults)
+    return channels
+
+
+class _Warnings(logging.Handler):
+    """Collect the warnings of a library instead of printing them."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.texts.append(record.getMessage())
+
+
+@contextmanager
+def _collected_warnings(library: str) -> Iterator[list[str]]:
+    """Collect the warnings that a library logs."""
+    handler = _Warnings()
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == library]
+    loggers = [logging.getLogger(name) for name in names]
+    before = [(logger, logger.handlers, logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers, logger.propagate = [handler], False
+    try:
+        yield handler.texts
+    finally:
+        for logger, handlers, propagate in before:
+            logger.handlers, logger.propagate = handlers, propagate
 
 
 def _read_tdms(path: Path) -> dict[str, Channel]:
-    file = _open(path, "npTDMS", "TdmsFile.read", "a TDMS", "tdms")
-    known = [channel.name for group in file.groups() for channel in group.channels()]
-    found, lead = {}, None
-    for name in COLUMNS[1:]:
-        group = _only(path, name, [group for group in file.groups() if name in group], known)
-        lead = lead or group  # that of the displacement, which comes first
-        if (TIME in group) != (TIME in lead):
-            raise DataError(
-                f"{path} has a channel {TIME} in one of the groups '{lead.name}' and "
-                f"'{group.name}' only, so that their clocks cannot be compared; write it in both"
-            )
-        values = _as_numbers(path, name, group[name][:])
-        time = _waveform(path, group[name], lead[LEAD]) if TIME not in group else _as_numbers(
-            path, TIME, group[TIME][:])  # fmt: skip
-        if time.size != values.size:
-            raise DataError(
-                f"{path}, channel {name} has {values.size} samples and its time {time.size}, but "
-                "both need the same; write the waveform properties of each channel"
-            )
-        found[name] = Channel(time, values, range(time.size))
-    return found
+    """Read the channels of a TDMS file with the times of their groups or waveforms."""
+    read = _reader("npTDMS", "TdmsFile.read", "a TDMS", "tdms")
+    with _collected_warnings("nptdms") as texts:
+        file = read(str(path))
+        known = [channel.name for group in file.groups() for channel in group.channels()]
+        if not known:
+            raise DataError(f"{path} has no channel: it is empty or cut short; copy the file again")
+        groups = {
+            name: _only(path, name, [g for g in file.groups() if name in g], known)
+            for name in COLUMNS[1:]
+        }
+        sizes = {name: len(group[name]) for name, group in groups.items()}
+        faults = _cut_short(path, sizes) if any("less data" in text for text in texts) else ()
+        return {
+            name: _tdms_channel(path, name, group, groups[LEAD], faults)
+            for name, group in groups.items()
+        }
+
+
+def _cut_short(path: Path, sizes: Mapping[str, int]) -> tuple[Fault, ...]:
+    """Give the fault of a file that is cut short; DataError where too little of it is there."""
+    counts = ", ".join(f"{name} {size}" for name, size in sizes.items())
+    if min(sizes.values()) < LEAST:
+        raise DataError(
+            f"{path} is cut short: of its samples there are {counts}; copy the file again"
+        )
+    text = f"the file is cut short, its last samples are lost (there are {counts})"
+    return (Fault(text, "a copy or a recording that was interrupted"),)
+
+
+def _tdms_channel(
+    path: Path, name: str, group: Any, lead: Any, faults: tuple[Fault, ...]
+) -> Channel:
+    """Read a channel of a TDMS group with its times; ``lead`` is the displacement's group."""
+    if (TIME in group) != (TIME in lead):
+        raise DataError(
+            f"{path} has a channel {TIME} in one of the groups '{lead.name}' and "
+            f"'{group.name}' only, so that their clocks cannot be compared; write it in both"
+        )
+    channel = group[name]
+    for key, text in channel.properties.items():
+        if key.lower() in UNIT_PROPERTIES:
+            _require_unit(path, name, text)
+    values = _as_numbers(path, name, channel[:])
+    if TIME not in group:
+        time = _waveform(path, channel, lead[LEAD])
+    else:
+        stamps, first = group[TIME][:], lead[TIME][:1]
+        if getattr(stamps, "dtype", np.dtype(float)).kind == "M" and len(first):
+            time = (stamps - first[0]) / np.timedelta64(1, "s")
+            text = f"{TIME} holds dates, and its seconds count from the first, {first[0]}"
+            faults = (*faults, Fault(text, "a clock that does not start with the force"))
+        else:
+            for key, text in group[TIME].properties.items():
+                if key.lower() in UNIT_PROPERTIES:
+                    _require_unit(path, TIME, text)
+            time = _as_numbers(path, TIME, stamps)
+    size = min(time.size, values.size)
+    if time.size != values.size and not faults:
+        raise DataError(
+            f"{path}, channel {name} has {values.size} samples and its time {time.size}, but "
+            "both need the same; write the waveform properties of each channel"
+        )
+    return Channel(time[:size], values[:size], range(size), faults)
 
 
 def _waveform(path: Path, channel: Any, lead: Any) -> Array:
@@ -404,4 +484,7 @@ def _waveform(path: Path, channel: Any, lead: Any) -> Array:
 
 
 #: Readers of the files that are no CSV, by their suffixes.
-READERS = {".tdms": _read_tdms, **dict.fromkeys((".mf4", ".mdf", ".dat"), _read_mdf)}
+READERS: dict[str, Callable[[Path], dict[str, Channel]]] = {
+    ".tdms": lambda path: _undamaged(path, "TDMS", _read_tdms),
+    **dict.fromkeys((".mf4", ".mdf", ".dat"), lambda path: _undamaged(path, "MDF", _read_mdf)),
+}

@@ -53,6 +53,14 @@ class _Verbs(TyperGroup):
             sentence, status = str(error), 1 if isinstance(error, EngineError) else 2
         except BrokenPipeError:
             raise
+        except UnicodeEncodeError as error:
+            if not any("\ud800" <= sign <= "\udfff" for sign in error.object):
+                raise
+            sentence = (
+                "a path has letters that the encoding of this locale lacks; set PYTHONUTF8=1, or "
+                "LC_ALL=C.UTF-8"
+            )
+            status = 2
         except OSError as error:
             where = f" ({error.filename})" if error.filename else ""
             reason, status = error.strerror or str(error), 2

@@ -6,20 +6,45 @@ the signal: 130 Ctrl-C, 143 SIGTERM, 141 a closed pipe.
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 import signal
 import sys
+import unicodedata
+from collections.abc import Iterator
 from itertools import pairwise
 from types import FrameType
+from typing import Any
 
 #: Signals that end the program as Ctrl-C does: by ``kill``, a scheduler, a closed terminal.
 ENDING = (signal.SIGTERM, signal.SIGHUP)
 CLOSED = 128 + 13  #: status where the reader of a pipe has gone, SIGPIPE in shells
+REPLACED = "dogshape.replaced"  #: name of the error handler of standard output and error
+SURROGATES = (0xDC80, 0xDCFF)  #: that stand for bytes of a path that is no text
+#: Words for signs, where an encoding lacks them; letters with accents lose these.
+SIGNS = {
+    "\N{PLUS-MINUS SIGN}": "+/-", "\N{GREATER-THAN OR EQUAL TO}": ">=",
+    "\N{LESS-THAN OR EQUAL TO}": "<=", "\N{MINUS SIGN}": "-", "\N{EN DASH}": "-",
+    "\N{EM DASH}": "-", "\N{MULTIPLICATION SIGN}": "x", "\N{MIDDLE DOT}": "*",
+    "\N{DEGREE SIGN}": " deg", "\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u",
+    "\N{SQUARE ROOT}": "sqrt", "\N{INFINITY}": "inf", "\N{ALMOST EQUAL TO}": "~",
+    "\N{NOT EQUAL TO}": "!=", "\N{RIGHTWARDS ARROW}": "->", "\N{GREEK CAPITAL LETTER DELTA}": "D",
+    "\N{GREEK SMALL LETTER ALPHA}": "alpha", "\N{GREEK SMALL LETTER BETA}": "beta",
+    "\N{GREEK SMALL LETTER GAMMA}": "gamma", "\N{GREEK SMALL LETTER OMEGA}": "omega",
+    "\N{GREEK SMALL LETTER SIGMA}": "sigma", "\N{LATIN SMALL LETTER SHARP S}": "ss",
+    "\N{LEFT SINGLE QUOTATION MARK}": "'", "\N{RIGHT SINGLE QUOTATION MARK}": "'",
+    "\N{LEFT DOUBLE QUOTATION MARK}": '"', "\N{RIGHT DOUBLE QUOTATION MARK}": '"',
+    "\N{BOX DRAWINGS HEAVY HORIZONTAL}": "-", "\N{BOX DRAWINGS HEAVY LEFT}": "-",
+    "\N{BOX DRAWINGS HEAVY RIGHT}": "-", "\N{SUPERSCRIPT MINUS}": "^-",
+    "\N{SUPERSCRIPT ONE}": "^1", "\N{SUPERSCRIPT TWO}": "^2", "\N{SUPERSCRIPT THREE}": "^3",
+}  # fmt: skip
 _received = [int(signal.SIGINT)]
 
 
 def main() -> None:
     """Load and run the command line; exits with the status of the contract."""
+    _print_in_any_encoding()
     for number in ENDING:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _interrupt)
@@ -37,6 +62,38 @@ def main() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
             status = CLOSED
     sys.exit(status)
+
+
+def _print_in_any_encoding() -> None:
+    """Let standard output and error replace signs that the encoding of the terminal lacks."""
+    codecs.register_error(REPLACED, _replaced)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=REPLACED)
+
+
+def _replaced(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Replace a sign that an encoding lacks; a byte of a path that is no text stays itself."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    sign, end = error.object[error.start], error.start + 1
+    if SURROGATES[0] <= ord(sign) <= SURROGATES[1]:
+        return bytes([ord(sign) - SURROGATES[0] + 0x80]), end
+    for words in (SIGNS.get(sign, ""), *_spellings(sign)):
+        try:
+            words.encode(error.encoding)
+        except UnicodeEncodeError:
+            continue
+        if words:
+            return words, end
+    return "?", end
+
+
+def _spellings(sign: str) -> Iterator[str]:
+    """Spell a letter without its accents, and a mathematical or wide one as the plain one."""
+    plain = unicodedata.normalize("NFKD", sign)
+    yield plain
+    yield plain.encode("ascii", "ignore").decode()
 
 
 def _interrupt(number: int, _: FrameType | None) -> None:
@@ -93,7 +150,9 @@ def _sentence(error: Exception, message: str) -> str:
 
         return broken_rule(names[-1], details()[0])
     option = getattr(error, "option_name", None)
-    if not isinstance(option, str):
+    command: Any = getattr(getattr(error, "ctx", None), "command", None)
+    options = [name for parameter in getattr(command, "params", ()) for name in parameter.opts]
+    if not isinstance(option, str) or "--set" not in options:
         return message
     from dogshape.pipeline.config.schema import keys_like  # noqa: PLC0415
 

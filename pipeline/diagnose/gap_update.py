@@ -202,7 +202,7 @@ def add_update(folder: Path, record: Record, count: int) -> dict[str, str]:
 def _json(path: Path, kind: Callable[[Any], T]) -> T:
     try:
         return kind(json.loads(path.read_text(encoding="utf-8")))
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise StorageError(
             f"{path} is damaged ({type(error).__name__}); diagnose the data set again with --out"
         ) from error

@@ -242,8 +242,13 @@ def require_free(folder: Path, force: bool) -> None:
 def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
     """Give a folder to fill, whose files go into ``folder`` once all of them are there."""
     require_free(folder, force)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as part:
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        draft = tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent)
+    except OSError as error:
+        fault = f"{folder} cannot be written ({error.strerror})"
+        raise StorageError(f"{fault}; name another folder with --out") from error
+    with draft as part:
         # A temporary folder is its owner's alone, and modes are copied along.
         place = Path(part) / "draft"
         place.mkdir()

@@ -115,6 +115,17 @@ class NamedDesign:
         own = self.study.operated(self.row)
         return replace(own, clutch=replace(own.clutch, dog=dog))
 
+    @property
+    def prototype_study(self) -> Setup:
+        """The study with the design as its prototype, operated as the design is."""
+        return self.study if self.row is None else _with_prototype(self.study, self.row)
+
+
+def _with_prototype(study: Setup, row: Row) -> Setup:
+    """Build a study again with a design of its search as prototype, operated as the design is."""
+    dog = {f"dog.{key}": row[key] for key in study.shape_keys}
+    return replace_keys(study, dog).operated(row)
+
 
 def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -> NamedDesign:
     """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result, or what ``load_study`` takes.
@@ -124,8 +135,9 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     unknown name, a design that is not there, and for settings of a design with a number;
     StorageError for a folder with damaged files.
     """
-    where, sign, number = name.rpartition("#") if "#" in name else (name, "", "")
-    if not chosen and (not sign or Path(name).exists()):
+    numbered = "#" in name and not Path(name).exists()
+    where, sign, number = name.rpartition("#") if numbered else (name, "", "")
+    if not chosen and not sign:
         return NamedDesign(name, load_study(name, settings))
     if settings:
         fault = f"'{name}' is a design as it was simulated, which --set would change"
@@ -148,6 +160,9 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     kept = (path if path.is_dir() else bundled_root() / where) / "result.json"
     if kept.is_file() and not path.is_file():
         return _searched(where, load_study(where), read_json(kept, "take it away"), number)
+    searched = Path("results") / where
+    if sign and StudyFolder(searched).manifest.exists():
+        return named_design(f"{searched}{sign}{number}")
     if sign:
         remedy = f"run 'dogshape study {where}' and give the folder of its results"
         raise InputError(f"'{name}' names design {number}, but '{where}' has no result; {remedy}")
@@ -163,8 +178,7 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
         raise InputError(f"{fault}; it has the designs 0 (prototype) to {max(rows, default=0)}")
     name, row = f"{where}#{row['trial']}", rows[row["trial"]]
     if row[SIMULATED] is None and confirmation_of(result, row) is None:
-        own = replace_keys(study, {f"dog.{key}": row[key] for key in study.shape_keys})
-        return NamedDesign(name, own.operated(row))
+        return NamedDesign(name, _with_prototype(study, row))
     return NamedDesign(name, study, result, row)
 
 

@@ -31,6 +31,8 @@ from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 from dogshape.sim.versions import versions
 
+MAX_LINE = 1 << 22  #: bytes, longest line of a journal: a shift has less than 4 kB
+MAX_FILE = 1 << 28  #: bytes, largest JSON document: 8000 designs of a search at 33 kB each
 WRITE_AGAIN = "run 'dogshape study' with --resume to write it again"  #: remedy
 
 
@@ -81,16 +83,18 @@ class ShiftJournal:
 
 def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Iterator[Record]:
     """Yield the whole lines of a file; StorageError for one that ``require`` raises at."""
+    remedy = "remove the line or give another folder"
     with path.open("rb") if path.exists() else BytesIO() as file:
-        for number, line in enumerate(file, start=1):
+        for number, line in enumerate(iter(lambda: file.readline(MAX_LINE), b""), start=1):
+            if len(line) == MAX_LINE and not line.endswith(b"\n"):
+                raise StorageError(f"{path}, line {number} is too long for {kind}; {remedy}")
             if not line.endswith(b"\n"):
                 return
             try:
                 # Keys are in memory once for all rows.
                 row = json.loads(line, object_pairs_hook=lambda p: {intern(k): v for k, v in p})
                 require(row)
-            except (ValueError, KeyError, TypeError) as error:
-                remedy = "remove the line or give another folder"
+            except (ValueError, KeyError, TypeError, RecursionError) as error:
                 raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error
             yield row
 
@@ -141,7 +145,8 @@ def _alone_in(path: Path) -> Iterator[int]:
     except OSError as error:
         raise StorageError(
             f"{path} cannot be written ({error.strerror}); the shifts before are kept: make room "
-            "or give the right to write, and run the command again to go on"
+            "or give the right to write, and run the command again to go on, 'dogshape study' "
+            "with --resume"
         ) from error
 
 
@@ -235,10 +240,12 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 def read_json(path: Path, remedy: str) -> dict[str, Any]:
     """Read a JSON object; raise StorageError with ``remedy`` where there is none."""
     try:
+        if path.stat().st_size > MAX_FILE:
+            raise StorageError(f"{path} has more than {MAX_FILE >> 20} MB; {remedy}")
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise StorageError(f"there is no {path.name} in {path.parent}; {remedy}") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise StorageError(f"{path} cannot be read or is damaged; {remedy}") from error
     if not isinstance(content, dict):
         raise StorageError(f"{path} is damaged; {remedy}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -121,3 +122,37 @@ def test_the_open_section_has_both_rings_to_scale(prototype: Dog) -> None:
     assert gap == pytest.approx(prototype.axial_gap * scale, abs=0.1)
     height = max(levels["ghost"]) - min(levels["ghost"])
     assert height == pytest.approx(prototype.height * scale, abs=0.1)
+
+
+@pytest.mark.parametrize("path", ["/", "/_dash-layout", "/_dash-dependencies", "/file/dog.svg"])
+def test_only_names_of_this_machine_are_answered(desk: Desk, path: str) -> None:
+    """A page elsewhere whose name resolves to this machine gets nothing (DNS rebinding)."""
+    client = build_app(desk).server.test_client()
+    texts = {number.key: number.text for number in desk.numbers}
+    hosts = {
+        "127.0.0.1:8050": 200, "localhost": 200, "localhost:1234": 200, "elsewhere.example": 400,
+        "127.0.0.1.elsewhere.example:8050": 400, "localhost.elsewhere.example": 400,
+        "192.168.0.7:8050": 400,
+    }  # fmt: skip
+    for host, status in hosts.items():
+        answer = client.get(path, query_string=texts, headers={"Host": host})
+        assert answer.status_code == status
+    update = client.post("/_dash-update-component", json={}, headers={"Host": "elsewhere.example"})
+    assert update.status_code == 400
+
+
+def test_browsers_at_once_get_answers_to_their_own_numbers(desk: Desk) -> None:
+    """Designs stand in the requests alone: answers at once are those one after the other."""
+    server = build_app(desk).server
+    texts = {number.key: number.text for number in desk.numbers}
+    angles = [str(angle) for angle in range(8, 16)]
+
+    def drawing(angle: str) -> bytes:
+        asked = texts | {"dog.chamfer_deg": angle}
+        return server.test_client().get("/file/dog.svg", query_string=asked).data
+
+    alone = [drawing(angle) for angle in angles]
+    assert len(set(alone)) == len(angles)
+    with ThreadPoolExecutor(4) as browsers:
+        assert list(browsers.map(drawing, 3 * angles)) == 3 * alone
+    assert {number.key: number.text for number in desk.numbers} == texts

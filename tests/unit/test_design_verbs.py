@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 import sys
@@ -10,9 +11,14 @@ from xml.etree import ElementTree
 
 import pytest
 
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.cli.verbs.study import _named_study
+from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.pipeline.reports.data_sheet import named_design
+from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.strength.checks import GROUPS
+from dogshape.sim.texts import text_of
+from dogshape.sim.versions import bundled_root
 from tests.conftest import Call, set_options
 
 #: One operating point and three angles.
@@ -121,3 +127,32 @@ def test_a_limit_of_manufacture_fails_a_check_and_refuses_no_shift(dogshape: Cal
     assert "the largest that fits into slot and tip is" in (
         dogshape("export", "mq200_paper", *steep, *round_).sentence
     )
+
+
+def test_a_searched_design_is_named_by_its_number(dogshape: Call) -> None:
+    """In its folder, in results/ beside a folder of the study, in a folder with a sign."""
+    config = load_study("mq200")
+    content = (bundled_root() / "mq200" / "result.json").read_text()
+    design = next(row for row in json.loads(content)["trials"] if not row["prototype"])
+    number = design["trial"]
+    for name in ("results/moto", f"results/moto#{number}0"):
+        folder = StudyFolder(Path(name))
+        folder.root.mkdir(parents=True)
+        folder.open(config, resume=False)
+        folder.result.write_text(content)
+    Path("moto").mkdir()
+    (Path("moto") / "study.toml").write_text(text_of(find_study("mq200")))
+    for name in (f"results/moto#{number}", f"moto#{number}", f"results/moto#{number}0#{number}"):
+        study = _named_study(name, [])
+        assert {key: study.dog[key] for key in config.variables} == pytest.approx(
+            {key: design[key] for key in config.variables}
+        )
+        assert named_design(name).row is not None
+    own = _named_study("results/moto", ["dog.chamfer_deg=12"])
+    assert (own.dog["chamfer_deg"], own.dog["count"]) == (12.0, config.file.dog.count)
+    assert named_design(f"results/moto#{number}0").result is not None
+    said = dogshape("strength", f"results/moto#{number}", "--set", "dog.chamfer_deg=12")
+    assert said.status == 2
+    assert "is a design as it was simulated, which --set would change" in said.sentence
+    missing = dogshape("strength", "results/moto#9999", "--no-simulation")
+    assert (missing.status, "has no design 9999" in missing.sentence) == (2, True)

@@ -11,10 +11,17 @@ from unittest.mock import Mock
 
 import pytest
 
-from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.folder import ShiftJournal, append, require_targets, write_json
-from dogshape.sim.errors import StorageError
+from dogshape.pipeline.store.folder import (
+    ShiftJournal,
+    append,
+    read_json,
+    read_lines,
+    require_targets,
+    write_json,
+)
+from dogshape.sim.errors import DogshapeError, StorageError
 from dogshape.sim.files import write_whole
 from dogshape.sim.statistics.blocks import even_blocks
 from tests.conftest import Call
@@ -154,3 +161,41 @@ def test_a_target_is_tried_before_the_work(
     assert arguments[-2] in said.sentence
     assert arguments[-1] in said.sentence
     assert not (tmp_path / "x.svg").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("deep.json", "[" * 200_000),
+        ("deep object.json", '{"a":' * 200_000),
+        ("digits.json", '{"format": ' + "9" * 10_000 + "}"),
+        ("no object.json", "[1]"),
+    ],
+)
+def test_hostile_json_is_refused_in_a_sentence(tmp_path: Path, name: str, content: str) -> None:
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(StorageError, match="damaged; take it away"):
+        read_json(path, "take it away")
+    path.write_text(f"{content}\n")
+    with pytest.raises(StorageError, match="line 1 is not a shift"):
+        list(read_lines(path, lambda row: row["key"], "a shift"))
+
+
+@pytest.mark.parametrize("content", ["a = " + "[" * 100_000, "a" + ".a" * 20_000 + " = 1"])
+def test_deep_toml_is_refused_in_a_sentence(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(content)
+    with pytest.raises(DogshapeError):
+        load_study(path)
+
+
+def test_files_and_lines_without_end_are_not_read_into_memory(tmp_path: Path) -> None:
+    """Sparse files of a terabyte: their size is seen, and of a line its first megabytes."""
+    path = tmp_path / "huge.json"
+    with path.open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(StorageError, match="more than 256 MB; take it away"):
+        read_json(path, "take it away")
+    with pytest.raises(StorageError, match="line 1 is too long for a shift"):
+        list(read_lines(path, lambda row: row["key"], "a shift"))

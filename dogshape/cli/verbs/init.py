@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -71,7 +72,7 @@ def study(
         ),
         *_remarks(found),
         f"next: look through {found['file']}, then",
-        *(f"  dogshape {verb} {found['folder']}" for verb in ("check", "expect", "study")),
+        *(f"  dogshape {verb} {quote(found['folder'])}" for verb in ("check", "expect", "study")),
     ]
     emit(found, json, lambda: lines)
 
@@ -188,8 +189,8 @@ def bench(
         f"{found['with_time']} of them with a time",
         *_remarks(found),
         "next:" if found["with_time"] else "next: fill in shifts.csv, then",
-        f"  dogshape validate {found['folder']}",
-        f"  dogshape gap {found['folder']} --out {found['folder']}/gap",
+        f"  dogshape validate {quote(found['folder'])}",
+        f"  dogshape gap {quote(found['folder'])} --out {quote(found['folder'] + '/gap')}",
     ]
     emit(found, json, lambda: [*_reading(found), *lines])
 

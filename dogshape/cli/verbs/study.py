@@ -34,8 +34,24 @@ from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
 from dogshape.sim.units import MM
 
+TABLES = (".csv", ".xlsx")
 ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
-           "--sheet": (".html", ".json")}  # fmt: skip
+           "--sheet": (".html", ".json"), "--html": (".html", ".htm"),
+           "--trace": TABLES}  # fmt: skip
+
+
+def _named_study(name: str, settings: list[str]) -> ds.Study:
+    """Load a study, that of a folder of results, or as FOLDER#N or STUDY#N a searched design."""
+    from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
+    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
+
+    stored = StudyFolder(Path(name))
+    if stored.manifest.is_file():
+        return ds.Study.from_config(stored.stored_study()).replace_keys(settings_of(settings))
+    if "#" not in name or Path(name).exists():
+        return ds.Study(name, settings)
+    return ds.Study.from_config(named_design(name, settings, chosen=False).prototype_study)
 
 
 def _plausible(study: ds.Study, angles: Collection[float] = ()) -> None:
@@ -71,8 +87,8 @@ def shift(
 
     if html is not None and html == trace:
         raise InputError(f"--html and --trace both name {html}; give two files")
-    require_targets({"--html": html, "--trace": trace})
-    given = ds.Study(study, with_engine(set_, engine))
+    require_targets({"--html": html, "--trace": trace}, ENDINGS)
+    given = _named_study(study, with_engine(set_, engine))
     found = given.shift(
         mismatch_rpm=mismatch_rpm, force_N=force_N, angle_deg=relative_angle_deg,
         force_rise_s=force_rise_s, all_dogs=all_dogs,
@@ -106,7 +122,7 @@ def expect(
         "precision": precision, "cluster": cluster,
     }  # fmt: skip
     if draws is None:
-        given = ds.Study(study, settings)
+        given = _named_study(study, settings)
         _plausible(given, listed if isinstance(listed, tuple) else ())
         found = given.expect(**point, angles=listed, **kept(jobs))
         warn(one.removeprefix("warning: ") for one in found.shortfall if json)
@@ -155,7 +171,7 @@ def strength(
 
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
-    given, record, more = ds.Study(study, with_engine(set_, engine)), {}, []
+    given, record, more = _named_study(study, with_engine(set_, engine)), {}, []
     if fem:
         from dogshape.validation.finite_elements import root_stress  # noqa: PLC0415
 
@@ -188,8 +204,8 @@ def check(
     """
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
 
-    given = ds.Study(study, with_engine(set_, engine))
-    require_targets({"--out": out})
+    given = _named_study(study, with_engine(set_, engine))
+    require_targets({"--out": out}, {"--out": TABLES})
     asked: Any = {"mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate}
     if designs is not None:
         from dogshape.predictions import beside  # noqa: PLC0415
@@ -370,15 +386,10 @@ def app(
 
     Example: dogshape app mq200_paper --set load.torque_Nm=150
     """
-    from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
-    stored, folder = StudyFolder(Path(study)), None
-    if stored.manifest.is_file():
-        folder = stored.root
-        given = ds.Study.from_config(stored.stored_study()).replace_keys(settings_of(set_))
-    else:
-        given = ds.Study(study, set_)
+    folder = Path(study) if StudyFolder(Path(study)).manifest.is_file() else None
+    given = _named_study(study, set_ or [])
     ds.serve_app(
         given, surrogate=surrogate, folder=folder, port=port, browser=browser,
         progress=True, command=shlex.join([study, *(f"--set={s}" for s in set_ or ())]),
