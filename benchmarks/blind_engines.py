@@ -18,8 +18,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.model import wait_of
-from dogshape.diagnosis.prediction.moments import timely
+from dogshape.diagnosis.prediction.model import passing_time
+from dogshape.diagnosis.prediction.moments import mask_late
 from dogshape.diagnosis.prediction.simulations import read_times, settings_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.setting import Setting
@@ -63,8 +63,8 @@ def second_times(engine: Engine, setting: Setting, angles: Iterable[float]) -> n
 
 def _row(setting: Setting, first: np.ndarray, second: np.ndarray) -> float:
     """Print an operating point and return its difference in sampling errors."""
-    point, wait = setting.point, np.array([wait_of(setting)])
-    both = np.all([np.isfinite(timely(one[None], wait)[0]) for one in (first, second)], axis=0)
+    point, wait = setting.point, np.array([passing_time(setting)])
+    both = np.all([np.isfinite(mask_late(one[None], wait)[0]) for one in (first, second)], axis=0)
     one, two = first[both] * 1e3, second[both] * 1e3
     gap = float((two - one).mean())
     pooled = float(np.sqrt(0.5 * (one.var(ddof=1) + two.var(ddof=1))))

@@ -29,8 +29,8 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of
 from dogshape.diagnosis.likelihood.observed import observe
-from dogshape.diagnosis.prediction.model import Model, Predicted
-from dogshape.diagnosis.prediction.moments import timely
+from dogshape.diagnosis.prediction.model import Model, Prediction
+from dogshape.diagnosis.prediction.moments import mask_late
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, models_of
@@ -124,15 +124,15 @@ def draw_cells(
     unlisted = "unknown" in truth.hypothesis
     mean = draw_means(likelihood, p, unlisted, generator)
     stretch = float(generator.choice(STRETCHES)) if unlisted else 1.0
-    freedom = freedom_of(likelihood._spread_error(p)[0])
+    freedom = freedom_of(likelihood._spread_variance(p)[0])
     sd = stretch * p.sd[0] * np.sqrt(freedom / generator.chisquare(freedom))
     cells, row = [], 2
     for k, cell in enumerate(bench.cells):
         tried = int(generator.integers(NUMBERS[0], NUMBERS[1] + 1))
-        engaged = _count(p.engaged[0, k], (0.01, 0.99), tried, generator)
-        late = _count(p.late[0, k], (USUAL.late_least, 0.9), engaged, generator)
+        engaged = _count(p.engaged_share[0, k], (0.01, 0.99), tried, generator)
+        late = _count(p.late_share[0, k], (USUAL.late_least, 0.9), engaged, generator)
         times = mean[k] + sd[k] * _scatter(model, p, k, engaged, generator)
-        behind, behind_sd = (part[k] for part in model.behind)
+        behind, behind_sd = (part[k] for part in model.late_delay)
         times[:late] = mean[k] + behind + behind_sd * generator.standard_normal(late)
         times = np.maximum(times, LEAST)
         readings = _readings(cell, row, times, tried, kind=kind, generator=generator)
@@ -142,13 +142,16 @@ def draw_cells(
 
 
 def draw_means(
-    likelihood: Likelihood, p: Predicted, unlisted: bool, generator: np.random.Generator
+    likelihood: Likelihood, p: Prediction, unlisted: bool, generator: np.random.Generator
 ) -> Array:
     """Draw the mean of timely shifts at each point, with all errors of the simulation, s, (C,)."""
     simulated = (p.mean - p.delay)[0]
     size = USUAL.discrepancy * abs(generator.standard_normal())
-    columns = [size * simulated[:, None] * likelihood.smooth, likelihood.columns(p)[0]]
-    own = likelihood.own_variance(p)[0]
+    columns = [
+        size * simulated[:, None] * likelihood.discrepancy_root,
+        likelihood.common_errors(p)[0],
+    ]
+    own = likelihood.mean_variance(p)[0]
     if unlisted:
         wide = float(generator.choice(USUAL.unlisted_sizes))
         length = float(generator.choice(USUAL.unlisted_lengths))
@@ -171,12 +174,14 @@ def _count(
 
 
 def _scatter(
-    model: Model, p: Predicted, cell: int, count: int, generator: np.random.Generator
+    model: Model, p: Prediction, cell: int, count: int, generator: np.random.Generator
 ) -> Array:
     """Draw times over their deviation, of the baseline or of both modes, (count,)."""
-    share, main, narrow = (float(part[0, cell]) for part in (p.minor, p.main, p.narrow))
+    share, main, narrow = (
+        float(part[0, cell]) for part in (p.minor_share, p.main_offset, p.main_sd)
+    )
     if share == 1.0:
-        base = timely(model.simulated.baseline, model.far)[cell]
+        base = mask_late(model.simulated.baseline, model.min_late_delay)[cell]
         base = base[np.isfinite(base)]
         return generator.choice((base - base.mean()) / base.std(), count)
     other, whole = -main * (1.0 - share) / share, float(p.sd[0, cell])
@@ -208,7 +213,7 @@ def answer(bench: Bench, model: Model, seed: int) -> Answer:
     kind = "means" if seed % 2 else "singles"
     drawn = draw_cells(bench, model, truth, generator, kind)
     # Sets are drawn as predicted, so pairs must not be simulated.
-    return figures(truth, diagnose(drawn, {"sleeve": replace(model, run=None)}))
+    return figures(truth, diagnose(drawn, {"sleeve": replace(model, runner=None)}))
 
 
 def figures(truth: Truth, found: Diagnosis) -> Answer:

@@ -16,8 +16,8 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import Verdict, inclusion
-from dogshape.diagnosis.next_test import choose
-from dogshape.diagnosis.prediction.curve import Space
+from dogshape.diagnosis.next_test import rank_tests
+from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
@@ -50,7 +50,7 @@ SIZES = {
 class Fit:
     """A fitted hypothesis: equally weighted draws of values."""
 
-    space: Space
+    space: ParameterSpace
     values: Array
     predicted: Any
     p: float | None
@@ -70,7 +70,7 @@ class Fit:
 def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
     """Fit a hypothesis by draws of ``SIZES``, with mean times (C,) that all draws share."""
     generator = np.random.default_rng(len(hypothesis))
-    space = Space(tuple(EFFECTS[name] for name in hypothesis), setting_of(STAND))
+    space = ParameterSpace(tuple(EFFECTS[name] for name in hypothesis), setting_of(STAND))
     columns = [generator.normal(*SIZES[one.name], DRAWS) for one in space.parameters]
     values = np.stack(columns, axis=1) if columns else np.zeros((DRAWS, 0))
     mean = np.tile(times, (DRAWS, 1))
@@ -112,10 +112,10 @@ def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **
     found = SimpleNamespace(
         bench=bench, effects=EFFECTS, posterior=dict(posterior), evidence=dict(posterior),
         fits=fits, inclusion=parts, inclusion_error=dict.fromkeys(parts, 0.01),
-        verdict=verdict, within=0.01, gaps=gaps, leading=leading,
-        rival=rival, readings=(), tests=tests(), facts=facts_of(bench), margin_s=0.011,
-        sizes=sizes, noise=0.004, seconds=4.2,
-        seen=SimpleNamespace(mean=seen, count=np.array([cell.n for cell in bench.cells])),
+        verdict=verdict, within_margin=0.01, gaps=gaps, leading=leading,
+        rival=rival, record_meanings=(), tests=tests(), facts=facts_of(bench), margin_s=0.011,
+        sizes=sizes, leading_error=0.004, seconds=4.2,
+        observed=SimpleNamespace(mean=seen, count=np.array([cell.n for cell in bench.cells])),
         model=SimpleNamespace(  # no effect moves a time
             setting=setting_of(bench), effects=EFFECTS,
             predict=lambda h, shares: SimpleNamespace(mean=np.tile(base, (len(shares), 1))),
@@ -193,4 +193,4 @@ def simulated_diagnosis(
     """Diagnose a bench of the closed form, among a few effects."""
     models = build_models(bench, {name: EFFECTS[name] for name in FEW}, settings, made_up)
     found = diagnose(bench, models, settings)
-    return replace(found, tests=choose(found)) if advise else found
+    return replace(found, tests=rank_tests(found)) if advise else found

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import Field, field_of
-from dogshape.diagnosis.prediction.curve import Space
-from dogshape.diagnosis.prediction.model import Predicted
+from dogshape.diagnosis.prediction.curve import ParameterSpace
+from dogshape.diagnosis.prediction.model import Prediction
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -36,16 +36,16 @@ WAITS = (np.arange(16) + 0.5) / 16  #: shares of the wait at which the toy is pr
 SETTINGS = replace(USUAL, model_error=0.0, least_error=1e-9, spread_error=0.0)
 
 
-def predicted(mean: Array) -> Predicted:
+def predicted(mean: Array) -> Prediction:
     """Make a prediction with a spread of 20 ms and an error of 1 ms from means (m, C)."""
     one, none = np.ones_like(mean), np.zeros_like(mean)
     parts = 0.02 * one, 1e-3 * one, none, none, none, one, none, one, none, 0.02 * one, none, none
-    return Predicted(mean, *parts)
+    return Prediction(mean, *parts)
 
 
-def space_of(hypothesis: Hypothesis) -> Space:
+def space_of(hypothesis: Hypothesis) -> ParameterSpace:
     """Return the parameters of a hypothesis."""
-    return Space(tuple(EFFECTS[name] for name in hypothesis), SETTING)
+    return ParameterSpace(tuple(EFFECTS[name] for name in hypothesis), SETTING)
 
 
 def fit_of(
@@ -70,8 +70,8 @@ def diagnosis_of(
     seen = SimpleNamespace(count=np.full(CELLS, 10.0), mean=np.full(CELLS, 0.3))
     names = {name for h in fits for name in h}
     found = SimpleNamespace(
-        bench=bench, posterior=dict(posterior), fits=dict(fits), settings=SETTINGS, seen=seen,
-        effects={name: EFFECTS[name] for name in sorted(names)}, readings=(),
+        bench=bench, posterior=dict(posterior), fits=dict(fits), settings=SETTINGS, observed=seen,
+        effects={name: EFFECTS[name] for name in sorted(names)}, record_meanings=(),
         model=SimpleNamespace(setting=SETTING),
     )  # fmt: skip
     vars(found).update(more)
@@ -88,7 +88,7 @@ class ToyModel:
         self.effects = {name: EFFECTS[name] for name in names}
         self.points = points
 
-    def space(self, hypothesis: Hypothesis) -> Space:
+    def space(self, hypothesis: Hypothesis) -> ParameterSpace:
         """Return the parameters of a hypothesis."""
         return space_of(hypothesis)
 
@@ -96,7 +96,7 @@ class ToyModel:
         """Mark all values."""
         return np.ones(len(shares), dtype=bool)
 
-    def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
+    def predict(self, hypothesis: Hypothesis, shares: Array) -> Prediction:
         """Return mean and spread of the toy's times."""
         space, size = self.space(hypothesis), (len(shares), WAITS.size)
         values = {p.name: space.values(shares)[:, [k]] for k, p in enumerate(space.parameters)}
@@ -114,8 +114,8 @@ def field_at(
     like: Any = SimpleNamespace(
         model=ToyModel(names, points),
         settings=replace(SETTINGS, discrepancy=discrepancy),
-        smooth=np.ones((cells, 1)),
-        columns=lambda p: np.zeros((len(p.mean), cells, 0)),
-        own_variance=lambda p: p.error**2,
+        discrepancy_root=np.ones((cells, 1)),
+        common_errors=lambda p: np.zeros((len(p.mean), cells, 0)),
+        mean_variance=lambda p: p.error**2,
     )
     return field_of(like)

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
-from dogshape.diagnosis.prediction.model import Predicted
+from dogshape.diagnosis.prediction.model import Prediction
 from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis
 from dogshape.validation.blind.data import Expected
 
@@ -47,14 +47,14 @@ class Yardstick:
     plain: Expected
 
     @cached_property
-    def base(self) -> Predicted:
+    def base(self) -> Prediction:
         """Prediction without any effect."""
         return self.likelihood.model.predict(NONE, np.zeros((1, 0)))
 
     @cached_property
     def exact(self) -> Likelihood:
         """Likelihood of the expected data: no scatter, no late and no odd means."""
-        seen, base = self.likelihood.seen, self.base
+        seen, base = self.likelihood.observed, self.base
         mean = base.mean[0] + self.truth.mean - self.plain.mean
         with np.errstate(divide="ignore", invalid="ignore"):
             sd = base.sd[0] * self.truth.sd / self.plain.sd
@@ -66,24 +66,24 @@ class Yardstick:
             mean=np.where(known, mean, 0.0),
             variance=np.where(known, np.maximum(sd, 5e-4) ** 2, 1.0),
             freedom=np.where(known, seen.freedom, 0.0),
-            late=nothing,
-            hidden=nothing.astype(bool),
+            late_count=nothing,
+            hides_late=nothing.astype(bool),
         )
         settings = replace(self.likelihood.settings, odd_share=1e-300, odd_spread=1e-300)
-        return replace(self.likelihood, seen=exact, settings=settings)
+        return replace(self.likelihood, observed=exact, settings=settings)
 
     def squares(self, hypothesis: Hypothesis, shares: Array) -> Array:
         """Compute the noncentrality that values (m, p) of a hypothesis leave, (m,).
 
         Infinite for a value that no bench can have, or by which nothing engages where shifts do.
         """
-        exact, some = self.exact, self.exact.having
+        exact, some = self.exact, self.exact.measured_points
         p = exact.model.predict(hypothesis, shares)
         found = exact.terms(p)
-        columns = exact.all_columns(p, exact.settings.discrepancy)[:, some]
+        columns = exact.all_common_errors(p, exact.settings.discrepancy)[:, some]
         squares = squared_distance(found.residual, found.variance, columns)
         squares = squares + np.nansum(exact.spread_scores(p) ** 2, axis=1)
-        there = (p.engaged[:, some] >= ENGAGED).all(axis=1)
+        there = (p.engaged_share[:, some] >= ENGAGED).all(axis=1)
         there &= exact.model.possible(hypothesis, shares)
         return np.where(there & np.isfinite(squares), squares, np.inf)
 
@@ -163,18 +163,18 @@ def power_of(stick: Yardstick, seed: int = 1) -> float:
     shown where its probability, given the data, is that from which the diagnosis names.
     """
     generator, given = np.random.default_rng(seed), stick.likelihood
-    seen, base = given.seen, stick.base
+    seen, base = given.observed, stick.base
     known = (seen.count > 0) & np.isfinite(stick.plain.mean)
     count = np.where(known, seen.count, 1.0)
     simulated = base.mean[0]
-    error = np.sqrt(stick.plain.sd**2 / count + given.each * simulated**2)
+    error = np.sqrt(stick.plain.sd**2 / count + given.nominal_variance * simulated**2)
     margin = given.bench.margin.of(simulated)[known]
-    many = base.only(np.zeros(DRAWN, dtype=int))
+    many = base.select(np.zeros(DRAWN, dtype=int))
     within = []
     for _ in range(SERIES):
         mean = np.where(known, stick.plain.mean + error * generator.standard_normal(len(error)), 0)
         series = replace(seen, count=np.where(known, count, 0.0), mean=mean, freedom=0.0 * mean)
-        _, offset, nuisance = replace(given, seen=series).drawn(many, generator)
+        _, offset, nuisance = replace(given, observed=series).draw_common_errors(many, generator)
         gaps = offset - nuisance
         within.append((((gaps[:, known] / margin) ** 2).mean(axis=1) < 1.0).mean())
     return float((np.array(within) >= given.settings.named).mean())
