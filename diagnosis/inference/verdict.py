@@ -97,22 +97,27 @@ def decide(
     that are part of the cause under nearly all hypotheses.
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
-    top = order[0]
-    inclusions = inclusion(posterior)
     cumulative = np.cumsum([0.0, *(posterior[h] for h in order)])[:-1]
     credible = tuple(h for h, p in zip(order, cumulative, strict=True) if p < settings.credible)
     inadequate = [h for h in order if not _is_adequate(h, fits, settings)]
-    reversed_probability = inclusions.get(REVERSED, 0.0)
-    sense_is_doubtful = REVERSED not in top and reversed_probability > 1.0 - settings.part
     if max(margin.gap, min(posterior[NONE], margin.none)) > settings.named:
         return Verdict("none", (), credible)
     if posterior[UNKNOWN] + sum(posterior[h] for h in inadequate) > settings.named:
         return Verdict("unknown", (), credible)
-    is_named = top not in inadequate and posterior[top] > settings.named and top != NONE
-    if is_named and not sense_is_doubtful and is_nameable(top, settings):
-        return Verdict("effect", top, credible)
-    causes = tuple(sorted(name for name, p in inclusions.items() if p > settings.part))
+    if order[0] not in inadequate and _is_named(order[0], posterior, settings):
+        return Verdict("effect", order[0], credible)
+    inclusions = inclusion(posterior).items()
+    causes = tuple(sorted(name for name, p in inclusions if p > settings.part))
     return Verdict("ambiguous", causes, credible)
+
+
+def _is_named(top: Hypothesis, posterior: Probabilities, settings: Settings) -> bool:
+    """Check that the most probable hypothesis is named as the cause."""
+    if top == NONE or posterior[top] <= settings.named or not is_nameable(top, settings):
+        return False
+    # A hypothesis without the reversed sense is named only where that is improbable.
+    reversed_probability = inclusion(posterior).get(REVERSED, 0.0)
+    return REVERSED in top or reversed_probability <= 1.0 - settings.part
 
 
 def _is_adequate(h: Hypothesis, fits: Mapping[Hypothesis, Fit], settings: Settings) -> bool:

@@ -438,10 +438,7 @@ class Model:
         there already or does not exist, or none or three effects are no reading of a shift.
         """
         if REVERSED in hypothesis:
-            if self.reversed_model is None:
-                return None
-            model = self.reversed_model.simulate(strip_sense(hypothesis), shares)
-            return None if model is None else replace(self, reversed_model=model)
+            return self._simulate_reversed(strip_sense(hypothesis), shares)
         names = tuple(name for name in hypothesis if name not in self.reading_effects)
         if self.runner is None or len(names) not in GRID_STEPS:
             return None
@@ -452,6 +449,17 @@ class Model:
             return None
         times = simulate_benches([*settings_by_level.values()], self.settings, self.runner)
         benches = itertools.starmap(FurtherBench, zip(settings_by_level, times, strict=True))
+        return self._add_benches(names, tuple(benches))
+
+    def _simulate_reversed(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
+        """Simulate effects with the reversed sense near the first of shares (m, p)."""
+        if self.reversed_model is None:
+            return None
+        model = self.reversed_model.simulate(hypothesis, shares)
+        return None if model is None else replace(self, reversed_model=model)
+
+    def _add_benches(self, names: Hypothesis, benches: tuple[FurtherBench, ...]) -> Model:
+        """Add benches of one or two effects, and fit again what they change."""
         further = {**self.further_benches, names: (*self.further_benches.get(names, ()), *benches)}
         if len(names) == 2:
             model = replace(self, further_benches=further)
@@ -805,22 +813,9 @@ def _build_model(
             nuisances[name] = wide_effects.pop(name)
     reversed_model = None
     if wide_effects.pop(REVERSED, None) is not None:
-        reversed_effects = wide_effects
-        if bench.record.sense == "known":
-            ends = extremes(baseline)
-            reversed_effects = {
-                name: effect
-                for name, effect in wide_effects.items()
-                if changes_only_reading(effect, ends)
-            }
-        reversed_settings = [s.with_point(mismatch=0.0 - s.point.mismatch) for s in baseline]
-        reversed_times = simulate(reversed_effects, reversed_settings, runner)
-        reversed_model = Model(
-            effects=dict(reversed_effects),
-            simulated=reversed_times,
-            nuisances={},
-            law_error=settings.law,
-            runner=runner,
+        is_known = bench.record.sense == "known"
+        reversed_model = _build_reversed(
+            wide_effects, baseline, settings, runner, only_reading=is_known
         )
     simulated = simulate({**wide_effects, **nuisances}, baseline, runner)
     if bench.record.time_zero == "force":
@@ -831,6 +826,31 @@ def _build_model(
         nuisances=nuisances,
         law_error=settings.law,
         reversed_model=reversed_model,
+        runner=runner,
+    )
+
+
+def _build_reversed(
+    effects: Mapping[str, Effect],
+    baseline: Sequence[Setting],
+    settings: Settings,
+    runner: Runner,
+    *,
+    only_reading: bool,
+) -> Model:
+    """Build the model of the reversed sense, with all effects or those of the reading."""
+    reversed_effects = dict(effects)
+    if only_reading:
+        ends = extremes(baseline)
+        for name, effect in effects.items():
+            if not changes_only_reading(effect, ends):
+                del reversed_effects[name]
+    reversed_settings = [s.with_point(mismatch=0.0 - s.point.mismatch) for s in baseline]
+    return Model(
+        effects=reversed_effects,
+        simulated=simulate(reversed_effects, reversed_settings, runner),
+        nuisances={},
+        law_error=settings.law,
         runner=runner,
     )
 

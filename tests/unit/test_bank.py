@@ -18,7 +18,7 @@ from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
     DENSE_FACTOR,
     LINE_LEVELS,
-    Simulated,
+    SimulatedTimes,
     levels_of,
     settings_of,
     simulate,
@@ -42,7 +42,7 @@ BENCH = few_cells(load_bench("mq200_adams"), POINTS)
 
 def _simulated(
     store: Bank | None, *names: str, bench: Bench = BENCH, run: Runner = made_up
-) -> Simulated:
+) -> SimulatedTimes:
     few = {name: EFFECTS[name] for name in names}
     settings = settings_of(bench, "sleeve")
     if store is None:
