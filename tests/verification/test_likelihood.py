@@ -120,7 +120,7 @@ def test_an_error_of_interpolation_makes_a_spread_as_likely_too_large_as_too_sma
 def test_numbers_engaged_are_beta_binomial() -> None:
     seen = seen_at(5.0, 0.1, hidden=False)
     engaged, failed = np.array([3.0, 0, 0, 9, 0, 0]), np.array([2.0, 0, 0, 1, 0, 0])
-    seen = replace(seen, engaged=engaged, failed=failed)
+    seen = replace(seen, engaged_count=engaged, failed_count=failed)
     _, model = world()
     p = model.predict(NONE, np.zeros((1, 0)))
     p = replace(p, engaged_share=np.full_like(p.engaged_share, 0.8))
@@ -143,14 +143,14 @@ def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
     p = Prediction.concatenate([plain] * 4000)
     amplitude, offset, nuisance = likelihood.draw_common_errors(p, np.random.default_rng(4))
     found = likelihood.terms(plain)
-    weights = np.exp(found.nodes[0] - logsumexp(found.nodes[0]))
+    weights = np.exp(found.log_by_amplitude[0] - logsumexp(found.log_by_amplitude[0]))
     means, covariances, own = list[Array](), list[Array](), list[Array]()
-    known = plain.mean[0][:, None] * likelihood.nuisances
+    known = plain.mean[0][:, None] * likelihood.nuisance_errors
     for size in NODES:
         columns = np.hstack(
             [
-                USUAL.discrepancy * size * plain.mean[0][:, None] * likelihood.smooth,
-                likelihood.columns(plain)[0],
+                USUAL.discrepancy * size * plain.mean[0][:, None] * likelihood.discrepancy_root,
+                likelihood.common_errors(plain)[0],
             ]
         )
         signal = columns @ columns.T

@@ -138,8 +138,13 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
         others = np.delete(np.arange(len(residual)), k)
         logs, means, variances = [], [], []
         for size, weight in zip(NODES, WEIGHTS, strict=True):
-            root = USUAL.discrepancy * size * (p.mean - p.delay)[0][:, None] * likelihood.smooth
-            columns = np.hstack([root, likelihood.columns(p)[0]])
+            root = (
+                USUAL.discrepancy
+                * size
+                * (p.mean - p.delay)[0][:, None]
+                * likelihood.discrepancy_root
+            )
+            columns = np.hstack([root, likelihood.common_errors(p)[0]])
             whole = columns @ columns.T + own
             inner = whole[np.ix_(others, others)]
             pull = np.linalg.solve(inner, whole[others, k])

@@ -175,7 +175,7 @@ def test_errors_of_an_interpolation_are_its_stated_ones(name: str) -> None:
     levels = [Level((name,), tuple(row)) for row in values.tolist()]
     benches = [[level.setting(model.effects, one) for one in model.settings] for level in levels]
     times = simulate_benches(benches, model.settings, _run)
-    exact = (model._moments(times) - model.base)[..., 0]
+    exact = (model._moments(times) - model.base_moments)[..., 0]
     found, p = model.changes(name, values), model.predict((name,), shares)
     scatter = 0.5 * p.sd / (p.mean - p.delay) * (1.0 / DENSE_FACTOR / ANGLES) ** 0.5
     known = np.isfinite(exact)
