@@ -18,8 +18,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.model import wait_of
-from dogshape.diagnosis.prediction.moments import timely
+from dogshape.diagnosis.prediction.model import passing_time
+from dogshape.diagnosis.prediction.moments import mask_late
 from dogshape.diagnosis.prediction.simulations import read_times, settings_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.setting import Setting
@@ -65,9 +65,9 @@ def second_times(engine: Engine, setting: Setting, angles: Iterable[float]) -> n
 def _row(setting: Setting, drake: np.ndarray, mujoco: np.ndarray) -> float:
     """Print an operating point and return its difference in sampling errors."""
     point = setting.point
-    wait = np.array([wait_of(setting)])
-    drake_timely = np.isfinite(timely(drake[None], wait)[0])
-    mujoco_timely = np.isfinite(timely(mujoco[None], wait)[0])
+    wait = np.array([passing_time(setting)])
+    drake_timely = np.isfinite(mask_late(drake[None], wait)[0])
+    mujoco_timely = np.isfinite(mask_late(mujoco[None], wait)[0])
     timely_shifts = drake_timely & mujoco_timely
     drake_ms = drake[timely_shifts] * 1e3
     mujoco_ms = mujoco[timely_shifts] * 1e3

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dogshape.diagnosis.settings import USUAL, described
+from dogshape.diagnosis.settings import USUAL, list_settings
 
 HEAD = "| setting | value | unit | meaning | source | status |\n|---|---|---|---|---|---|\n"
 
@@ -24,6 +24,6 @@ def table() -> str:
     rows = [
         f"| `{name}` | {format_value(value)} | {facts['unit']} | {facts['meaning']} | "
         f"{facts['source'] or '-'} | {facts['status']} |\n"
-        for name, value, facts in described(USUAL)
+        for name, value, facts in list_settings(USUAL)
     ]
     return HEAD + "".join(rows)

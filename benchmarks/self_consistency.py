@@ -29,8 +29,8 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of
 from dogshape.diagnosis.likelihood.observed import observe
-from dogshape.diagnosis.prediction.model import Model, Predicted
-from dogshape.diagnosis.prediction.moments import timely
+from dogshape.diagnosis.prediction.model import Model, Prediction
+from dogshape.diagnosis.prediction.moments import mask_late
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, models_of
@@ -128,16 +128,16 @@ def draw_cells(
     unlisted = "unknown" in truth.hypothesis
     mean = draw_means(likelihood, p, unlisted, generator)
     stretch = float(generator.choice(STRETCHES)) if unlisted else 1.0
-    freedom = freedom_of(likelihood._spread_error(p)[0])
+    freedom = freedom_of(likelihood._spread_variance(p)[0])
     sd = stretch * p.sd[0] * np.sqrt(freedom / generator.chisquare(freedom))
     cells = []
     row = 2
     for k, cell in enumerate(bench.cells):
         shift_count = int(generator.integers(SHIFT_COUNTS[0], SHIFT_COUNTS[1] + 1))
-        engaged = _count(p.engaged[0, k], (0.01, 0.99), shift_count, generator)
-        late = _count(p.late[0, k], (USUAL.late_least, 0.9), engaged, generator)
+        engaged = _count(p.engaged_share[0, k], (0.01, 0.99), shift_count, generator)
+        late = _count(p.late_share[0, k], (USUAL.late_least, 0.9), engaged, generator)
         times = mean[k] + sd[k] * _scatter(model, p, k, engaged, generator)
-        late_delay, late_delay_sd = (part[k] for part in model.behind)
+        late_delay, late_delay_sd = (part[k] for part in model.late_delay)
         times[:late] = mean[k] + late_delay + late_delay_sd * generator.standard_normal(late)
         times = np.maximum(times, MIN_TIME_S)
         readings = _readings(cell, row, times, shift_count, kind=kind, generator=generator)
@@ -147,13 +147,14 @@ def draw_cells(
 
 
 def draw_means(
-    likelihood: Likelihood, p: Predicted, unlisted: bool, generator: np.random.Generator
+    likelihood: Likelihood, p: Prediction, unlisted: bool, generator: np.random.Generator
 ) -> Array:
     """Draw the mean of timely shifts at each point, with all errors of the simulation, s, (C,)."""
     simulated = (p.mean - p.delay)[0]
     size = USUAL.discrepancy * abs(generator.standard_normal())
-    columns = [size * simulated[:, None] * likelihood.smooth, likelihood.columns(p)[0]]
-    variance = likelihood.own_variance(p)[0]
+    discrepancy = size * simulated[:, None] * likelihood.discrepancy_root
+    columns = [discrepancy, likelihood.common_errors(p)[0]]
+    variance = likelihood.mean_variance(p)[0]
     if unlisted:
         unlisted_size = float(generator.choice(USUAL.unlisted_sizes))
         length = float(generator.choice(USUAL.unlisted_lengths))
@@ -177,12 +178,14 @@ def _count(
 
 
 def _scatter(
-    model: Model, p: Predicted, cell: int, count: int, generator: np.random.Generator
+    model: Model, p: Prediction, cell: int, count: int, generator: np.random.Generator
 ) -> Array:
     """Draw times over their deviation, of the baseline or of both modes, (count,)."""
-    share, main_mode, main_sd = (float(moments[0, cell]) for moments in (p.minor, p.main, p.narrow))
+    share = float(p.minor_share[0, cell])
+    main_mode = float(p.main_offset[0, cell])
+    main_sd = float(p.main_sd[0, cell])
     if share == 1.0:
-        standard_times = timely(model.simulated.baseline, model.far)[cell]
+        standard_times = mask_late(model.simulated.baseline, model.min_late_delay)[cell]
         standard_times = standard_times[np.isfinite(standard_times)]
         deviations = (standard_times - standard_times.mean()) / standard_times.std()
         return generator.choice(deviations, count)
@@ -223,7 +226,7 @@ def draw_and_diagnose(bench: Bench, model: Model, seed: int) -> Answer:
     kind = "means" if seed % 2 else "singles"
     drawn_bench = draw_cells(bench, model, truth, generator, kind)
     # Sets are drawn as predicted, so pairs must not be simulated.
-    return compare_truth(truth, diagnose(drawn_bench, {"sleeve": replace(model, run=None)}))
+    return compare_truth(truth, diagnose(drawn_bench, {"sleeve": replace(model, runner=None)}))
 
 
 def compare_truth(truth: Truth, diagnosis: Diagnosis) -> Answer:

@@ -15,7 +15,7 @@ from scipy.special import logsumexp
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import PointGap
 from dogshape.diagnosis.bench.stand_file import EmptyCells
-from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, held_out
+from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, predict_held_out
 from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.ranking import Ranking, rank
 from dogshape.diagnosis.inference.static_readings import (
@@ -26,32 +26,42 @@ from dogshape.diagnosis.inference.static_readings import (
     measured_facts,
 )
 from dogshape.diagnosis.inference.verdict import (
+    MarginProbabilities,
     Probabilities,
     Verdict,
-    Within,
     decide,
+    fold_invisible,
     inclusion,
-    seen_apart,
-    unseen,
-    within_margin,
+    invisible_shares,
+    margin_probability,
 )
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
-from dogshape.diagnosis.likelihood.observed import Observed, observe
+from dogshape.diagnosis.likelihood.observed import Observations, observe
 from dogshape.diagnosis.prediction.flights import Flights, log_flights
 from dogshape.diagnosis.prediction.flights import log_unknown as log_unknown_flights
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.settings import USUAL, Settings
-from dogshape.diagnosis.terms import DELAY, NONE, REVERSED, UNKNOWN, Array, Hypothesis, forward
+from dogshape.diagnosis.terms import (
+    DELAY,
+    NONE,
+    REVERSED,
+    UNKNOWN,
+    Array,
+    Hypothesis,
+    strip_sense,
+)
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
 Record = dict[str, Any]  #: gap.json
-FITTED = 1e-3  #: probability from which a hypothesis is fitted
+MIN_FITTED_PROBABILITY = 1e-3  #: from which a hypothesis is fitted
+RECORDED_TESTS = 8  #: tests in ``gap.json``
+MIN_GAP_BEYOND_CHANCE_S = 1e-6  #: s, to divide by
 
 
 @dataclass(frozen=True)
-class Reading:
+class RecordMeaning:
     """Answer if a key of the record has a value that nobody noted, and its probability."""
 
     key: str
@@ -63,19 +73,19 @@ class Reading:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Result of a diagnosis; carries the data set."""
+    """Result of a diagnosis, with its data set."""
 
     bench: Bench
     effects: Mapping[str, Effect]
     settings: Settings
     likelihood: Likelihood
-    posterior: Mapping[Hypothesis, float]  #: the largest first; what data cannot show is absent
-    evidence: Mapping[Hypothesis, float]  #: the same before that
+    posterior: Mapping[Hypothesis, float]  #: the largest first, without invisible effects
+    evidence: Mapping[Hypothesis, float]  #: the same with invisible effects
     fits: Mapping[Hypothesis, Fit]  #: of none, and of every plausible known hypothesis
     verdict: Verdict
-    within: float  #: probability that the gap is below the margin
+    within_margin: float  #: probability that the gap is below the margin
     held_out: HeldOut
-    readings: tuple[Reading, ...]  #: answers by what the record means, where nobody noted it
+    record_meanings: tuple[RecordMeaning, ...]  #: of keys of the record that nobody noted
     facts: tuple[Fact, ...]
     flights: Flights
     seconds: float  #: processor time
@@ -87,9 +97,9 @@ class Diagnosis:
         return self.likelihood.model
 
     @property
-    def seen(self) -> Observed:
-        """Observations as the likelihood counts them."""
-        return self.likelihood.seen
+    def observed(self) -> Observations:
+        """Observations that the likelihood counts."""
+        return self.likelihood.observed
 
     @property
     def inclusion(self) -> dict[str, float]:
@@ -102,10 +112,9 @@ class Diagnosis:
         return next(h for h in self.posterior if h in self.fits)
 
     @property
-    def noise(self) -> float:
+    def leading_error(self) -> float:
         """Standard error of the leading probability by the errors of all evidences."""
-        share = self.posterior[self.leading]
-        return self._probability_error({self.leading}, share)
+        return self._probability_error({self.leading}, self.posterior[self.leading])
 
     @property
     def inclusion_error(self) -> dict[str, float]:
@@ -117,146 +126,184 @@ class Diagnosis:
 
     def _probability_error(self, members: Collection[Hypothesis], probability: float) -> float:
         """Propagate independent errors of log evidences to the probability of some hypotheses."""
-        parts = [
-            self.posterior.get(h, 0.0) * ((h in members) - probability) * one.error
-            for h, one in self.fits.items()
+        errors = [
+            self.posterior.get(h, 0.0) * ((h in members) - probability) * fitted.error
+            for h, fitted in self.fits.items()
         ]
-        return float(np.sqrt(np.square(parts).sum()))
+        return float(np.sqrt(np.square(errors).sum()))
 
     @property
     def margin_s(self) -> float:
         """Gap below which nothing needs doing, root mean square, s."""
-        limit = self.bench.margin.of(self.baseline)[self.likelihood.having]
+        limit = self.bench.margin.of(self.baseline)[self.likelihood.measured_points]
         return float(np.sqrt((limit**2).mean()))
 
     @cached_property
     def baseline(self) -> Array:
         """Mean time of each operating point without any effect, late shifts too, s, (C,)."""
-        return self.likelihood.late_mean(self.fits[NONE].predicted.only([0]))[0]
+        return self.likelihood.mean_with_late(self.fits[NONE].predicted.select([0]))[0]
 
     @cached_property
     def gaps(self) -> tuple[PointGap, ...]:
         """Gap at each operating point without any effect, with the error of data and simulation."""
-        one = self.fits[NONE].predicted.only([0])
-        own = self.likelihood.own_variance(one)[0]
-        error = np.sqrt(one.sd[0] ** 2 / np.maximum(1.0, self.seen.count) + own)
-        cells = zip(self.bench.cells, self.baseline.tolist(), error.tolist(), strict=True)
-        return tuple(PointGap(*one) for one in cells)
+        p = self.fits[NONE].predicted.select([0])
+        scatter = p.sd[0] ** 2 / np.maximum(1.0, self.observed.count)
+        error = np.sqrt(scatter + self.likelihood.mean_variance(p)[0])
+        points = zip(self.bench.cells, self.baseline.tolist(), error.tolist(), strict=True)
+        return tuple(itertools.starmap(PointGap, points))
 
     @cached_property
     def sizes(self) -> dict[str, dict[str, Interval]]:
         """Sizes of each effect over all plausible hypotheses that have it."""
-        found: dict[str, dict[str, Interval]] = {}
+        sizes: dict[str, dict[str, Interval]] = {}
         for name, effect in self.effects.items():
-            mine = [(self.fits[h], p) for h, p in self.posterior.items()
-                    if name in h and h in self.fits]  # fmt: skip
-            whole = sum(p for _, p in mine)
-            if whole < FITTED:
+            members = [h for h in self.posterior if name in h and h in self.fits]
+            probability = sum(self.posterior[h] for h in members)
+            if probability < MIN_FITTED_PROBABILITY:
                 continue
-            parts = []
-            for one, p in mine:
-                count = len(one.shares)
-                rows = np.linspace(0, count - 1, int(np.ceil(p / whole * count))).astype(int)
-                columns = one.space.columns(name) if effect.parameters else slice(0)
-                parts.append(one.values[rows][:, columns])
-            drawn = zip(effect.parameters, np.vstack(parts).T, strict=True)
-            found[name] = {parameter.name: Interval.of(column) for parameter, column in drawn}
-        return found
+            draws = []
+            for h in members:
+                fitted = self.fits[h]
+                draw_count = len(fitted.shares)
+                count = int(np.ceil(self.posterior[h] / probability * draw_count))
+                rows = np.linspace(0, draw_count - 1, count).astype(int)
+                columns = fitted.space.columns(name) if effect.parameters else slice(0)
+                draws.append(fitted.values[rows][:, columns])
+            columns_of = zip(effect.parameters, np.vstack(draws).T, strict=True)
+            sizes[name] = {parameter.name: Interval.of(column) for parameter, column in columns_of}
+        return sizes
 
     def to_dict(self) -> Record:
         """Write ``gap.json``."""
-        gaps, amplitude = self.held_out, Interval.of(self.fits[self.leading].amplitude)
-        shrink = 1.0 - (gaps.held_out - gaps.chance) / max(gaps.baseline - gaps.chance, 1e-6)
-        # Sets of names that no data of shifts can part.
-        named = sorted({n for h in self.verdict.credible for n in h if n in self.effects})
-        alike = [[name, *self.effects[name].aliases] for name in named]
+        amplitude = Interval.of(self.fits[self.leading].amplitude)
         return {
             "bench": self.bench.name,
             "engine": self.bench.clutch.solver.engine,
             "verdict": self.verdict.kind,
             "causes": list(self.verdict.causes),
-            "noise": self.noise,
-            "hypotheses": [self._hypothesis(h) for h in self.posterior],
-            "confusable": [names for names in alike if len(names) > 1],
+            "noise": self.leading_error,
+            "hypotheses": [self._hypothesis_record(h) for h in self.posterior],
+            "confusable": self._confusable_names(),
             "inclusion": self.inclusion,
             "inclusion_error": self.inclusion_error,
-            "sizes": {n: {k: asdict(i) for k, i in one.items()} for n, one in self.sizes.items()},
-            "gap": {
-                "hypothesis": list(self.leading),
-                "baseline_rmse_s": gaps.baseline,
-                "heldout_rmse_s": gaps.held_out,
-                "floor_rmse_s": gaps.chance,
-                "shrink": float(np.clip(shrink, -1.0, 1.0)),
-                "rival": list(gaps.rival) if gaps.rival is not None else None,
-                "rival_heldout_rmse_s": gaps.rival_held_out,
-            },
+            "sizes": {name: _interval_records(sizes) for name, sizes in self.sizes.items()},
+            "gap": self._gap_record(),
             "margin_s": self.margin_s,
-            "within_margin": self.within,
+            "within_margin": self.within_margin,
             "discrepancy": {"amplitude": asdict(amplitude)},
             "where": [
-                {"mismatch_rpm": one.cell.point.mismatch / RPM,
-                 "force_N": one.cell.point.profile.force, "gap_s": one.gap, "z": one.z}
-                for one in self.gaps
+                {
+                    "mismatch_rpm": gap.cell.point.mismatch / RPM,
+                    "force_N": gap.cell.point.profile.force,
+                    "gap_s": gap.gap,
+                    "z": gap.z,
+                }
+                for gap in self.gaps
             ],
             "record": self.bench.record.model_dump(),
             "readings": [
-                {"key": one.key, "value": one.value, "probability": one.probability,
-                 "verdict": one.verdict.kind, "causes": list(one.verdict.causes)}
-                for one in self.readings
+                {
+                    "key": meaning.key,
+                    "value": meaning.value,
+                    "probability": meaning.probability,
+                    "verdict": meaning.verdict.kind,
+                    "causes": list(meaning.verdict.causes),
+                }
+                for meaning in self.record_meanings
             ],
             "next_test": self.tests[0].to_dict() if self.tests else None,
-            "tests": [one.to_dict() for one in self.tests[:8]],
+            "tests": [test.to_dict() for test in self.tests[:RECORDED_TESTS]],
             "facts": [fact.to_dict() for fact in self.facts],
-            "drift": None if self.seen.drift is None else self.seen.drift.to_dict(),
+            "drift": None if self.observed.drift is None else self.observed.drift.to_dict(),
             "credible_set": [list(h) for h in self.verdict.credible],
             "seconds": self.seconds,
             "settings": asdict(self.settings),
-        }  # fmt: skip
+        }
 
-    def _hypothesis(self, h: Hypothesis) -> Record:
-        record = {"effects": list(h), "probability": self.posterior[h],
-                  "evidence_probability": self.evidence[h], "parameters": {}}  # fmt: skip
-        if found := self.fits.get(h):
+    def _confusable_names(self) -> list[list[str]]:
+        """List each credible effect with the effects that data of shifts cannot part from it."""
+        credible = set(itertools.chain.from_iterable(self.verdict.credible))
+        names = sorted(credible & self.effects.keys())
+        groups = [[name, *self.effects[name].aliases] for name in names]
+        return [group for group in groups if len(group) > 1]
+
+    def _gap_record(self) -> Record:
+        """Write the gap without effects and at held-out points."""
+        gaps = self.held_out
+        beyond_chance = max(gaps.baseline - gaps.chance, MIN_GAP_BEYOND_CHANCE_S)
+        shrink = 1.0 - (gaps.held_out - gaps.chance) / beyond_chance
+        return {
+            "hypothesis": list(self.leading),
+            "baseline_rmse_s": gaps.baseline,
+            "heldout_rmse_s": gaps.held_out,
+            "floor_rmse_s": gaps.chance,
+            "shrink": float(np.clip(shrink, -1.0, 1.0)),
+            "rival": None if gaps.rival is None else list(gaps.rival),
+            "rival_heldout_rmse_s": gaps.rival_held_out,
+        }
+
+    def _hypothesis_record(self, h: Hypothesis) -> Record:
+        """Write a hypothesis with its probability, and its fit if it has one."""
+        record = {
+            "effects": list(h),
+            "probability": self.posterior[h],
+            "evidence_probability": self.evidence[h],
+            "parameters": {},
+        }
+        if h in self.fits:
+            fitted = self.fits[h]
             record |= {
-                "parameters": {name: asdict(one) for name, one in found.intervals.items()},
-                "log_evidence": found.log_evidence,
-                "log_evidence_error": found.error,
-                "predictive_p": found.p,
+                "parameters": _interval_records(fitted.intervals),
+                "log_evidence": fitted.log_evidence,
+                "log_evidence_error": fitted.error,
+                "predictive_p": fitted.p,
             }
         return record
+
+
+def _interval_records(intervals: Mapping[str, Interval]) -> Record:
+    """Write intervals by the names of their parameters."""
+    return {name: asdict(interval) for name, interval in intervals.items()}
 
 
 def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL) -> Diagnosis:
     """Diagnose a data set by the models of each place where displacement may be read."""
     begin = time.process_time()
-    unknown = any(cell.unknown for cell in bench.cells)
-    meanings: tuple[EmptyCells, ...] = ("not_made", "failed") if unknown else ("unknown",)
-    ranked = [_answers(bench, place, empty, model, settings)
-              for place, model in models.items() for empty in meanings]  # fmt: skip
-    every = [answer for answers in ranked for answer in answers]
-    evidence = _mixed(every, settings)
-    fitted = [_fitted(answers, evidence) for answers in ranked]
-    whole, readings = _conclude(fitted, settings), []
-    likelihood, fits = whole.best.likelihood, whole.best.fits
-    model, known = likelihood.model, [h for h in whole.posterior if h in fits]
-    rival = next((fits[h] for h in known[1:] if h != NONE), None)
-    plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
+    has_empty_rows = any(cell.unknown for cell in bench.cells)
+    meanings: tuple[EmptyCells, ...] = ("not_made", "failed") if has_empty_rows else ("unknown",)
+    answers_by_ranking = []
+    for place, model in models.items():
+        for empty in meanings:
+            answers_by_ranking.append(_rank_meanings(bench, place, empty, model, settings))
+    all_answers = list(itertools.chain.from_iterable(answers_by_ranking))
+    evidence = _mix_answers(all_answers, settings)
+    fitted = [_fit_ranking(answers, evidence) for answers in answers_by_ranking]
+    conclusion = _conclude(fitted, settings)
+    likelihood = conclusion.best.likelihood
+    fits = conclusion.best.fits
+    leading, *runners_up = [h for h in conclusion.posterior if h in fits]
+    rival = next((fits[h] for h in runners_up if h != NONE), None)
+    baseline = likelihood.mean_with_late(fits[NONE].predicted.select([0]))[0]
     times = np.array([cell.time for cell in bench.cells], dtype=float)
-    turned = {} if model.turned is None else {REVERSED: registry.load()[REVERSED]}
-    keys = dict.fromkeys(item for one in every for item in one.record.items())
-    for key, value in keys:
-        mine = _conclude(fitted, settings, (key, value))
-        prior = 1.0 / sum(k == key for k, _ in keys)
-        probability = float(np.exp(mine.log - whole.log))
-        probability = (1.0 - settings.floor) * probability + settings.floor * prior
-        readings.append(Reading(key, value, probability, mine.verdict, mine.posterior))
+    effects = dict(likelihood.model.effects)
+    if likelihood.model.reversed_model is not None:
+        effects[REVERSED] = registry.load()[REVERSED]
     return Diagnosis(
-        bench, dict(sorted({**model.effects, **turned}.items())), settings, likelihood,
-        whole.posterior, evidence, fits, whole.verdict, whole.within,
-        held_out(likelihood, fits[known[0]], rival, times - plain), tuple(readings),
-        (*facts_of(bench), *measured_facts(bench, model.effects)),
-        Flights(model.effects, model.settings), time.process_time() - begin,
-    )  # fmt: skip
+        bench=bench,
+        effects=dict(sorted(effects.items())),
+        settings=settings,
+        likelihood=likelihood,
+        posterior=conclusion.posterior,
+        evidence=evidence,
+        fits=fits,
+        verdict=conclusion.verdict,
+        within_margin=conclusion.within_margin,
+        held_out=predict_held_out(likelihood, fits[leading], rival, times - baseline),
+        record_meanings=_record_meanings(fitted, conclusion, settings),
+        facts=(*facts_of(bench), *measured_facts(bench, likelihood.model.effects)),
+        flights=Flights(likelihood.model.effects, likelihood.model.settings),
+        seconds=time.process_time() - begin,
+    )
 
 
 @dataclass(frozen=True)
@@ -266,126 +313,191 @@ class _Answer:
     record: Mapping[str, str]
     ranking: Ranking
     logs: Mapping[Hypothesis, float]
-    log: float  #: of all hypotheses together
+    log_total: float  #: of all hypotheses together
 
 
 @dataclass(frozen=True)
-class _Fitted:
-    """Answers by one ranking, its fits, and the shares of each that smaller ones predict."""
+class _FittedRanking:
+    """Answers by one ranking and its fits."""
 
     answers: Sequence[_Answer]
     likelihood: Likelihood
     fits: Mapping[Hypothesis, Fit]
-    shares: Mapping[Hypothesis, Probabilities]
-    within: Mapping[Hypothesis, float]  #: probability by each that the gap is below the margin
+    invisible_shares: Mapping[Hypothesis, Probabilities]  #: of each that smaller ones predict
+    margin_probabilities: Mapping[Hypothesis, float]  #: that the gap is below the margin
 
 
 @dataclass(frozen=True)
 class _Conclusion:
     """Answer over meanings of the record, with the ranking of the most probable one."""
 
-    best: _Fitted
-    log: float  #: of prior times evidence
+    best: _FittedRanking
+    log_total: float  #: of prior times evidence
     posterior: Probabilities
-    within: float
+    within_margin: float
     verdict: Verdict
 
 
-def _fitted(answers: Sequence[_Answer], evidence: Probabilities) -> _Fitted:
+def _fit_ranking(answers: Sequence[_Answer], evidence: Probabilities) -> _FittedRanking:
     """Fit none and all plausible hypotheses of a ranking."""
     ranking = answers[0].ranking
-    likelihood, model = ranking.likelihood, ranking.likelihood.model
-    flights = Flights(model.effects, model.settings)
-    plausible = [h for h, p in evidence.items() if p > FITTED and h in ranking.samples]
-    names = dict.fromkeys((NONE, *plausible))
-    fits = {h: fit(likelihood, ranking.samples[h], flights, ranking.more) for h in names}
-    shares = {h: unseen(ranking, one, evidence) for h, one in fits.items() if forward(h)}
-    within = {h: within_margin(likelihood, one) for h, one in fits.items()}
-    return _Fitted(answers, likelihood, fits, shares, within)
+    likelihood = ranking.likelihood
+    flights = Flights(likelihood.model.effects, likelihood.model.settings)
+    hypotheses = [NONE]
+    for h, probability in evidence.items():
+        if probability > MIN_FITTED_PROBABILITY and h in ranking.samples and h != NONE:
+            hypotheses.append(h)
+    fits = {
+        h: fit(likelihood, ranking.samples[h], flights, ranking.side_likelihood) for h in hypotheses
+    }
+    return _FittedRanking(
+        answers=answers,
+        likelihood=likelihood,
+        fits=fits,
+        invisible_shares={
+            h: invisible_shares(ranking, fitted, evidence)
+            for h, fitted in fits.items()
+            if strip_sense(h)
+        },
+        margin_probabilities={h: margin_probability(likelihood, f) for h, f in fits.items()},
+    )
+
+
+def _record_meanings(
+    fitted: Sequence[_FittedRanking], conclusion: _Conclusion, settings: Settings
+) -> tuple[RecordMeaning, ...]:
+    """List the answers by each value that a key of the record may have."""
+    answers = itertools.chain.from_iterable(ranking.answers for ranking in fitted)
+    items = dict.fromkeys(item for answer in answers for item in answer.record.items())
+    keys = [key for key, _ in items]
+    meanings = []
+    for key, value in items:
+        answer = _conclude(fitted, settings, (key, value))
+        probability = float(np.exp(answer.log_total - conclusion.log_total))
+        floor = settings.floor * (1.0 / keys.count(key))
+        probability = (1.0 - settings.floor) * probability + floor
+        meaning = RecordMeaning(key, value, probability, answer.verdict, answer.posterior)
+        meanings.append(meaning)
+    return tuple(meanings)
 
 
 def _conclude(
-    fitted: Sequence[_Fitted], settings: Settings, item: tuple[str, str] | None = None
+    fitted: Sequence[_FittedRanking], settings: Settings, item: tuple[str, str] | None = None
 ) -> _Conclusion:
     """Decide over all meanings of the record, or those with one item."""
-    parts = [(one, [a for a in one.answers if item is None or item in a.record.items()])
-             for one in fitted]  # fmt: skip
-    parts = [(one, mine) for one, mine in parts if mine]
-    logs = [logsumexp([a.log for a in mine]) for _, mine in parts]
-    log, posterior, within = float(logsumexp(logs)), dict[Hypothesis, float](), 0.0
-    for (one, mine), part in zip(parts, np.exp(np.array(logs) - log).tolist(), strict=True):
-        evidence = _mixed(mine, settings)
-        known = sum(evidence.get(h, 0.0) for h in (*one.within, UNKNOWN))
-        within += part * sum(evidence.get(h, 0.0) * p for h, p in one.within.items()) / known
-        for h, p in seen_apart(one.shares, evidence).items():
-            posterior[h] = posterior.get(h, 0.0) + part * p
-    posterior = dict(sorted(posterior.items(), key=lambda item: -item[1]))
-    best = max(parts, key=lambda part: max(a.log for a in part[1]))[0]
-    verdict = decide(posterior, best.fits, Within(within, best.within[NONE]), settings)
-    return _Conclusion(best, log, posterior, within, verdict)
+    pairs = []
+    for ranking in fitted:
+        answers = ranking.answers
+        if item is not None:
+            answers = [answer for answer in answers if item in answer.record.items()]
+        if answers:
+            pairs.append((ranking, answers))
+    logs = [logsumexp([answer.log_total for answer in answers]) for _, answers in pairs]
+    log_total = float(logsumexp(logs))
+    posterior = dict[Hypothesis, float]()
+    within_margin = 0.0
+    weights = np.exp(np.array(logs) - log_total).tolist()
+    for (ranking, answers), weight in zip(pairs, weights, strict=True):
+        evidence = _mix_answers(answers, settings)
+        margins = ranking.margin_probabilities
+        fitted_evidence = sum(evidence.get(h, 0.0) for h in (*margins, UNKNOWN))
+        inside_evidence = sum(evidence.get(h, 0.0) * p for h, p in margins.items())
+        within_margin += weight * inside_evidence / fitted_evidence
+        for h, p in fold_invisible(ranking.invisible_shares, evidence).items():
+            posterior[h] = posterior.get(h, 0.0) + weight * p
+    posterior = dict(sorted(posterior.items(), key=lambda pair: -pair[1]))
+    best, _ = max(pairs, key=lambda pair: max(answer.log_total for answer in pair[1]))
+    margin = MarginProbabilities(gap=within_margin, none=best.margin_probabilities[NONE])
+    verdict = decide(posterior, best.fits, margin, settings)
+    return _Conclusion(best, log_total, posterior, within_margin, verdict)
 
 
-def _answers(
+def _rank_meanings(
     bench: Bench, place: str, empty: EmptyCells, model: Model, settings: Settings
 ) -> list[_Answer]:
-    """Rank the hypotheses under each meaning that the record may have."""
+    """Rank the hypotheses under each meaning that the record may have.
+
+    ``place`` is where displacement is read, ``empty`` the meaning of rows without a time.
+    """
     bench = replace(bench, cells=tuple(cell.with_empty(empty) for cell in bench.cells))
-    seen, record = observe(bench, model), bench.record
-    likelihood = Likelihood(bench, seen, model, settings)
+    observed = observe(bench, model)
+    likelihood = Likelihood(bench, observed, model, settings)
     flights = Flights(model.effects, model.settings)
     facts = measured_facts(bench, model.effects)
 
-    def more(hypothesis: Hypothesis, shares: Array) -> Array:
+    def side_likelihood(hypothesis: Hypothesis, shares: Array) -> Array:
+        """Compute the log likelihood of traces and direct tests, (n,)."""
         space = model.space(hypothesis)
         values = space.values(shares)
-        marks = log_flights(seen.flights, flights, space.hypothesis, values)
+        marks = log_flights(observed.flights, flights, space.hypothesis, values)
         return log_density(facts, space, values) + marks
 
-    beside = sum(log_unknown(fact, model.effects) for fact in facts)
-    beside += log_unknown_flights(seen.flights, flights)
-    turned = settings.reversed_known if record.sense == "known" else settings.reversed_unknown
-    ranking = rank(likelihood, more, turned, beside)
-    at_force = settings.zero_at_force
-    grid: dict[str, dict[str, float]] = {}
+    log_side_unknown = sum(log_unknown(fact, model.effects) for fact in facts)
+    log_side_unknown += log_unknown_flights(observed.flights, flights)
+    reversed_prior = settings.reversed_unknown
+    if bench.record.sense == "known":
+        reversed_prior = settings.reversed_known
+    ranking = rank(likelihood, side_likelihood, reversed_prior, log_side_unknown)
+    priors = _meaning_priors(bench, place, empty, model, settings)
+    answers = []
+    for values in itertools.product(*priors.values()):
+        meaning = dict(zip(priors, values, strict=True))
+        log_meaning = sum(np.log(priors[key][value]) for key, value in meaning.items())
+        hypotheses = (*ranking.samples, UNKNOWN)
+        logs = {h: log_meaning + _log_evidence(ranking, h, meaning) for h in hypotheses}
+        answers.append(_Answer(meaning, ranking, logs, float(logsumexp(list(logs.values())))))
+    return answers
+
+
+def _meaning_priors(
+    bench: Bench, place: str, empty: EmptyCells, model: Model, settings: Settings
+) -> dict[str, dict[str, float]]:
+    """List the values of each open key of the record with their prior probabilities."""
+    record = bench.record
+    priors: dict[str, dict[str, float]] = {}
     if record.displacement_at == "unknown":
-        grid["displacement_at"] = {place: 0.5}
+        priors["displacement_at"] = {place: 0.5}
     if empty != "unknown":
-        grid["empty_cells"] = {empty: settings.left_out if empty == "not_made" else 1.0}
+        priors["empty_cells"] = {empty: settings.left_out if empty == "not_made" else 1.0}
     if record.time_zero == "unknown" and DELAY in model.effects:
-        grid["time_zero"] = {"command": 1.0 - at_force, "force": at_force}
-    if record.sense == "unknown" and model.turned is not None:
-        grid["sense"] = {"as_noted": 1.0 - turned, "reversed": turned}
-    found = []
-    for values in itertools.product(*grid.values()):
-        meant = dict(zip(grid, values, strict=True))
-        prior = sum(np.log(grid[key][value]) for key, value in meant.items())
-        logs = {h: prior + _log(ranking, h, meant) for h in (*ranking.samples, UNKNOWN)}
-        found.append(_Answer(meant, ranking, logs, float(logsumexp(list(logs.values())))))
-    return found
+        at_force = settings.zero_at_force
+        priors["time_zero"] = {"command": 1.0 - at_force, "force": at_force}
+    if record.sense == "unknown" and model.reversed_model is not None:
+        reversed_prior = settings.reversed_unknown
+        priors["sense"] = {"as_noted": 1.0 - reversed_prior, "reversed": reversed_prior}
+    return priors
 
 
-def _log(ranking: Ranking, h: Hypothesis, meant: Mapping[str, str]) -> float:
-    """Compute log of prior times evidence where the record means something."""
-    log, settings = ranking.log_prior[h], ranking.likelihood.settings
+def _log_evidence(ranking: Ranking, h: Hypothesis, meaning: Mapping[str, str]) -> float:
+    """Compute log of prior times evidence of a hypothesis under a meaning of the record."""
+    log = ranking.log_prior[h]
+    settings = ranking.likelihood.settings
     if h == UNKNOWN:
         return log + ranking.log_unknown
     log += ranking.samples[h].log_evidence
-    if meant.get("time_zero") == "force":
+    if meaning.get("time_zero") == "force":
+        if DELAY in h:
+            return float(-np.inf)
         # The sets without a dead time take the whole prior.
-        log = -np.inf if DELAY in h else log - np.log1p(-settings.prior(DELAY))
-    if "sense" in meant:
-        mine = (REVERSED in h) == (meant["sense"] == "reversed")
-        log = log - np.log(settings.reversed_unknown) if mine else -np.inf
+        log = log - np.log1p(-settings.prior(DELAY))
+    if "sense" in meaning:
+        if (REVERSED in h) != (meaning["sense"] == "reversed"):
+            return float(-np.inf)
+        log = log - np.log(settings.reversed_unknown)
     return float(log)
 
 
-def _mixed(answers: Sequence[_Answer], settings: Settings) -> dict[Hypothesis, float]:
+def _mix_answers(answers: Sequence[_Answer], settings: Settings) -> dict[Hypothesis, float]:
     """Mix the probabilities over meanings of the record; the prior keeps the floor."""
-    whole, priors = logsumexp([one.log for one in answers]), answers[0].ranking.log_prior
-    found = dict.fromkeys((h for one in answers for h in one.logs), 0.0)
-    for h, log in (item for one in answers for item in one.logs.items()):
-        found[h] += float(np.exp(log - whole))
-    prior = {h: float(np.exp(priors.get(h, -np.inf))) for h in found}
+    log_total = logsumexp([answer.log_total for answer in answers])
+    priors = answers[0].ranking.log_prior
+    probabilities: dict[Hypothesis, float] = {}
+    for answer in answers:
+        for h, log in answer.logs.items():
+            probabilities[h] = probabilities.get(h, 0.0) + float(np.exp(log - log_total))
+    prior = {h: float(np.exp(priors.get(h, -np.inf))) for h in probabilities}
     floor = settings.floor / sum(prior.values())
-    mixed = {h: (1.0 - settings.floor) * p + floor * prior[h] for h, p in found.items()}
+    mixed = {}
+    for h, probability in probabilities.items():
+        mixed[h] = (1.0 - settings.floor) * probability + floor * prior[h]
     return dict(sorted(mixed.items(), key=lambda item: -item[1]))

@@ -14,28 +14,28 @@ costs no more than the first. Where *unknown* leads, traces do.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import rel_entr
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Diagnosis, RecordMeaning
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import (
-    EDGE,
-    SETUP,
-    SHIFT,
-    TRACING,
+    MIN_SHARE,
+    SETUP_HOURS,
+    SHIFT_HOURS,
+    TRACING_HOURS,
     Densities,
     NextTest,
-    Outcome,
-    smoothed,
+    PredictedOutcome,
+    smooth_draws,
 )
-from dogshape.diagnosis.inference.verdict import nameable
+from dogshape.diagnosis.inference.verdict import is_nameable
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effect import Effect
@@ -43,16 +43,17 @@ from dogshape.sim.errors import DataError, number, require_known
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import RPM
 
-LEAST = 5e-3  #: probability from which a hypothesis takes part
-DRAWS = 64  #: of each posterior
-ALIKE = 0.1  #: difference of chances to settle, within their error, below which the cost decides
-MORE = (10, 40)  #: shifts that may be added at an operating point
-TRACED = 10  #: shifts of which traces are recorded
-GENERIC = ("more shifts", "traces")  #: tests that are no effect's own, by the names of a data set
-DIRECT, ASKED = 3.0, 0.25  #: hours of another direct test, and of a question about the record
-HOURS = {  #: to set up, or of direct tests: sensors at hand cost less than a clutch taken apart
-    "more shifts": SETUP,
-    "traces": TRACING,
+MIN_PROBABILITY = 5e-3  #: from which a hypothesis predicts a test
+POSTERIOR_DRAWS = 64  #: of each hypothesis
+CHANCE_TOLERANCE = 0.1  #: of chances to settle, within which the cost decides
+FURTHER_SHIFTS = (10, 40)  #: numbers that may be added at an operating point
+TRACED_SHIFTS = 10  #: shifts of which traces are recorded
+GENERIC = ("more shifts", "traces")  #: tests of no effect, by the names of a data set
+DIRECT_HOURS = 3.0  #: h, of another direct test
+QUESTION_HOURS = 0.25  #: h, of a question about the record
+HOURS = {  #: to set up, or of direct tests: sensors cost less than a clutch in pieces
+    "more shifts": SETUP_HOURS,
+    "traces": TRACING_HOURS,
     "sense of rotation at the rig": 0.25,
     "hand test of the play": 0.5,
     "gap by feeler or travel": 0.5,
@@ -63,7 +64,7 @@ HOURS = {  #: to set up, or of direct tests: sensors at hand cost less than a cl
     "static force at the sleeve": 2.0,
     "drop test of the ring": 6.0,
 }
-RECORD = {  #: questions about the record
+RECORD_QUESTIONS = {  #: name and instruction of the question about a key of the record
     "sense": ("sense of rotation at the rig", "Look which way the driven ring turns."),
     "time_zero": ("start of the clock", "Look up whether times start with command or force."),
     "displacement_at": (
@@ -75,9 +76,23 @@ RECORD = {  #: questions about the record
         "Look up whether shifts without a time were not made, or failed.",
     ),
 }
-STEP = 1e-3  #: s, sampling step of a recording
-MARK_SIZES = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
-MARK_ALIKE = 0.9  #: of their variance, which marks of displacement or force have in common
+SAMPLING_STEP_S = 1e-3  #: s, of a recording
+OFFSET_SDS_S = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
+OFFSET_CORRELATION = 0.9  #: of offsets between marks of displacement, and between those of force
+
+
+class PlausibleFit(NamedTuple):
+    """Fit of a hypothesis and the indices of some of its draws."""
+
+    fit: Fit
+    draws: np.ndarray
+
+
+class StandTerms(NamedTuple):
+    """Terms of a stand for a test."""
+
+    hours: float  #: of a direct test, or to set up another
+    is_possible: bool
 
 
 def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
@@ -85,18 +100,23 @@ def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
     menu = {*GENERIC, *(effect.test.name for effect in effects.values())}
     for terms in bench.tests:
         require_known(f"{bench.name}: name in [[tests]]", terms.name, "a bench test", menu)
-    if not any(terms_of(bench, name)[1] for name in menu - {"traces"}):
+    if not any(terms_of(bench, name).is_possible for name in menu - {"traces"}):
         raise DataError(
             f"{bench.name}: [[tests]] leaves no bench test that is possible, but advice needs one; "
             "leave 'more shifts' or a direct test"
         )
 
 
-def terms_of(bench: Bench, name: str) -> tuple[float, bool]:
-    """Find the hours of a direct test, or to set up another, and whether a stand can do it."""
-    own = [terms for terms in bench.tests if terms.name == name]
-    hours = [HOURS.get(name, DIRECT), *(one.hours for one in own if one.hours is not None)]
-    return hours[-1], all(one.possible for one in own)
+def terms_of(bench: Bench, name: str) -> StandTerms:
+    """Look up the terms of a test by its name."""
+    hours = HOURS.get(name, DIRECT_HOURS)
+    is_possible = True
+    for terms in bench.tests:
+        if terms.name == name:
+            is_possible = is_possible and terms.possible
+            if terms.hours is not None:
+                hours = terms.hours
+    return StandTerms(hours, is_possible)
 
 
 def imitator_odds(settings: Settings) -> float:
@@ -104,16 +124,18 @@ def imitator_odds(settings: Settings) -> float:
     return settings.unlisted * settings.imitated / (1.0 - settings.unlisted)
 
 
-def choose(diagnosis: Diagnosis) -> tuple[NextTest, ...]:
+def rank_tests(diagnosis: Diagnosis) -> tuple[NextTest, ...]:
     """Rank the tests of a diagnosis, the best first."""
-    menu = {test.name: test for test in (*_direct_tests(diagnosis), *_questions(diagnosis))}
-    tests = [*menu.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis)]
-    first, *others = _ranked(diagnosis, [_judged(diagnosis, one) for one in tests])
+    tests_by_name = {}
+    for test in (*_direct_tests(diagnosis), *_questions(diagnosis)):
+        tests_by_name[test.name] = test
+    tests = [*tests_by_name.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis)]
+    first, *further = _order_tests(diagnosis, [_add_worth(diagnosis, test) for test in tests])
     # The best of many by drawn outcomes looks better than it is: its worth is of other draws.
-    return (_judged(diagnosis, first, seed=2), *others)
+    return (_add_worth(diagnosis, first, seed=2), *further)
 
 
-def settle(
+def update_posterior(
     diagnosis: Diagnosis, test: NextTest, outcome: Sequence[float] | str
 ) -> Mapping[Hypothesis, float]:
     """Update the probabilities by the outcome of a test; unchanged where nothing predicts it.
@@ -122,246 +144,375 @@ def settle(
     a question it is the answer's word.
     """
     if isinstance(outcome, str):
-        answers = [r for r in diagnosis.readings if (r.key, r.value) == (test.question, outcome)]
-        return answers[0].posterior
+        answer = (test.question, outcome)
+        meanings = [m for m in diagnosis.record_meanings if (m.key, m.value) == answer]
+        return meanings[0].posterior
     if test.outcome is None or np.isnan(outcome).all():
         return diagnosis.posterior
     values = np.full(test.outcome.mean.shape[1], np.nan)
     values[: len(outcome)] = outcome
-    part = test.outcome.only(np.isfinite(values))
-    log = part.log_density(values[None, np.isfinite(values)])
-    after = part.after(_before(diagnosis, part), log, imitator_odds(diagnosis.settings))[0]
-    return dict(zip(part.hypotheses, after.tolist(), strict=True))
+    is_shown = np.isfinite(values)
+    predicted = test.outcome.select(is_shown)
+    log = predicted.log_density(values[None, is_shown])
+    odds = imitator_odds(diagnosis.settings)
+    posterior = predicted.update(_prior(diagnosis, predicted), log, odds)[0]
+    return dict(zip(predicted.hypotheses, posterior.tolist(), strict=True))
 
 
-def _judged(diagnosis: Diagnosis, test: NextTest, seed: int = 1) -> NextTest:
+def _add_worth(diagnosis: Diagnosis, test: NextTest, seed: int = 1) -> NextTest:
     """Add its worth to a test whose outcome is predicted."""
     if test.outcome is None:
         return test
-    odds, before = imitator_odds(diagnosis.settings), _before(diagnosis, test.outcome)
-    worth = test.outcome.worth(before, odds, diagnosis.settings, seed)
-    return replace(test, information=worth[0], settles=worth[1], misleads=worth[2])
+    odds = imitator_odds(diagnosis.settings)
+    prior = _prior(diagnosis, test.outcome)
+    worth = test.outcome.worth(prior, odds, diagnosis.settings, seed)
+    return replace(
+        test,
+        information=worth.information,
+        settles=worth.settles,
+        misleads=worth.misleads,
+    )
 
 
-def _before(diagnosis: Diagnosis, outcome: Outcome) -> Array:
-    """Compute the probabilities of the hypotheses of an outcome; none of them is impossible."""
-    found = np.array([max(1e-9, diagnosis.posterior.get(h, 0.0)) for h in outcome.hypotheses])
-    return np.asarray(found / found.sum())
+def _prior(diagnosis: Diagnosis, outcome: PredictedOutcome) -> Array:
+    """Compute the probabilities of an outcome's hypotheses before the test, all above 0."""
+    posterior = diagnosis.posterior
+    prior = np.array([max(1e-9, posterior.get(h, 0.0)) for h in outcome.hypotheses])
+    return np.asarray(prior / prior.sum())
 
 
-def _ranked(diagnosis: Diagnosis, tests: Sequence[NextTest]) -> list[NextTest]:
+@dataclass(frozen=True)
+class _Decision:
+    """Values of tests for the decision of a diagnosis."""
+
+    settings: Settings
+    is_decided: bool  #: whether the cause is named
+
+    def chance(self, test: NextTest) -> float:
+        """Compute the chance to settle less the weighted chance to mislead."""
+        odds = self.settings.named / (1.0 - self.settings.named)
+        return test.settles - odds * test.misleads
+
+    def is_worthwhile(self, test: NextTest) -> bool:
+        """Check that a test is worth its cost."""
+        return not self.is_decided and self._value(test) > 0.0
+
+    def _value(self, test: NextTest) -> float:
+        return self.chance(test) - self.settings.hour * test.hours
+
+    def rank(self, test: NextTest) -> tuple[bool, float]:
+        """Compute a key by which the best test comes first."""
+        if self.is_worthwhile(test):
+            return False, -self._value(test)
+        return True, -test.information / test.hours
+
+
+def _order_tests(diagnosis: Diagnosis, tests: Sequence[NextTest]) -> list[NextTest]:
     """Order tests: those worth their cost by their value, all others by information an hour."""
-    settings, top = diagnosis.settings, _leading(diagnosis.posterior)
-    decided = diagnosis.posterior[top] > settings.named and nameable(top, settings)
-    wrong = settings.named / (1.0 - settings.named)
-
-    def sure(test: NextTest) -> float:
-        return test.settles - wrong * test.misleads
-
-    def rank(test: NextTest) -> tuple[bool, float]:
-        value = sure(test) - settings.hour * test.hours
-        worth = not decided and value > 0.0
-        return not worth, -value if worth else -test.information / test.hours
-
-    ranked = sorted(tests, key=rank)
+    settings = diagnosis.settings
+    top = _most_probable(diagnosis.posterior, diagnosis.posterior)
+    is_decided = diagnosis.posterior[top] > settings.named and is_nameable(top, settings)
+    decision = _Decision(settings, is_decided)
+    ordered = sorted(tests, key=decision.rank)
+    best = ordered[0]
     if top == UNKNOWN:
-        near = [t for t in ranked if t.kind == "traces"]
-    elif decided:
-        near = [t for t in ranked if set(top) & set(t.effects) and t.hours <= ranked[0].hours]
+        candidates = [test for test in ordered if test.kind == "traces"]
+    elif is_decided:
+        candidates = [t for t in ordered if set(top) & set(t.effects) and t.hours <= best.hours]
     else:
-        near = [t for t in ranked if not rank(t)[0] and sure(t) >= sure(ranked[0]) - ALIKE]
-    first = min(near, key=lambda t: (t.hours, t.kind != "direct"), default=None)
-    return sorted(ranked, key=lambda t: t is not first)
+        min_chance = decision.chance(best) - CHANCE_TOLERANCE
+        candidates = [
+            test
+            for test in ordered
+            if decision.is_worthwhile(test) and decision.chance(test) >= min_chance
+        ]
+    first = min(candidates, key=lambda t: (t.hours, t.kind != "direct"), default=None)
+    return sorted(ordered, key=lambda test: test is not first)
 
 
-def _leading(chances: Mapping[Hypothesis, float], among: Any = None) -> Hypothesis:
-    """Find the most probable hypothesis, among some."""
-    return max(chances if among is None else among, key=lambda h: chances.get(h, 0.0))
+def _most_probable(
+    posterior: Mapping[Hypothesis, float], candidates: Iterable[Hypothesis]
+) -> Hypothesis:
+    """Find the most probable of some hypotheses."""
+    return max(candidates, key=lambda h: posterior.get(h, 0.0))
 
 
-def _plausible(diagnosis: Diagnosis) -> dict[Hypothesis, tuple[Fit, np.ndarray]]:
-    """List the known hypotheses that take part, each with its fit and some of its draws."""
-    known = [h for h, p in diagnosis.posterior.items() if p > LEAST and h in diagnosis.fits]
-    return {h: (diagnosis.fits[h], _rows(diagnosis.fits[h])) for h in known}
+def _plausible_fits(diagnosis: Diagnosis) -> dict[Hypothesis, PlausibleFit]:
+    """List the plausible known hypotheses with their fits."""
+    fits = {}
+    for h, probability in diagnosis.posterior.items():
+        if probability > MIN_PROBABILITY and h in diagnosis.fits:
+            fits[h] = _select_draws(diagnosis.fits[h])
+    return fits
 
 
-def _rows(fit: Fit) -> np.ndarray:
+def _select_draws(fit: Fit) -> PlausibleFit:
+    """Select some draws of a fit."""
     count = len(fit.shares)
-    return np.linspace(0, count - 1, min(count, DRAWS)).astype(int)
+    draws = np.linspace(0, count - 1, min(count, POSTERIOR_DRAWS)).astype(int)
+    return PlausibleFit(fit, draws)
 
 
 def _questions(diagnosis: Diagnosis) -> list[NextTest]:
-    """List the questions about the record whose answers are weighed, with their worth."""
-    found = []
-    for key in dict.fromkeys(one.key for one in diagnosis.readings):
-        answers = [one for one in diagnosis.readings if one.key == key]
-        chance = np.array([one.probability for one in answers])
-        chance = chance / chance.sum()
-        every = dict.fromkeys(h for one in answers for h in one.posterior)
-        after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
-        gain = float((rel_entr(after, chance @ after) * chance[:, None]).sum())
-        best = after.max(axis=1)
-        decided = np.array([one.verdict.kind != "ambiguous" for one in answers])
-        right, wrong = (float(chance @ (decided * one)) for one in (best, 1.0 - best))
-        name, how = RECORD[key]
-        effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == name)
-        found.append(NextTest(
-            name, how, "record", ASKED, effects,
-            question=key, information=gain, settles=right, misleads=wrong,
-        ))  # fmt: skip
-    return found
+    """List the questions about the record whose answers have a probability, with their worth."""
+    keys = dict.fromkeys(meaning.key for meaning in diagnosis.record_meanings)
+    return [_question(diagnosis, key) for key in keys]
+
+
+def _question(diagnosis: Diagnosis, key: str) -> NextTest:
+    """Build the question about a key of the record."""
+    answers: list[RecordMeaning] = [m for m in diagnosis.record_meanings if m.key == key]
+    chance = np.array([answer.probability for answer in answers])
+    chance = chance / chance.sum()
+    hypotheses = dict.fromkeys(
+        itertools.chain.from_iterable(answer.posterior for answer in answers)
+    )
+    posterior = np.array([[a.posterior.get(h, 0.0) for h in hypotheses] for a in answers])
+    gain = float((rel_entr(posterior, chance @ posterior) * chance[:, None]).sum())
+    best = posterior.max(axis=1)
+    is_decided = np.array([answer.verdict.kind != "ambiguous" for answer in answers])
+    name, how = RECORD_QUESTIONS[key]
+    return NextTest(
+        name=name,
+        how=how,
+        kind="record",
+        hours=QUESTION_HOURS,
+        effects=tuple(e.name for e in diagnosis.effects.values() if e.test.name == name),
+        question=key,
+        information=gain,
+        settles=float(chance @ (is_decided * best)),
+        misleads=float(chance @ (is_decided * (1.0 - best))),
+    )
 
 
 def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
-    """List the direct tests of the effects, but for those whose results are known."""
-    bench, known = diagnosis.bench, {one.effect for one in diagnosis.bench.measured}
-    grouped: dict[str, list[Effect]] = {}
+    """List the direct tests of the effects that are possible and have no result yet."""
+    bench = diagnosis.bench
+    measured = {result.effect for result in bench.measured}
+    effects_by_test: dict[str, list[Effect]] = {}
     for effect in diagnosis.effects.values():
-        grouped.setdefault(effect.test.name, []).append(effect)
-    return [
-        NextTest(
-            name, those[0].test.how, "direct", hours, tuple(effect.name for effect in those),
-            tuple(p for e in those for p in [q.name for q in e.parameters] or [e.name]),
-            outcome=_read(diagnosis, those),
+        effects_by_test.setdefault(effect.test.name, []).append(effect)
+    tests = []
+    for name, effects in effects_by_test.items():
+        hours, is_possible = terms_of(bench, name)
+        effect_names = tuple(effect.name for effect in effects)
+        if not is_possible or set(effect_names) <= measured:
+            continue
+        parameters: list[str] = []
+        for effect in effects:
+            parameters += [p.name for p in effect.parameters] or [effect.name]
+        test = NextTest(
+            name=name,
+            how=effects[0].test.how,
+            kind="direct",
+            hours=hours,
+            effects=effect_names,
+            parameters=tuple(parameters),
+            outcome=_predict_reading(diagnosis, effects),
         )
-        for name, those in grouped.items() for hours, possible in [terms_of(bench, name)]
-        if possible and not {effect.name for effect in those} <= known
-    ]  # fmt: skip
+        tests.append(test)
+    return tests
 
 
-def _read(diagnosis: Diagnosis, effects: Sequence[Effect]) -> Outcome:
-    """Predict a direct test; an effect without parameters reads 1 where it is there, else 0."""
-    setting, settings = diagnosis.model.setting, diagnosis.settings
-    neutral = [[p.share(p.neutral_of(setting)) for p in e.parameters] or [0.0] for e in effects]
-    absent, ends = np.concatenate(neutral), np.cumsum([0, *map(len, neutral)]).tolist()
-    places = {e.name: slice(*ends[k : k + 2]) for k, e in enumerate(effects)}
-    errors = settings.test_error**2 * np.eye(absent.size)
+def _predict_reading(diagnosis: Diagnosis, effects: Sequence[Effect]) -> PredictedOutcome:
+    """Predict the reading of a direct test, shares of the ranges of its d parameters.
+
+    An effect without parameters reads 1 where it is present, else 0.
+    """
+    setting = diagnosis.model.setting
+    absent: list[float] = []
+    columns: dict[str, slice] = {}
+    for effect in effects:
+        shares = [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0]
+        columns[effect.name] = slice(len(absent), len(absent) + len(shares))
+        absent += shares
+    covariance = diagnosis.settings.test_error**2 * np.eye(len(absent))
     parts = {}
-    for hypothesis, (fit, rows) in _plausible(diagnosis).items():
-        mean = np.tile(absent, (rows.size, 1))
+    for hypothesis, (fit, draws) in _plausible_fits(diagnosis).items():
+        mean = np.tile(absent, (draws.size, 1))
         for effect in fit.space.effects:
-            if effect.name in places:
-                shares = fit.shares[rows][:, fit.space.columns(effect.name)]
-                mean[:, places[effect.name]] = shares if effect.parameters else 1.0
-        parts[hypothesis] = smoothed(mean, np.tile(errors, (rows.size, 1, 1)))
+            if effect.name not in columns:
+                continue
+            values: Array | float = 1.0
+            if effect.parameters:
+                values = fit.shares[draws][:, fit.space.columns(effect.name)]
+            mean[:, columns[effect.name]] = values
+        parts[hypothesis] = smooth_draws(mean, np.tile(covariance, (draws.size, 1, 1)))
     # Unknown: nothing, or one of the effects with a normal density as wide as its range.
-    mean = np.tile(absent, (1 + len(effects), 1))
-    covariance, share = np.tile(errors, (len(mean), 1, 1)), np.zeros(len(mean))
+    count = 1 + len(effects)
+    unknown = Densities(
+        share=np.zeros(count),
+        mean=np.tile(absent, (count, 1)),
+        covariance=np.tile(covariance, (count, 1, 1)),
+    )
     for k, effect in enumerate(effects, start=1):
-        place, sized = places[effect.name], bool(effect.parameters)
-        mean[k, place] = 0.5 if sized else 1.0
-        wide = np.arange(absent.size)[place]
-        covariance[k, wide, wide] += sized / 12.0
-        share[k] = (0.5 if sized else settings.prior(effect.name)) / len(effects)
-    share[0] = 1.0 - share.sum()
-    every = parts | {UNKNOWN: (share, mean, covariance)}
-    return Outcome.of(every, lambda h: bool(set(places) & set(h)))
+        effect_columns = np.arange(len(absent))[columns[effect.name]]
+        if effect.parameters:
+            unknown.mean[k, effect_columns] = 0.5
+            unknown.covariance[k, effect_columns, effect_columns] += 1.0 / 12.0
+            unknown.share[k] = 0.5 / len(effects)
+        else:
+            unknown.mean[k, effect_columns] = 1.0
+            unknown.share[k] = diagnosis.settings.prior(effect.name) / len(effects)
+    unknown.share[0] = 1.0 - unknown.share.sum()
+    return PredictedOutcome.of(parts | {UNKNOWN: unknown}, lambda h: bool(set(columns) & set(h)))
 
 
-def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
-    mismatch, force = bench.cells[cell].point.mismatch, bench.cells[cell].point.profile.force
-    return (mismatch, force), f"{number(mismatch / RPM)} 1/min and {number(force)} N"
+def _locate(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
+    """Look up mismatch, rad/s, and force, N, of an operating point, and both in words."""
+    point = bench.cells[cell].point
+    words = f"{number(point.mismatch / RPM)} 1/min and {number(point.profile.force)} N"
+    return (point.mismatch, point.profile.force), words
 
 
 def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
     """List more shifts at each operating point at which shifts can engage."""
-    bench, found, known = diagnosis.bench, [], _plausible(diagnosis)
-    hours, possible = terms_of(bench, "more shifts")
-    if not possible:
+    bench = diagnosis.bench
+    hours, is_possible = terms_of(bench, "more shifts")
+    if not is_possible:
         return []
-    like = diagnosis.fits[_leading(diagnosis.posterior, diagnosis.fits)]
-    engaging = np.flatnonzero(np.isfinite(like.predicted.mean).all(axis=0)).tolist()
-    for cell, count in itertools.product(engaging, MORE):
-        point, words = _where(bench, cell)
+    plausible_fits = _plausible_fits(diagnosis)
+    leading = _select_draws(diagnosis.fits[_most_probable(diagnosis.posterior, diagnosis.fits)])
+    is_engaging = np.isfinite(leading.fit.predicted.mean).all(axis=0)
+    tests = []
+    for cell, count in itertools.product(np.flatnonzero(is_engaging).tolist(), FURTHER_SHIFTS):
+        point, words = _locate(bench, cell)
         name = f"{count} more shifts at {words}"
-        parts = {h: _further(diagnosis, *known[h], cell, count, known=True) for h in known}
-        parts[UNKNOWN] = _further(diagnosis, like, _rows(like), cell, count, known=False)
-        found.append(NextTest(
-            name, f"Record {name}, each with its own time.", "shifts", hours + SHIFT * count,
-            cell=cell, point=point, shifts=count, outcome=Outcome.of(parts, lambda _: False),
-        ))  # fmt: skip
-    return found
+        parts = {}
+        for h, fit in plausible_fits.items():
+            parts[h] = _predict_shifts(diagnosis, fit, cell, count, is_known=True)
+        parts[UNKNOWN] = _predict_shifts(diagnosis, leading, cell, count, is_known=False)
+        test = NextTest(
+            name=name,
+            how=f"Record {name}, each with its own time.",
+            kind="shifts",
+            hours=hours + SHIFT_HOURS * count,
+            cell=cell,
+            point=point,
+            shifts=count,
+            outcome=PredictedOutcome.of(parts, lambda _: False),
+        )
+        tests.append(test)
+    return tests
 
 
-def _further(
-    diagnosis: Diagnosis, fit: Fit, rows: np.ndarray, cell: int, shifts: int, *, known: bool
+def _predict_shifts(
+    diagnosis: Diagnosis, plausible: PlausibleFit, cell: int, shifts: int, *, is_known: bool
 ) -> Densities:
-    """Predict mean time and share engaged of more shifts at an operating point."""
-    seen, settings = diagnosis.seen, diagnosis.settings
-    mean, sd, error, engaged = (
-        getattr(fit.predicted, name)[rows, cell] for name in ("mean", "sd", "error", "engaged")
-    )
-    own = np.maximum(settings.model_error * mean, settings.least_error)
-    error = np.hypot(error, own) if known else max(settings.unlisted_sizes) * mean
+    """Predict mean time, s, and share engaged of more shifts at an operating point.
+
+    ``is_known`` is False for an unknown cause on top of the fit.
+    """
+    fit, draws = plausible
+    settings = diagnosis.settings
+    observed = diagnosis.observed
+    mean = fit.predicted.mean[draws, cell]
+    variance = fit.predicted.sd[draws, cell] ** 2
+    engaged = fit.predicted.engaged_share[draws, cell]
+    error = max(settings.unlisted_sizes) * mean
+    if is_known:
+        model_error = np.maximum(settings.model_error * mean, settings.least_error)
+        error = np.hypot(fit.predicted.error[draws, cell], model_error)
     # Of the residual an error of this point takes its share of the variance.
-    precision = seen.count[cell] * error**2
-    gain, plain = precision / (precision + sd**2), mean + fit.offset[rows, cell]
-    options = [(plain + gain * (seen.mean[cell] - plain), (1.0 - gain) * error**2)]
-    options += [] if known else [(plain, error**2)]
-    share = np.clip(engaged, EDGE, 1.0 - EDGE)
-    spread = share * (1.0 - share) / shifts + EDGE**2
+    precision = observed.count[cell] * error**2
+    gain = precision / (precision + variance)
+    plain_mean = mean + fit.offset[draws, cell]
+    residual = observed.mean[cell] - plain_mean
+    options = [(plain_mean + gain * residual, (1.0 - gain) * error**2)]
+    if not is_known:  # a slip of the record does not come again
+        options.append((plain_mean, error**2))
+    share = np.clip(engaged, MIN_SHARE, 1.0 - MIN_SHARE)
+    share_variance = share * (1.0 - share) / shifts + MIN_SHARE**2
     parts = []
-    for mean, variance in options:
-        scatter = variance + sd**2 / np.maximum(1.0, shifts * share)
-        both = np.stack([scatter, spread], axis=1)[:, None, :] * np.eye(2)
-        parts.append(smoothed(np.stack([mean, share], axis=1), both))
-    of, means, covariances = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return of / len(parts), means, covariances
+    for option_mean, option_variance in options:
+        mean_variance = option_variance + variance / np.maximum(1.0, shifts * share)
+        diagonal = np.stack([mean_variance, share_variance], axis=1)
+        covariance = diagonal[:, None, :] * np.eye(2)
+        parts.append(smooth_draws(np.stack([option_mean, share], axis=1), covariance))
+    densities = Densities.concatenate(parts)
+    return densities._replace(share=densities.share / len(parts))
 
 
 def _trace_tests(diagnosis: Diagnosis) -> list[NextTest]:
-    """List traces at the least force without any; at the largest residual where unknown leads."""
-    bench, seen = diagnosis.bench, diagnosis.seen
+    """List traces at the smallest force without any; where unknown leads, at any force.
+
+    Of these points at the one of the largest residual.
+    """
+    bench = diagnosis.bench
+    observed = diagnosis.observed
     profiles = [cell.point.profile for cell in bench.cells]
     traced = {cell.point.profile for cell in bench.cells if cell.traces}
     cells = [k for k, profile in enumerate(profiles) if profile not in traced]
-    (setup, _), (tracing, possible) = (terms_of(bench, name) for name in GENERIC)
-    if not cells or not possible:
+    tracing = terms_of(bench, "traces")
+    if not cells or not tracing.is_possible:
         return []
-    if _leading(diagnosis.posterior) != UNKNOWN:
-        least = min(profiles[k].force for k in cells)
-        cells = [k for k in cells if profiles[k].force == least]
-    one = diagnosis.fits[_leading(diagnosis.posterior, diagnosis.fits)].predicted
-    scatter = (one.error**2 + one.sd**2 / np.maximum(1, seen.count)).mean(axis=0)
-    score = abs(seen.mean - one.mean.mean(axis=0)) / np.sqrt(one.mean.var(axis=0) + scatter)
-    cell = max(cells, key=lambda k: float(np.nan_to_num(score[k] * (seen.count[k] > 0))))
-    point, words = _where(bench, cell)
-    how = "Record displacement, force and both speeds over time."
-    hours = setup + tracing + SHIFT * TRACED
-    return [NextTest(
-        f"traces of {TRACED} shifts at {words}", how, "traces", hours, cell=cell, point=point,
-        shifts=TRACED, outcome=_flown(diagnosis, profiles[cell]),
-    )]  # fmt: skip
+    if _most_probable(diagnosis.posterior, diagnosis.posterior) != UNKNOWN:
+        min_force = min(profiles[k].force for k in cells)
+        cells = [k for k in cells if profiles[k].force == min_force]
+    predicted = diagnosis.fits[_most_probable(diagnosis.posterior, diagnosis.fits)].predicted
+    scatter = predicted.error**2 + predicted.sd**2 / np.maximum(1, observed.count)
+    variance = predicted.mean.var(axis=0) + scatter.mean(axis=0)
+    score = abs(observed.mean - predicted.mean.mean(axis=0)) / np.sqrt(variance)
+    score = np.nan_to_num(score * (observed.count > 0))
+    cell = max(cells, key=lambda k: float(score[k]))
+    point, words = _locate(bench, cell)
+    setup = terms_of(bench, "more shifts")
+    return [
+        NextTest(
+            name=f"traces of {TRACED_SHIFTS} shifts at {words}",
+            how="Record displacement, force and both speeds over time.",
+            kind="traces",
+            hours=setup.hours + tracing.hours + SHIFT_HOURS * TRACED_SHIFTS,
+            cell=cell,
+            point=point,
+            shifts=TRACED_SHIFTS,
+            outcome=_predict_traces(diagnosis, profiles[cell]),
+        )
+    ]
 
 
-def _flown(diagnosis: Diagnosis, profile: ForceProfile) -> Outcome:
-    """Predict the marks of the flight of some traces."""
-    freedom, marks = diagnosis.settings.flight_freedom, diagnosis.flights.marks
-    wider = freedom / (freedom - 2.0)
-    still, way = marks(NONE, np.zeros((1, 0)), profile), np.arange(SIZE) < len(WAYS)
+def _predict_traces(diagnosis: Diagnosis, profile: ForceProfile) -> PredictedOutcome:
+    """Predict the marks of the flight of some traces, s."""
+    freedom = diagnosis.settings.flight_freedom
+    student_factor = freedom / (freedom - 2.0)
+    baseline = diagnosis.flights.marks(NONE, np.zeros((1, 0)), profile)
+    is_way = np.arange(SIZE) < len(WAYS)
     parts = {}
-    for hypothesis, (fit, rows) in _plausible(diagnosis).items():
-        found = marks(fit.space.hypothesis, fit.values[rows], profile, exact=True)
-        times, errors = np.broadcast_to(found.times, (rows.size, SIZE)), wider * _errors(found)
-        both = [smoothed(one, errors) for one in (times, np.where(way, times, still.times))]
-        share, mean, whole = (np.concatenate(part) for part in zip(*both, strict=True))
-        parts[hypothesis] = 0.5 * share, mean, whole
+    for hypothesis, (fit, draws) in _plausible_fits(diagnosis).items():
+        marks = diagnosis.flights.marks(
+            fit.space.hypothesis, fit.values[draws], profile, exact=True
+        )
+        acting = np.broadcast_to(marks.times, (draws.size, SIZE))
+        nominal = np.where(is_way, acting, baseline.times)
+        covariance = student_factor * _mark_covariance(marks)
+        readings = [smooth_draws(times, covariance) for times in (acting, nominal)]
+        densities = Densities.concatenate(readings)
+        parts[hypothesis] = densities._replace(share=0.5 * densities.share)
     # Unknown: the baseline's marks, or those of displacement, or all, moved by offsets.
-    alike = MARK_ALIKE * (way[:, None] == way) + (1.0 - MARK_ALIKE) * np.eye(SIZE)
-    kernels = [s**2 * alike * np.outer(w, w) for s in MARK_SIZES for w in (way, way | True)]
-    covariance = wider * _errors(still) + np.array([0.0 * alike, *kernels])
-    share = np.array([0.5, *[0.5 / len(kernels)] * len(kernels)])
-    mean = np.tile(still.times[0], (share.size, 1))
-    return Outcome.of(parts | {UNKNOWN: (share, mean, covariance)}, lambda _: True)
+    correlation = OFFSET_CORRELATION * (is_way[:, None] == is_way)
+    correlation = correlation + (1.0 - OFFSET_CORRELATION) * np.eye(SIZE)
+    offsets = [0.0 * correlation]
+    for sd in OFFSET_SDS_S:
+        for is_offset in (is_way, np.ones_like(is_way)):
+            offsets.append(sd**2 * correlation * np.outer(is_offset, is_offset))
+    count = len(offsets) - 1
+    unknown = Densities(
+        share=np.array([0.5, *[0.5 / count] * count]),
+        mean=np.tile(baseline.times[0], (1 + count, 1)),
+        covariance=student_factor * _mark_covariance(baseline) + np.array(offsets),
+    )
+    return PredictedOutcome.of(parts | {UNKNOWN: unknown}, lambda _: True)
 
 
-def _errors(found: Any) -> Array:
+def _mark_covariance(marks: Any) -> Array:
     """Compute the covariance of marks read from some traces, s^2, (k, SIZE, SIZE)."""
-    times = found.times.mean(axis=0)
-    parts = zip((WAYS, FORCES), np.split(times, [len(WAYS)]), strict=True)
-    slopes = [np.array(values) * np.gradient(part, values) for values, part in parts]
+    times = marks.times.mean(axis=0)
+    slopes = []
+    for values, level_times in zip((WAYS, FORCES), np.split(times, [len(WAYS)]), strict=True):
+        slopes.append(np.array(values) * np.gradient(level_times, values))
     # A mark's value over its slope; marks that never come have the time-out in common.
     reach = np.maximum(0.0, np.concatenate(slopes))
-    common = model_covariance(np.arange(SIZE), times, reach) + STEP**2 / 12.0 / TRACED
-    creep = found.creep[:, :, None] * found.creep[:, None, :]
-    return np.asarray(common + found.error[:, :, None] ** 2 * np.eye(SIZE) + creep)
+    sampling_variance = SAMPLING_STEP_S**2 / 12.0 / TRACED_SHIFTS
+    common = model_covariance(np.arange(SIZE), times, reach) + sampling_variance
+    creep = marks.creep[:, :, None] * marks.creep[:, None, :]
+    return np.asarray(common + marks.error[:, :, None] ** 2 * np.eye(SIZE) + creep)

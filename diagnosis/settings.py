@@ -13,11 +13,11 @@ Status = Literal["measured", "judged"]
 
 
 def constant(default: Any, unit: str, meaning: str, status: Status, source: str) -> Any:
-    """Declare a field of the settings with what the documentation says of it."""
-    said = {"unit": unit, "meaning": meaning, "status": status, "source": source}
+    """Declare a field of the settings with its documentation."""
+    metadata = {"unit": unit, "meaning": meaning, "status": status, "source": source}
     if isinstance(default, dict):
-        return field(default_factory=lambda: dict(default), metadata=said)
-    return field(default=default, metadata=said)
+        return field(default_factory=lambda: dict(default), metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
@@ -154,10 +154,10 @@ class Settings:
         return self.included.get(name, self.rare)
 
 
-def described(settings: Settings) -> Iterator[tuple[str, Any, Mapping[str, str]]]:
+def list_settings(settings: Settings) -> Iterator[tuple[str, Any, Mapping[str, str]]]:
     """Yield name, value and metadata of each setting."""
-    for one in fields(settings):
-        yield one.name, getattr(settings, one.name), one.metadata
+    for item in fields(settings):
+        yield item.name, getattr(settings, item.name), item.metadata
 
 
 USUAL = Settings()

@@ -24,23 +24,25 @@ DELAY = "actuation_delay"  #: needs no shift, and so no bank of its own
 UNKNOWN: Hypothesis = ("unknown",)  #: a structured gap that no known effect explains
 
 
-def listed(names: Sequence[str], last: str = "and") -> str:
-    """Join names as a list in words."""
-    return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+def join_words(words: Sequence[str], conjunction: str = "and") -> str:
+    """Join words as an enumeration: ``a, b and c``; empty for no words."""
+    if len(words) < 2:
+        return "".join(words)
+    return f" {conjunction} ".join([", ".join(words[:-1]), words[-1]])
 
 
-def plain(hypothesis: Hypothesis, effects: Mapping[str, Effect]) -> str:
-    """Return a hypothesis as people say it."""
+def hypothesis_name(hypothesis: Hypothesis, effects: Mapping[str, Effect]) -> str:
+    """Write a hypothesis in plain words: its effects, joined by *and*."""
     if hypothesis == UNKNOWN:
         return "an unknown cause"
-    return listed([effects[name].plain for name in hypothesis]) or "no effect"
+    return join_words([effects[name].plain for name in hypothesis]) or "no effect"
 
 
-def forward(hypothesis: Hypothesis) -> Hypothesis:
-    """Return a hypothesis without the sense: its effects."""
+def strip_sense(hypothesis: Hypothesis) -> Hypothesis:
+    """Remove the reversed sense of rotation from a hypothesis."""
     return tuple(name for name in hypothesis if name != REVERSED)
 
 
-def turned(hypothesis: Hypothesis) -> Hypothesis:
-    """Return a hypothesis with the reversed sense, in alphabetical order."""
-    return tuple(sorted((*forward(hypothesis), REVERSED)))
+def reverse_sense(hypothesis: Hypothesis) -> Hypothesis:
+    """Add the reversed sense of rotation to a hypothesis, in alphabetical order."""
+    return tuple(sorted((*strip_sense(hypothesis), REVERSED)))

@@ -14,7 +14,7 @@ import pandas as pd
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_shifts
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
-from dogshape.diagnosis.inference.outcome import APART, ShiftPlan, shift_plan
+from dogshape.diagnosis.inference.outcome import DISTINCT_LOG_ODDS, ShiftPlan, shift_plan
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import calibrated_study, gap_update
@@ -75,7 +75,7 @@ class Diagnosis(Result):
             "",
             gap_page.residual_table(found),
             "",
-            f"Monte Carlo error of the leading probability: {100 * found.noise:.2g} %",
+            f"Monte Carlo error of the leading probability: {100 * found.leading_error:.2g} %",
             *(f"own effect {name}: {chance(found.inclusion.get(name, 0.0))}" for name in own),
             "next test: {name}. {why}".format(**record["next_test"]),
             *([self.consequence.sentence] if self.consequence else []),
@@ -287,7 +287,7 @@ class Plan(Result):
             for one in record["order"]
         ]  # fmt: skip
         names = record["hypotheses"]
-        for truth, apart in enumerate(plan.apart[1:], start=1):
+        for truth, apart in enumerate(plan.distinct_share[1:], start=1):
             others = [k for k in range(1, len(apart)) if k != truth]
             left = [names[k] for k in sorted(others, key=apart.__getitem__) if apart[k] < HALF]
             more = f" and {len(left) - SHOWN_RIVALS} more" if len(left) > SHOWN_RIVALS else ""
@@ -328,13 +328,13 @@ class Plan(Result):
                 for k, (at, n) in enumerate(plan.order, start=1)
             ],
             "worth": plan.worth,
-            "told_apart": float(plan.apart[pairs].mean()),
-            "threshold_nats": APART,
+            "told_apart": float(plan.distinct_share[pairs].mean()),
+            "threshold_nats": DISTINCT_LOG_ODDS,
             "hypotheses": names,
             "pairs": [
                 {"truth": names[i], "rival": names[j],
                  "log_bayes_factor": float(plan.log_odds[i, j]),
-                 "told_apart": float(plan.apart[i, j])}
+                 "told_apart": float(plan.distinct_share[i, j])}
                 for i, j in np.argwhere(pairs).tolist()
             ],
             "sheet": None if self.sheet is None else str(self.sheet),

@@ -16,8 +16,8 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import Verdict, inclusion
-from dogshape.diagnosis.next_test import choose
-from dogshape.diagnosis.prediction.curve import Space
+from dogshape.diagnosis.next_test import rank_tests
+from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
@@ -51,7 +51,7 @@ SIZES = {
 class Fit:
     """A fitted hypothesis: equally weighted draws of values."""
 
-    space: Space
+    space: ParameterSpace
     values: Array
     predicted: Any
     p: float | None
@@ -71,7 +71,7 @@ class Fit:
 def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
     """Fit a hypothesis by draws of ``SIZES`` with equal mean times, s, (C,)."""
     generator = np.random.default_rng(len(hypothesis))
-    space = Space(tuple(EFFECTS[name] for name in hypothesis), setting_of(STAND))
+    space = ParameterSpace(tuple(EFFECTS[name] for name in hypothesis), setting_of(STAND))
     columns = [generator.normal(*SIZES[parameter.name], DRAWS) for parameter in space.parameters]
     values = np.stack(columns, axis=1) if columns else np.zeros((DRAWS, 0))
     mean = np.tile(times, (DRAWS, 1))
@@ -123,18 +123,18 @@ def diagnosis_of(
         inclusion=inclusions,
         inclusion_error=dict.fromkeys(inclusions, 0.01),
         verdict=verdict,
-        within=0.01,
+        within_margin=0.01,
         gaps=gaps,
         leading=leading,
         rival=rival,
-        readings=(),
+        record_meanings=(),
         tests=advised_tests(),
         facts=facts_of(bench),
         margin_s=0.011,
         sizes=sizes,
-        noise=0.004,
+        leading_error=0.004,
         seconds=4.2,
-        seen=SimpleNamespace(mean=times, count=np.array([cell.n for cell in bench.cells])),
+        observed=SimpleNamespace(mean=times, count=np.array([cell.n for cell in bench.cells])),
         model=SimpleNamespace(  # no effect moves a time
             setting=setting_of(bench),
             effects=EFFECTS,
@@ -235,4 +235,4 @@ def simulated_diagnosis(
         bench, {name: EFFECTS[name] for name in FEW_EFFECTS}, settings, simulate_analytic
     )
     diagnosis = diagnose(bench, models, settings)
-    return replace(diagnosis, tests=choose(diagnosis)) if advise else diagnosis
+    return replace(diagnosis, tests=rank_tests(diagnosis)) if advise else diagnosis

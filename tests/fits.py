@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import Field, field_of
-from dogshape.diagnosis.prediction.curve import Space
-from dogshape.diagnosis.prediction.model import Predicted
+from dogshape.diagnosis.prediction.curve import ParameterSpace
+from dogshape.diagnosis.prediction.model import Prediction
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -38,7 +38,7 @@ WAITS = (np.arange(16) + 0.5) / 16  #: shares of the wait at which the toy is pr
 SETTINGS = replace(USUAL, model_error=0.0, least_error=1e-9, spread_error=0.0)
 
 
-def prediction_of(mean: Array) -> Predicted:
+def prediction_of(mean: Array) -> Prediction:
     """Make a prediction with a spread of 20 ms and an error of 1 ms from means (m, C)."""
     ones = np.ones_like(mean)
     zeros = np.zeros_like(mean)
@@ -56,12 +56,12 @@ def prediction_of(mean: Array) -> Predicted:
         zeros,
         zeros,
     )
-    return Predicted(mean, *fields)
+    return Prediction(mean, *fields)
 
 
-def space_of(hypothesis: Hypothesis) -> Space:
+def space_of(hypothesis: Hypothesis) -> ParameterSpace:
     """Return the parameters of a hypothesis."""
-    return Space(tuple(EFFECTS[name] for name in hypothesis), SETTING)
+    return ParameterSpace(tuple(EFFECTS[name] for name in hypothesis), SETTING)
 
 
 def fit_of(
@@ -90,9 +90,9 @@ def diagnosis_of(
         posterior=dict(posterior),
         fits=dict(fits),
         settings=SETTINGS,
-        seen=seen,
+        observed=seen,
         effects={name: EFFECTS[name] for name in sorted(names)},
-        readings=(),
+        record_meanings=(),
         model=SimpleNamespace(setting=SETTING),
     )
     vars(diagnosis).update(changes)
@@ -109,7 +109,7 @@ class ToyModel:
         self.effects = {name: EFFECTS[name] for name in names}
         self.points = points
 
-    def space(self, hypothesis: Hypothesis) -> Space:
+    def space(self, hypothesis: Hypothesis) -> ParameterSpace:
         """Return the parameters of a hypothesis."""
         return space_of(hypothesis)
 
@@ -117,7 +117,7 @@ class ToyModel:
         """Mark all values."""
         return np.ones(len(shares), dtype=bool)
 
-    def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
+    def predict(self, hypothesis: Hypothesis, shares: Array) -> Prediction:
         """Return mean and spread of the toy's times."""
         space = self.space(hypothesis)
         size = (len(shares), WAITS.size)
@@ -136,8 +136,8 @@ def field_at(
     likelihood: Any = SimpleNamespace(
         model=ToyModel(names, points),
         settings=replace(SETTINGS, discrepancy=discrepancy),
-        smooth=np.ones((cells, 1)),
-        columns=lambda p: np.zeros((len(p.mean), cells, 0)),
-        own_variance=lambda p: p.error**2,
+        discrepancy_root=np.ones((cells, 1)),
+        common_errors=lambda p: np.zeros((len(p.mean), cells, 0)),
+        mean_variance=lambda p: p.error**2,
     )
     return field_of(likelihood)

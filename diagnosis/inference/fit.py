@@ -15,7 +15,7 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
@@ -24,24 +24,29 @@ from scipy.special import gammaln, logsumexp
 from scipy.stats import chi2, qmc
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
-from dogshape.diagnosis.prediction.curve import Space
+from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.flights import Flights, flight_scores
-from dogshape.diagnosis.prediction.model import Predicted
-from dogshape.diagnosis.terms import Array, Hypothesis, forward
+from dogshape.diagnosis.prediction.model import Prediction
+from dogshape.diagnosis.terms import Array, Hypothesis, strip_sense
 
-PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters
-MANY = 2048  #: of more parameters
-NEAR, SHARE = 64, 16  #: prior draws that get a likelihood: at least, and one in so many
-BATCH = 12  #: hypotheses whose draws get their likelihood at once
-ROUND = 192  #: draws of a round
-FREEDOM = 5.0  #: of the Student distribution
-WIDE = 1.5  #: of its covariance over that of the draws
+PRIOR_DRAWS = {0: 1, 1: 128, 2: 512, 3: 1024}  #: by the number of parameters
+MAX_PRIOR_DRAWS = 2048  #: of more parameters
+MIN_LIKELIHOOD_DRAWS = 64  #: prior draws nearest to the data, that get a likelihood
+DRAWS_PER_LIKELIHOOD = 16  #: prior draws for each that gets a likelihood
+BATCH_SIZE = 12  #: hypotheses whose draws get their likelihood at once
+PROPOSAL_DRAWS = 192  #: draws of a round
+FREEDOM = 5.0  #: degrees of freedom of a proposal's Student distribution
+COVARIANCE_FACTOR = 1.5  #: of a proposal's covariance over that of the draws
 CENTRES = 16  #: of a proposal
-WIDENED, BESIDE = 2 * CENTRES, 8  #: draws around each part of a wider hypothesis, and of its prior
-ENOUGH = 300.0  #: effective draws
-FLAT = 60.0  #: effective draws below which weights are flattened for a proposal
+SUBSET_DRAWS = 2 * CENTRES  #: draws around each subset of a wider hypothesis
+WIDE_PRIOR_DRAWS = 8  #: draws of the prior of a wider hypothesis
+ENOUGH_DRAWS = 300.0  #: effective draws, from which no round is added
+FLATTENING_DRAWS = 60.0  #: effective draws below which weights are flattened for a proposal
+MIN_POWER = 0.15  #: of flattened weights
 
-More = Callable[[Hypothesis, Array], Array]  #: log likelihood of what is known beside the shifts
+#: Log likelihood (n,) of observations beside the shifts, at shares (n, p) of a hypothesis.
+SideLikelihood = Callable[[Hypothesis, Array], Array]
+Distance = Callable[[Prediction], Array]  #: squared distance of predictions from the data, (m,)
 
 
 @dataclass(frozen=True)
@@ -51,32 +56,34 @@ class Proposal:
     centres: Array  #: (K, p)
     root: Array  #: Cholesky factor of the covariance of each, (p, p)
     columns: np.ndarray  #: those of the shares, (p,); the others are uniform
-    count: int = ROUND  #: number of draws from it
+    count: int = PROPOSAL_DRAWS  #: number of draws from it
 
     @classmethod
-    def around(cls, sample: Sample) -> Proposal:
+    def from_sample(cls, sample: Sample) -> Proposal:
         """Place the centres at draws by their weights, flattened where few draws count."""
         log = sample.log_weights - sample.log_weights.max()
-        weights = np.exp(min(1.0, max(0.15, sample.effective / FLAT)) * log)
+        power = min(1.0, max(MIN_POWER, sample.effective_count / FLATTENING_DRAWS))
+        weights = np.exp(power * log)
         weights /= weights.sum()
-        apart = sample.shares - weights @ sample.shares
-        size = apart.shape[1]
-        narrow = (4.0 / (CENTRES * (size + 2.0))) ** (2.0 / (size + 4.0))
-        covariance = narrow * WIDE * (apart.T * weights) @ apart + 1e-6 * np.eye(size)
-        centres = sample.shares[systematic(weights, CENTRES)]
+        deviation = sample.shares - weights @ sample.shares
+        size = deviation.shape[1]
+        bandwidth = (4.0 / (CENTRES * (size + 2.0))) ** (2.0 / (size + 4.0))
+        covariance = bandwidth * COVARIANCE_FACTOR * (deviation.T * weights) @ deviation
+        covariance = covariance + 1e-6 * np.eye(size)
+        centres = sample.shares[systematic_draws(weights, CENTRES)]
         return cls(centres, np.linalg.cholesky(covariance), np.arange(size))
 
     def draw(self, size: int, generator: np.random.Generator) -> Array:
-        """Draw shares of so many parameters, those within their ranges, (n, size)."""
+        """Draw shares of ``size`` parameters; those within their ranges, (n, size)."""
         shares = generator.random((self.count, size))
         normal = generator.standard_normal((self.count, len(self.root)))
         scale = np.sqrt(generator.chisquare(FREEDOM, (self.count, 1)) / FREEDOM)
-        around = self.centres[np.arange(self.count) % len(self.centres)]
-        shares[:, self.columns] = around + (normal / scale) @ self.root.T
+        centres = self.centres[np.arange(self.count) % len(self.centres)]
+        shares[:, self.columns] = centres + (normal / scale) @ self.root.T
         return np.asarray(shares[((shares > 0.0) & (shares < 1.0)).all(axis=1)])
 
     def log_density(self, shares: Array) -> Array:
-        """Compute the log of the density, (n,)."""
+        """Compute the log density at shares (n, size), (n,)."""
         size = len(self.root)
         inverse = np.linalg.inv(self.root).T
         squares = cdist(shares[:, self.columns] @ inverse, self.centres @ inverse, "sqeuclidean")
@@ -86,28 +93,38 @@ class Proposal:
         return np.asarray(constant + np.log(tail.mean(axis=1)))
 
 
+class Draws(NamedTuple):
+    """Draws of a hypothesis that have no likelihood yet."""
+
+    hypothesis: Hypothesis
+    shares: Array  #: of n draws, (n, p)
+    prior_count: int  #: number of prior draws
+    proposals: tuple[Proposal, ...] = ()  #: of the other draws
+
+
 @dataclass(frozen=True)
 class Sample:
     """Weighted draws of a hypothesis."""
 
     hypothesis: Hypothesis
     shares: Array  #: of n draws, (n, p)
-    predicted: Predicted  #: of these
-    log: Array  #: log likelihood, (n,)
-    drawn: int  #: number of prior draws
+    predicted: Prediction  #: of these
+    log_likelihood: Array  #: (n,)
+    prior_count: int  #: number of prior draws
     proposals: tuple[Proposal, ...] = field(default=())  #: of the other draws
 
     @cached_property
     def log_density(self) -> Array:
-        """Log of what the draws were drawn from, times their number, (n,)."""
-        parts = [np.full(len(self.shares), np.log(self.drawn))]
-        parts += [np.log(one.count) + one.log_density(self.shares) for one in self.proposals]
-        return np.asarray(logsumexp(parts, axis=0))
+        """Log density of prior and proposals together, times the number of draws, (n,)."""
+        logs = [np.full(len(self.shares), np.log(self.prior_count))]
+        for proposal in self.proposals:
+            logs.append(np.log(proposal.count) + proposal.log_density(self.shares))
+        return np.asarray(logsumexp(logs, axis=0))
 
     @cached_property
     def log_weights(self) -> Array:
         """Log likelihood over density, (n,): they sum to the evidence."""
-        return self.log - self.log_density
+        return self.log_likelihood - self.log_density
 
     @cached_property
     def log_evidence(self) -> float:
@@ -117,29 +134,33 @@ class Sample:
     @cached_property
     def weights(self) -> Array:
         """Posterior weights, (n,)."""
-        found = np.exp(self.log_weights - self.log_evidence)
-        return np.asarray(found / found.sum())
+        weights = np.exp(self.log_weights - self.log_evidence)
+        return np.asarray(weights / weights.sum())
 
     @cached_property
-    def effective(self) -> float:
+    def effective_count(self) -> float:
         """Effective number of draws."""
         return float(1.0 / (self.weights**2).sum())
 
     @property
     def error(self) -> float:
         """Standard error of the logarithm of the evidence."""
-        return float(np.sqrt(max(0.0, 1.0 / self.effective - 1.0 / len(self.log))))
+        variance = 1.0 / self.effective_count - 1.0 / len(self.log_likelihood)
+        return float(np.sqrt(max(0.0, variance)))
 
 
-def systematic(weights: Array, count: int, offset: float = 0.5) -> np.ndarray:
-    """Draw places by weights (n,) that sum to 1, at even steps, (count,)."""
-    places = np.searchsorted(weights.cumsum(), (np.arange(count) + offset) / count)
-    return np.minimum(places, len(weights) - 1)
+def systematic_draws(weights: Array, count: int, offset: float = 0.5) -> np.ndarray:
+    """Draw indices by weights (n,) that sum to 1, at even steps, (count,)."""
+    indices = np.searchsorted(weights.cumsum(), (np.arange(count) + offset) / count)
+    return np.minimum(indices, len(weights) - 1)
 
 
-def generator_of(seed: int, hypothesis: Hypothesis, drawn: int = 0) -> np.random.Generator:
-    """Seed the draws of a hypothesis, of which so many are there, whatever was drawn of others."""
-    return np.random.default_rng([seed, crc32(" ".join(hypothesis).encode()), drawn])
+def generator_of(seed: int, hypothesis: Hypothesis, draws: int = 0) -> np.random.Generator:
+    """Build the random generator of a hypothesis that has ``draws`` draws.
+
+    It does not depend on the draws of other hypotheses.
+    """
+    return np.random.default_rng([seed, crc32(" ".join(hypothesis).encode()), draws])
 
 
 @lru_cache(maxsize=16)
@@ -147,102 +168,129 @@ def prior_shares(size: int, seed: int) -> Array:
     """Draw the shares of a prior, (n, size)."""
     if size == 0:
         return np.zeros((1, 0))
-    return np.asarray(qmc.Sobol(size, seed=seed).random(PRIOR.get(size, MANY)))
+    return np.asarray(qmc.Sobol(size, seed=seed).random(PRIOR_DRAWS.get(size, MAX_PRIOR_DRAWS)))
 
 
-Drawn = tuple[Hypothesis, Array, int, tuple[Proposal, ...]]  #: shares, prior draws, proposals
-
-
-def _batched(
+def _sample(
     likelihood: Likelihood,
-    drawn: Iterable[Drawn],
-    more: More,
-    distance: Callable[[Predicted], Array] | None = None,
+    draws: Iterable[Draws],
+    side_likelihood: SideLikelihood,
+    distance: Distance | None = None,
 ) -> Iterator[Sample]:
-    """Sample hypotheses at shares, by a ``distance`` the nearest; -inf for no such bench."""
-    every = iter(drawn)
-    while some := list(itertools.islice(every, BATCH)):
-        parts = []
-        for h, given, whole, proposals in some:
-            p, count = likelihood.model.predict(h, given), max(NEAR, whole // SHARE)
-            near: Any = slice(None)
-            if distance is not None and whole > count:
-                near = np.argpartition(distance(p), count)[:count]
-            parts.append((h, given[near], p.only(near), whole, proposals))
-        log = likelihood.terms(Predicted.joined([p for _, _, p, _, _ in parts])).log
-        ends = np.cumsum([len(shares) for _, shares, *_ in parts])[:-1]
-        for (h, shares, p, whole, proposals), mine in zip(parts, np.split(log, ends), strict=True):
-            possible = likelihood.model.possible(h, shares)
-            beside = np.where(possible, mine + more(h, shares), -np.inf)
-            yield Sample(h, shares, p, beside, whole, proposals)
+    """Yield the sample of each hypothesis' draws, only the nearest ones where a distance is given.
+
+    The log likelihood is -inf where there is no such bench.
+    """
+    iterator = iter(draws)
+    while batch := list(itertools.islice(iterator, BATCH_SIZE)):
+        predictions = []
+        for k, item in enumerate(batch):
+            p = likelihood.model.predict(item.hypothesis, item.shares)
+            count = max(MIN_LIKELIHOOD_DRAWS, item.prior_count // DRAWS_PER_LIKELIHOOD)
+            if distance is not None and item.prior_count > count:
+                nearest = np.argpartition(distance(p), count)[:count]
+                batch[k] = item._replace(shares=item.shares[nearest])
+                p = p.select(nearest)
+            predictions.append(p)
+        logs = likelihood.terms(Prediction.concatenate(predictions)).log_likelihood
+        ends = np.cumsum([len(item.shares) for item in batch])[:-1]
+        for item, p, log in zip(batch, predictions, np.split(logs, ends), strict=True):
+            is_possible = likelihood.model.possible(item.hypothesis, item.shares)
+            log_sum = log + side_likelihood(item.hypothesis, item.shares)
+            yield Sample(
+                hypothesis=item.hypothesis,
+                shares=item.shares,
+                predicted=p,
+                log_likelihood=np.where(is_possible, log_sum, -np.inf),
+                prior_count=item.prior_count,
+                proposals=item.proposals,
+            )
 
 
-def screened(
+def screen(
     likelihood: Likelihood,
     hypotheses: Sequence[Hypothesis],
-    more: More,
-    distance: Callable[[Predicted], Array],
+    side_likelihood: SideLikelihood,
+    distance: Distance,
 ) -> Iterator[Sample]:
     """Sample hypotheses by their prior draws nearest to the data."""
-    model, seed = likelihood.model, likelihood.settings.seed
-    draws = ((h, prior_shares(len(model.space(h).parameters), seed)) for h in hypotheses)
-    return _batched(likelihood, ((h, s, len(s), ()) for h, s in draws), more, distance)
+
+    def draws() -> Iterator[Draws]:
+        for h in hypotheses:
+            size = len(likelihood.model.space(h).parameters)
+            shares = prior_shares(size, likelihood.settings.seed)
+            yield Draws(h, shares, prior_count=len(shares))
+
+    return _sample(likelihood, draws(), side_likelihood, distance)
 
 
-def widened(
+def widen(
     likelihood: Likelihood,
-    within: Mapping[Hypothesis, Sequence[Sample]],
-    more: More,
+    subsets: Mapping[Hypothesis, Sequence[Sample]],
+    side_likelihood: SideLikelihood,
 ) -> Iterator[Sample]:
-    """Sample hypotheses around the draws of parts of them, with a few draws of the prior."""
-    around = {one.hypothesis: Proposal.around(one) for parts in within.values() for one in parts}
+    """Sample hypotheses around the draws of their subsets, with a few draws of the prior."""
+    proposal_of = {
+        sample.hypothesis: Proposal.from_sample(sample)
+        for samples in subsets.values()
+        for sample in samples
+    }
 
-    def drawn() -> Iterator[Drawn]:
-        for h, parts in within.items():
+    def draws() -> Iterator[Draws]:
+        for h, samples in subsets.items():
             space = likelihood.model.space(h)
-            size, proposals = len(space.parameters), []
-            for one in parts:
-                columns = [space.columns(name) for name in forward(one.hypothesis)]
-                mine = replace(around[one.hypothesis], columns=np.r_[*columns], count=WIDENED)
-                proposals.append(mine)
+            size = len(space.parameters)
+            proposals = []
+            for sample in samples:
+                columns = [space.columns(name) for name in strip_sense(sample.hypothesis)]
+                proposal = proposal_of[sample.hypothesis]
+                proposals.append(replace(proposal, columns=np.r_[*columns], count=SUBSET_DRAWS))
             generator = generator_of(likelihood.settings.seed, h)
-            near = [one.draw(size, generator) for one in proposals]
-            yield h, np.vstack([generator.random((BESIDE, size)), *near]), BESIDE, tuple(proposals)
+            proposed_shares = [proposal.draw(size, generator) for proposal in proposals]
+            uniform_shares = generator.random((WIDE_PRIOR_DRAWS, size))
+            shares = np.vstack([uniform_shares, *proposed_shares])
+            yield Draws(h, shares, WIDE_PRIOR_DRAWS, tuple(proposals))
 
-    return _batched(likelihood, drawn(), more)
-
-
-def repeated(likelihood: Likelihood, sample: Sample, more: More) -> Sample:
-    """Weigh the draws of a hypothesis again by another likelihood."""
-    drawn = sample.hypothesis, sample.shares, sample.drawn, sample.proposals
-    return next(_batched(likelihood, [drawn], more))
+    return _sample(likelihood, draws(), side_likelihood)
 
 
-def refined(likelihood: Likelihood, sample: Sample, more: More, rounds: int) -> Sample:
+def reweight(likelihood: Likelihood, sample: Sample, side_likelihood: SideLikelihood) -> Sample:
+    """Weigh the draws of a sample by another likelihood."""
+    draws = Draws(sample.hypothesis, sample.shares, sample.prior_count, sample.proposals)
+    return next(_sample(likelihood, [draws], side_likelihood))
+
+
+def refine(
+    likelihood: Likelihood, sample: Sample, side_likelihood: SideLikelihood, rounds: int
+) -> Sample:
     """Add rounds of draws around the weighted ones, until enough count."""
     size = sample.shares.shape[1]
-    for _ in range(rounds if size else 0):
-        if not np.isfinite(sample.log_evidence) or sample.effective > ENOUGH:
+    if size == 0:
+        return sample
+    for _ in range(rounds):
+        if not np.isfinite(sample.log_evidence) or sample.effective_count > ENOUGH_DRAWS:
             break
-        proposal = Proposal.around(sample)
-        generator = generator_of(likelihood.settings.seed, sample.hypothesis, len(sample.log))
+        proposal = Proposal.from_sample(sample)
+        seed = likelihood.settings.seed
+        generator = generator_of(seed, sample.hypothesis, len(sample.log_likelihood))
         shares = proposal.draw(size, generator)
         if not len(shares):
             break
-        (new,) = _batched(likelihood, [(sample.hypothesis, shares, 0, ())], more)
+        draws = Draws(sample.hypothesis, shares, prior_count=0)
+        (new_sample,) = _sample(likelihood, [draws], side_likelihood)
         sample = replace(
             sample,
             shares=np.vstack([sample.shares, shares]),
-            predicted=Predicted.joined([sample.predicted, new.predicted]),
-            log=np.concatenate([sample.log, new.log]),
+            predicted=Prediction.concatenate([sample.predicted, new_sample.predicted]),
+            log_likelihood=np.concatenate([sample.log_likelihood, new_sample.log_likelihood]),
             proposals=(*sample.proposals, proposal),
         )
     return sample
 
 
-DRAWN = 400  #: posterior draws
-CHECKED = 60  #: of these, for the predictive check
-ROWS = 100  #: of these, for predictions of held-out points
+POSTERIOR_DRAWS = 400
+CHECK_DRAWS = 60  #: of these, for the predictive check
+HELD_OUT_DRAWS = 100  #: of these, for predictions of held-out points
 
 
 @dataclass(frozen=True)
@@ -255,7 +303,7 @@ class Interval:
 
     @classmethod
     def of(cls, draws: Array) -> Interval:
-        """Summarise draws."""
+        """Summarise draws (n,)."""
         low, high = np.quantile(draws, (0.05, 0.95))
         return cls(float(draws.mean()), float(low), float(high))
 
@@ -265,14 +313,14 @@ class Fit:
     """A hypothesis fitted to a data set."""
 
     hypothesis: Hypothesis
-    space: Space  #: parameters of the hypothesis
+    space: ParameterSpace  #: parameters of the hypothesis
     shares: Array  #: K equally weighted draws of the posterior, as shares of the ranges, (K, p)
-    predicted: Predicted  #: of each draw, (K, C)
+    predicted: Prediction  #: of each draw, (K, C)
     amplitude: Array  #: of the discrepancy, as a share of the predicted time, (K,)
     offset: Array  #: errors in common, discrepancy among them, drawn with each, s, (K, C)
     nuisance: Array  #: the part of ``offset`` by nuisances, s, (K, C)
-    log_evidence: float  #: and its standard error
-    error: float  #: by finite numbers of draws and of benches
+    log_evidence: float
+    error: float  #: standard error of ``log_evidence`` by numbers of draws and of benches
     p: float  #: predictive p-value
 
     @cached_property
@@ -287,10 +335,12 @@ class Fit:
         return {parameter.name: Interval.of(column) for parameter, column in columns}
 
 
-GROUPS = 4  #: of benches, each left out in turn
+JACKKNIFE_GROUPS = 4  #: of benches, each dropped in turn
 
 
-def emulation_error(likelihood: Likelihood, sample: Sample, more: More) -> float:
+def emulation_error(
+    likelihood: Likelihood, sample: Sample, side_likelihood: SideLikelihood
+) -> float:
     """Estimate the standard error of a log evidence that stems from the choice of benches.
 
     A delete-a-group jackknife (Kott 2001, J. Official Statistics 17) over the further benches of
@@ -299,40 +349,56 @@ def emulation_error(likelihood: Likelihood, sample: Sample, more: More) -> float
     model = likelihood.model
     if not model.has_further_benches(sample.hypothesis):
         return 0.0
-    thinned = (model.thinned(sample.hypothesis, group, GROUPS) for group in range(GROUPS))
-    logs = [repeated(replace(likelihood, model=one), sample, more).log_evidence for one in thinned]
-    return float(np.sqrt((GROUPS - 1) * np.var(logs)))
+    logs = []
+    for group in range(JACKKNIFE_GROUPS):
+        reduced_model = model.drop_group(sample.hypothesis, group, JACKKNIFE_GROUPS)
+        reduced = replace(likelihood, model=reduced_model)
+        logs.append(reweight(reduced, sample, side_likelihood).log_evidence)
+    return float(np.sqrt((JACKKNIFE_GROUPS - 1) * np.var(logs)))
 
 
-def fit(likelihood: Likelihood, sample: Sample, flights: Flights, more: More) -> Fit:
-    """Draw the posterior of a hypothesis."""
+def fit(
+    likelihood: Likelihood, sample: Sample, flights: Flights, side_likelihood: SideLikelihood
+) -> Fit:
+    """Draw the posterior of a hypothesis from its weighted sample."""
     generator = generator_of(likelihood.settings.seed, sample.hypothesis)
-    places = systematic(sample.weights, DRAWN, float(generator.random()))
-    predicted, shares = sample.predicted.only(places), sample.shares[places]
-    amplitude, offset, nuisance = likelihood.drawn(predicted, generator)
+    draws = systematic_draws(sample.weights, POSTERIOR_DRAWS, float(generator.random()))
+    predicted = sample.predicted.select(draws)
+    shares = sample.shares[draws]
+    errors = likelihood.draw_common_errors(predicted, generator)
     space = likelihood.model.space(sample.hypothesis)
-    some = np.linspace(0, DRAWN - 1, CHECKED).astype(int)
-    values = space.values(shares[some])
-    marks = flight_scores(likelihood.seen.flights, flights, space.hypothesis, values)
-    p = predictive_p(likelihood, predicted.only(some), amplitude[some], marks)
-    error = float(np.hypot(sample.error, emulation_error(likelihood, sample, more)))
-    h, log = sample.hypothesis, sample.log_evidence
-    return Fit(h, space, shares, predicted, amplitude, offset, nuisance, log, error, p)
+    checked = np.linspace(0, POSTERIOR_DRAWS - 1, CHECK_DRAWS).astype(int)
+    values = space.values(shares[checked])
+    marks = flight_scores(likelihood.observed.flights, flights, space.hypothesis, values)
+    p = predictive_p(likelihood, predicted.select(checked), errors.amplitude[checked], marks)
+    bench_error = emulation_error(likelihood, sample, side_likelihood)
+    return Fit(
+        hypothesis=sample.hypothesis,
+        space=space,
+        shares=shares,
+        predicted=predicted,
+        amplitude=errors.amplitude,
+        offset=errors.offset,
+        nuisance=errors.nuisance,
+        log_evidence=sample.log_evidence,
+        error=float(np.hypot(sample.error, bench_error)),
+        p=p,
+    )
 
 
-def predictive_p(likelihood: Likelihood, p: Predicted, amplitude: Array, marks: Array) -> float:
+def predictive_p(likelihood: Likelihood, p: Prediction, amplitude: Array, marks: Array) -> float:
     """Compute the p-value of the squared distance of means, spreads and marks, mean over draws.
 
     The distance at a posterior draw is chi-square with all observations as degrees of freedom
     (Johnson 2004, A Bayesian chi-squared test for goodness-of-fit, Annals of Statistics 32).
     ``marks`` are normal deviates of the marks of each profile, (m, profiles).
     """
-    found = likelihood.terms(p)
-    columns = likelihood.all_columns(p, amplitude)[:, likelihood.having]
-    distance = squared_distance(found.residual, found.variance, columns)
+    terms = likelihood.terms(p)
+    columns = likelihood.all_common_errors(p, amplitude)[:, likelihood.measured_points]
+    distance = squared_distance(terms.residual, terms.variance, columns)
     spread = likelihood.spread_scores(p)
     distance = distance + np.nansum(spread**2, axis=1) + (marks**2).sum(axis=1)
-    count = found.residual.shape[1] + np.isfinite(spread[0]).sum() + marks.shape[1]
+    count = terms.residual.shape[1] + np.isfinite(spread[0]).sum() + marks.shape[1]
     return float(chi2.sf(distance, count).mean())
 
 
@@ -342,52 +408,82 @@ class HeldOut:
 
     baseline: float  #: without any effect
     held_out: float  #: at each point from all others, by the leading hypothesis
-    chance: float  #: what scatter and errors alone leave
-    rival: Hypothesis | None  #: the best other hypothesis
-    rival_held_out: float | None  #: what it leaves
+    chance: float  #: by scatter and errors alone
+    rival: Hypothesis | None  #: the next hypothesis
+    rival_held_out: float | None  #: at each point from all others, by the rival
     mean: Array  #: prediction at each point from all others, s, (C,)
     sd: Array  #: its standard error, s, (C,)
 
 
-def held_out(likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: Array) -> HeldOut:
+class CrossValidation(NamedTuple):
+    """Predictions of c measured points, each from all others."""
+
+    mean: Array  #: s, (c,)
+    sd: Array  #: standard error of ``mean``, s, (c,)
+    gap: Array  #: observed mean less ``mean``, s, (c,)
+    chance: float  #: root mean square gap by scatter and errors alone, s
+
+
+def predict_held_out(
+    likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: Array
+) -> HeldOut:
     """Predict each operating point from all others by the leading hypothesis and its rival.
 
     ``baseline`` are the gaps without any effect, s, (C,), NaN where there is no mean.
     """
-    some = likelihood.having
-    mean, sd, gaps, chance = left_out(likelihood, leading)
-    means, sds = np.full((2, likelihood.model.cells), np.nan)
-    means[some], sds[some] = mean, sd
-    other, left = None, None
+    points = likelihood.measured_points
+    validation = cross_validate(likelihood, leading)
+    mean = np.full(likelihood.model.cell_count, np.nan)
+    sd = mean.copy()
+    mean[points] = validation.mean
+    sd[points] = validation.sd
+    rival_gap = None
     if rival is not None:
-        other, left = rival.hypothesis, _rms(left_out(likelihood, rival)[2])
-    return HeldOut(_rms(baseline[some]), _rms(gaps), chance, other, left, means, sds)
+        rival_gap = _root_mean_square(cross_validate(likelihood, rival).gap)
+    return HeldOut(
+        baseline=_root_mean_square(baseline[points]),
+        held_out=_root_mean_square(validation.gap),
+        chance=validation.chance,
+        rival=None if rival is None else rival.hypothesis,
+        rival_held_out=rival_gap,
+        mean=mean,
+        sd=sd,
+    )
 
 
-def left_out(likelihood: Likelihood, one: Fit) -> tuple[Array, Array, Array, float]:
-    """Predict each observed mean from all others: mean, sd, gap (c,), and the chance gap, s.
+def cross_validate(likelihood: Likelihood, fitted: Fit) -> CrossValidation:
+    """Predict each observed mean from all others.
 
     Draws count for a point by the inverse of the density that they give it, so as if the point had
     not been seen.
     """
-    rows = np.linspace(0, len(one.shares) - 1, ROWS).astype(int)
-    p = one.predicted.only(rows)
-    found = likelihood.terms(p)
-    columns = likelihood.all_columns(p, one.amplitude[rows])[:, likelihood.having]
-    own = found.variance[..., None] * np.eye(found.residual.shape[1])
-    inverse = np.linalg.inv(columns @ columns.swapaxes(1, 2) + own)
+    rows = np.linspace(0, len(fitted.shares) - 1, HELD_OUT_DRAWS).astype(int)
+    p = fitted.predicted.select(rows)
+    points = likelihood.measured_points
+    terms = likelihood.terms(p)
+    columns = likelihood.all_common_errors(p, fitted.amplitude[rows])[:, points]
+    single = terms.variance[..., None] * np.eye(terms.residual.shape[1])
+    inverse = np.linalg.inv(columns @ columns.swapaxes(1, 2) + single)
     diagonal = np.diagonal(inverse, axis1=1, axis2=2)
-    gap = (inverse @ found.residual[..., None])[..., 0] / diagonal
+    gap = (inverse @ terms.residual[..., None])[..., 0] / diagonal
     log = 0.5 * gap**2 * diagonal - 0.5 * np.log(diagonal)
     weights = np.exp(np.minimum(log - log.mean(axis=0), 0.5 * np.log(len(rows))))
     weights /= weights.sum(axis=0)
-    seen = likelihood.seen.mean[likelihood.having]
-    mean = (weights * (seen - gap)).sum(axis=0)
-    variance = (weights * (1.0 / diagonal + (seen - gap - mean) ** 2)).sum(axis=0)
-    scatter = (weights * found.variance).sum(axis=0)
-    return mean, np.sqrt(variance), seen - mean, float(np.sqrt(scatter.mean()))
+    observed = likelihood.observed.mean[points]
+    mean = (weights * (observed - gap)).sum(axis=0)
+    variance = (weights * (1.0 / diagonal + (observed - gap - mean) ** 2)).sum(axis=0)
+    scatter = (weights * terms.variance).sum(axis=0)
+    return CrossValidation(
+        mean=mean,
+        sd=np.sqrt(variance),
+        gap=observed - mean,
+        chance=float(np.sqrt(scatter.mean())),
+    )
 
 
-def _rms(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt((known**2).mean())) if known.size else 0.0
+def _root_mean_square(values: Array) -> float:
+    """Compute the root mean square of finite values, 0 for none."""
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return 0.0
+    return float(np.sqrt((finite**2).mean()))

@@ -12,35 +12,58 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.inference.fit import (
-    More,
     Sample,
-    refined,
-    repeated,
-    screened,
-    systematic,
-    widened,
+    SideLikelihood,
+    refine,
+    reweight,
+    screen,
+    systematic_draws,
+    widen,
 )
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
-from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.prediction.model import Model, Prediction
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import REVERSED, UNKNOWN, Array, Hypothesis, forward, turned
+from dogshape.diagnosis.terms import (
+    REVERSED,
+    UNKNOWN,
+    Array,
+    Hypothesis,
+    reverse_sense,
+    strip_sense,
+)
 
-#: Steps of refinement: nats below the best, hypotheses at most, and rounds of each. Prior draws
-#: miss narrow posteriors by many nats, so the first step takes many hypotheses.
-STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 24, 8))
-SLACK = 0.05  #: of the predicted time, gap that errors of emulation may explain in the screening
-ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
-FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
-WITHIN = 6.0  #: halves of squared distance behind the least, of draws where it is simulated
-KNOWN = 9.0  #: further nats, within which others are predicted again
-OPEN = 256  #: draws of a hypothesis on which something unlisted is put
-FLATTENED = 0.2  #: power of the likelihood by which these are drawn
-STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
+
+class RefinementStep(NamedTuple):
+    """Hypotheses that a step of refinement takes."""
+
+    nats: float  #: below the best
+    max_hypotheses: int
+    rounds: int  #: of draws for each
+
+
+#: Prior draws miss narrow posteriors by many nats, so the first step takes many hypotheses.
+STEPS = (
+    RefinementStep(nats=25.0, max_hypotheses=72, rounds=1),
+    RefinementStep(nats=14.0, max_hypotheses=32, rounds=2),
+    RefinementStep(nats=8.0, max_hypotheses=24, rounds=8),
+)
+SIMULATION_ROUNDS = 3  #: of draws after a simulation
+EMULATION_TOLERANCE = 0.05  #: of the predicted time, gap without penalty in the screening
+MAX_DEVIATE = 4.0  #: standard errors, by which a mean counts at most in the screening
+TRIPLE_NATS = 8.0  #: within which a pair promises a set of three
+MAX_TRIPLES = 192  #: sets of three that are sampled
+LIKELY_DISTANCE = 12.0  #: squared distance beyond the smallest, of draws that are simulated
+REPLACE_NATS = 9.0  #: below the plausible hypotheses, within which predictions are replaced
+UNLISTED_DRAWS = 256  #: draws of a hypothesis to which an unlisted gap is added
+UNLISTED_POWER = 0.2  #: of the likelihood by which these are drawn
+STRETCHES = (1.0, 2.0)  #: of all spreads, where an unlisted cause acts
+UNLISTED_PAIRS = 3  #: leading pairs to which an unlisted gap is added
 REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
 
 
@@ -49,35 +72,42 @@ class Ranking:
     """Samples and log priors of hypotheses, and the log evidence of *unknown*."""
 
     likelihood: Likelihood
-    more: More  #: log likelihood of what is known beside the shifts
+    side_likelihood: SideLikelihood  #: log likelihood of observations beside the shifts
     samples: Mapping[Hypothesis, Sample]
     log_prior: Mapping[Hypothesis, float]
     log_unknown: float
 
 
-def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed_: float) -> float:
-    """Compute the log prior probability of a set of effects."""
+def log_prior(
+    hypothesis: Hypothesis, model: Model, settings: Settings, reversed_prior: float
+) -> float:
+    """Compute the log prior probability of a set of effects.
+
+    ``reversed_prior`` is the probability of the reversed sense of rotation.
+    """
     if hypothesis == UNKNOWN:
         return math.log(settings.unlisted)
-    odds = {n: settings.prior(n) / (1.0 - settings.prior(n)) for n in model.effects}
-    # Elementary symmetric sums: all sets of at most so many effects have probability 1 together.
+    odds = {name: settings.prior(name) / (1.0 - settings.prior(name)) for name in model.effects}
+    # Elementary symmetric sums: all sets up to the largest size have probability 1 together.
     sums = np.eye(1, settings.most + 1)[0]
     for value in odds.values():
         sums[1:] = sums[1:] + value * sums[:-1]
     log = math.log1p(-settings.unlisted) - math.log(float(sums.sum()))
-    log += sum(math.log(odds[name]) for name in forward(hypothesis))
-    if model.turned is None:
+    log += sum(math.log(odds[name]) for name in strip_sense(hypothesis))
+    if model.reversed_model is None:
         return log
-    return log + math.log(reversed_ if REVERSED in hypothesis else 1.0 - reversed_)
+    sense_prior = reversed_prior if REVERSED in hypothesis else 1.0 - reversed_prior
+    return log + math.log(sense_prior)
 
 
 def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
-    """List the sets of so many effects, those of the reversed sense behind them."""
+    """List the sets of ``size`` effects, then these with the reversed sense."""
     names = sorted(model.effects)
-    plain = [h for h in itertools.combinations(names, size) if not set(h) >= REDUNDANT]
-    if model.turned is None:
-        return plain
-    return plain + [turned(h) for h in plain if set(h) <= set(model.turned.effects)]
+    hypotheses = [h for h in itertools.combinations(names, size) if not set(h) >= REDUNDANT]
+    if model.reversed_model is None:
+        return hypotheses
+    reversible = set(model.reversed_model.effects)
+    return hypotheses + [reverse_sense(h) for h in hypotheses if set(h) <= reversible]
 
 
 @dataclass
@@ -85,51 +115,63 @@ class _Search:
     """Samples while hypotheses are ranked."""
 
     likelihood: Likelihood
-    more: More
-    reversed_: float
+    side_likelihood: SideLikelihood
+    reversed_prior: float
     samples: dict[Hypothesis, Sample] = field(default_factory=dict)
     priors: dict[Hypothesis, float] = field(default_factory=dict)
 
-    def take(self, samples: Iterable[Sample]) -> None:
-        """Keep samples, with their log prior probabilities."""
-        for one in samples:
-            self.samples[one.hypothesis] = one
-            self.priors[one.hypothesis] = self.prior(one.hypothesis)
+    def store(self, samples: Iterable[Sample]) -> None:
+        """Store samples with their log prior probabilities."""
+        for sample in samples:
+            self.samples[sample.hypothesis] = sample
+            self.priors[sample.hypothesis] = self.prior(sample.hypothesis)
 
     def prior(self, h: Hypothesis) -> float:
         """Compute the log prior probability."""
-        return log_prior(h, self.likelihood.model, self.likelihood.settings, self.reversed_)
+        model = self.likelihood.model
+        return log_prior(h, model, self.likelihood.settings, self.reversed_prior)
 
-    def distance(self, p: Predicted) -> Array:
+    def distance(self, p: Prediction) -> Array:
         """Compute squared distances of means and engagement from the data, (m,).
 
-        A mean counts by ``ODD`` at most; a gap within an error of emulation, or ``SLACK``, as none.
+        A mean counts by ``MAX_DEVIATE`` at most; a gap within the error of emulation, or
+        ``EMULATION_TOLERANCE``, does not count.
         """
-        like, some, seen = self.likelihood, self.likelihood.having, self.likelihood.seen
-        gap = seen.mean[some] - p.mean[:, some]
-        simulated = np.maximum((p.mean - p.delay)[:, some], 1e-3)
-        wide = np.minimum(np.hypot(p.common, p.emulated)[:, some], SLACK * simulated)
-        own = p.sd[:, some] ** 2 / np.maximum(seen.count[some], 1.0)
-        own = own + (like.settings.discrepancy * simulated) ** 2
-        squares = (gap - np.clip(gap, -wide, wide)) ** 2 / own
-        return np.asarray(np.minimum(squares, ODD**2).sum(axis=1) - 2.0 * like.log_engaged(p))
+        likelihood = self.likelihood
+        observed = likelihood.observed
+        points = likelihood.measured_points
+        gap = observed.mean[points] - p.mean[:, points]
+        simulated = np.maximum((p.mean - p.delay)[:, points], 1e-3)
+        emulation_error = np.hypot(p.common_error, p.emulation_error)[:, points]
+        tolerance = np.minimum(emulation_error, EMULATION_TOLERANCE * simulated)
+        variance = p.sd[:, points] ** 2 / np.maximum(observed.count[points], 1.0)
+        variance = variance + (likelihood.settings.discrepancy * simulated) ** 2
+        squares = (gap - np.clip(gap, -tolerance, tolerance)) ** 2 / variance
+        mean_distance = np.minimum(squares, MAX_DEVIATE**2).sum(axis=1)
+        return np.asarray(mean_distance - 2.0 * likelihood.log_engaged(p))
 
     def value(self, h: Hypothesis) -> float:
+        """Compute log evidence plus log prior."""
         return self.samples[h].log_evidence + self.priors[h]
 
-    def promise(self, h: Hypothesis) -> float:
-        """Estimate what evidence and prior may come to, by the best draw."""
-        one = self.samples[h]
-        return max(self.value(h), float(one.log.max()) - 1.5 * one.shares.shape[1] + self.priors[h])
+    def bound_value(self, h: Hypothesis) -> float:
+        """Bound log evidence plus log prior from the best draw."""
+        sample = self.samples[h]
+        max_log = float(sample.log_likelihood.max())
+        bound = max_log - 1.5 * sample.shares.shape[1] + self.priors[h]
+        return max(self.value(h), bound)
 
-    def refine(self, step: int, among: Sequence[Hypothesis] | None = None) -> None:
-        """Refine the hypotheses near the best."""
-        rate = self.promise if step == 0 else self.value
-        score, (within, many, rounds) = {h: rate(h) for h in self.samples}, STEPS[step]
-        least = max(score.values()) - within
-        names = sorted(score if among is None else among, key=lambda h: -score[h])
-        for h in [h for h in names if score[h] > least][:many]:
-            self.samples[h] = refined(self.likelihood, self.samples[h], self.more, rounds)
+    def refine(self, step: int, candidates: Sequence[Hypothesis] | None = None) -> None:
+        """Refine the hypotheses near the best, among all or some candidates."""
+        rate = self.bound_value if step == 0 else self.value
+        scores = {h: rate(h) for h in self.samples}
+        nats, max_hypotheses, rounds = STEPS[step]
+        threshold = max(scores.values()) - nats
+        if candidates is None:
+            candidates = [*scores]
+        order = sorted(candidates, key=lambda h: -scores[h])
+        for h in [h for h in order if scores[h] > threshold][:max_hypotheses]:
+            self.samples[h] = refine(self.likelihood, self.samples[h], self.side_likelihood, rounds)
 
     def simulate_plausible(self, candidates: Sequence[Hypothesis]) -> None:
         """Simulate plausible hypotheses until their likely draws are predicted well.
@@ -146,109 +188,141 @@ class _Search:
             remaining = dict.fromkeys(sorted(plausible), settings.simulations_each) | remaining
             uncertain_draws = dict[Hypothesis, np.ndarray]()
             for h, count in remaining.items():
-                untried = count == settings.simulations_each
-                if untried or (count and h in plausible):
-                    least_error = 0.0 if untried else settings.uncertain
-                    if len(places := self.uncertain_draws(h, least_error)):
-                        uncertain_draws[h] = places
+                is_untried = count == settings.simulations_each
+                if not is_untried and (count == 0 or h not in plausible):
+                    continue
+                min_error = 0.0 if is_untried else settings.uncertain
+                draws = self.uncertain_draws(h, min_error)
+                if len(draws):
+                    uncertain_draws[h] = draws
             if not uncertain_draws:
                 return
             hypothesis = max(
-                uncertain_draws, key=lambda h: (-len(forward(h)), remaining[h], self.value(h))
+                uncertain_draws, key=lambda h: (-len(strip_sense(h)), remaining[h], self.value(h))
             )
             shares = self.samples[hypothesis].shares[uncertain_draws[hypothesis]]
             model = self.likelihood.model.simulate(hypothesis, shares)
-            remaining[hypothesis] = remaining[hypothesis] - 1 if model else 0
-            if model:
-                self._replace_model(model, hypothesis, threshold - KNOWN)
+            if model is None:  # no further bench can be simulated
+                remaining[hypothesis] = 0
+                continue
+            remaining[hypothesis] -= 1
+            self._replace_model(model, hypothesis, threshold - REPLACE_NATS)
 
     def _replace_model(self, model: Model, simulated: Hypothesis, threshold: float) -> None:
         """Weigh the samples again whose predictions the benches of a hypothesis change."""
-        changed = {*simulated} - model.readings
+        changed_effects = {*simulated} - model.reading_effects
         self.likelihood = replace(self.likelihood, model=model)
         for h, sample in self.samples.items():
-            if changed <= {*h} and self.promise(h) > threshold:
-                self.samples[h] = repeated(self.likelihood, sample, self.more)
-        self.samples[simulated] = refined(
-            self.likelihood, self.samples[simulated], self.more, rounds=3
+            if changed_effects <= {*h} and self.bound_value(h) > threshold:
+                self.samples[h] = reweight(self.likelihood, sample, self.side_likelihood)
+        self.samples[simulated] = refine(
+            self.likelihood,
+            self.samples[simulated],
+            self.side_likelihood,
+            rounds=SIMULATION_ROUNDS,
         )
 
-    def uncertain_draws(self, h: Hypothesis, least_error: float) -> np.ndarray:
+    def uncertain_draws(self, h: Hypothesis, min_error: float) -> np.ndarray:
         """List likely draws that may be predicted wrong, between levels or by two effects.
 
-        The best one first, the others by their errors, above ``least_error`` of the predicted mean.
+        The best one first, the others by their errors, above ``min_error`` of the predicted mean.
         """
-        one = self.samples[h]
-        far = np.where(np.isfinite(one.log), self.distance(one.predicted), np.inf)
-        best = one.log.argmax()
-        rows = np.flatnonzero(far < far.min() + 2.0 * WITHIN)
-        rows = np.append(best, rows[rows != best])
-        p = one.predicted.only(rows)
-        alone = len(set(forward(h)) - self.likelihood.model.readings) == 1
-        error = (((p.emulated if alone else p.common) / p.mean) ** 2).mean(axis=1) ** 0.5
-        order = np.append(0, 1 + (-error[1:]).argsort())
-        return np.asarray(rows[order][error[order] > least_error])
+        sample = self.samples[h]
+        is_possible = np.isfinite(sample.log_likelihood)
+        distance = np.where(is_possible, self.distance(sample.predicted), np.inf)
+        best = sample.log_likelihood.argmax()
+        draws = np.flatnonzero(distance < distance.min() + LIKELY_DISTANCE)
+        draws = np.append(best, draws[draws != best])
+        p = sample.predicted.select(draws)
+        is_single = len(set(strip_sense(h)) - self.likelihood.model.reading_effects) == 1
+        error = p.emulation_error if is_single else p.common_error
+        relative_error = ((error / p.mean) ** 2).mean(axis=1) ** 0.5
+        order = np.append(0, 1 + (-relative_error[1:]).argsort())
+        return np.asarray(draws[order][relative_error[order] > min_error])
 
     def widen(self) -> list[Hypothesis]:
-        """Sample the sets of three effects that have a plausible pair within, and list them."""
-        top = max(self.value(h) for h in self.samples)
-        within = dict[Hypothesis, tuple[float, list[Sample]]]()
+        """Sample the sets of three effects that include a plausible pair, and list them."""
+        threshold = max(self.value(h) for h in self.samples) - TRIPLE_NATS
+        values = dict[Hypothesis, float]()
+        subsets = dict[Hypothesis, list[Sample]]()
         for h in hypotheses_of(self.likelihood.model, 3):
-            pairs = [tuple(n for n in h if n != name) for name in forward(h)]
-            parts = [self.samples[p] for p in pairs if p in self.samples]
-            parts = [one for one in parts if np.isfinite(one.log_evidence)]
-            best = max((one.log_evidence for one in parts), default=-np.inf) + self.prior(h)
-            if best > top - FOR_THIRD:
-                within[h] = best, parts
-        chosen = sorted(within, key=lambda h: -within[h][0])[:THIRDS]
-        parts_of = {h: within[h][1] for h in chosen}
-        self.take(widened(self.likelihood, parts_of, self.more))
-        return chosen
+            pairs = [tuple(n for n in h if n != name) for name in strip_sense(h)]
+            samples = [self.samples[pair] for pair in pairs if pair in self.samples]
+            samples = [sample for sample in samples if np.isfinite(sample.log_evidence)]
+            evidence = max((sample.log_evidence for sample in samples), default=-np.inf)
+            value = evidence + self.prior(h)
+            if value > threshold:
+                values[h] = value
+                subsets[h] = samples
+        triples = sorted(values, key=lambda h: -values[h])[:MAX_TRIPLES]
+        self.store(widen(self.likelihood, {h: subsets[h] for h in triples}, self.side_likelihood))
+        return triples
+
+    def log_unlisted(self) -> float:
+        """Compute the log evidence of a gap that no effect explains, on top of any of them."""
+        settings = self.likelihood.settings
+        pairs = [h for h in self.samples if len(strip_sense(h)) == 2]
+        bases = [h for h in self.samples if len(strip_sense(h)) < 2]
+        bases += sorted(pairs, key=lambda h: -self.value(h))[:UNLISTED_PAIRS]
+        options = [
+            *itertools.product(settings.unlisted_sizes, settings.unlisted_lengths, STRETCHES)
+        ]
+        logs = []
+        for h in bases:
+            sample = self.samples[h]
+            draws, log_density = _flattened_draws(sample)
+            p = sample.predicted.select(draws)
+            is_possible = np.isfinite(sample.log_likelihood[draws])
+            for size, length, stretch in options:
+                stretched = replace(p, sd=stretch * p.sd)
+                log = self.likelihood.terms(stretched, (size, length)).log_likelihood
+                log = np.where(is_possible, log, -np.inf)
+                logs.append(logsumexp(log - log_density) + self.priors[h])
+        log_bases = logsumexp([self.priors[h] for h in bases])
+        return float(logsumexp(logs) - math.log(len(options)) - log_bases)
 
 
-def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) -> Ranking:
-    """Rank all hypotheses on a data set; ``reversed_`` is the prior of the reversed sense.
+def _flattened_draws(sample: Sample) -> tuple[np.ndarray, Array]:
+    """Draw by a power of the likelihood: indices and log density times their number, (k,) each."""
+    if len(sample.log_likelihood) <= UNLISTED_DRAWS:
+        return np.arange(len(sample.log_likelihood)), sample.log_density
+    log = UNLISTED_POWER * sample.log_likelihood - sample.log_density
+    weights = np.exp(log - logsumexp(log))
+    draws = systematic_draws(weights, UNLISTED_DRAWS)
+    return draws, sample.log_density[draws] + np.log(UNLISTED_DRAWS * weights[draws])
 
-    ``more`` is the log likelihood of what is known beside the shifts, ``beside`` the same if
-    nothing listed is the cause.
+
+def rank(
+    likelihood: Likelihood,
+    side_likelihood: SideLikelihood,
+    reversed_prior: float,
+    log_side_unknown: float,
+) -> Ranking:
+    """Rank all hypotheses on a data set.
+
+    Parameters
+    ----------
+    side_likelihood : log likelihood of observations beside the shifts
+    reversed_prior : probability of the reversed sense of rotation
+    log_side_unknown : log likelihood of these observations if nothing listed is the cause
     """
-    search = _Search(likelihood, more, reversed_)
+    search = _Search(likelihood, side_likelihood, reversed_prior)
     for size in range(min(3, likelihood.settings.most + 1)):
-        few = hypotheses_of(likelihood.model, size)
-        search.take(screened(likelihood, few, more, search.distance))
+        hypotheses = hypotheses_of(likelihood.model, size)
+        search.store(screen(likelihood, hypotheses, side_likelihood, search.distance))
     search.refine(0)
     search.refine(1)
     search.simulate_plausible([*search.samples])
     if likelihood.settings.most > 2:
-        thirds = search.widen()
-        search.refine(0, thirds)
-        search.refine(1, thirds)
-        search.simulate_plausible(thirds)
+        triples = search.widen()
+        search.refine(0, triples)
+        search.refine(1, triples)
+        search.simulate_plausible(triples)
     search.refine(2)
-    priors = {**search.priors, UNKNOWN: search.prior(UNKNOWN)}
-    return Ranking(search.likelihood, more, search.samples, priors, _unlisted(search) + beside)
-
-
-def _unlisted(search: _Search) -> float:
-    """Compute the log evidence of a gap that no effect explains, on top of any of them."""
-    like, settings = search.likelihood, search.likelihood.settings
-    pairs = [h for h in search.samples if len(forward(h)) == 2]
-    some = [h for h in search.samples if len(forward(h)) < 2]
-    some += sorted(pairs, key=lambda h: -search.value(h))[:3]
-    options = [*itertools.product(settings.unlisted_sizes, settings.unlisted_lengths, STRETCHES)]
-    logs = []
-    for h in some:
-        one = search.samples[h]
-        places, density = np.arange(len(one.log)), one.log_density
-        if len(one.log) > OPEN:
-            log = FLATTENED * one.log - one.log_density
-            weights = np.exp(log - logsumexp(log))
-            places = systematic(weights, OPEN)
-            density = one.log_density[places] + np.log(OPEN * weights[places])
-        p = one.predicted.only(places)
-        for size, length, stretch in options:
-            log = like.terms(replace(p, sd=stretch * p.sd), (size, length)).log
-            log = np.where(np.isfinite(one.log[places]), log, -np.inf)
-            logs.append(logsumexp(log - density) + search.priors[h])
-    known = logsumexp([search.priors[h] for h in some])
-    return float(logsumexp(logs) - math.log(len(options)) - known)
+    return Ranking(
+        likelihood=search.likelihood,
+        side_likelihood=side_likelihood,
+        samples=search.samples,
+        log_prior={**search.priors, UNKNOWN: search.prior(UNKNOWN)},
+        log_unknown=search.log_unlisted() + log_side_unknown,
+    )

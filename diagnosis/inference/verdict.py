@@ -16,15 +16,23 @@ import numpy as np
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.ranking import Ranking
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
-from dogshape.diagnosis.prediction.model import Predicted
+from dogshape.diagnosis.prediction.model import Prediction
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import NONE, REVERSED, UNKNOWN, Array, Hypothesis, forward
+from dogshape.diagnosis.terms import (
+    NONE,
+    REVERSED,
+    UNKNOWN,
+    Array,
+    Hypothesis,
+    strip_sense,
+)
 
 Kind = Literal["effect", "none", "unknown", "ambiguous"]
 Probabilities = dict[Hypothesis, float]
 
-FOLDED = 100  #: draws of a hypothesis
-ALIKE = {"linkage_compliance": "moving_mass"}  #: a stiff linkage with mass is a mass
+FOLDED_DRAWS = 100  #: draws of a hypothesis
+EQUIVALENTS = {"linkage_compliance": "moving_mass"}  #: a stiff linkage with mass is a mass
+SHARE_ERROR = 0.02  #: of a predicted share that engages
 
 
 @dataclass(frozen=True)
@@ -36,43 +44,50 @@ class Verdict:
     credible: Sequence[Hypothesis]
 
 
-class Within(NamedTuple):
-    """Probability that the gap is below its margin: over all hypotheses, and if nothing acts."""
+class MarginProbabilities(NamedTuple):
+    """Probabilities that the gap is below its margin."""
 
-    gap: float
-    none: float
+    gap: float  #: over all hypotheses
+    none: float  #: if nothing acts
 
 
 def inclusion(posterior: Mapping[Hypothesis, float]) -> dict[str, float]:
     """Sum the probabilities of the hypotheses that have an effect, the largest first."""
-    found: dict[str, float] = {}
+    probabilities: dict[str, float] = {}
     for hypothesis, probability in posterior.items():
-        for name in hypothesis if hypothesis != UNKNOWN else ():
-            found[name] = found.get(name, 0.0) + probability
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+        if hypothesis == UNKNOWN:
+            continue
+        for name in hypothesis:
+            probabilities[name] = probabilities.get(name, 0.0) + probability
+    return dict(sorted(probabilities.items(), key=lambda item: -item[1]))
 
 
-def within_margin(likelihood: Likelihood, one: Fit) -> float:
+def margin_probability(likelihood: Likelihood, fitted: Fit) -> float:
     """Compute the probability by a hypothesis that the gap is below its margin.
 
-    Scatter is left out, and what nuisances explain: a gap by the contact is no effect.
+    Without scatter and the share of nuisances: a gap by the contact is no effect.
     """
-    some, base = likelihood.having, likelihood.model.predict(NONE, np.zeros((1, 0)))
-    plain = likelihood.late_mean(base)[0]
-    moved = likelihood.late_mean(one.predicted) + one.offset - one.nuisance
-    gaps = (moved - plain) / likelihood.bench.margin.of(plain)
-    engaged = (one.predicted.engaged - base.engaged) / likelihood.settings.engaged_margin
-    over = (gaps[:, some] ** 2 + engaged[:, some] ** 2).mean(axis=1)
-    return float((over < 1.0).mean())
+    points = likelihood.measured_points
+    base = likelihood.model.predict(NONE, np.zeros((1, 0)))
+    base_mean = likelihood.mean_with_late(base)[0]
+    mean = likelihood.mean_with_late(fitted.predicted) + fitted.offset - fitted.nuisance
+    gaps = (mean - base_mean) / likelihood.bench.margin.of(base_mean)
+    engaged_change = fitted.predicted.engaged_share - base.engaged_share
+    engaged = engaged_change / likelihood.settings.engaged_margin
+    mean_square = (gaps[:, points] ** 2 + engaged[:, points] ** 2).mean(axis=1)
+    return float((mean_square < 1.0).mean())
 
 
-def nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
+def is_nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
     """Check that a hypothesis may be named as the whole cause, however probable it is."""
-    return len(forward(hypothesis)) <= settings.named_at_once
+    return len(strip_sense(hypothesis)) <= settings.named_at_once
 
 
 def decide(
-    posterior: Probabilities, fits: Mapping[Hypothesis, Fit], inside: Within, settings: Settings
+    posterior: Probabilities,
+    fits: Mapping[Hypothesis, Fit],
+    margin: MarginProbabilities,
+    settings: Settings,
 ) -> Verdict:
     """Decide on a verdict.
 
@@ -82,91 +97,144 @@ def decide(
     that are part of the cause under nearly all hypotheses.
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
-    top, part = order[0], inclusion(posterior)
-    before = np.cumsum([0.0, *(posterior[h] for h in order)])[:-1]
-    credible = tuple(h for h, p in zip(order, before, strict=True) if p < settings.credible)
-    kind: Kind = "ambiguous"
-    causes = tuple(sorted(n for n, p in part.items() if p > settings.part))
-    # What takes the probability of wider hypotheses has the check of the narrowest of these.
-    near = {h: min((n for n in fits if {*h} <= {*n}), key=len, default=h) for h in order}
-    fails = [h for h, n in near.items() if n in fits and fits[n].p < settings.adequate]
-    still = min(posterior[NONE], inside.none)
-    if max(inside.gap, still) > settings.named:
-        kind, causes = "none", ()
-    elif posterior[UNKNOWN] + sum(posterior[h] for h in fails) > settings.named:
-        kind, causes = "unknown", ()
-    elif top not in fails and posterior[top] > settings.named and top != NONE:
-        doubted = REVERSED not in top and part.get(REVERSED, 0.0) > 1.0 - settings.part
-        if not doubted and nameable(top, settings):
-            kind, causes = "effect", top
-    return Verdict(kind, causes, credible)
+    cumulative = np.cumsum([0.0, *(posterior[h] for h in order)])[:-1]
+    credible = tuple(h for h, p in zip(order, cumulative, strict=True) if p < settings.credible)
+    inadequate = [h for h in order if not _is_adequate(h, fits, settings)]
+    if max(margin.gap, min(posterior[NONE], margin.none)) > settings.named:
+        return Verdict("none", (), credible)
+    if posterior[UNKNOWN] + sum(posterior[h] for h in inadequate) > settings.named:
+        return Verdict("unknown", (), credible)
+    if order[0] not in inadequate and _is_named(order[0], posterior, settings):
+        return Verdict("effect", order[0], credible)
+    inclusions = inclusion(posterior).items()
+    causes = tuple(sorted(name for name, p in inclusions if p > settings.part))
+    return Verdict("ambiguous", causes, credible)
 
 
-def seen_apart(
-    shares: Mapping[Hypothesis, Probabilities], raw: Mapping[Hypothesis, float]
-) -> Probabilities:
-    """Count what the data cannot show as absent: probabilities, the largest first.
+def _is_named(top: Hypothesis, posterior: Probabilities, settings: Settings) -> bool:
+    """Check that the most probable hypothesis is named as the cause."""
+    if top == NONE or posterior[top] <= settings.named or not is_nameable(top, settings):
+        return False
+    # A hypothesis without the reversed sense is named only where that is improbable.
+    reversed_probability = inclusion(posterior).get(REVERSED, 0.0)
+    return REVERSED in top or reversed_probability <= 1.0 - settings.part
 
-    ``shares`` are those of the draws of each hypothesis that smaller ones predict (``unseen``).
+
+def _is_adequate(h: Hypothesis, fits: Mapping[Hypothesis, Fit], settings: Settings) -> bool:
+    """Check that a hypothesis passes the predictive check, or has no fit to check.
+
+    A hypothesis that takes the probability of wider ones has the check of the narrowest of these.
     """
-    found = dict(raw)
-    for smaller in (s for parts in shares.values() for s in parts):
-        found.setdefault(smaller, 0.0)
-    for h in sorted(found, key=lambda h: -len(h)):
-        whole = found[h]
+    wider = [fitted for fitted in fits if {*h} <= {*fitted}]
+    if not wider:
+        return True
+    return not fits[min(wider, key=len)].p < settings.adequate
+
+
+def fold_invisible(
+    shares: Mapping[Hypothesis, Probabilities], evidence: Mapping[Hypothesis, float]
+) -> Probabilities:
+    """Move probability of invisible effects to the smaller hypotheses, the largest first.
+
+    ``shares`` are those of the draws of each hypothesis that smaller ones predict
+    (``invisible_shares``).
+    """
+    posterior = dict(evidence)
+    for smaller in itertools.chain.from_iterable(shares.values()):
+        posterior.setdefault(smaller, 0.0)
+    for h in sorted(posterior, key=lambda h: -len(h)):
+        probability = posterior[h]
         for smaller, share in shares.get(h, {}).items():
-            found[smaller] += whole * share
-            found[h] -= whole * share
-        found[h] = max(0.0, found[h])  # shares of one may leave less than none by rounding
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+            posterior[smaller] += probability * share
+            posterior[h] -= probability * share
+        posterior[h] = max(0.0, posterior[h])  # below 0 by rounding
+    return dict(sorted(posterior.items(), key=lambda item: -item[1]))
 
 
-def unseen(ranking: Ranking, one: Fit, known: Collection[Hypothesis]) -> Probabilities:
-    """Compute the shares of a hypothesis' draws that fewer effects predict as well.
+def invisible_shares(
+    ranking: Ranking, fitted: Fit, hypotheses: Collection[Hypothesis]
+) -> Probabilities:
+    """Compute the shares of a hypothesis' draws that smaller ``hypotheses`` predict as well.
 
-    What traces and direct tests lose by fewer effects counts as twice the loss of likelihood.
+    The loss of traces and direct tests by fewer effects counts as twice the loss of likelihood.
     """
     likelihood = ranking.likelihood
-    rows = np.linspace(0, len(one.shares) - 1, FOLDED).astype(int)
-    mine, shares = one.predicted.only(rows), one.shares[rows]
-    beside = ranking.more(one.hypothesis, shares)
-    options, distances = list[Hypothesis](), [np.full(rows.size, likelihood.settings.visible)]
-    for name, replaced in itertools.product(forward(one.hypothesis), (False, True)):
-        if replaced and name not in ALIKE:
+    rows = np.linspace(0, len(fitted.shares) - 1, FOLDED_DRAWS).astype(int)
+    predicted = fitted.predicted.select(rows)
+    side_log = ranking.side_likelihood(fitted.hypothesis, fitted.shares[rows])
+    smaller_hypotheses = list[Hypothesis]()
+    distances = [np.full(rows.size, likelihood.settings.visible)]
+    for name, substitute in _removals(fitted.hypothesis):
+        names = {*fitted.hypothesis} - {name}
+        if substitute is not None:
+            names.add(substitute)
+        smaller = tuple(sorted(names))
+        if smaller not in hypotheses:
             continue
-        other = tuple(sorted({*one.hypothesis} - {name} | ({ALIKE[name]} if replaced else set())))
-        if other not in known:
-            continue
-        parts = [np.zeros((rows.size, 0))]
-        for effect in likelihood.model.space(other).effects:
-            if effect.name in one.hypothesis:
-                parts.append(shares[:, one.space.columns(effect.name)])
-            else:  # the mass of the linkage is that of the ring
-                mass = one.values[rows][:, one.space.columns(name)][:, -1]
-                parts.append(effect.parameters[0].share(mass)[:, None])
-        moved = np.hstack(parts)
-        lost = np.maximum(beside - ranking.more(other, moved), 0.0)
-        far = apart(likelihood, mine, likelihood.model.predict(other, moved))
-        distances.append(far + 2.0 * lost)
-        options.append(other)
-    where = np.nanargmin(distances, axis=0)
-    found = {h: float((where == k).mean()) for k, h in enumerate(options, start=1)}
-    return {h: share for h, share in found.items() if share > 0.0}
+        shares = _smaller_shares(likelihood, fitted, rows, name, smaller)
+        loss = np.maximum(side_log - ranking.side_likelihood(smaller, shares), 0.0)
+        prediction = likelihood.model.predict(smaller, shares)
+        distances.append(prediction_distance(likelihood, predicted, prediction) + 2.0 * loss)
+        smaller_hypotheses.append(smaller)
+    nearest = np.nanargmin(distances, axis=0)  # 0 for none within the errors of the data
+    shares_by_hypothesis = {}
+    for k, smaller in enumerate(smaller_hypotheses, start=1):
+        share = float((nearest == k).mean())
+        if share > 0.0:
+            shares_by_hypothesis[smaller] = share
+    return shares_by_hypothesis
 
 
-def apart(likelihood: Likelihood, one: Predicted, other: Predicted) -> Array:
-    """Compute squared distances of two predictions in the errors of the data, (m,)."""
-    some, seen, settings = likelihood.having, likelihood.seen, likelihood.settings
-    p = other.only((slice(None), some))
-    variance = p.sd**2 / np.maximum(seen.count[some], 1.0) + likelihood.own_variance(other)[:, some]
-    variance = variance + one.emulated[:, some] ** 2
-    columns = likelihood.all_columns(other, settings.discrepancy)[:, some]
-    moved = likelihood.late_mean(one) - likelihood.late_mean(other)
-    found = squared_distance(moved[:, some], variance, columns)
-    spread = np.log(one.sd[:, some] / other.sd[:, some])
-    error = 0.5 / np.maximum(seen.freedom[some], 1.0) + settings.spread_share**2
-    found = found + ((seen.freedom[some] > 0.0) * spread**2 / error).sum(axis=1)
-    tried, share = seen.engaged + seen.failed, np.clip(other.engaged, 0.02, 0.98)
-    margin = share * (1.0 - share) / np.maximum(tried, 1.0) + 0.02**2
-    engaged = (tried > 0) * (one.engaged - other.engaged) ** 2 / margin
-    return np.asarray(found + engaged.sum(axis=1))
+def _removals(hypothesis: Hypothesis) -> list[tuple[str, str | None]]:
+    """List the effects to remove from a hypothesis, each with its substitute or None."""
+    removals: list[tuple[str, str | None]] = []
+    for name in strip_sense(hypothesis):
+        removals.append((name, None))
+        if name in EQUIVALENTS:
+            removals.append((name, EQUIVALENTS[name]))
+    return removals
+
+
+def _smaller_shares(
+    likelihood: Likelihood,
+    fitted: Fit,
+    rows: np.ndarray,
+    removed: str,
+    smaller: Hypothesis,
+) -> Array:
+    """Select the shares of a smaller hypothesis from draws (m,) of a fit, (m, p)."""
+    columns = [np.zeros((rows.size, 0))]
+    for effect in likelihood.model.space(smaller).effects:
+        if effect.name in fitted.hypothesis:
+            columns.append(fitted.shares[rows][:, fitted.space.columns(effect.name)])
+        else:  # the mass of the linkage is that of the ring
+            mass = fitted.values[rows][:, fitted.space.columns(removed)][:, -1]
+            columns.append(effect.parameters[0].share(mass)[:, None])
+    return np.hstack(columns)
+
+
+def prediction_distance(
+    likelihood: Likelihood, predicted: Prediction, smaller: Prediction
+) -> Array:
+    """Compute squared distances of predictions from smaller ones in the errors of data, (m,)."""
+    points = likelihood.measured_points
+    observed = likelihood.observed
+    settings = likelihood.settings
+    count = np.maximum(observed.count[points], 1.0)
+    variance = likelihood.at_measured(smaller).sd ** 2 / count
+    variance = variance + likelihood.mean_variance(smaller)[:, points]
+    variance = variance + predicted.emulation_error[:, points] ** 2
+    columns = likelihood.all_common_errors(smaller, settings.discrepancy)[:, points]
+    change = likelihood.mean_with_late(predicted) - likelihood.mean_with_late(smaller)
+    distance = squared_distance(change[:, points], variance, columns)
+    log_sd_change = np.log(predicted.sd[:, points] / smaller.sd[:, points])
+    freedom = observed.freedom[points]
+    spread_variance = 0.5 / np.maximum(freedom, 1.0) + settings.spread_share**2
+    spread_distance = (freedom > 0.0) * log_sd_change**2 / spread_variance
+    distance = distance + spread_distance.sum(axis=1)
+    shifts = observed.engaged_count + observed.failed_count
+    share = np.clip(smaller.engaged_share, SHARE_ERROR, 1.0 - SHARE_ERROR)
+    share_variance = share * (1.0 - share) / np.maximum(shifts, 1.0) + SHARE_ERROR**2
+    share_change = predicted.engaged_share - smaller.engaged_share
+    engaged_distance = (shifts > 0) * share_change**2 / share_variance
+    return np.asarray(distance + engaged_distance.sum(axis=1))

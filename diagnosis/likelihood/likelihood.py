@@ -6,9 +6,10 @@ The mean of the shifts at an operating point *k* is
           \qquad z, u \sim N(0, 1),\; \epsilon_k \sim N(0, \sigma_k^2/n_k + e_k^2),
 
 with :math:`m_k` the predicted time without dead time, *B* the root of the discrepancy's covariance,
-whose amplitude *s* is summed over, and *F* all other errors in common. A variance of single shifts
-over the predicted one follows Fisher's *F*. Any number of late shifts may hide in a mean, and a
-mean may be odd: each point takes the most probable of these, with the probability of all.
+whose amplitude *s* is summed over, and *F* all other errors in common: those of nuisances, of
+nominal values, of drift and clock, and of emulation and effects together. A variance of single
+shifts over the predicted one follows Fisher's *F*. Any number of late shifts may hide in a mean,
+and a mean may be odd: each point takes the most probable of these, with the probability of all.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.stand_file import Tolerance
-from dogshape.diagnosis.likelihood.observed import Observed
-from dogshape.diagnosis.prediction.model import Model, Predicted
-from dogshape.diagnosis.prediction.moments import LEAST_SD
+from dogshape.diagnosis.likelihood.observed import Observations
+from dogshape.diagnosis.prediction.model import Model, Prediction
+from dogshape.diagnosis.prediction.moments import LOG_MEAN, MIN_SD_S
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
@@ -34,318 +35,459 @@ from dogshape.sim.units import RPM
 NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])  #: amplitudes over the scale of their prior
 #: Prior probabilities of the nodes: half-normal, by their midpoints.
 WEIGHTS = np.diff([0.0, *(2.0 * norm.cdf(np.sqrt(NODES[1:] * NODES[:-1])) - 1.0), 1.0])
-KEPT = 0.02  #: of the largest eigenvalue, from which a direction of the discrepancy counts
-MOST_LATE = 6  #: numbers of late shifts within one mean that are tried beside 0
-TABLE = 257  #: shares at which probabilities of numbers of shifts are computed
-STEP = 0.05  #: of force and mismatch, by which times are differentiated
+MIN_EIGENVALUE_SHARE = 0.02  #: of the largest one, from which a direction of a covariance counts
+MAX_LATE_COUNTS = 6  #: numbers of late shifts within one mean that are tried beside 0
+MAX_LATE_SHARE = 0.9  #: of the shifts that engage
+ENGAGED_SHARES = (0.01, 0.99)  #: range of a share that engages
+TABLE_SIZE = 257  #: shares at which probabilities of numbers of shifts are computed
+DIFFERENCE_STEP = 0.05  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
+NUISANCE_DIRECTIONS = 2  #: of errors by each nuisance
 
 
 class Terms(NamedTuple):
-    """Log likelihood of m values, and what it rests on."""
+    """Log likelihood of m predictions, and the residuals that it rests on."""
 
-    log: Array  #: (m,)
-    nodes: Array  #: of each amplitude, (m, nodes)
+    log_likelihood: Array  #: (m,)
+    log_by_amplitude: Array  #: the same with the prior of each amplitude, (m, nodes)
     residual: Array  #: of the means given their late shifts, s, (m, c)
     variance: Array  #: s^2, (m, c)
 
 
-def _root(covariance: Array) -> Array:
-    """Compute a root (n, r) of a covariance without its least directions."""
+class PointOptions(NamedTuple):
+    """Options for the mean of each point: numbers of late shifts, an odd mean, the main mode.
+
+    The P options of all points are concatenated, (m, P) each.
+    """
+
+    shift: Array  #: of the mean, s
+    scatter: Array  #: variance of the mean by its shifts, s^2
+    odd_variance: Array  #: variance of the mean that is odd, else 0, s^2
+    log_prior: Array  #: log prior probability
+    log_weight: Array  #: log prior probability and that of the observed spread
+
+
+class ModeOptions(NamedTuple):
+    """Shifts of a point with some in the smaller mode, and with none, (2, m, c) each."""
+
+    log_probability: Array
+    offset: Array  #: of their mean, s
+    variance: Array  #: of single shifts, s^2
+
+
+class ChosenMeans(NamedTuple):
+    """Most probable options of each point."""
+
+    residual: Array  #: s, (m, c)
+    variance: Array  #: s^2, (m, c)
+    log_probability: Array  #: of all options over the density of the chosen ones, (m,)
+
+
+class Sensitivity(NamedTuple):
+    """Changes of ln time, (C,) each."""
+
+    force: Array  #: with ln force
+    mismatch: Array  #: with mismatch in rad/s
+
+
+class CommonErrors(NamedTuple):
+    """Common errors drawn with m predictions given the data."""
+
+    amplitude: Array  #: of the discrepancy, as a share of the predicted time, (m,)
+    offset: Array  #: all errors in common, s, (m, C)
+    nuisance: Array  #: the part of ``offset`` by nuisances, s, (m, C)
+
+
+def _covariance_root(covariance: Array) -> Array:
+    """Compute a root (n, r) of a covariance without its smallest directions."""
     values, vectors = np.linalg.eigh(covariance)
-    kept = values > KEPT * values.max()
-    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+    counts = values > MIN_EIGENVALUE_SHARE * values.max()
+    return np.asarray(vectors[:, counts] * np.sqrt(values[counts]))
 
 
 @dataclass(frozen=True)
 class Likelihood:
-    """Likelihood of what a data set shows, for predictions of a model."""
+    """Likelihood of the observations of a data set, for predictions of a model.
+
+    C operating points, of which c have a mean time.
+    """
 
     bench: Bench
-    seen: Observed
+    observed: Observations
     model: Model
     settings: Settings
 
     @cached_property
-    def having(self) -> np.ndarray:
-        """Places of the points that have a mean, (c,)."""
-        return np.flatnonzero(self.seen.count > 0)
+    def measured_points(self) -> np.ndarray:
+        """Indices of the points that have a mean, (c,)."""
+        return np.flatnonzero(self.observed.count > 0)
+
+    def at_measured(self, p: Prediction) -> Prediction:
+        """Select the points that have a mean from a prediction (m, C)."""
+        return p.select((slice(None), self.measured_points))
 
     @cached_property
-    def smooth(self) -> Array:
+    def discrepancy_root(self) -> Array:
         """Root *B* of the discrepancy's correlation over all points, (C, r)."""
-        where = np.log(abs(self.seen.mismatch) + RPM) / self.settings.discrepancy_length
-        force = np.log(self.seen.force)
+        log_mismatch = np.log(abs(self.observed.mismatch) + RPM)
+        x = log_mismatch / self.settings.discrepancy_length
+        force = np.log(self.observed.force)
         force = (force - force.mean()) / max(float(force.std()), 0.1)
-        near = np.exp(-0.5 * (where[:, None] - where[None]) ** 2)
-        shape = self.settings.discrepancy_shape
-        return _root(shape[0] + shape[1] * near + shape[2] * near * np.outer(force, force))
+        correlation = np.exp(-0.5 * (x[:, None] - x[None]) ** 2)
+        constant, curve, slope = self.settings.discrepancy_shape
+        covariance = constant + curve * correlation + slope * correlation * np.outer(force, force)
+        return _covariance_root(covariance)
 
     @cached_property
-    def shared(self) -> Array:
-        """Relative errors in common, (C, q): those of nuisances, then of nominal values."""
-        return np.hstack([self.nuisances, self._nominal(self.bench.errors.systematic)])
+    def relative_errors(self) -> Array:
+        """Relative errors in common by nuisances, then by nominal values, (C, q)."""
+        nominal = self._nominal_errors(self.bench.errors.systematic)
+        return np.hstack([self.nuisance_errors, nominal])
 
     @cached_property
-    def nuisances(self) -> Array:
-        """Relative errors in common by nuisances, the first two directions of each, (C, q)."""
-        parts = [np.zeros((self.model.cells, 0))]
+    def nuisance_errors(self) -> Array:
+        """Relative errors in common by nuisances, the main directions of each, (C, q)."""
+        columns = [np.zeros((self.model.cell_count, 0))]
         for name, effect in self.model.nuisances.items():
-            (only,) = effect.parameters
+            (parameter,) = effect.parameters
             factors = self.settings.nuisance[name] ** QUANTILES
-            values = np.clip(only.neutral_of(self.model.setting) * factors, only.low, only.high)
+            neutral = parameter.neutral_of(self.model.setting)
+            values = np.clip(neutral * factors, parameter.low, parameter.high)
             moments = self.model.changes(name, values[:, None]).moments
-            changes = moments[..., 0] / len(QUANTILES) ** 0.5
+            changes = moments[..., LOG_MEAN] / len(QUANTILES) ** 0.5
             _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
-            parts.append((sizes[:2, None] * directions[:2]).T)
-        return np.hstack(parts)
+            main = slice(NUISANCE_DIRECTIONS)
+            columns.append((sizes[main, None] * directions[main]).T)
+        return np.hstack(columns)
 
     @cached_property
-    def sensitivity(self) -> tuple[Array, Array]:
-        """Changes of ln time with ln force and with mismatch in rad/s, (C,) each."""
-        ends = np.array([1.0 - STEP, 1.0 + STEP])
-        force = self.model.changes("force_scale", ends[:, None]).moments
-        speed = self.model.changes("mismatch_speed", np.stack([0.0 * ends, ends], axis=1)).moments
-        slopes = [(one[1, :, 0] - one[0, :, 0]) / (2.0 * STEP) for one in (force, speed)]
-        slip = np.maximum(abs(self.seen.mismatch), RPM) * np.sign(self.seen.mismatch + 1e-12)
-        return slopes[0], slopes[1] / slip
+    def sensitivity(self) -> Sensitivity:
+        """Changes of ln time with force and mismatch, by central differences."""
+        ends = np.array([1.0 - DIFFERENCE_STEP, 1.0 + DIFFERENCE_STEP])
+        force_moments = self.model.changes("force_scale", ends[:, None]).moments
+        mismatch_values = np.stack([0.0 * ends, ends], axis=1)
+        mismatch_moments = self.model.changes("mismatch_speed", mismatch_values).moments
+        slip = np.maximum(abs(self.observed.mismatch), RPM)
+        slip = slip * np.sign(self.observed.mismatch + 1e-12)
+        return Sensitivity(
+            force=_central_difference(force_moments),
+            mismatch=_central_difference(mismatch_moments) / slip,
+        )
 
-    def _nominal(self, size: Tolerance) -> Array:
+    def _nominal_errors(self, tolerance: Tolerance) -> Array:
         """Compute relative errors of the mean by errors of nominal values, (C, q)."""
-        if not size:
-            return np.zeros((self.model.cells, 0))
+        if not tolerance:
+            return np.zeros((self.model.cell_count, 0))
         force, mismatch = self.sensitivity
-        slopes = force, force / self.seen.force, mismatch * self.seen.mismatch, mismatch
-        every = [slope * one for slope, one in zip(slopes, size.sizes, strict=True)]
-        return np.stack([one for one in every if one.any()], axis=1)
+        slopes = (
+            force,
+            force / self.observed.force,
+            mismatch * self.observed.mismatch,
+            mismatch,
+        )
+        columns = [slope * size for slope, size in zip(slopes, tolerance.sizes, strict=True)]
+        return np.stack([column for column in columns if column.any()], axis=1)
 
     @cached_property
-    def each(self) -> Array:
+    def nominal_variance(self) -> Array:
         """Relative variance of each point's mean by errors of its nominal values, (C,)."""
-        return np.asarray((self._nominal(self.bench.errors.each_point) ** 2).sum(axis=1))
+        errors = self._nominal_errors(self.bench.errors.each_point)
+        return np.asarray((errors**2).sum(axis=1))
 
     @cached_property
-    def absolute(self) -> Array:
+    def absolute_errors(self) -> Array:
         """Errors in common in s, (C, q): drift, half a step of the clock."""
-        drift = [] if self.seen.drift is None else [self.seen.drift.offsets]
-        step = self.bench.clock_step or 0.0
-        columns = [*drift, *([np.full(self.model.cells, 0.5 * step)] if step else [])]
-        return np.array(columns).reshape(-1, self.model.cells).T
+        columns = []
+        if self.observed.drift is not None:
+            columns.append(self.observed.drift.offsets)
+        if self.bench.clock_step:
+            columns.append(np.full(self.model.cell_count, 0.5 * self.bench.clock_step))
+        return np.array(columns).reshape(-1, self.model.cell_count).T
 
-    def own_variance(self, p: Predicted) -> Array:
-        """Compute the variance of each mean by errors of its own but scatter, s^2, (m, C)."""
+    def mean_variance(self, p: Prediction) -> Array:
+        """Compute the variance of each mean by its single errors but scatter, s^2, (m, C)."""
         simulated = p.mean - p.delay
-        model = np.maximum(self.settings.model_error * simulated, self.settings.least_error)
-        clock = (self.bench.clock_step or 0.0) ** 2 / 12.0 / np.maximum(self.seen.count, 1.0)
-        return np.asarray(p.error**2 + model**2 + self.each * simulated**2 + clock)
+        model_error = np.maximum(self.settings.model_error * simulated, self.settings.least_error)
+        clock_variance = (self.bench.clock_step or 0.0) ** 2 / 12.0
+        clock_variance = clock_variance / np.maximum(self.observed.count, 1.0)
+        nominal_variance = self.nominal_variance * simulated**2
+        return np.asarray(p.error**2 + model_error**2 + nominal_variance + clock_variance)
 
-    def all_columns(self, p: Predicted, amplitude: Array | float) -> Array:
+    def all_common_errors(self, p: Prediction, amplitude: Array | float) -> Array:
         """Compute all errors in common with a discrepancy of amplitude (m,), s, (m, C, r + q)."""
         size = np.asarray(amplitude).reshape(-1, 1, 1)
-        smooth = size * (p.mean - p.delay)[..., None] * self.smooth
-        return np.concatenate([smooth, self.columns(p)], axis=2)
+        discrepancy = size * (p.mean - p.delay)[..., None] * self.discrepancy_root
+        return np.concatenate([discrepancy, self.common_errors(p)], axis=2)
 
-    def columns(self, p: Predicted) -> Array:
-        """Compute all errors in common but the discrepancy, s, (m, C, q)."""
+    def common_errors(self, p: Prediction) -> Array:
+        """Compute all errors in common but the discrepancy, *F*, s, (m, C, q)."""
         simulated = (p.mean - p.delay)[..., None]
-        absolute = np.broadcast_to(self.absolute, (len(p.mean), *self.absolute.shape))
-        return np.concatenate([simulated * self.shared, absolute, p.common[..., None]], axis=2)
+        absolute = np.broadcast_to(self.absolute_errors, (len(p.mean), *self.absolute_errors.shape))
+        relative = simulated * self.relative_errors
+        return np.concatenate([relative, absolute, p.common_error[..., None]], axis=2)
 
-    def terms(self, p: Predicted, unlisted: tuple[float, float] | None = None) -> Terms:
-        """Compute the log likelihood of predictions.
+    def terms(self, p: Prediction, unlisted: tuple[float, float] | None = None) -> Terms:
+        """Compute the log likelihood of predictions (m, C).
 
-        ``unlisted`` are amplitude and length of what no effect explains; None without.
+        ``unlisted`` are amplitude and length of a gap that no effect explains; None without.
         """
-        some = self.having
-        q = p.only((slice(None), some))
+        points = self.measured_points
+        q = self.at_measured(p)
         simulated = q.mean - q.delay
-        own, fixed = self.own_variance(p)[:, some], self.columns(p)[:, some]
-        basis = simulated[..., None] * self.smooth[some]
+        variance = self.mean_variance(p)[:, points]
+        common = self.common_errors(p)[:, points]
+        discrepancy = simulated[..., None] * self.discrepancy_root[points]
         if unlisted is not None:
             size, length = unlisted
-            own = own + (1.0 - self.settings.unlisted_smooth) * (size * simulated) ** 2
-            free = simulated[..., None] * self._unlisted_root(length)
-            fixed = np.concatenate([fixed, size * free], axis=2)
-        residual, variance, other = self._chosen(q, own, basis, fixed)
-        log, nodes = _integrated(residual, variance, basis, fixed, self.settings.discrepancy)
-        other = other + self.log_engaged(p)
-        return Terms(log + other, nodes + other[:, None], residual, variance)
+            single_share = 1.0 - self.settings.unlisted_smooth
+            variance = variance + single_share * (size * simulated) ** 2
+            unlisted_errors = simulated[..., None] * self._unlisted_root(length)
+            common = np.concatenate([common, size * unlisted_errors], axis=2)
+        means = self._choose_means(q, variance, discrepancy, common)
+        log, nodes = integrate_common_errors(
+            means.residual, means.variance, discrepancy, common, self.settings.discrepancy
+        )
+        log_rest = means.log_probability + self.log_engaged(p)
+        return Terms(log + log_rest, nodes + log_rest[:, None], means.residual, means.variance)
 
     def _unlisted_root(self, length: float) -> Array:
-        """Compute the root of the covariance of what no effect explains, (c, r)."""
-        where = np.log([self.seen.force, abs(self.seen.mismatch) + RPM])[:, self.having]
-        square = ((where[:, :, None] - where[:, None]) ** 2).sum(axis=0)
-        return self.settings.unlisted_smooth**0.5 * _root(np.exp(-0.5 * square / length**2))
+        """Compute the root of the correlation of a gap that no effect explains, (c, r)."""
+        x = np.log([self.observed.force, abs(self.observed.mismatch) + RPM])
+        x = x[:, self.measured_points]
+        square = ((x[:, :, None] - x[:, None]) ** 2).sum(axis=0)
+        root = _covariance_root(np.exp(-0.5 * square / length**2))
+        return self.settings.unlisted_smooth**0.5 * root
 
-    def _chosen(
-        self, q: Predicted, own: Array, basis: Array, fixed: Array
-    ) -> tuple[Array, Array, Array]:
-        """Choose late and odd means: residual, variance (m, c), log probability beside (m,)."""
-        options, seen = self._options, self.seen.mean[self.having]
-        at, part = options.point, options.part
-        behind, behind_sd = (one[self.having][at] for one in self.model.behind)
-        log_part, offset, variance = self._modes(q)
+    def _choose_means(
+        self, q: Prediction, variance: Array, discrepancy: Array, common: Array
+    ) -> ChosenMeans:
+        """Choose the most probable late shifts or odd mean of each point.
 
-        def of(pair: Array) -> Array:
-            return np.where(options.main, pair[1][:, at], pair[0][:, at])
-
-        shift, single = part * behind + of(offset), of(variance)
-        timely = np.where(part == 0.0, of(self._scatter(q, variance)), single)
-        scatter = timely * (1.0 - part) + part * behind_sd**2
-        scatter = scatter / self.seen.count[self.having][at]
-        number = options.log_number.at(q.late, at) + of(log_part)
-        mixed = single * (1.0 - part) + part * behind_sd**2 + part * (1.0 - part) * behind**2
-        weight = number + self._spread(q, mixed)
-
-        usual = np.where(options.odd, 0.0, np.exp(number))
-        rough = options.summed(usual * shift)
-        wide = own + options.summed(usual * (shift**2 + scatter)) - rough**2
-        columns = np.concatenate([self.settings.discrepancy * basis, fixed], axis=2)
-
-        oddly = np.where(options.odd, self.settings.odd_size * q.mean[:, at], 0.0) ** 2
-        variance = scatter + own[:, at] + oddly
-        rows = np.arange(len(weight))[:, None]
-
-        def chosen(fitted: Array, left: Array) -> tuple[Array, Array, Array]:
-            gap, beside = (seen - q.mean - fitted)[:, at] - shift, variance + left[:, at]
-            scored = weight - 0.5 * (gap**2 / beside + np.log(2.0 * np.pi * beside))
-            best, among = options.best(scored)
-            log = (among + weight[rows, best]).sum(axis=1)
-            return seen - q.mean - shift[rows, best], variance[rows, best], log
-
-        # Late shifts bend the first fit of the errors in common.
-        residual, own, _ = chosen(*_fitted(seen - q.mean - rough, wide, columns))
-        return chosen(*_fitted(residual, own, columns))
-
-    def _modes(self, q: Predicted) -> tuple[Array, Array, Array]:
-        """Part the shifts of a point by whether some lie in the smaller mode, (2, m, c) each.
-
-        Log probability, offset of their mean, s, and variance of single ones, s^2: with some, and
-        with none.
+        ``variance`` of each mean by its single errors is s^2, (m, c); ``discrepancy`` and
+        ``common`` are errors in common, s, (m, c, r) and (m, c, q).
         """
-        log = self.seen.count[self.having] * np.log1p(-np.minimum(q.minor, 1.0 - 1e-9))
-        none = np.minimum(np.exp(log), 0.99)
-        narrow = np.maximum(q.narrow, LEAST_SD) ** 2
-        wide = np.maximum((q.sd**2 - none * narrow) / (1.0 - none), LEAST_SD**2)
-        offset = np.stack([-none * q.main / (1.0 - none), q.main])
-        log = np.stack([np.log1p(-none), np.minimum(log, np.log(0.99))])
-        return log, offset, np.stack([wide, narrow])
+        choices = self._choices
+        options = self._point_options(q)
+        residual = self.observed.mean[self.measured_points] - q.mean
+        columns = np.concatenate([self.settings.discrepancy * discrepancy, common], axis=2)
+        option_variance = options.scatter + variance[:, choices.point] + options.odd_variance
+        # The prior mean of a point's options begins the fit of the errors in common.
+        probability = np.where(choices.is_odd, 0.0, np.exp(options.log_prior))
+        shift = choices.sum_points(probability * options.shift)
+        square = choices.sum_points(probability * (options.shift**2 + options.scatter))
+        fitted = fit_common_errors(residual - shift, variance + square - shift**2, columns)
+        means = choices.choose(options, option_variance, residual, *fitted)
+        # Late shifts bend the first fit.
+        fitted = fit_common_errors(means.residual, means.variance, columns)
+        return choices.choose(options, option_variance, residual, *fitted)
+
+    def _point_options(self, q: Prediction) -> PointOptions:
+        """Predict the options of each point that has a mean.
+
+        A share *l* of the shifts within the mean is late; the density of a mean has the mixture
+        of both, and that of a spread its variance.
+        """
+        choices = self._choices
+        late_share = choices.late_share
+        timely_share = 1.0 - late_share
+        count = self.observed.count[self.measured_points][choices.point]
+        delay = self.model.late_delay.mean[self.measured_points][choices.point]
+        delay_sd = self.model.late_delay.sd[self.measured_points][choices.point]
+        modes = self._mode_options(q)
+        single_variance = choices.by_mode(modes.variance)
+        updated_variance = choices.by_mode(self._updated_variance(q, modes.variance))
+        timely_variance = np.where(late_share == 0.0, updated_variance, single_variance)
+        scatter = timely_variance * timely_share + late_share * delay_sd**2
+        mixed_variance = single_variance * timely_share + late_share * delay_sd**2
+        mixed_variance = mixed_variance + late_share * timely_share * delay**2
+        log_prior = choices.log_count.interpolate(q.late_share, choices.point)
+        log_prior = log_prior + choices.by_mode(modes.log_probability)
+        odd_sd = np.where(choices.is_odd, self.settings.odd_size * q.mean[:, choices.point], 0.0)
+        return PointOptions(
+            shift=late_share * delay + choices.by_mode(modes.offset),
+            scatter=scatter / count,
+            odd_variance=odd_sd**2,
+            log_prior=log_prior,
+            log_weight=log_prior + self._log_spread(q, mixed_variance),
+        )
+
+    def _mode_options(self, q: Prediction) -> ModeOptions:
+        """Divide the shifts of a point by whether some lie in the smaller mode."""
+        count = self.observed.count[self.measured_points]
+        log_none = count * np.log1p(-np.minimum(q.minor_share, 1.0 - 1e-9))
+        none = np.minimum(np.exp(log_none), 0.99)
+        main_variance = np.maximum(q.main_sd, MIN_SD_S) ** 2
+        mixed_variance = (q.sd**2 - none * main_variance) / (1.0 - none)
+        mixed_variance = np.maximum(mixed_variance, MIN_SD_S**2)
+        return ModeOptions(
+            log_probability=np.stack([np.log1p(-none), np.minimum(log_none, np.log(0.99))]),
+            offset=np.stack([-none * q.main_offset / (1.0 - none), q.main_offset]),
+            variance=np.stack([mixed_variance, main_variance]),
+        )
 
     @cached_property
-    def _options(self) -> _Options:
-        """Numbers of late shifts that each mean may have within, and an odd mean."""
-        some, seen = self.having, self.seen
-        n, late, hidden = seen.count[some], seen.late[some], seen.hidden[some]
-        most = int(min(MOST_LATE, n[hidden].max())) if hidden.any() else 0
-        k, width = _late_numbers(n[:, None], most)
-        within = np.where(hidden[:, None], k, 0.0)
-        more, whole = within + late[:, None], (n + late)[:, None]
-        possible = (k <= n[:, None]) & (hidden[:, None] | (k == 0))
-        share = _shares(self.settings.late_least, 0.9)[:, None, None]
-        log = _log_number(share, more, whole, self.settings.late_known) + np.log(width)
-        log = np.where(possible, log, -np.inf)
+    def _choices(self) -> _Choices:
+        """List numbers of late shifts that each mean may have, an odd mean, and the main mode."""
+        points = self.measured_points
+        count = self.observed.count[points]
+        late_count = self.observed.late_count[points]
+        hides_late = self.observed.hides_late[points]
+        max_count = 0
+        if hides_late.any():
+            max_count = int(min(MAX_LATE_COUNTS, count[hides_late].max()))
+        numbers, widths = _late_numbers(count[:, None], max_count)
+        hidden = np.where(hides_late[:, None], numbers, 0.0)
+        is_possible = (numbers <= count[:, None]) & (hides_late[:, None] | (numbers == 0))
+        low = self.settings.late_least
+        shares = _table_shares(low, MAX_LATE_SHARE)[:, None, None]
+        log = _log_count(
+            shares,
+            count=hidden + late_count[:, None],
+            total=(count + late_count)[:, None],
+            share_shifts=self.settings.late_known,
+        )
+        log = np.where(is_possible, log + np.log(widths), -np.inf)
         # Numbers that stand for several have the probability 1 together only about.
-        means = (hidden & (late == 0))[:, None]
-        log = log - np.where(means, logsumexp(log, axis=2, keepdims=True), 0.0)
-        odd = log[..., :1] + np.log(self.settings.odd_share)
-        kept = np.hstack([possible, np.ones((len(n), 2), dtype=bool)])
-        part = np.hstack([np.minimum(within / n[:, None], 1.0), np.zeros((len(n), 2))])
-        table = np.concatenate([log, odd, log[..., :1]], axis=2)[:, kept]
-        point, place = np.nonzero(kept)
-        ends = (self.settings.late_least, 0.9)
-        odd_mean, main = place == most + 1, place == most + 2
-        return _Options(point, part[kept], odd_mean, main, _Table(*ends, table))
+        only_mean = (hides_late & (late_count == 0))[:, None]
+        log = log - np.where(only_mean, logsumexp(log, axis=2, keepdims=True), 0.0)
+        # Two more options have no late shift: an odd mean, and all shifts in the main mode.
+        log_odd = log[..., :1] + np.log(self.settings.odd_share)
+        table = np.concatenate([log, log_odd, log[..., :1]], axis=2)
+        is_option = np.hstack([is_possible, np.ones((len(count), 2), dtype=bool)])
+        hidden_share = np.minimum(hidden / count[:, None], 1.0)
+        late_share = np.hstack([hidden_share, np.zeros((len(count), 2))])
+        point, column = np.nonzero(is_option)
+        return _Choices(
+            point=point,
+            late_share=late_share[is_option],
+            is_odd=column == max_count + 1,
+            is_main=column == max_count + 2,
+            log_count=_ShareTable(low, MAX_LATE_SHARE, table[:, is_option]),
+        )
 
-    def _scatter(self, q: Predicted, predicted: Array) -> Array:
-        """Estimate variances of timely shifts from predicted and observed ones, (2, m, c).
+    def _updated_variance(self, q: Prediction, predicted: Array) -> Array:
+        """Estimate variances of timely shifts from predicted (2, m, c) and observed ones, s^2.
 
         Both are uncertain, so means scatter as Student's distribution: theirs is its variance.
         """
-        seen, some, other = self.seen, self.having, freedom_of(self._spread_error(q))
-        freedom = np.where(seen.freedom[some] > 0.0, self._freedom(q.shape, 0.0), 0.0)
-        whole = np.maximum(other + freedom - 2.0, 0.5 * (other + freedom))
-        return np.asarray((other * predicted + freedom * seen.variance[some]) / whole)
+        points = self.measured_points
+        predicted_freedom = freedom_of(self._spread_variance(q))
+        freedom = self._spread_freedom(q.kurtosis, 0.0)
+        freedom = np.where(self.observed.freedom[points] > 0.0, freedom, 0.0)
+        total = predicted_freedom + freedom
+        total = np.maximum(total - 2.0, 0.5 * total)
+        square_sum = predicted_freedom * predicted + freedom * self.observed.variance[points]
+        return np.asarray(square_sum / total)
 
-    def _spread(self, q: Predicted, variance: Array) -> Array:
-        """Compute the log density of the variance with each option, (m, P); some are odd."""
-        found = np.zeros_like(variance)
-        known = np.flatnonzero(self.seen.freedom[self.having][self._options.point] > 0.0)
-        at = self._options.point[known]
-        shape = np.where(
-            self._options.main[known], self.model.shape[self.having][at], q.shape[:, at]
+    def _log_spread(self, q: Prediction, variance: Array) -> Array:
+        """Compute the log density of the observed variance with each option, (m, P).
+
+        ``variance`` of single shifts is s^2, (m, P). A small share of spreads is odd.
+        """
+        log = np.zeros_like(variance)
+        choices = self._choices
+        points = self.measured_points
+        options = np.flatnonzero(self.observed.freedom[points][choices.point] > 0.0)
+        point = choices.point[options]
+        kurtosis = np.where(
+            choices.is_main[options], self.model.kurtosis[points][point], q.kurtosis[:, point]
         )
-        freedom = self._freedom(shape, q.blur[:, at], at)
-        ratio = self.seen.variance[self.having][at] / variance[:, known]
-        error, odd = self._spread_error(q, 0.5)[:, at], self.settings.odd_spread
-        usual, wide = (_log_f(ratio, freedom, freedom_of(e)) for e in (error, error + 1.0))
-        found[:, known] = np.logaddexp(np.log1p(-odd) + usual, np.log(odd) + wide)
-        return found
+        freedom = self._spread_freedom(kurtosis, q.log_sd_error[:, point], point)
+        ratio = self.observed.variance[points][point] / variance[:, options]
+        error = self._spread_variance(q, blur_share=0.5)[:, point]
+        log_usual = log_f_density(ratio, freedom, freedom_of(error))
+        log_odd = log_f_density(ratio, freedom, freedom_of(error + 1.0))
+        odd_share = self.settings.odd_spread
+        log[:, options] = np.logaddexp(
+            np.log1p(-odd_share) + log_usual, np.log(odd_share) + log_odd
+        )
+        return log
 
-    def _spread_error(self, q: Predicted, part: float = 1.0) -> Array:
-        """Compute the variance of ln of a predicted spread, (m, c), with a ``part`` of its blur."""
-        more = np.log1p(self.settings.spread_error * (q.mean - q.delay) / q.sd)
-        return np.asarray(self.settings.spread_share**2 + more**2 + part * q.blur**2)
+    def _spread_variance(self, q: Prediction, blur_share: float = 1.0) -> Array:
+        """Compute the variance of ln of a predicted spread, (m, c).
 
-    def _freedom(self, shape: Array, blur: Array | float, at: Any = slice(None)) -> Array:
-        """Compute degrees of freedom of observed variances, less by half of a blur, (m, n)."""
-        seen = self.seen.freedom[self.having][at]
-        n = np.maximum(seen + 1.0, 2.0)
-        spread = 2.0 / (n - 1.0) + shape / n + 2.0 * blur**2
+        ``blur_share`` of the squared error by interpolation and uneven angles counts.
+        """
+        relative_error = self.settings.spread_error * (q.mean - q.delay) / q.sd
+        further_error = np.log1p(relative_error)
+        blur = blur_share * q.log_sd_error**2
+        return np.asarray(self.settings.spread_share**2 + further_error**2 + blur)
+
+    def _spread_freedom(self, kurtosis: Array, blur: Array | float, point: Any = ...) -> Array:
+        """Compute degrees of freedom of observed variances, less by half of a blur, (m, n).
+
+        ``point`` are the indices (n,) of the measured points, all by default.
+        """
+        observed_freedom = self.observed.freedom[self.measured_points][point]
+        n = np.maximum(observed_freedom + 1.0, 2.0)
+        spread = 2.0 / (n - 1.0) + kurtosis / n + 2.0 * blur**2
         freedom = np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5)
-        return np.where(seen > 0.0, freedom, 1e-9)
+        return np.where(observed_freedom > 0.0, freedom, 1e-9)
 
-    def spread_scores(self, p: Predicted) -> Array:
-        """Compute normal deviates of the observed spreads; NaN for none, (m, c)."""
-        seen, some = self.seen, self.having
-        q = p.only((slice(None), some))
-        error, odd = self._spread_error(q, 0.5), self.settings.odd_spread
-        log_part, _, variance = self._modes(q)
-        below = np.zeros_like(q.sd)
-        shapes = q.shape, self.model.shape[some]
-        ratios = seen.variance[some] / variance
-        for share, ratio, shape in zip(np.exp(log_part), ratios, shapes, strict=True):
-            freedom = np.broadcast_to(self._freedom(shape, q.blur), ratio.shape)
-            usual, wide = (
-                f_distribution.cdf(ratio, freedom, freedom_of(e)) for e in (error, error + 1.0)
-            )
-            below += share * ((1.0 - odd) * usual + odd * wide)
-        score = norm.ppf(np.clip(below, 1e-12, 1.0 - 1e-12))
-        known = (self._freedom(q.shape, 0.0) > 1.0) & ~seen.hidden[some]
-        return np.where(known, score, np.nan)
+    def spread_scores(self, p: Prediction) -> Array:
+        """Compute normal deviates of the observed spreads, (m, c); NaN for none."""
+        points = self.measured_points
+        q = self.at_measured(p)
+        error = self._spread_variance(q, blur_share=0.5)
+        odd_share = self.settings.odd_spread
+        modes = self._mode_options(q)
+        probability = np.zeros_like(q.sd)
+        kurtoses = (q.kurtosis, self.model.kurtosis[points])
+        ratios = self.observed.variance[points] / modes.variance
+        shares = np.exp(modes.log_probability)
+        for share, ratio, kurtosis in zip(shares, ratios, kurtoses, strict=True):
+            freedom = self._spread_freedom(kurtosis, q.log_sd_error)
+            freedom = np.broadcast_to(freedom, ratio.shape)
+            usual = f_distribution.cdf(ratio, freedom, freedom_of(error))
+            odd = f_distribution.cdf(ratio, freedom, freedom_of(error + 1.0))
+            probability += share * ((1.0 - odd_share) * usual + odd_share * odd)
+        score = norm.ppf(np.clip(probability, 1e-12, 1.0 - 1e-12))
+        has_spread = self._spread_freedom(q.kurtosis, 0.0) > 1.0
+        return np.where(has_spread & ~self.observed.hides_late[points], score, np.nan)
 
-    def log_engaged(self, p: Predicted) -> Array:
+    def log_engaged(self, p: Prediction) -> Array:
         """Compute the log probability of the numbers that engaged, (m,)."""
-        return np.asarray(self._engaged.at(p.engaged).sum(axis=1))
+        return np.asarray(self._engaged_table.interpolate(p.engaged_share).sum(axis=1))
 
     @cached_property
-    def _engaged(self) -> _Table:
-        shares, engaged = _shares(0.01, 0.99)[:, None], self.seen.engaged
-        known = self.settings.late_known
-        return _Table(0.01, 0.99, _log_number(shares, engaged, engaged + self.seen.failed, known))
+    def _engaged_table(self) -> _ShareTable:
+        """Log probability of each point's number that engaged, by the share that engages."""
+        low, high = ENGAGED_SHARES
+        log = _log_count(
+            _table_shares(low, high)[:, None],
+            count=self.observed.engaged_count,
+            total=self.observed.engaged_count + self.observed.failed_count,
+            share_shifts=self.settings.late_known,
+        )
+        return _ShareTable(low, high, log)
 
-    def late_mean(self, p: Predicted) -> Array:
+    def mean_with_late(self, p: Prediction) -> Array:
         """Compute the mean of all shifts, late ones too, s, (m, C)."""
-        return np.asarray(p.mean + np.clip(p.late, 0.0, 0.9) * self.model.behind[0])
+        late_share = np.clip(p.late_share, 0.0, MAX_LATE_SHARE)
+        return np.asarray(p.mean + late_share * self.model.late_delay.mean)
 
-    def drawn(self, p: Predicted, generator: np.random.Generator) -> tuple[Array, Array, Array]:
-        """Draw common errors of each prediction given the data.
-
-        Amplitudes of the discrepancy, (m,); the errors, s, (m, C); the part of them by nuisances.
-        """
-        found = self.terms(p)
-        weights = np.exp(found.nodes - logsumexp(found.nodes, axis=1, keepdims=True))
-        pick = (generator.random((len(weights), 1)) > weights.cumsum(axis=1)).sum(axis=1)
-        amplitude = self.settings.discrepancy * NODES[np.minimum(pick, len(NODES) - 1)]
-        every = self.all_columns(p, amplitude)
-        some = every[:, self.having]
-        scaled = (some / found.variance[..., None]).swapaxes(1, 2)
-        root = np.linalg.inv(np.linalg.cholesky(np.eye(every.shape[2]) + scaled @ some))
-        mean = root @ scaled @ found.residual[..., None]
+    def draw_common_errors(self, p: Prediction, generator: np.random.Generator) -> CommonErrors:
+        """Draw common errors of each prediction given the data."""
+        terms = self.terms(p)
+        log_total = logsumexp(terms.log_by_amplitude, axis=1, keepdims=True)
+        weights = np.exp(terms.log_by_amplitude - log_total)
+        node = (generator.random((len(weights), 1)) > weights.cumsum(axis=1)).sum(axis=1)
+        amplitude = self.settings.discrepancy * NODES[np.minimum(node, len(NODES) - 1)]
+        columns = self.all_common_errors(p, amplitude)
+        measured = columns[:, self.measured_points]
+        scaled = (measured / terms.variance[..., None]).swapaxes(1, 2)
+        root = np.linalg.inv(np.linalg.cholesky(np.eye(columns.shape[2]) + scaled @ measured))
+        mean = root @ scaled @ terms.residual[..., None]
         noise = generator.standard_normal(mean.shape[:2])[..., None]
-        parts = every * (root.swapaxes(1, 2) @ (mean + noise)).swapaxes(1, 2)
-        first = self.smooth.shape[1]
-        nuisances = parts[..., first : first + self.nuisances.shape[1]]
-        return amplitude, parts.sum(axis=2), nuisances.sum(axis=2)
+        parts = columns * (root.swapaxes(1, 2) @ (mean + noise)).swapaxes(1, 2)
+        first = self.discrepancy_root.shape[1]
+        nuisances = parts[..., first : first + self.nuisance_errors.shape[1]]
+        return CommonErrors(amplitude, offset=parts.sum(axis=2), nuisance=nuisances.sum(axis=2))
+
+
+def _central_difference(moments: Array) -> Array:
+    """Compute the slope of ln mean between two changes of moments (2, C, MOMENTS), (C,)."""
+    return np.asarray((moments[1, :, LOG_MEAN] - moments[0, :, LOG_MEAN]) / (2.0 * DIFFERENCE_STEP))
 
 
 def freedom_of(error: Array) -> Array:
@@ -353,113 +495,165 @@ def freedom_of(error: Array) -> Array:
     return 0.5 / error + 1.0
 
 
-def _late_numbers(n: Array, most: int) -> tuple[Array, Array]:
-    """List numbers of late shifts for 0 to n, and how many each stands for, (c, K)."""
-    k, single = np.arange(most + 1.0)[None], most // 2
-    wide = np.maximum(1.0, (n - single) / max(most - single, 1))
-    width = np.where(k > single, wide, 1.0)
-    return np.where(k > single, single + 0.5 + (k - single - 0.5) * wide, k), width
+def _late_numbers(count: Array, max_count: int) -> tuple[Array, Array]:
+    """List numbers of late shifts from 0 to ``count`` (c, 1), and their widths, (c, K) each.
+
+    Small numbers stand for themselves, width 1; the others for as many as their width.
+    """
+    k = np.arange(max_count + 1.0)[None]
+    small = max_count // 2
+    large_width = np.maximum(1.0, (count - small) / max(max_count - small, 1))
+    numbers = np.where(k > small, small + 0.5 + (k - small - 0.5) * large_width, k)
+    return numbers, np.where(k > small, large_width, 1.0)
 
 
-def _log_f(ratio: Array, one: Array, other: Array) -> Array:
-    """Compute the log density of the logarithm of Fisher's F of given degrees of freedom."""
-    x = one * ratio / other
-    log = gammaln(0.5 * (one + other)) - gammaln(0.5 * other) - gammaln(0.5 * one)
-    log = log + 0.5 * one * np.log(np.maximum(x, 1e-300)) - 0.5 * (one + other) * np.log1p(x)
+def log_f_density(ratio: Array, freedom: Array, other_freedom: Array) -> Array:
+    """Compute the log density of ln ``ratio`` by Fisher's F with two degrees of freedom."""
+    x = freedom * ratio / other_freedom
+    half_sum = 0.5 * (freedom + other_freedom)
+    log = gammaln(half_sum) - gammaln(0.5 * other_freedom) - gammaln(0.5 * freedom)
+    log = log + 0.5 * freedom * np.log(np.maximum(x, 1e-300)) - half_sum * np.log1p(x)
     return np.asarray(log)
 
 
-def _log_number(share: Array, count: Array, whole: Array, known: float) -> Array:
-    """Compute the log beta-binomial probability of a count; ``known`` shifts gave its share."""
-    alpha, beta = known * share, known * (1.0 - share)
-    log = betaln(count + alpha, whole - count + beta) - betaln(alpha, beta)
-    choose = gammaln(whole + 1.0) - gammaln(count + 1.0)
-    return np.asarray(log + choose - gammaln(np.maximum(whole - count, 0.0) + 1.0))
+def _log_count(share: Array, count: Array, total: Array, share_shifts: float) -> Array:
+    """Compute the log beta-binomial probability of ``count`` in ``total`` shifts.
+
+    The share is that of ``share_shifts`` simulated shifts.
+    """
+    alpha = share_shifts * share
+    beta = share_shifts * (1.0 - share)
+    log = betaln(count + alpha, total - count + beta) - betaln(alpha, beta)
+    log_choose = gammaln(total + 1.0) - gammaln(count + 1.0)
+    return np.asarray(log + log_choose - gammaln(np.maximum(total - count, 0.0) + 1.0))
 
 
-def _shares(low: float, high: float) -> Array:
-    """List the shares of a table, even in the logarithm of the odds, (TABLE,)."""
-    return np.asarray(expit(np.linspace(logit(low), logit(high), TABLE)))
+def _table_shares(low: float, high: float) -> Array:
+    """List the shares of a table, even in the logarithm of the odds, (TABLE_SIZE,)."""
+    return np.asarray(expit(np.linspace(logit(low), logit(high), TABLE_SIZE)))
 
 
 @dataclass(frozen=True)
-class _Table:
-    """Functions of a share from ``low`` to ``high``: values at ``_shares``, (TABLE, P)."""
+class _ShareTable:
+    """P functions of a share, tabulated at ``_table_shares``."""
 
     low: float
     high: float
-    values: Array
+    values: Array  #: (TABLE_SIZE, P)
 
-    def at(self, share: Array, which: np.ndarray | slice = slice(None)) -> Array:
-        """Interpolate at shares (m, c), of which each function has the one at ``which``, (m, P)."""
-        low, high = logit(self.low), logit(self.high)
-        place = (logit(np.clip(share, self.low, self.high)) - low) * ((TABLE - 1) / (high - low))
-        place = place[:, which]
-        below = np.clip(place.astype(int), 0, TABLE - 2)
-        columns = np.arange(place.shape[1])
-        first, second = self.values[below, columns], self.values[below + 1, columns]
-        return np.asarray(first + (place - below) * (second - first))
+    def interpolate(self, share: Array, point: np.ndarray | slice = slice(None)) -> Array:
+        """Interpolate each function at the share (m, c) of its ``point`` (P,), (m, P)."""
+        low = logit(self.low)
+        high = logit(self.high)
+        odds = logit(np.clip(share, self.low, self.high))
+        position = ((odds - low) * ((TABLE_SIZE - 1) / (high - low)))[:, point]
+        row = np.clip(position.astype(int), 0, TABLE_SIZE - 2)
+        columns = np.arange(position.shape[1])
+        lower = self.values[row, columns]
+        upper = self.values[row + 1, columns]
+        return np.asarray(lower + (position - row) * (upper - lower))
 
 
 @dataclass(frozen=True)
-class _Options:
-    """Possible means: the options of all points one after the other, P in all."""
+class _Choices:
+    """Options of all points, concatenated, P in all; independent of the prediction."""
 
-    point: np.ndarray  #: place among the points with a mean, ascending
-    part: Array  #: share of late shifts within the mean
-    odd: np.ndarray  #: whether the mean is odd
-    main: np.ndarray  #: whether all shifts lie in the larger mode
-    log_number: _Table  #: log probability by the share of late shifts
+    point: np.ndarray  #: index of the point among those with a mean, ascending, (P,)
+    late_share: Array  #: of the shifts within the mean, (P,)
+    is_odd: np.ndarray  #: whether the mean is odd, (P,)
+    is_main: np.ndarray  #: whether all shifts lie in the larger mode, (P,)
+    log_count: _ShareTable  #: log probability by the share of late shifts
 
     @cached_property
     def _starts(self) -> np.ndarray:
+        """Index of the first option of each point, (c,)."""
         return np.flatnonzero(np.diff(self.point, prepend=-1))
 
-    def summed(self, values: Array) -> Array:
+    def by_mode(self, pair: Array) -> Array:
+        """Select values (2, m, c), with shifts in the smaller mode or none, by option, (m, P)."""
+        return np.where(self.is_main, pair[1][:, self.point], pair[0][:, self.point])
+
+    def sum_points(self, values: Array) -> Array:
         """Sum the options (m, P) of each point, (m, c)."""
         return np.asarray(np.add.reduceat(values, self._starts, axis=1))
 
-    def best(self, log: Array) -> tuple[np.ndarray, Array]:
+    def choose(
+        self,
+        options: PointOptions,
+        variance: Array,
+        residual: Array,
+        fitted: Array,
+        fitted_variance: Array,
+    ) -> ChosenMeans:
+        """Choose the most probable option of each point beside fitted errors in common.
+
+        ``variance`` of each option without these errors is s^2, (m, P); ``residual`` of the means,
+        the fitted errors, s, and their variance, s^2, are (m, c).
+        """
+        deviation = (residual - fitted)[:, self.point] - options.shift
+        total_variance = variance + fitted_variance[:, self.point]
+        log_density = deviation**2 / total_variance + np.log(2.0 * np.pi * total_variance)
+        best, log_sum = self._best(options.log_weight - 0.5 * log_density)
+        rows = np.arange(len(residual))[:, None]
+        return ChosenMeans(
+            residual=residual - options.shift[rows, best],
+            variance=variance[rows, best],
+            log_probability=(log_sum + options.log_weight[rows, best]).sum(axis=1),
+        )
+
+    def _best(self, log: Array) -> tuple[np.ndarray, Array]:
         """Find the best option of each point, and the log of the sum of all over it, (m, c)."""
-        top = np.maximum.reduceat(log, self._starts, axis=1)[:, self.point]
-        places = np.where(log == top, np.arange(self.point.size), 0)
-        best = np.maximum.reduceat(places, self._starts, axis=1)
-        return best, np.log(self.summed(np.exp(log - top)))
+        max_log = np.maximum.reduceat(log, self._starts, axis=1)[:, self.point]
+        indices = np.where(log == max_log, np.arange(self.point.size), 0)
+        best = np.maximum.reduceat(indices, self._starts, axis=1)
+        return best, np.log(self.sum_points(np.exp(log - max_log)))
 
 
-def _fitted(residual: Array, variance: Array, columns: Array) -> tuple[Array, Array]:
-    """Fit errors in common to residuals: values and their variance, (m, c) each."""
+def fit_common_errors(residual: Array, variance: Array, columns: Array) -> tuple[Array, Array]:
+    """Fit errors in common (m, c, q) to residuals: values, s, and variance, s^2, (m, c) each."""
     scaled = (columns / variance[..., None]).swapaxes(1, 2)
-    along = columns @ np.linalg.inv(np.eye(columns.shape[2]) + scaled @ columns)
-    return (along @ (scaled @ residual[..., None]))[..., 0], (along * columns).sum(axis=2)
+    gain = columns @ np.linalg.inv(np.eye(columns.shape[2]) + scaled @ columns)
+    return (gain @ (scaled @ residual[..., None]))[..., 0], (gain * columns).sum(axis=2)
 
 
-def _integrated(
-    residual: Array, variance: Array, basis: Array, fixed: Array, scale: float
+def integrate_common_errors(
+    residual: Array, variance: Array, discrepancy: Array, common: Array, scale: float
 ) -> tuple[Array, Array]:
-    """Integrate all errors in common: log density (m,), and of each amplitude (m, nodes)."""
-    root = np.sqrt(variance)
-    rank = basis.shape[2]
-    every = np.concatenate([basis, fixed, residual[..., None]], axis=2) / root[..., None]
-    gram = every.swapaxes(1, 2) @ every
-    inner = np.eye(fixed.shape[2]) + gram[:, rank:-1, rank:-1]
-    others = np.concatenate([gram[:, rank:-1, :rank], gram[:, rank:-1, -1:]], axis=2)
-    solved = others.swapaxes(1, 2) @ np.linalg.solve(inner, others)
-    smooth = gram[:, :rank, :rank] - solved[:, :rank, :rank]
-    along = gram[:, :rank, -1] - solved[:, :rank, -1]
-    values, vectors = np.linalg.eigh(smooth)
-    square = (along[:, None] @ vectors)[:, 0] ** 2
-    plain = -0.5 * (gram[:, -1, -1] + np.log(2.0 * np.pi * variance).sum(axis=1))
-    plain = plain - 0.5 * np.linalg.slogdet(inner)[1] + 0.5 * solved[:, -1, -1]
+    """Integrate all errors in common over their priors.
+
+    Parameters
+    ----------
+    residual, variance : s and s^2, (m, c)
+    discrepancy, common : errors with unit variance, s, (m, c, r) and (m, c, q)
+    scale : of the discrepancy's amplitude
+
+    Returns
+    -------
+    log : log density, (m,)
+    nodes : log density with each amplitude and its prior, (m, nodes)
+    """
+    rank = discrepancy.shape[2]
+    columns = np.concatenate([discrepancy, common, residual[..., None]], axis=2)
+    scaled = columns / np.sqrt(variance)[..., None]
+    gram = scaled.swapaxes(1, 2) @ scaled
+    inner = np.eye(common.shape[2]) + gram[:, rank:-1, rank:-1]
+    cross = np.concatenate([gram[:, rank:-1, :rank], gram[:, rank:-1, -1:]], axis=2)
+    solved = cross.swapaxes(1, 2) @ np.linalg.solve(inner, cross)
+    information = gram[:, :rank, :rank] - solved[:, :rank, :rank]
+    projection = gram[:, :rank, -1] - solved[:, :rank, -1]
+    values, vectors = np.linalg.eigh(information)
+    square = (projection[:, None] @ vectors)[:, 0] ** 2
+    log_fixed = -0.5 * (gram[:, -1, -1] + np.log(2.0 * np.pi * variance).sum(axis=1))
+    log_fixed = log_fixed - 0.5 * np.linalg.slogdet(inner)[1] + 0.5 * solved[:, -1, -1]
     sizes = (scale * NODES[:, None, None]) ** 2
-    grown = 1.0 + sizes * np.maximum(values, 0.0)
-    logs = 0.5 * (sizes * square / grown - np.log(grown)).sum(axis=2)
-    nodes = (logs + np.log(WEIGHTS)[:, None] + plain).T
+    growth = 1.0 + sizes * np.maximum(values, 0.0)
+    logs = 0.5 * (sizes * square / growth - np.log(growth)).sum(axis=2)
+    nodes = (logs + np.log(WEIGHTS)[:, None] + log_fixed).T
     return np.asarray(logsumexp(nodes, axis=1)), np.asarray(nodes)
 
 
-def squared_distance(residual: Array, variance: Array, fixed: Array) -> Array:
+def squared_distance(residual: Array, variance: Array, common: Array) -> Array:
     """Compute squared distances of residuals (m, c) under errors in common (m, c, q), (m,)."""
-    covariance = fixed @ fixed.swapaxes(1, 2) + variance[..., None] * np.eye(variance.shape[1])
+    covariance = common @ common.swapaxes(1, 2) + variance[..., None] * np.eye(variance.shape[1])
     solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
     return np.asarray((residual * solved).sum(axis=1))

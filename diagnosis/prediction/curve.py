@@ -9,18 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from dogshape.diagnosis.prediction.emulator import Emulator
-from dogshape.diagnosis.prediction.moments import Angles
+from dogshape.diagnosis.prediction.moments import MOMENTS, Angles, Modes
 from dogshape.diagnosis.prediction.simulations import coordinate
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Setting
 
-MOMENTS = 5
-LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least
+MIN_CONTACT_SHARE = 0.02  #: of the mean time, from the closed gap to the end
 
 
 @dataclass(frozen=True)
-class Space:
+class ParameterSpace:
     """Parameters of a hypothesis as a unit cube of shares of their ranges."""
 
     effects: tuple[Effect, ...]
@@ -44,63 +43,72 @@ class Space:
     def columns(self, name: str) -> slice:
         """Find the columns of an effect's parameters."""
         ends = np.cumsum([0, *(len(effect.parameters) for effect in self.effects)]).tolist()
-        place = self.hypothesis.index(name)
-        return slice(ends[place], ends[place + 1])
+        index = self.hypothesis.index(name)
+        return slice(ends[index], ends[index + 1])
+
+
+class AngleDistribution(NamedTuple):
+    """Distribution of the relative angles at m values, (m, 1) each."""
+
+    concentration: Array
+    centre: Array  #: pitches
 
 
 class Changes(NamedTuple):
-    """Changes by an effect at m values of its parameters."""
+    """Changes by an effect at m values of its parameters and C operating points."""
 
     moments: Array  #: (m, C, MOMENTS)
     delay: Array  #: dead time, s, (m, C)
-    #: errors of the changes of ln mean and ln deviation by interpolation between levels, (m, C)
-    error: Array
-    spread: Array | float = 0.0
-    alike: float = 0.0  #: share of the variance of ``error`` that all points have in common
-    #: share of the smaller mode; mean and deviation of the larger one over those of all; excess
-    #: kurtosis; (4, m, C)
-    modes: Array | None = None
-    #: of the logarithm of the time until the gap is closed, and of the mismatch, pitches/s, (m, C)
-    flight: Array | float = 0.0
-    slip: Array | float = 0.0
-    uneven: Array | None = None  #: concentration and centre of the angles, (2, m, 1)
-    #: square of the error of ln deviation by uneven angles over ``BLUR``, (m, C)
-    blur: Array | float = 0.0
+    error: Array  #: of the change of ln mean by interpolation between levels, (m, C)
+    log_sd_error: Array | float = 0.0  #: the same of ln standard deviation, (m, C)
+    common_share: float = 0.0  #: of the variance of ``error`` that all points have in common
+    modes: Modes | None = None
+    flight: Array | float = 0.0  #: of the logarithm of the time until the gap is closed, (m, C)
+    slip: Array | float = 0.0  #: of the mismatch, pitches/s, (m, C)
+    angles: AngleDistribution | None = None  #: None for even angles
+    inverse_squared_count: Array | float = 0.0  #: 1 / number of angles that count^2, (m, C)
 
 
 class Curve(NamedTuple):
-    """Changes by an effect between its benches, in the unit cube of their coordinates."""
+    """Changes by an effect between its n benches, in the unit cube of their coordinates."""
 
     effect: Effect
     setting: Setting
-    low: Array  #: least coordinates, and ranges, (p,)
-    wide: Array
-    free: Array  #: time until the gap is closed of the baseline, s, (C,)
-    emulator: Emulator  #: of their moments
-    angles: Angles  #: their times
-    dense: np.ndarray  #: which of them have all angles of the baseline, (n,)
-    exact: Array  #: changes of delay, root of 1 / ``free``, and mismatch, (n, 3 C)
+    low: Array  #: lower ends of the coordinates, (p,)
+    width: Array  #: ranges of the coordinates, (p,)
+    gap_time: Array  #: time until the gap is closed of the baseline, s, (C,)
+    emulator: Emulator  #: of the moments
+    angles: Angles  #: times of the benches
+    is_dense: np.ndarray  #: whether a bench has all angles of the baseline, (n,)
+    exact: Array  #: changes of delay, root of 1 / gap time, and mismatch, (n, 3 C)
 
-    def places(self, values: Array) -> Array:
-        """Compute coordinates of values (m, p), (m, p)."""
-        at = (coordinates(self.effect, values, self.setting) - self.low) / self.wide
-        return np.clip(at, 0.0, 1.0)
+    def coordinates(self, values: Array) -> Array:
+        """Compute coordinates in the unit cube of values (m, p), (m, p)."""
+        x = (coordinates(self.effect, values, self.setting) - self.low) / self.width
+        return np.clip(x, 0.0, 1.0)
 
     def changes(self, values: Array) -> Changes:
-        """Compute the changes at values (m, p)."""
-        at, cells = self.places(values), len(self.free)
-        moments, error = self.emulator.at(at, MOMENTS)
-        found = self.emulator.weights(at) @ self.exact
-        delay, root, slip = found.reshape(-1, 3, cells).swapaxes(0, 1)
-        flight = -2.0 * np.log(np.maximum(1.0 + root * self.free**0.5, LEAST_PART))
-        moments = moments.reshape(-1, cells, MOMENTS)
-        error, spread = error.reshape(-1, cells, 2).transpose(2, 0, 1)
-        alike = self.emulator.alike(MOMENTS)
-        return Changes(moments, delay, error, spread, alike, flight=flight, slip=slip)
+        """Interpolate the changes at values (m, p)."""
+        x = self.coordinates(values)
+        cells = len(self.gap_time)
+        moments, errors = self.emulator.predict(x, MOMENTS)
+        exact = (self.emulator.weights(x) @ self.exact).reshape(-1, 3, cells)
+        delay, inverse_root, slip = exact.swapaxes(0, 1)
+        root_ratio = np.maximum(1.0 + inverse_root * self.gap_time**0.5, MIN_CONTACT_SHARE)
+        errors = errors.reshape(-1, cells, 2)
+        return Changes(
+            moments=moments.reshape(-1, cells, MOMENTS),
+            delay=delay,
+            error=errors[..., 0],
+            log_sd_error=errors[..., 1],
+            common_share=self.emulator.miss_correlation(MOMENTS),
+            flight=-2.0 * np.log(root_ratio),
+            slip=slip,
+        )
 
 
 def coordinates(effect: Effect, values: Array, setting: Setting) -> Array:
-    """Compute the coordinates in which times change evenly, of values (m, p), (m, p)."""
+    """Compute coordinates in which times change evenly, of values (m, p), (m, p)."""
     pairs = zip(effect.parameters, values.T, strict=True)
     columns = [coordinate(p, column, setting) for p, column in pairs]
     return np.array(columns).reshape(len(columns), len(values)).T

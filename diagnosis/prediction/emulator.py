@@ -23,123 +23,164 @@ from scipy.special import logsumexp
 
 from dogshape.diagnosis.terms import Array
 
-LENGTHS = (0.25, 0.5, 1.0, 2.0)  #: of the range of an effect, over which its changes are alike
-AMPLITUDES = (0.3, 1.0, 3.0, 10.0, 30.0)  #: of its changes over the error of one level
-LOST = 1e6  #: variance of a moment that is not known
-EXACT = 1e-9  #: variance of what is
+LENGTHS = (0.25, 0.5, 1.0, 2.0)  #: of the kernel, over the range of an effect
+AMPLITUDES = (0.3, 1.0, 3.0, 10.0, 30.0)  #: of the changes over the error of one level
+MISSING_VARIANCE = 1e6  #: of a moment that was not simulated
+JITTER = 1e-9  #: variance that keeps a covariance invertible
 
 
 @dataclass(frozen=True)
 class Kernel:
     """Covariance of values at coordinates in a unit cube, zero where any effect is neutral.
 
-    ``plain`` are the neutral coordinates of each effect, (k, d). That of what several effects do
-    only together is the product of their covariances.
+    The covariance of changes that several effects make only together is the product of those of
+    each effect.
     """
 
-    plain: tuple[Array, ...]
+    neutral: tuple[Array, ...]  #: neutral coordinates of each effect, (k, d)
     length: float
 
-    def free(self, one: Array, other: Array) -> Array:
+    def matern(self, x: Array, y: Array) -> Array:
         """Compute Matern's kernel of 3/2 between coordinates (m, d) and (n, d), (m, n)."""
-        far = np.linalg.norm(one[:, None] - other[None], axis=2) * (3.0**0.5 / self.length)
-        return np.asarray((1.0 + far) * np.exp(-far))
+        distance = np.linalg.norm(x[:, None] - y[None], axis=2) * (3.0**0.5 / self.length)
+        return np.asarray((1.0 + distance) * np.exp(-distance))
 
     @cached_property
     def parts(self) -> list[tuple[slice, Array, Array]]:
         """Columns and neutral coordinates of each effect, and the inverse of their kernel."""
-        ends = np.cumsum([0, *(plain.shape[1] for plain in self.plain)]).tolist()
-        whole = [self.free(one, one) + EXACT * np.eye(len(one)) for one in self.plain]
-        inner = [np.asarray(np.linalg.inv(one)) for one in whole]
-        columns = [slice(*pair) for pair in itertools.pairwise(ends)]
-        return list(zip(columns, self.plain, inner, strict=True))
+        ends = np.cumsum([0, *(neutral.shape[1] for neutral in self.neutral)]).tolist()
+        parts = []
+        for columns, neutral in zip(itertools.pairwise(ends), self.neutral, strict=True):
+            covariance = self.matern(neutral, neutral) + JITTER * np.eye(len(neutral))
+            parts.append((slice(*columns), neutral, np.asarray(np.linalg.inv(covariance))))
+        return parts
 
-    def across(self, one: Array, other: Array) -> Array:
-        """Compute the covariance between coordinates, (m, n)."""
-        whole = np.ones((len(one), len(other)))
-        for mine, plain, inner in self.parts:
-            left, right = self.free(one[:, mine], plain), self.free(plain, other[:, mine])
-            whole *= self.free(one[:, mine], other[:, mine]) - left @ inner @ right
-        return whole
+    def covariance(self, x: Array, y: Array) -> Array:
+        """Compute the covariance between coordinates (m, d) and (n, d), (m, n)."""
+        product = np.ones((len(x), len(y)))
+        for columns, neutral, inverse in self.parts:
+            x_correlation = self.matern(x[:, columns], neutral)
+            y_correlation = self.matern(neutral, y[:, columns])
+            product *= (
+                self.matern(x[:, columns], y[:, columns]) - x_correlation @ inverse @ y_correlation
+            )
+        return product
 
-    def own(self, at: Array) -> Array:
-        """Compute the variance at coordinates, (m,)."""
-        whole = np.ones(len(at))
-        for mine, plain, inner in self.parts:
-            near = self.free(at[:, mine], plain)
-            whole *= 1.0 - ((near @ inner) * near).sum(axis=1)
-        return whole
+    def variance(self, x: Array) -> Array:
+        """Compute the variance at coordinates (m, d), (m,)."""
+        product = np.ones(len(x))
+        for columns, neutral, inverse in self.parts:
+            correlation = self.matern(x[:, columns], neutral)
+            product *= 1.0 - ((correlation @ inverse) * correlation).sum(axis=1)
+        return product
 
 
 @dataclass(frozen=True)
 class Emulator:
-    """Changes of K moments over n levels at coordinates ``x``, (n, d)."""
+    """Gaussian processes of the changes of K moments over n levels."""
 
-    x: Array
+    x: Array  #: coordinates of the levels, (n, d)
     kernel: Kernel
-    size: Array  #: variance of the changes, (K,)
-    root: Array  #: of the inverse of the covariance of the levels, (K, n, n)
-    missed: Array  #: each level's miss by the others over its standard error, (K, n)
-    misfit: Array  #: its square, at least 1 and the mean of all levels, (K, n)
-    factor: Array  #: weights of the levels, (K, n)
+    amplitude: Array  #: variance of the changes, (K,)
+    inverse_root: Array  #: root of the inverse covariance of the levels, (K, n, n)
+    deviates: Array  #: leave-one-out residual of each level over its standard error, (K, n)
+    misfit: Array  #: squared deviate, at least 1 and the mean of all levels, (K, n)
+    level_weights: Array  #: of the kernel to each level, (K, n)
 
     @classmethod
-    def fitted(
-        cls, x: Array, plain: tuple[Array, ...], found: Array, own: Array, common: Array
+    def fit(
+        cls,
+        x: Array,
+        neutral: tuple[Array, ...],
+        changes: Array,
+        level_error: Array,
+        common_error: Array,
     ) -> Emulator:
-        """Fit to changes (K, n + 1), the baseline's last, NaN for none.
+        """Fit amplitudes and length to changes at coordinates ``x``, (n, d).
 
-        Errors are those of each, (K, n + 1) or (K, 1), and in common, (K,).
+        Parameters
+        ----------
+        changes : (K, n + 1), of the levels and of the baseline; NaN where not simulated
+        level_error : (K, n + 1) or (K, 1), standard error of each level by itself
+        common_error : (K,), standard error that all levels have in common
         """
-        known, eye = np.isfinite(found), np.eye(len(x) + 1)
-        found = np.where(known, found, 0.0)[..., None]
-        single = own**2 + np.where(known, 0.0, LOST)
-        noise = common[:, None, None] ** 2 + single[..., None] * eye
-        sizes = np.multiply.outer(AMPLITUDES, own[:, -1]) ** 2
-        best = -np.inf
-        for kernel in (Kernel(plain, length) for length in LENGTHS):
-            within = np.pad(kernel.across(x, x), (0, 1))
-            every = within * sizes[..., None, None] + noise
-            root = np.linalg.cholesky(every)
-            inner = np.linalg.solve(root, np.broadcast_to(found, (*every.shape[:-1], 1)))
-            log = -np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=2)
-            log -= 0.5 * (inner[..., 0] ** 2).sum(axis=2)
-            if (whole := float(logsumexp(log, axis=0).sum())) > best:
-                best, top = whole, (log.argmax(axis=0), np.arange(len(own)))
-                chosen, size, inverse = kernel, sizes[top], np.linalg.inv(every[top])
-        weights = (inverse @ found)[..., 0]
-        left = weights / np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
-        mean = (left**2 * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-        misfit = np.maximum(np.maximum(left**2, mean[:, None]), 1.0)[:, :-1]
-        root = np.linalg.cholesky(inverse[:, :-1, :-1])
-        left = np.where(known, left, 0.0)[:, :-1]
-        return cls(x, chosen, size, root, left, misfit, size[:, None] * weights[:, :-1])
+        is_known = np.isfinite(changes)
+        targets = np.where(is_known, changes, 0.0)[..., None]
+        level_variance = level_error**2 + np.where(is_known, 0.0, MISSING_VARIANCE)
+        noise = common_error[:, None, None] ** 2 + level_variance[..., None] * np.eye(len(x) + 1)
+        amplitudes = np.multiply.outer(AMPLITUDES, level_error[:, -1]) ** 2
+        max_evidence = -np.inf
+        for length in LENGTHS:
+            candidate = Kernel(neutral, length)
+            correlation = np.pad(candidate.covariance(x, x), (0, 1))
+            covariance = correlation * amplitudes[..., None, None] + noise
+            log_density = _log_density(covariance, targets)
+            evidence = float(logsumexp(log_density, axis=0).sum())
+            if evidence > max_evidence:
+                max_evidence = evidence
+                kernel = candidate
+                best = (log_density.argmax(axis=0), np.arange(len(level_error)))
+                amplitude = amplitudes[best]
+                inverse = np.linalg.inv(covariance[best])
+        weights = (inverse @ targets)[..., 0]
+        deviates = weights / np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
+        count = np.maximum(is_known.sum(axis=1), 1)
+        mean_square = (deviates**2 * is_known).sum(axis=1) / count
+        misfit = np.maximum(np.maximum(deviates**2, mean_square[:, None]), 1.0)[:, :-1]
+        return cls(
+            x=x,
+            kernel=kernel,
+            amplitude=amplitude,
+            inverse_root=np.linalg.cholesky(inverse[:, :-1, :-1]),
+            deviates=np.where(is_known, deviates, 0.0)[:, :-1],
+            misfit=misfit,
+            level_weights=amplitude[:, None] * weights[:, :-1],
+        )
 
-    def alike(self, every: int) -> float:
-        """Estimate the correlation of misses between each ``every``-th moment, 0 to 1."""
-        missed = self.missed[::every]
-        missed = missed / np.sqrt(np.maximum((missed**2).mean(axis=1, keepdims=True), EXACT))
-        own = (missed**2).sum()
-        between = (missed.sum(axis=0) ** 2).sum() - own
-        return float(np.clip(between / max((len(missed) - 1) * own, EXACT), 0.0, 1.0))
+    def miss_correlation(self, moments: int) -> float:
+        """Estimate the correlation of misses between operating points, 0 to 1.
 
-    def weights(self, places: Array, noise: Array | float = EXACT) -> Array:
-        """Compute weights (m, n) of the levels' changes at coordinates (m, d).
+        By the first of ``moments`` moments of each operating point.
+        """
+        deviates = self.deviates[::moments]
+        mean_square = (deviates**2).mean(axis=1, keepdims=True)
+        deviates = deviates / np.sqrt(np.maximum(mean_square, JITTER))
+        square_sum = (deviates**2).sum()
+        products = (deviates.sum(axis=0) ** 2).sum() - square_sum
+        correlation = products / max((len(deviates) - 1) * square_sum, JITTER)
+        return float(np.clip(correlation, 0.0, 1.0))
+
+    def weights(self, x: Array, noise: Array | float = JITTER) -> Array:
+        """Compute weights of the levels' changes at coordinates (m, d), (m, n).
 
         ``noise`` is the variance of each level's change over that of all changes.
         """
-        within = self.kernel.across(self.x, self.x) + noise * np.eye(len(self.x))
-        return np.asarray(np.linalg.solve(within, self.kernel.across(self.x, places)).T)
+        covariance = self.kernel.covariance(self.x, self.x) + noise * np.eye(len(self.x))
+        return np.asarray(np.linalg.solve(covariance, self.kernel.covariance(self.x, x)).T)
 
-    def at(self, places: Array, every: int) -> tuple[Array, Array]:
-        """Compute changes (m, K) at coordinates (m, d).
+    def predict(self, x: Array, moments: int) -> tuple[Array, Array]:
+        """Predict changes and standard errors at coordinates (m, d).
 
-        Standard errors are those of the first two of ``every`` moments, (m, 2 K / every).
+        Returns
+        -------
+        changes : (m, K)
+        errors : (m, 2 K / moments), of the first two of ``moments`` moments of each point
         """
-        first = np.arange(len(self.size)) % every < 2
-        along = self.kernel.across(places, self.x)
-        size, taken = self.size[first], ((along @ self.root[first]) ** 2).sum(axis=2).T
-        left = self.kernel.own(places)[:, None] * size - taken * size**2
-        near = np.linalg.norm(places[:, None] - self.x[None], axis=2).argmin(axis=1)
-        error = np.sqrt(np.maximum(left, 0.0) * self.misfit[first][:, near].T)
-        return along @ self.factor.T, error
+        has_error = np.arange(len(self.amplitude)) % moments < 2
+        correlation = self.kernel.covariance(x, self.x)
+        amplitude = self.amplitude[has_error]
+        explained = ((correlation @ self.inverse_root[has_error]) ** 2).sum(axis=2).T
+        variance = self.kernel.variance(x)[:, None] * amplitude - explained * amplitude**2
+        nearest = np.linalg.norm(x[:, None] - self.x[None], axis=2).argmin(axis=1)
+        misfit = self.misfit[has_error][:, nearest].T
+        errors = np.sqrt(np.maximum(variance, 0.0) * misfit)
+        return correlation @ self.level_weights.T, errors
+
+
+def _log_density(covariance: Array, targets: Array) -> Array:
+    """Compute log densities of targets (K, n, 1) without their constant, (amplitudes, K)."""
+    root = np.linalg.cholesky(covariance)
+    scaled = np.linalg.solve(root, np.broadcast_to(targets, (*covariance.shape[:-1], 1)))
+    log = -np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=2)
+    log -= 0.5 * (scaled[..., 0] ** 2).sum(axis=2)
+    return np.asarray(log)

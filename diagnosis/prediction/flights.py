@@ -16,10 +16,10 @@ The *k* marks of a force profile count once, by a Student distribution of few de
 .. math:: \ln L = c_k - \tfrac12 \ln |\Sigma| - \tfrac{\nu + k}2 \ln(1 + d^2/\nu), \qquad
           d^2 = (t - \hat t)^T \Sigma^{-1} (t - \hat t).
 
-:math:`\Sigma` holds the errors of seen and predicted marks, and the creep of a ring that friction
+:math:`\Sigma` has the errors of observed and predicted marks, and the creep of a ring that friction
 holds. The force of a trace is the one that acts or the nominal one, a half each. *Unknown* has the
 baseline's marks, or these moved by offsets: a Gaussian process over the logarithms of force and
-share, apart for displacement and force, of several sizes.
+share, one for displacement and one for force, of several sizes.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import multivariate_normal, norm
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, SeenFlight
-from dogshape.diagnosis.prediction.curve import Space
+from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
@@ -52,26 +52,37 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.mechanism import SLIP
 from dogshape.sim.shift.planar import FIRST_STEP, free_flight
 
-CREEP = 1.8  #: error of a held start, over the creep of the smooth law by the speed at the mark
+CREEP_ERROR = 1.8  #: of a held start, over the creep of the smooth law by the speed at the mark
 #: Numbers of a clutch that act along the shaft without contact.
-AXIAL = [
+AXIAL_NUMBERS = [
     *(kernel.SLEEVE, kernel.FAR, kernel.DAMPING, kernel.FRICTION, kernel.DETENT, kernel.DETENT_AT),
     *(kernel.DETENT_WIDTH, kernel.STIFF, kernel.LOSS, kernel.PLAY, kernel.SLIP_SPEED),
     *(kernel.DEEP_STOP, kernel.LINKED, kernel.DETENT_SEAT),
 ]
-RING, RING_RATE, ACTUATOR, ACTUATOR_RATE = 1, 4, 6, 7  #: places in a state of the compiled engine
+#: Places in a state of the compiled engine.
+RING = 1
+RING_RATE = 4
+ACTUATOR = 6
+ACTUATOR_RATE = 7
 
-COLUMNS = 2 * SIZE + len(WAYS) + 1  #: of a row: marks as t^(-1/2), creep, margins, delay
+#: Columns of a row: marks as t^(-1/2), their creep, margins before the first touch, and delay.
+MARK_COLUMNS = slice(SIZE)
+CREEP_COLUMNS = slice(SIZE, 2 * SIZE)
+MARGIN_COLUMNS = slice(2 * SIZE, -1)
+DELAY_COLUMN = -1
+COLUMNS = 2 * SIZE + len(WAYS) + 1
 NODES = (1, 17, 9, 5, 3)  #: along each parameter of an effect, by the number of parameters
-PAIRED = (1, 5, 3, 3, 3)  #: the same of one of two effects
-MISSED = 0.25  #: error of a spline over what it misses with every other node only
-THREE = 0.5  #: error of three effects together, over the largest that two add to their sum
-TOUCHED = 0.02  #: s, error of a mark behind the first touch
-LAW = 0.02  #: error of an effect's law, over what it changes
+PAIR_NODES = (1, 5, 3, 3, 3)  #: the same of one of two effects
+SPLINE_ERROR = 0.25  #: of a spline, over its misses with every other node only
+THREE_EFFECTS_ERROR = 0.5  #: of three effects, over the largest that two add to their sum
+TOUCH_ERROR_S = 0.02  #: s, of a mark behind the first touch
+LAW_ERROR = 0.02  #: of an effect's law, over the change that it makes
 
-SCALES = np.geomspace(1e-3, 0.2, 10)  #: s, standard deviations of unknown offsets
-LENGTH, SMOOTH = 1.5, 0.9  #: length in logarithms, and share of variance, that offsets share
-STILL: tuple[Hypothesis, Array] = (), np.zeros((1, 0))  #: the baseline and its values
+OFFSET_SDS = np.geomspace(1e-3, 0.2, 10)  #: s, standard deviations of unknown offsets
+OFFSET_LENGTH = 1.5  #: in ln force and ln share, of the correlation of offsets
+SMOOTH_SHARE = 0.9  #: of the variance of offsets
+NO_EFFECT: Hypothesis = ()
+NO_VALUES: Array = np.zeros((1, 0))
 FREEDOM = USUAL.flight_freedom
 
 
@@ -80,32 +91,60 @@ class Marks:
     """Marks of the flight (``diagnosis.bench.flight_marks``), s, (m, SIZE) each."""
 
     times: Array  #: when displacement and force pass the marks' values; the time-out for never
-    error: Array  #: standard error of each mark on its own
+    error: Array  #: standard error of each mark by itself
     creep: Array  #: standard error of friction near rest, in common
 
 
-def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, Array, Array]:
-    """Simulate the marks of flights; the delay of a setting is no part of them.
+class _PredictedMarks(NamedTuple):
+    """Predicted marks of a profile that has k of them, for m values."""
 
-    ``gap`` in m and final ``force`` in N are the nominal ones, of which the marks are shares.
-    Times of the marks and their creep, s, (n, SIZE) each; way of the ring at each mark of the
-    displacement, m, (n, ways).
+    acting: Array  #: times with the force of the trace as the acting one, s, (m, k)
+    nominal: Array  #: times with the force of the trace as the nominal one, s, (m, k)
+    covariance: Array  #: of predicted and observed marks, s^2, (m, k, k)
+
+
+class _Distances(NamedTuple):
+    """Distances of a profile's observed marks from m predictions."""
+
+    squared: Array  #: with acting and nominal force, (2, m)
+    log_determinant: Array  #: of the covariance, (m,)
+    size: int  #: number of marks
+
+
+def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, Array, Array]:
+    """Simulate the marks of n flights; the delay of a setting is no part of them.
+
+    Parameters
+    ----------
+    gap, force : nominal gap, m, and final force, N, of which the marks are shares
+
+    Returns
+    -------
+    times, creep : of the marks, s, (n, SIZE) each
+    rings : way of the ring at each mark of the displacement, m, (n, ways)
     """
-    ways, forces = gap * np.array(WAYS), force * np.array(FORCES)
-    times, creep = np.zeros((2, len(settings), SIZE))
+    ways = gap * np.array(WAYS)
+    forces = force * np.array(FORCES)
+    times = np.zeros((len(settings), SIZE))
+    creep = np.zeros((len(settings), SIZE))
     rings = np.zeros((len(settings), ways.size))
     for k, setting in enumerate(settings):
-        clutch, knots = setting.clutch, setting.point.profile.knots
-        time, states, rest = free_flight(clutch, setting.point.profile, float(ways[-1]))
-        there = clutch.mechanism.has_linkage and setting.sensor == "actuator"
-        place, rate = (ACTUATOR, ACTUATOR_RATE) if there else (RING, RING_RATE)
-        way, speed = states[:, place], states[:, rate]
-        found = [kernel.crossing(time, way, speed, level) for level in ways]
-        found += [kernel.crossing(knots[0], knots[1], knots[2], level) for level in forces]
-        times[k] = np.fmin(found, clutch.timeout)  # NaN for never
-        marks = times[k, : ways.size]
-        rings[k] = np.interp(marks, time, states[:, RING])
-        creep[k, : ways.size] = CREEP * SLIP * rest / np.fmax(np.interp(marks, time, speed), SLIP)
+        clutch = setting.clutch
+        profile = setting.point.profile
+        time, states, stiction_ratio = free_flight(clutch, profile, float(ways[-1]))
+        way = states[:, RING]
+        speed = states[:, RING_RATE]
+        if clutch.mechanism.has_linkage and setting.sensor == "actuator":
+            way = states[:, ACTUATOR]
+            speed = states[:, ACTUATOR_RATE]
+        marks = [kernel.crossing(time, way, speed, level) for level in ways]
+        knots = profile.knots
+        marks += [kernel.crossing(knots[0], knots[1], knots[2], level) for level in forces]
+        times[k] = np.fmin(marks, clutch.timeout)  # NaN for never
+        way_times = times[k, : ways.size]
+        mark_speed = np.interp(way_times, time, speed)
+        rings[k] = np.interp(way_times, time, states[:, RING])
+        creep[k, : ways.size] = CREEP_ERROR * SLIP * stiction_ratio / np.fmax(mark_speed, SLIP)
     return times, creep, rings
 
 
@@ -113,49 +152,56 @@ class _Grid(NamedTuple):
     """Table over an even grid of shares of priors, with the error of its spline for the marks."""
 
     sizes: tuple[int, ...]
-    rows: Array
-    error: Array
+    rows: Array  #: (nodes, K)
+    error: Array  #: (nodes, SIZE)
 
     @classmethod
-    def fitted(cls, sizes: tuple[int, ...], rows: Array) -> _Grid:
-        """Fill nodes of no bench (NaN) with the nearest; the error is that of a coarse spline."""
-        whole = rows.reshape(*sizes, -1)
-        missing = np.isnan(whole[..., 0])
-        if missing.all():
-            whole = np.zeros_like(whole)
-        elif missing.any():
-            near = distance_transform_edt(missing, return_distances=False, return_indices=True)
-            whole = whole[tuple(near)]
-        few = whole[(*(slice(None, None, 2) for _ in sizes), slice(SIZE))]
-        coarse = _weights(_nodes(sizes), few.shape[:-1], 3) @ few.reshape(-1, SIZE)
-        missed = abs(coarse.reshape(*sizes, SIZE) - whole[..., :SIZE])
-        error = MISSED * maximum_filter(missed, size=(*(3 for _ in sizes), 1), mode="nearest")
-        return cls(sizes, whole.reshape(-1, whole.shape[-1]), error.reshape(-1, SIZE))
+    def fit(cls, sizes: tuple[int, ...], rows: Array) -> _Grid:
+        """Fill nodes of no bench (NaN) with the nearest, and estimate errors by a coarse spline."""
+        table = rows.reshape(*sizes, -1)
+        is_missing = np.isnan(table[..., 0])
+        if is_missing.all():
+            table = np.zeros_like(table)
+        elif is_missing.any():
+            nearest = distance_transform_edt(
+                is_missing, return_distances=False, return_indices=True
+            )
+            table = table[tuple(nearest)]
+        every_other = tuple(slice(None, None, 2) for _ in sizes)
+        coarse_nodes = table[(*every_other, MARK_COLUMNS)]
+        coarse_weights = _spline_weights(_node_shares(sizes), coarse_nodes.shape[:-1], degree=3)
+        coarse = coarse_weights @ coarse_nodes.reshape(-1, SIZE)
+        miss = abs(coarse.reshape(*sizes, SIZE) - table[..., MARK_COLUMNS])
+        neighbours = (*(3 for _ in sizes), 1)
+        error = SPLINE_ERROR * maximum_filter(miss, size=neighbours, mode="nearest")
+        return cls(sizes, table.reshape(-1, table.shape[-1]), error.reshape(-1, SIZE))
 
-    def at(self, shares: Array) -> tuple[Array, Array]:
+    def interpolate(self, shares: Array) -> tuple[Array, Array]:
         """Interpolate at shares (m, p): columns (m, K) and their error (m, SIZE)."""
-        rows = _weights(shares, self.sizes, 3) @ self.rows
-        return rows, _weights(shares, self.sizes, 1) @ self.error
+        rows = _spline_weights(shares, self.sizes, degree=3) @ self.rows
+        return rows, _spline_weights(shares, self.sizes, degree=1) @ self.error
 
 
-def _nodes(sizes: Sequence[int]) -> Array:
+def _node_shares(sizes: Sequence[int]) -> Array:
     """List the nodes of a grid as shares, (n1 n2 ..., p)."""
-    grid = list(itertools.product(*(np.linspace(0.0, 1.0, size) for size in sizes)))
-    return np.array(grid).reshape(len(grid), len(sizes))
+    nodes = list(itertools.product(*(np.linspace(0.0, 1.0, size) for size in sizes)))
+    return np.array(nodes).reshape(len(nodes), len(sizes))
 
 
 @cache
 def _basis(size: int, degree: int) -> BSpline:
-    return make_interp_spline(np.linspace(0.0, 1.0, size), np.eye(size), k=min(degree, size - 1))
+    """Build the cardinal splines of ``size`` even nodes from 0 to 1."""
+    nodes = np.linspace(0.0, 1.0, size)
+    return make_interp_spline(nodes, np.eye(size), k=min(degree, size - 1))
 
 
-def _weights(shares: Array, sizes: Sequence[int], degree: int) -> Array:
+def _spline_weights(shares: Array, sizes: Sequence[int], degree: int) -> Array:
     """Compute the weights of a grid's nodes in a spline at shares (m, p), (m, n1 n2 ...)."""
-    whole = np.ones((len(shares), 1))
+    weights = np.ones((len(shares), 1))
     for k, size in enumerate(sizes):
-        more = _basis(size, degree)(shares[:, k])
-        whole = (whole[:, :, None] * more[:, None, :]).reshape(len(shares), -1)
-    return whole
+        factors = _basis(size, degree)(shares[:, k])
+        weights = (weights[:, :, None] * factors[:, None, :]).reshape(len(shares), -1)
+    return weights
 
 
 class Flights:
@@ -173,140 +219,191 @@ class Flights:
     def marks(
         self, h: Hypothesis, values: Array, profile: ForceProfile, exact: bool = False
     ) -> Marks:
-        """Interpolate, or fly, marks at values (m, p); KeyError for a profile of no point."""
-        space, shares = self._space(h), np.empty(values.shape)
+        """Interpolate marks at values (m, p), or fly them where ``exact``.
+
+        Raises KeyError for a profile of no operating point.
+        """
+        space = self._space(h)
+        shares = np.empty(values.shape)
         for k, parameter in enumerate(space.parameters):
             shares[:, k] = parameter.share(values[:, k])
-        least = self.settings[profile].clutch.timeout ** -0.5
-        still = self._flown((), np.zeros((1, 0)), profile)
-        whole = np.tile(still, (len(values), 1))
-        square, joint = np.zeros((2, len(values), SIZE))
+        baseline = self._fly_shares(NO_EFFECT, NO_VALUES, profile)
+        variance = np.zeros((len(values), SIZE))
         if exact:
-            flown, h = self._flown(h, shares, profile), ()
-            whole = np.where(np.isnan(flown), still, flown)  # NaN for no bench
-        moving = [name for name in h if self._grid((name,), profile).rows[:, :-1].any()]
-        for part in (*((name,) for name in h), *itertools.combinations(moving, 2)):
-            mine = np.hstack([shares[:, space.columns(name)] for name in part])
-            rows, error = self._grid(part, profile).at(mine)
-            whole, square = whole + rows, square + error**2
-            if len(part) == 2:
-                joint = np.maximum(joint, abs(rows[:, :SIZE]))
-        if len(moving) > 2:
-            square += (THREE * joint) ** 2
-        times, before = (np.maximum(one[:, :SIZE], least) ** -2.0 for one in (whole, still))
-        square = (2.0 * times**1.5) ** 2 * square + (LAW * (times - before)) ** 2
-        square[:, : len(WAYS)] += (TOUCHED * (whole[:, 2 * SIZE : -1] < 0.0)) ** 2
-        creep = np.maximum(whole[:, SIZE : 2 * SIZE], 0.0)
-        return Marks(times + whole[:, -1:], np.sqrt(square), creep)
+            rows = self._fly_shares(h, shares, profile)
+            rows = np.where(np.isnan(rows), baseline, rows)  # NaN for no bench
+        else:
+            rows, variance = self._interpolate(space, shares, profile)
+        min_root = self.settings[profile].clutch.timeout ** -0.5
+        times = np.maximum(rows[:, MARK_COLUMNS], min_root) ** -2.0
+        baseline_times = np.maximum(baseline[:, MARK_COLUMNS], min_root) ** -2.0
+        law_error = LAW_ERROR * (times - baseline_times)
+        variance = (2.0 * times**1.5) ** 2 * variance + law_error**2
+        is_touching = rows[:, MARGIN_COLUMNS] < 0.0
+        variance[:, : len(WAYS)] += (TOUCH_ERROR_S * is_touching) ** 2
+        return Marks(
+            times=times + rows[:, [DELAY_COLUMN]],
+            error=np.sqrt(variance),
+            creep=np.maximum(rows[:, CREEP_COLUMNS], 0.0),
+        )
 
-    def _space(self, h: Hypothesis) -> Space:
-        return Space(tuple(self.effects[name] for name in h), next(iter(self.settings.values())))
+    def _interpolate(
+        self, space: ParameterSpace, shares: Array, profile: ForceProfile
+    ) -> tuple[Array, Array]:
+        """Interpolate flights at shares (m, p): (m, COLUMNS), and variance of marks (m, SIZE)."""
+        h = space.hypothesis
+        baseline = self._fly_shares(NO_EFFECT, NO_VALUES, profile)
+        rows = np.tile(baseline, (len(shares), 1))
+        variance = np.zeros((len(shares), SIZE))
+        max_pair_change = np.zeros((len(shares), SIZE))
+        moving = []
+        for name in h:
+            if self._grid((name,), profile).rows[:, :DELAY_COLUMN].any():
+                moving.append(name)
+        singles = [(name,) for name in h]
+        for names in (*singles, *itertools.combinations(moving, 2)):
+            effect_shares = np.hstack([shares[:, space.columns(name)] for name in names])
+            changes, error = self._grid(names, profile).interpolate(effect_shares)
+            rows = rows + changes
+            variance = variance + error**2
+            if len(names) == 2:
+                max_pair_change = np.maximum(max_pair_change, abs(changes[:, MARK_COLUMNS]))
+        if len(moving) > 2:
+            variance += (THREE_EFFECTS_ERROR * max_pair_change) ** 2
+        return rows, variance
+
+    def _space(self, h: Hypothesis) -> ParameterSpace:
+        """Build the parameter space of a hypothesis."""
+        setting = next(iter(self.settings.values()))
+        return ParameterSpace(tuple(self.effects[name] for name in h), setting)
 
     def _grid(self, h: Hypothesis, profile: ForceProfile) -> _Grid:
-        """Fly one or two effects at their nodes: their change, of two beyond that of each alone."""
+        """Fly one or two effects at their nodes: change by one, or by two beyond their sum."""
         if (h, profile) not in self._grids:
-            space, along = self._space(h), [PAIRED, NODES][len(h) == 1]
-            counts = [len(effect.parameters) for effect in space.effects]
-            sizes = tuple(n for count in counts for n in count * (along[min(count, 4)],))
-            nodes = _nodes(sizes)
-            rows = self._flown(h, nodes, profile) - self._flown((), np.zeros((1, 0)), profile)
-            for name in h if len(h) == 2 else ():
-                rows = rows - self._grid((name,), profile).at(nodes[:, space.columns(name)])[0]
-            self._grids[h, profile] = _Grid.fitted(sizes, rows)
+            space = self._space(h)
+            node_counts = NODES if len(h) == 1 else PAIR_NODES
+            sizes: list[int] = []
+            for effect in space.effects:
+                parameters = len(effect.parameters)
+                sizes += parameters * [node_counts[min(parameters, 4)]]
+            nodes = _node_shares(sizes)
+            baseline = self._fly_shares(NO_EFFECT, NO_VALUES, profile)
+            changes = self._fly_shares(h, nodes, profile) - baseline
+            if len(h) == 2:
+                for name in h:
+                    grid = self._grid((name,), profile)
+                    single_changes, _ = grid.interpolate(nodes[:, space.columns(name)])
+                    changes = changes - single_changes
+            self._grids[h, profile] = _Grid.fit(tuple(sizes), changes)
         return self._grids[h, profile]
 
-    def _flown(self, h: Hypothesis, shares: Array, profile: ForceProfile) -> Array:
+    def _fly_shares(self, h: Hypothesis, shares: Array, profile: ForceProfile) -> Array:
         """Fly shares (m, p) of priors, equal flights once, (m, COLUMNS); NaN for no bench."""
-        base, parameters = self.settings[profile], self._space(h).parameters
+        baseline = self.settings[profile]
+        parameters = self._space(h).parameters
         keys: dict[int, Hashable] = {}
-        new: dict[Hashable, Setting] = {}
+        settings: dict[Hashable, Setting] = {}
         rows = np.full((len(shares), COLUMNS), np.nan)
         for k, row in enumerate(shares.tolist()):
             values = tuple(p.at(share) for p, share in zip(parameters, row, strict=True))
             with suppress(DogshapeError):
-                setting = Level(h, values).setting(self.effects, base)
-                axial, force = setting.clutch.numbers[AXIAL].tobytes(), setting.point.profile
-                keys[k] = profile, force, axial, setting.sensor, setting.clutch.timeout
-                new[keys[k]] = setting
-                rows[k, 2 * SIZE :] = setting.clutch.dog.axial_gap
-                rows[k, -1] = setting.delay + force.delay
-        if new := {key: setting for key, setting in new.items() if key not in self._rows}:
-            found = fly(list(new.values()), base.clutch.dog.axial_gap, profile.force)
-            self._rows.update(zip(new, np.hstack(found), strict=True))
+                setting = Level(h, values).setting(self.effects, baseline)
+                clutch = setting.clutch
+                force = setting.point.profile
+                axial = clutch.numbers[AXIAL_NUMBERS].tobytes()
+                keys[k] = (profile, force, axial, setting.sensor, clutch.timeout)
+                settings[keys[k]] = setting
+                rows[k, MARGIN_COLUMNS] = clutch.dog.axial_gap
+                rows[k, DELAY_COLUMN] = setting.delay + force.delay
+        new_settings = {key: s for key, s in settings.items() if key not in self._rows}
+        if new_settings:
+            flights = fly(list(new_settings.values()), baseline.clutch.dog.axial_gap, profile.force)
+            self._rows.update(zip(new_settings, np.hstack(flights), strict=True))
         for k, key in keys.items():
-            times, creep, ring = np.split(self._rows[key], (SIZE, 2 * SIZE))
-            rows[k, : 2 * SIZE] = *np.maximum(times, FIRST_STEP) ** -0.5, *creep
-            rows[k, 2 * SIZE : -1] -= ring
+            times, creep, rings = np.split(self._rows[key], (SIZE, 2 * SIZE))
+            rows[k, MARK_COLUMNS] = np.maximum(times, FIRST_STEP) ** -0.5
+            rows[k, CREEP_COLUMNS] = creep
+            rows[k, MARGIN_COLUMNS] -= rings
         return rows
 
 
 def log_flights(
-    seen: Sequence[SeenFlight], flights: Flights, h: Hypothesis, values: Array
+    observed: Sequence[SeenFlight], flights: Flights, h: Hypothesis, values: Array
 ) -> Array:
     """Compute the log density of all profiles' marks at values (m, p) of a hypothesis, (m,)."""
-    both = np.zeros((2, len(values)))
-    for distance, spread, size in _distances(seen, flights, h, values):
+    log = np.zeros((2, len(values)))  # with acting and nominal force
+    for squared, log_determinant, size in _distances(observed, flights, h, values):
         constant = gammaln((FREEDOM + size) / 2.0) - gammaln(FREEDOM / 2.0)
         constant = constant - 0.5 * size * np.log(FREEDOM * np.pi)
-        both += constant - 0.5 * spread - 0.5 * (FREEDOM + size) * np.log1p(distance / FREEDOM)
-    return np.asarray(np.logaddexp(*both) - np.log(2.0))
+        tail = 0.5 * (FREEDOM + size) * np.log1p(squared / FREEDOM)
+        log += constant - 0.5 * log_determinant - tail
+    return np.asarray(np.logaddexp(*log) - np.log(2.0))
 
 
 def flight_scores(
-    seen: Sequence[SeenFlight], flights: Flights, h: Hypothesis, values: Array
+    observed: Sequence[SeenFlight], flights: Flights, h: Hypothesis, values: Array
 ) -> Array:
     """Score the marks as normal deviates, (m, profiles), in the likelier reading of the force."""
-    tails = np.zeros((2, len(values), len(seen)))
-    for k, (distance, _, size) in enumerate(_distances(seen, flights, h, values)):
-        tails[:, :, k] = f_distribution.sf(distance / size, size, FREEDOM)
-    scores = norm.isf(0.5 * np.maximum(tails, 1e-300))
-    acting = (scores[0] ** 2).sum(axis=1) <= (scores[1] ** 2).sum(axis=1)
-    return np.where(acting[:, None], scores[0], scores[1])
+    tails = np.zeros((2, len(values), len(observed)))
+    for k, distances in enumerate(_distances(observed, flights, h, values)):
+        size = distances.size
+        tails[:, :, k] = f_distribution.sf(distances.squared / size, size, FREEDOM)
+    acting, nominal = norm.isf(0.5 * np.maximum(tails, 1e-300))
+    is_acting = (acting**2).sum(axis=1) <= (nominal**2).sum(axis=1)
+    return np.where(is_acting[:, None], acting, nominal)
 
 
-def log_unknown(seen: Sequence[SeenFlight], flights: Flights) -> float:
+def log_unknown(observed: Sequence[SeenFlight], flights: Flights) -> float:
     """Compute the log density of all marks if no known effect moved them."""
-    if not seen:
+    if not observed:
         return 0.0
-    still = float(log_flights(seen, flights, *STILL)[0])
-    predicted = [_predicted(one, flights, *STILL) for one in seen]
-    gap = np.concatenate([s.times - p[0][0] for s, p in zip(seen, predicted, strict=True)])
-    error = block_diag(*(covariance[0] for *_, covariance in predicted))
-    places = np.concatenate([one.places for one in seen])
-    force = np.concatenate([np.full(one.places.size, one.profile.force) for one in seen])
-    where = np.log([force, np.array([*WAYS, *FORCES])[places]])
-    square = ((where[:, :, None] - where[:, None]) ** 2).sum(axis=0)
-    way = places < len(WAYS)
-    alike = SMOOTH * np.exp(-0.5 * square / LENGTH**2) + (1.0 - SMOOTH) * np.eye(way.size)
-    shape = alike * (way[:, None] == way)
-    moved = [
-        multivariate_normal.logpdf(gap, cov=error + scale**2 * shape * np.outer(which, which))
-        for scale in SCALES
-        for which in (way | True, way)
-    ]
-    free = np.logaddexp.reduce(moved) - np.log(len(moved))
-    return float(np.logaddexp(still, free) - np.log(2.0))
+    log_baseline = float(log_flights(observed, flights, NO_EFFECT, NO_VALUES)[0])
+    predictions = [_predict_marks(flight, flights, NO_EFFECT, NO_VALUES) for flight in observed]
+    pairs = zip(observed, predictions, strict=True)
+    residual = np.concatenate([flight.times - p.acting[0] for flight, p in pairs])
+    error = block_diag(*(p.covariance[0] for p in predictions))
+    places = np.concatenate([flight.places for flight in observed])
+    force = np.concatenate([np.full(f.places.size, f.profile.force) for f in observed])
+    x = np.log([force, np.array([*WAYS, *FORCES])[places]])
+    square = ((x[:, :, None] - x[:, None]) ** 2).sum(axis=0)
+    is_way = places < len(WAYS)
+    correlation = SMOOTH_SHARE * np.exp(-0.5 * square / OFFSET_LENGTH**2)
+    correlation = correlation + (1.0 - SMOOTH_SHARE) * np.eye(is_way.size)
+    correlation = correlation * (is_way[:, None] == is_way)
+    logs = []
+    for sd in OFFSET_SDS:
+        for is_offset in (np.ones_like(is_way), is_way):  # all marks, or those of displacement
+            offsets = sd**2 * correlation * np.outer(is_offset, is_offset)
+            logs.append(multivariate_normal.logpdf(residual, cov=error + offsets))
+    log_offset = np.logaddexp.reduce(logs) - np.log(len(logs))
+    return float(np.logaddexp(log_baseline, log_offset) - np.log(2.0))
 
 
-def _predicted(
-    one: SeenFlight, flights: Flights, h: Hypothesis, values: Array
-) -> tuple[Array, Array, Array]:
-    """Predict the marks that a profile has, (m, k), by acting and nominal force, and covariance."""
-    marks = flights.marks(h, values, one.profile)
-    times, error, creep = (part[:, one.places] for part in (marks.times, marks.error, marks.creep))
-    still = flights.marks(*STILL, one.profile).times[:, one.places]
-    nominal = np.where(one.places < len(WAYS), times, still)
-    own = np.eye(one.places.size) * (error**2)[:, None, :]
-    return times, nominal, one.covariance + own + creep[:, :, None] * creep[:, None, :]
+def _predict_marks(
+    flight: SeenFlight, flights: Flights, h: Hypothesis, values: Array
+) -> _PredictedMarks:
+    """Predict the marks that a profile has at values (m, p) of a hypothesis."""
+    places = flight.places
+    marks = flights.marks(h, values, flight.profile)
+    baseline = flights.marks(NO_EFFECT, NO_VALUES, flight.profile)
+    times = marks.times[:, places]
+    creep = marks.creep[:, places]
+    single = np.eye(places.size) * (marks.error[:, places] ** 2)[:, None, :]
+    return _PredictedMarks(
+        acting=times,
+        nominal=np.where(places < len(WAYS), times, baseline.times[:, places]),
+        covariance=flight.covariance + single + creep[:, :, None] * creep[:, None, :],
+    )
 
 
 def _distances(
-    seen: Sequence[SeenFlight], flights: Flights, h: Hypothesis, values: Array
-) -> Iterator[tuple[Array, Array, int]]:
-    """Yield of each profile squared distances (2, m), log determinants (m,) and number of marks."""
-    for one in seen:
-        *both, covariance = _predicted(one, flights, h, values)
-        root = np.linalg.cholesky(covariance)
-        scaled = np.linalg.solve(root, np.stack([one.times - times for times in both], axis=2))
-        spread = 2.0 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-        yield (scaled**2).sum(axis=1).T, spread, one.times.size
+    observed: Sequence[SeenFlight], flights: Flights, h: Hypothesis, values: Array
+) -> Iterator[_Distances]:
+    """Yield the distances of each profile's marks from those at values (m, p)."""
+    for flight in observed:
+        p = _predict_marks(flight, flights, h, values)
+        root = np.linalg.cholesky(p.covariance)
+        residuals = np.stack([flight.times - p.acting, flight.times - p.nominal], axis=2)
+        scaled = np.linalg.solve(root, residuals)
+        log_determinant = 2.0 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+        yield _Distances((scaled**2).sum(axis=1).T, log_determinant, flight.times.size)

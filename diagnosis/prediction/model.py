@@ -22,100 +22,183 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit, logit
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.prediction.curve import (
-    LEAST_PART,
-    MOMENTS,
+    MIN_CONTACT_SHARE,
+    AngleDistribution,
     Changes,
     Curve,
-    Space,
+    ParameterSpace,
     coordinates,
 )
 from dogshape.diagnosis.prediction.emulator import Emulator
 from dogshape.diagnosis.prediction.moments import (
-    FAR,
-    LEAST_SD,
+    ENGAGED_LOGIT,
+    LATE_DISTANCES,
+    LATE_SHARE,
+    LOG_KURTOSIS,
+    LOG_MEAN,
+    LOG_SD,
+    MIN_SD_S,
+    MOMENTS,
     Angles,
-    late_times,
+    Modes,
+    mark_late,
+    mask_late,
     modes_of,
     quantiles,
-    timely,
 )
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
-    DENSE,
+    DENSE_FACTOR,
     Level,
-    Simulated,
+    SimulatedTimes,
     extremes,
     settings_of,
     simulate,
     simulate_benches,
-    with_wide_range,
+    widen_ranges,
 )
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import DELAY, REVERSED, Array, Hypothesis, forward
+from dogshape.diagnosis.terms import DELAY, REVERSED, Array, Hypothesis, strip_sense
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Sensor, Setting, angle_weights
 from dogshape.sim.shift.planar import touch_time
 from dogshape.sim.statistics.blocks import Runner
 
-LEAST_FAR = 8e-3  #: s behind the median, at least
-SLOT = 0.5  #: of the passing time of a slot behind the median, at least
-SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
-ENOUGH_LATE = 8  #: late shifts from which their delays are known
-POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
-COMBINED = 0.7  #: error of two effects over the product of their changes (measured)
-#: Measured: variances of a change by angles of benches at all of them and at few, over that of all
-#: changes; errors of ln deviation and of the mean by uneven angles over 1 / number that counts.
-CHAOS, BLUR, FLOOR = (5e-4, 3e-3), 1.2, 0.2
-#: Steps of a range between which further benches of one and of two effects lie, and how many of
-#: these are simulated at once.
-GRID, BENCHES = {1: 32, 2: 16}, 4
-DENSE_ERROR = DENSE**-0.8  #: error of a moment by all angles over that by a level's (measured)
+MIN_LATE_DELAY_S = 8e-3  #: s, of a late shift behind the median
+MIN_LATE_PASSING = 0.5  #: of the passing time of a slot, the same
+LATE_SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
+MIN_LATE_COUNT = 8  #: late shifts from which their delays are estimated
+LATE_SHARE_PRIOR = 10.0  #: shifts that the share of late ones at all levels counts as at each
+PAIR_ERROR = 0.7  #: error of two effects over the product of their changes (measured)
+#: Variance of a change by angles of a bench over that of all changes (measured): of benches at all
+#: angles of the baseline, and at those of the levels.
+DENSE_NOISE = 5e-4
+SPARSE_NOISE = 3e-3
+UNEVEN_SD_ERROR = 1.2  #: error of ln deviation by uneven angles, over 1 / number that counts
+UNEVEN_MEAN_ERROR = 0.2  #: the same of the mean, of which it is a share
+GRID_STEPS = {1: 32, 2: 16}  #: steps of a range between further benches, by number of effects
+BENCHES_PER_ROUND = 4  #: further benches that are simulated at once
+DENSE_ERROR = DENSE_FACTOR**-0.8  #: error of a moment by all angles over a level's (measured)
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
 #: the share of late shifts over the binomial one, of the logit of those that engage, ln kurtosis.
-OWN, SHARED = (0.1, 0.25, 1.0, 0.5, 0.3), (0.04, 0.05, 0.5, 1.0, 0.2)
-TAILS = -1.5, 12.0  #: of the excess kurtosis, least and most
-RECENT = 256  #: results that are kept
-TRIED = 9  #: values of each parameter at which the range of an effect is examined
+LEVEL_ERRORS = (0.1, 0.25, 1.0, 0.5, 0.3)
+COMMON_ERRORS = (0.04, 0.05, 0.5, 1.0, 0.2)
+MIN_KURTOSIS = -1.5  #: excess
+MAX_KURTOSIS = 12.0  #: excess
+CACHE_SIZE = 256  #: changes of an effect that are kept
+RANGE_SHARES = 9  #: values of each parameter at which the range of an effect is examined
 
 
 @dataclass(frozen=True)
-class Predicted:
-    """Shift times that a hypothesis predicts, for m values of its parameters at C points."""
+class Prediction:
+    """Shift times that a hypothesis predicts, for m values of its parameters at C points.
+
+    All fields are (m, C).
+    """
 
     mean: Array  #: of timely shifts that engage, dead time included, s
-    sd: Array  #: of these, s
+    sd: Array  #: standard deviation of these, s
     error: Array  #: standard error of each ``mean`` by angles, effect laws and emulation, s
-    emulated: Array  #: all of it by interpolation between levels, s
-    common: Array  #: error that all points share: emulation, effects together, s
-    late: Array  #: share of late shifts among those that engage
-    engaged: Array  #: share that engages before the time-out
+    emulation_error: Array  #: all error by interpolation between levels, s
+    common_error: Array  #: error that all points share: emulation, effects together, s
+    late_share: Array  #: late shifts among those that engage
+    engaged_share: Array  #: shifts that engage before the time-out
     delay: Array  #: dead time within ``mean``, s
-    #: Two modes of the timely shifts, by uneven angles: share of the smaller one, 1 for no modes;
-    #: mean of the larger one behind ``mean``, s; its standard deviation, s.
-    minor: Array
-    main: Array
-    narrow: Array
-    shape: Array  #: excess kurtosis of the timely shifts
-    blur: Array  #: standard error of the logarithm of ``sd`` by interpolation and uneven angles
+    minor_share: Array  #: timely shifts in the smaller of two modes, 1 for no modes
+    main_offset: Array  #: mean of the larger mode behind ``mean``, s
+    main_sd: Array  #: standard deviation of the larger mode, s
+    kurtosis: Array  #: excess kurtosis of the timely shifts
+    log_sd_error: Array  #: standard error of ln ``sd`` by interpolation and uneven angles
 
-    def only(self, rows: object) -> Predicted:
-        """Select some of the values."""
-        return Predicted(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+    def select(self, index: object) -> Prediction:
+        """Select values by an index into (m, C)."""
+        return Prediction(*(getattr(self, item.name)[index] for item in fields(self)))
 
     @staticmethod
-    def joined(parts: Sequence[Predicted]) -> Predicted:
-        """Join the values of several predictions."""
-        names = Predicted.__dataclass_fields__
-        return Predicted(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
+    def concatenate(predictions: Sequence[Prediction]) -> Prediction:
+        """Concatenate predictions along their values."""
+        columns = []
+        for item in fields(Prediction):
+            columns.append(np.concatenate([getattr(p, item.name) for p in predictions]))
+        return Prediction(*columns)
+
+
+class LateDelay(NamedTuple):
+    """Delay of a late shift behind timely ones, s, (C,) each."""
+
+    mean: Array
+    sd: Array
+
+
+class Approach(NamedTuple):
+    """Motion until the gap is closed, (C,) each."""
+
+    time: Array  #: s
+    pace: Array  #: mismatch, pitches/s
+
+
+class ReadingChange(NamedTuple):
+    """Change of the reading of a shift by an effect."""
+
+    delay: float  #: s
+    concentration: float  #: of the relative angles
+    centre: float  #: of the relative angles, pitches
+
+
+class FurtherBench(NamedTuple):
+    """Bench of one or two effects beside the levels."""
+
+    level: Level
+    times: Array  #: s, (C, DENSE_FACTOR * ANGLES)
+
+
+class OrderedBaseline(NamedTuple):
+    """Baseline of each operating point in the order of its times, (C, A) each."""
+
+    turns: Array  #: relative angles, pitches
+    times: Array  #: s
+    is_timely: np.ndarray
+
+
+@dataclass
+class _EffectSums:
+    """Sums of the changes by effects of a hypothesis, at m values and C operating points."""
+
+    moments: Array  #: changes, (m, C, MOMENTS)
+    modes: Modes
+    contact_logs: list[Array] = field(default_factory=list)  #: ln time from the closed gap, (m, C)
+    reading_log: Array | float = 0.0  #: change of ln mean by effects of the reading, (m, C)
+    squared_log: Array | float = 0.0  #: sum of squared changes of ln mean, (m, C)
+    delay: Array | float = 0.0  #: s, (m, C)
+    emulation_variance: Array | float = 0.0  #: of ln mean by interpolation, (m, C)
+    common_variance: Array | float = 0.0  #: the part of it that all points share, (m, C)
+    flight: Array | float = 0.0  #: change of the logarithm of the approach's time, (m, C)
+    slip: Array | float = 0.0  #: change of the mismatch, pitches/s, (m, C)
+    log_sd_variance: Array | float = 0.0  #: squared error of ln deviation, (m, C)
+
+    def add(self, change: Changes) -> None:
+        """Add the changes by one more effect."""
+        self.moments += change.moments
+        self.squared_log = self.squared_log + change.moments[..., LOG_MEAN] ** 2
+        self.delay = self.delay + change.delay
+        self.emulation_variance = self.emulation_variance + change.error**2
+        self.common_variance = self.common_variance + change.common_share * change.error**2
+        self.flight = self.flight + change.flight
+        self.slip = self.slip + change.slip
+        uneven_variance = UNEVEN_SD_ERROR**2 * change.inverse_squared_count
+        self.log_sd_variance = self.log_sd_variance + (uneven_variance + change.log_sd_error**2)
+        if change.modes is not None:
+            self.modes = change.modes
 
 
 @dataclass(frozen=True)
@@ -123,19 +206,19 @@ class Model:
     """Predictions of a clutch at a data set's operating points."""
 
     effects: Mapping[str, Effect]  #: of hypotheses, by name, with their wide ranges
-    simulated: Simulated  #: baseline and levels
+    simulated: SimulatedTimes  #: baseline and levels
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
-    law: float  #: error of an effect's law, as a share of the change that it makes
-    turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
-    run: Runner | None = None  #: simulates further benches
-    #: What the changes of two effects miss of ln mean and ln deviation, 2 C moments.
-    joint: Mapping[Hypothesis, Emulator] = field(default_factory=dict)
-    #: Benches of one or two effects beside the levels, and their times, (C, DENSE * ANGLES).
-    further: Mapping[Hypothesis, tuple[tuple[Level, Array], ...]] = field(default_factory=dict)
+    law_error: float  #: error of an effect's law, as a share of the change that it makes
+    #: Of the reversed sense of rotation, where that is a hypothesis.
+    reversed_model: Model | None = None
+    runner: Runner | None = None  #: simulates further benches
+    #: Errors of the rule for two effects in ln mean and ln deviation, 2 C moments.
+    pair_emulators: Mapping[Hypothesis, Emulator] = field(default_factory=dict)
+    further_benches: Mapping[Hypothesis, tuple[FurtherBench, ...]] = field(default_factory=dict)
     _curves: dict[str, Curve] = field(default_factory=dict)
-    _limits: dict[str, list[Setting]] = field(default_factory=dict)
-    _recent: dict[object, Changes] = field(default_factory=dict)
-    _benches: dict[tuple[object, ...], bool] = field(default_factory=dict)
+    _limiting_settings: dict[str, list[Setting]] = field(default_factory=dict)
+    _cached_changes: dict[object, Changes] = field(default_factory=dict)
+    _bench_exists: dict[tuple[object, ...], bool] = field(default_factory=dict)
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -148,469 +231,682 @@ class Model:
         return self.simulated.settings[0]
 
     @property
-    def cells(self) -> int:
+    def cell_count(self) -> int:
         """Number of operating points."""
         return len(self.simulated.settings)
 
     @cached_property
-    def waits(self) -> Array:
+    def passing_times(self) -> Array:
         """Time in which the rings turn by one pitch, at most the time-out, s, (C,)."""
-        return np.array([wait_of(one) for one in self.settings])
+        return np.array([passing_time(setting) for setting in self.settings])
 
     @cached_property
-    def far(self) -> Array:
-        """Least distance of a late shift behind the median, s, (C,), by the dense baseline."""
-        fast, middle = quantiles(self.simulated.baseline, (0.1, 0.5))
-        return np.maximum(FAR * (middle - fast), np.maximum(SLOT * self.waits, LEAST_FAR))
+    def min_late_delay(self) -> Array:
+        """Smallest delay of a late shift behind the median, s, (C,), by the dense baseline."""
+        fast, median = quantiles(self.simulated.baseline, (0.1, 0.5))
+        min_delay = np.maximum(MIN_LATE_PASSING * self.passing_times, MIN_LATE_DELAY_S)
+        return np.maximum(LATE_DISTANCES * (median - fast), min_delay)
 
     @cached_property
-    def base(self) -> Array:
+    def base_moments(self) -> Array:
         """Moments of the baseline at all angles, (C, MOMENTS)."""
         return self._moments(self.simulated.baseline)
 
     @cached_property
-    def shape(self) -> Array:
+    def base_mean(self) -> Array:
+        """Mean of the baseline's timely shifts, s, (C,)."""
+        return np.asarray(np.exp(self.base_moments[:, LOG_MEAN]))
+
+    @cached_property
+    def kurtosis(self) -> Array:
         """Excess kurtosis of timely shifts of the baseline, (C,)."""
-        return np.clip(np.nan_to_num(np.exp(self.base[:, 4]) - 3.0), *TAILS)
+        excess = np.nan_to_num(np.exp(self.base_moments[:, LOG_KURTOSIS]) - 3.0)
+        return np.clip(excess, MIN_KURTOSIS, MAX_KURTOSIS)
 
     @cached_property
-    def _every(self) -> tuple[Array, Array]:
-        """Times of the baseline and all levels, (C, n), and which of them are late."""
+    def _pooled_times(self) -> Array:
+        """Times of the baseline and all levels, s, (C, n)."""
         levels = np.moveaxis(self.simulated.times, 1, 0)
-        late = late_times(levels, self.far[:, None]).reshape(self.cells, -1)
-        base = self.simulated.baseline
-        times = np.hstack([base, levels.reshape(self.cells, -1)])
-        return times, np.hstack([late_times(base, self.far), late])
+        return np.hstack([self.simulated.baseline, levels.reshape(self.cell_count, -1)])
 
     @cached_property
-    def pooled_late(self) -> Array:
+    def _pooled_is_late(self) -> np.ndarray:
+        """Whether the shifts of baseline and levels are late, (C, n)."""
+        levels = np.moveaxis(self.simulated.times, 1, 0)
+        late_levels = mark_late(levels, self.min_late_delay[:, None]).reshape(self.cell_count, -1)
+        return np.hstack([mark_late(self.simulated.baseline, self.min_late_delay), late_levels])
+
+    @cached_property
+    def pooled_late_share(self) -> Array:
         """Share of late shifts over baseline and all levels, (C,)."""
-        times, late = self._every
-        return (late.sum(axis=1) + 0.5) / (np.isfinite(times).sum(axis=1) + 50.0)
+        late_count = self._pooled_is_late.sum(axis=1)
+        return (late_count + 0.5) / (np.isfinite(self._pooled_times).sum(axis=1) + 50.0)
 
     @cached_property
-    def behind(self) -> tuple[Array, Array]:
-        """Mean and standard deviation of a late shift's delay behind timely ones, s, (C,) each.
+    def late_delay(self) -> LateDelay:
+        """Mean and standard deviation of a late shift's delay behind timely ones.
 
-        Where hardly any shift is late, it passes ``SLOTS`` slots, and scatters as much.
+        Where hardly any shift is late, it passes ``LATE_SLOTS`` slots, and scatters as much.
         """
-        times, late = self._every
-        (own,) = quantiles(np.moveaxis(self.simulated.times, 1, 0), (0.5,))
-        dense = self.simulated.baseline.shape[1]
-        timeout = np.array([one.clutch.timeout for one in self.settings])
-        mean = np.minimum(SLOTS * self.waits, 0.5 * timeout)
+        times = self._pooled_times
+        is_late = self._pooled_is_late
+        (level_medians,) = quantiles(np.moveaxis(self.simulated.times, 1, 0), (0.5,))
+        baseline_count = self.simulated.baseline.shape[1]
+        timeout = np.array([setting.clutch.timeout for setting in self.settings])
+        mean = np.minimum(LATE_SLOTS * self.passing_times, 0.5 * timeout)
         sd = mean.copy()
-        for cell in np.flatnonzero(late.sum(axis=1) >= ENOUGH_LATE):
-            middle = np.median(times[cell][np.isfinite(times[cell])])
-            medians = np.append(np.repeat(middle, dense), np.repeat(own[cell], ANGLES))
-            mine = (times[cell] - medians)[late[cell]]
-            mean[cell], sd[cell] = mine.mean(), mine.std(ddof=1)
-        return mean, sd
+        for cell in np.flatnonzero(is_late.sum(axis=1) >= MIN_LATE_COUNT):
+            median = np.median(times[cell][np.isfinite(times[cell])])
+            medians = np.append(
+                np.repeat(median, baseline_count), np.repeat(level_medians[cell], ANGLES)
+            )
+            delays = (times[cell] - medians)[is_late[cell]]
+            mean[cell] = delays.mean()
+            sd[cell] = delays.std(ddof=1)
+        return LateDelay(mean, sd)
 
-    def space(self, hypothesis: Hypothesis) -> Space:
-        """Find the parameters of a hypothesis."""
-        return Space(tuple(self.effects[name] for name in forward(hypothesis)), self.setting)
+    def space(self, hypothesis: Hypothesis) -> ParameterSpace:
+        """Build the parameter space of a hypothesis."""
+        effects = tuple(self.effects[name] for name in strip_sense(hypothesis))
+        return ParameterSpace(effects, self.setting)
 
-    def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
-        """Predict a hypothesis at shares (m, p) of its ranges."""
+    def predict(self, hypothesis: Hypothesis, shares: Array) -> Prediction:
+        """Predict shift times of a hypothesis at shares (m, p) of its ranges."""
         if REVERSED in hypothesis:
-            assert self.turned is not None, "the reversed sense is asked for where it is simulated"
-            return self.turned.predict(forward(hypothesis), shares)
+            return self._reversed().predict(strip_sense(hypothesis), shares)
         return self.predict_values(hypothesis, self.space(hypothesis).values(shares))
 
-    def predict_values(self, hypothesis: Hypothesis, values: Array) -> Predicted:
-        """Predict a hypothesis without the sense at values (m, p)."""
-        space, count, base = self.space(hypothesis), len(values), np.exp(self.base[:, 0])
-        free, pace = self._free
-        after = np.maximum(base - free, LEAST_PART * base)
-        logs, angled, square, delay, missed, alike, flight, slip = np.zeros((8, count, self.cells))
-        parts, crossed = list[Array](), np.zeros((count, self.cells))
-        modes = np.ones((4, count, self.cells))
-        modes[3] = self.shape
-        rest, blur = np.zeros((count, self.cells, MOMENTS - 1)), np.zeros((count, self.cells))
-        others = [name for name in hypothesis if name not in self.readings]
-        for name in sorted(hypothesis, key=lambda name: name in self.readings):
-            change = self.changes(name, values[:, space.columns(name)])
-            if change.uneven is not None:
-                turn = (pace + slip) * free * np.exp(flight) - pace * free
-                where = {n: self._curve(n).places(values[:, space.columns(n)]) for n in others}
-                change = self._uneven(change, turn, where)
-            log = change.moments[..., 0]
-            if name in self.readings:
-                angled += log
-            else:
-                left = base * np.exp(log) - free * np.exp(change.flight)
-                parts.append(np.log(np.maximum(left, LEAST_PART * base) / after))
-            logs += log
-            flight += change.flight
-            slip += change.slip
-            rest += change.moments[..., 1:]
-            square += log**2
-            missed += change.error**2
-            alike += change.alike * change.error**2
-            delay += change.delay
-            modes = modes if change.modes is None else change.modes
-            blur += BLUR**2 * change.blur + change.spread**2
-        mean = base * np.exp(logs)
-        if len(others) > 1:
-            mean = (free * np.exp(flight) + after * np.exp(sum(parts))) * np.exp(angled)
-        for (one, first), (other, second) in itertools.combinations(
-            zip(others, parts, strict=True), 2
-        ):
-            error = COMBINED * abs(first * second)
-            if joint := self.joint.get((one, other)):
-                places = self._places((one, other), space, values)
-                moments, errors = joint.at(places, 2)
-                mean = mean * np.exp(moments[:, ::2])
-                rest[..., 0] += moments[:, 1::2]
-                error, blur = errors[:, ::2], blur + errors[:, 1::2] ** 2
-            crossed += error
-        sd = np.clip(np.exp(self.base[:, 1] + rest[..., 0]), LEAST_SD, np.maximum(mean, LEAST_SD))
-        own = self.law**2 * square + missed - alike + crossed**2
-        error = np.hypot(_angle_error(DENSE * ANGLES) * sd, np.sqrt(own) * mean)
-        late = np.clip(self.base[:, 2] + rest[..., 1], 1e-3, 0.9)
-        engaged = expit(self.base[:, 3] + rest[..., 2])
-        shape = np.clip((modes[3] + 3.0) * np.exp(rest[..., 3]) - 3.0, *TAILS)
-        return Predicted(
-            mean + delay, sd, error, np.sqrt(missed) * mean, np.sqrt(crossed**2 + alike) * mean,
-            late, engaged, delay, modes[0], mean * (modes[1] - 1.0), sd * modes[2], shape,
-            blur**0.5,
-        )  # fmt: skip
+    def _reversed(self) -> Model:
+        """Return the model of the reversed sense, which must be simulated."""
+        assert self.reversed_model is not None, "the reversed sense is simulated"
+        return self.reversed_model
 
-    def _places(self, names: Hypothesis, space: Space, values: Array) -> Array:
-        """Compute coordinates of effects in their unit cubes, (m, p)."""
-        cubes = (self._curve(name).places(values[:, space.columns(name)]) for name in names)
-        return np.hstack([*cubes])
+    def predict_values(self, hypothesis: Hypothesis, values: Array) -> Prediction:
+        """Predict shift times of a hypothesis without the sense at values (m, p).
+
+        Times until the gap is closed multiply and times of contact multiply; pairs that were
+        simulated together correct that.
+        """
+        contact_effects = [name for name in hypothesis if name not in self.reading_effects]
+        sums = self._sum_changes(hypothesis, contact_effects, values)
+        mean = self.base_mean * np.exp(sums.moments[..., LOG_MEAN])
+        if len(contact_effects) > 1:
+            gap_time = self._approach.time * np.exp(sums.flight)
+            contact_time = self._contact_time * np.exp(sum(sums.contact_logs))
+            mean = (gap_time + contact_time) * np.exp(sums.reading_log)
+        space = self.space(hypothesis)
+        pair_error = np.zeros_like(mean)
+        for first, second in itertools.combinations(range(len(contact_effects)), 2):
+            pair = (contact_effects[first], contact_effects[second])
+            emulator = self.pair_emulators.get(pair)
+            if emulator is None:
+                product = sums.contact_logs[first] * sums.contact_logs[second]
+                pair_error += PAIR_ERROR * abs(product)
+                continue
+            # Columns of the emulator are ln mean and ln deviation of one point after the other.
+            x = self._pair_coordinates(pair, space, values)
+            corrections, errors = emulator.predict(x, moments=2)
+            mean = mean * np.exp(corrections[:, ::2])
+            sums.moments[..., LOG_SD] += corrections[:, 1::2]
+            sums.log_sd_variance = sums.log_sd_variance + errors[:, 1::2] ** 2
+            pair_error += errors[:, ::2]
+        return self._with_errors(sums, mean, pair_error)
+
+    def _sum_changes(
+        self, hypothesis: Hypothesis, contact_effects: Sequence[str], values: Array
+    ) -> _EffectSums:
+        """Sum the changes by the effects of a hypothesis at values (m, p).
+
+        Effects of the reading come last: uneven angles weigh the times with all other effects.
+        """
+        space = self.space(hypothesis)
+        shape = (len(values), self.cell_count)
+        ones = np.ones(shape)
+        sums = _EffectSums(
+            moments=np.zeros((*shape, MOMENTS)), modes=Modes(ones, ones, ones, self.kurtosis * ones)
+        )
+        approach = self._approach
+        for name in sorted(hypothesis, key=lambda name: name in self.reading_effects):
+            change = self.changes(name, values[:, space.columns(name)])
+            if change.angles is not None:
+                turn = (approach.pace + sums.slip) * approach.time * np.exp(sums.flight)
+                further_turn = turn - approach.pace * approach.time
+                x = {
+                    effect: self._curve(effect).coordinates(values[:, space.columns(effect)])
+                    for effect in contact_effects
+                }
+                change = self._weigh_angles(change, change.angles, further_turn, x)
+            log = change.moments[..., LOG_MEAN]
+            if name in self.reading_effects:
+                sums.reading_log = sums.reading_log + log
+            else:
+                gap_time = approach.time * np.exp(change.flight)
+                contact_time = self.base_mean * np.exp(log) - gap_time
+                contact_time = np.maximum(contact_time, MIN_CONTACT_SHARE * self.base_mean)
+                sums.contact_logs.append(np.log(contact_time / self._contact_time))
+            sums.add(change)
+        return sums
+
+    def _with_errors(self, sums: _EffectSums, mean: Array, pair_error: Array) -> Prediction:
+        """Build a prediction from the sums of changes and the mean without dead time, s, (m, C).
+
+        ``pair_error`` is the relative error of the mean by pairs of effects, (m, C).
+        """
+        none = np.zeros_like(mean)
+        log_sd = self.base_moments[:, LOG_SD] + sums.moments[..., LOG_SD]
+        late_share = self.base_moments[:, LATE_SHARE] + sums.moments[..., LATE_SHARE]
+        engaged_logit = self.base_moments[:, ENGAGED_LOGIT] + sums.moments[..., ENGAGED_LOGIT]
+        sd = np.clip(np.exp(log_sd), MIN_SD_S, np.maximum(mean, MIN_SD_S))
+        law_variance = self.law_error**2 * (none + sums.squared_log)
+        emulation_variance = none + sums.emulation_variance
+        variance = law_variance + emulation_variance - sums.common_variance + pair_error**2
+        angle_error = _angle_error(DENSE_FACTOR * ANGLES) * sd
+        kurtosis = (sums.modes.kurtosis + 3.0) * np.exp(sums.moments[..., LOG_KURTOSIS]) - 3.0
+        return Prediction(
+            mean=mean + sums.delay,
+            sd=sd,
+            error=np.hypot(angle_error, np.sqrt(variance) * mean),
+            emulation_error=np.sqrt(emulation_variance) * mean,
+            common_error=np.sqrt(pair_error**2 + sums.common_variance) * mean,
+            late_share=np.clip(late_share, 1e-3, 0.9),
+            engaged_share=expit(engaged_logit),
+            delay=none + sums.delay,
+            minor_share=sums.modes.minor_share,
+            main_offset=mean * (sums.modes.main_mean - 1.0),
+            main_sd=sd * sums.modes.main_sd,
+            kurtosis=np.clip(kurtosis, MIN_KURTOSIS, MAX_KURTOSIS),
+            log_sd_error=(none + sums.log_sd_variance) ** 0.5,
+        )
+
+    def _pair_coordinates(self, names: Hypothesis, space: ParameterSpace, values: Array) -> Array:
+        """Compute unit-cube coordinates of two effects at values (m, p), (m, d)."""
+        cubes = [self._curve(name).coordinates(values[:, space.columns(name)]) for name in names]
+        return np.hstack(cubes)
 
     def has_further_benches(self, hypothesis: Hypothesis) -> bool:
         """Check for benches beside the levels that predict a hypothesis."""
         if REVERSED in hypothesis:
-            return self.turned is not None and self.turned.has_further_benches(forward(hypothesis))
-        return any({*names} <= {*hypothesis} for names in self.further)
+            model = self.reversed_model
+            return model is not None and model.has_further_benches(strip_sense(hypothesis))
+        return any({*names} <= {*hypothesis} for names in self.further_benches)
 
     def simulate(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
         """Simulate one or two effects near the first of shares (m, p), for all predictions.
 
         Benches lie on a grid of shares, so that draws which differ a little lead to the same ones,
-        and have all angles of the baseline. None where nothing is left to simulate: every bench is
+        and have all angles of the baseline. None where nothing remains to simulate: every bench is
         there already or does not exist, or none or three effects are no reading of a shift.
         """
         if REVERSED in hypothesis:
-            other = self.turned and self.turned.simulate(forward(hypothesis), shares)
-            return other and replace(self, turned=other)
-        names = tuple(name for name in hypothesis if name not in self.readings)
-        if self.run is None or len(names) not in GRID:
+            return self._simulate_reversed(strip_sense(hypothesis), shares)
+        names = tuple(name for name in hypothesis if name not in self.reading_effects)
+        if self.runner is None or len(names) not in GRID_STEPS:
             return None
-        columns = [self.space(hypothesis).columns(name) for name in names]
-        changed = self._new_levels(names, np.hstack([shares[:, some] for some in columns]))
-        if not changed:
+        space = self.space(hypothesis)
+        effect_shares = np.hstack([shares[:, space.columns(name)] for name in names])
+        settings_by_level = self._new_levels(names, effect_shares)
+        if not settings_by_level:
             return None
-        times = simulate_benches([*changed.values()], self.settings, self.run)
-        benches = (*self.further.get(names, ()), *zip(changed, times, strict=True))
-        further = {**self.further, names: benches}
-        touched: list[Hypothesis]
-        if len(names) == 2:
-            model = replace(self, further=further)
-            touched = [names]
-        else:
-            curves = {name: curve for name, curve in self._curves.items() if name not in names}
-            model = replace(self, further=further, _curves=curves, _recent={})
-            touched = [pair for pair in self.joint if names[0] in pair]
-        return replace(model, joint={**self.joint, **{n: model._missed(n) for n in touched}})
+        times = simulate_benches([*settings_by_level.values()], self.settings, self.runner)
+        benches = itertools.starmap(FurtherBench, zip(settings_by_level, times, strict=True))
+        return self._add_benches(names, tuple(benches))
 
-    def thinned(self, hypothesis: Hypothesis, group: int, groups: int) -> Model:
-        """Leave out one further bench in ``groups`` of a hypothesis' effects and pairs."""
+    def _simulate_reversed(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
+        """Simulate effects with the reversed sense near the first of shares (m, p)."""
+        if self.reversed_model is None:
+            return None
+        model = self.reversed_model.simulate(hypothesis, shares)
+        return None if model is None else replace(self, reversed_model=model)
+
+    def _add_benches(self, names: Hypothesis, benches: tuple[FurtherBench, ...]) -> Model:
+        """Add benches of one or two effects, and fit again what they change."""
+        further = {**self.further_benches, names: (*self.further_benches.get(names, ()), *benches)}
+        if len(names) == 2:
+            model = replace(self, further_benches=further)
+            pairs = [names]
+        else:
+            model = self._with_benches(further, names)
+            pairs = [pair for pair in self.pair_emulators if names[0] in pair]
+        emulators = {pair: model._fit_pair(pair) for pair in pairs}
+        return replace(model, pair_emulators={**self.pair_emulators, **emulators})
+
+    def _with_benches(
+        self, further: Mapping[Hypothesis, tuple[FurtherBench, ...]], names: Hypothesis
+    ) -> Model:
+        """Replace the further benches; curves of effects that they change are fitted again."""
+        curves = {name: curve for name, curve in self._curves.items() if name not in names}
+        return replace(self, further_benches=further, _curves=curves, _cached_changes={})
+
+    def drop_group(self, hypothesis: Hypothesis, group: int, groups: int) -> Model:
+        """Drop one further bench in ``groups`` of a hypothesis' effects and pairs."""
         if REVERSED in hypothesis:
-            assert self.turned is not None, "the reversed sense is asked for where it is simulated"
-            turned = self.turned.thinned(forward(hypothesis), group, groups)
-            return replace(self, turned=turned)
-        further = {
-            names: tuple(one for k, one in enumerate(benches) if k % groups != group)
-            if {*names} <= {*hypothesis}
-            else benches
-            for names, benches in self.further.items()
-        }
-        curves = {name: one for name, one in self._curves.items() if name not in hypothesis}
-        model = replace(self, further=further, joint={}, _curves=curves, _recent={})
-        pairs = [names for names in self.joint if {*names} <= {*hypothesis} and further[names]]
-        return replace(model, joint={names: model._missed(names) for names in pairs})
+            model = self._reversed().drop_group(strip_sense(hypothesis), group, groups)
+            return replace(self, reversed_model=model)
+        further = dict(self.further_benches)
+        for names, benches in self.further_benches.items():
+            if {*names} <= {*hypothesis}:
+                further[names] = tuple(b for k, b in enumerate(benches) if k % groups != group)
+        model = replace(self._with_benches(further, hypothesis), pair_emulators={})
+        pairs = [p for p in self.pair_emulators if {*p} <= {*hypothesis} and further[p]]
+        return replace(model, pair_emulators={pair: model._fit_pair(pair) for pair in pairs})
 
     def _new_levels(self, names: Hypothesis, shares: Array) -> dict[Level, list[Setting]]:
         """Find the first levels on the grid near shares (m, p) without a bench, with settings."""
-        steps, space = GRID[len(names)], self.space(names)
-        known = {level for level, _ in self.further.get(names, ())}
-        changed = dict[Level, list[Setting]]()
-        for values in space.values((shares * steps).round() / steps).tolist():
+        steps = GRID_STEPS[len(names)]
+        grid_shares = (shares * steps).round() / steps
+        tried_levels = {bench.level for bench in self.further_benches.get(names, ())}
+        settings_by_level = dict[Level, list[Setting]]()
+        for values in self.space(names).values(grid_shares).tolist():
             # Rounded, a bench is the same whatever the last digits of a processor's logarithms.
             level = Level(names, tuple(float(f"{value:.6g}") for value in values))
-            if level in known:
+            if level in tried_levels:
                 continue
-            known.add(level)
+            tried_levels.add(level)
             with suppress(DogshapeError):  # there is no such bench
-                changed[level] = [level.setting(self.effects, one) for one in self.settings]
-            if len(changed) == BENCHES:
+                settings_by_level[level] = [level.setting(self.effects, s) for s in self.settings]
+            if len(settings_by_level) == BENCHES_PER_ROUND:
                 break
-        return changed
+        return settings_by_level
 
-    def _missed(self, names: Hypothesis) -> Emulator:
-        """Fit what the changes of two effects miss of ln mean and ln deviation at their benches."""
-        benches = self.further[names]
-        values = np.array([level.values for level, _ in benches])
-        times = np.array([one for _, one in benches])
-        space = self.space(names)
-        p = replace(self, joint={}).predict_values(names, values)
-        ruled = np.stack([np.log(p.mean - p.delay), np.log(p.sd)], axis=-1)
-        angles = (self._moments(self._angles.times[1:]) - self.base)[..., :2]
+    def _fit_pair(self, names: Hypothesis) -> Emulator:
+        """Fit errors of the rule for two effects in ln mean and ln deviation at their benches."""
+        benches = self.further_benches[names]
+        values = np.array([bench.level.values for bench in benches])
+        times = np.array([bench.times for bench in benches])
+        p = replace(self, pair_emulators={}).predict_values(names, values)
+        rule = np.stack([np.log(p.mean - p.delay), np.log(p.sd)], axis=-1)
+        level_angles = (self._moments(self._angles.times[1:]) - self.base_moments)[..., :2]
         # All angles lack the error that the levels' angles have in common.
-        found = np.vstack([self._moments(times)[..., :2] - ruled + angles, angles])
-        x = self._places(names, space, values)
-        own, common = self._noise.reshape(2, -1, MOMENTS)[..., :2].reshape(2, -1)
-        own = own[:, None] * np.append(np.full(len(times), DENSE_ERROR), 1.0)
-        plain = tuple(self._curve(name).emulator.kernel.plain[0] for name in names)
-        found = found.reshape(len(found), -1).T
-        return Emulator.fitted(x, plain, found, own, common)
+        misses = np.vstack([self._moments(times)[..., :2] - rule + level_angles, level_angles])
+        level_error, common_error = (error[:, :2].ravel() for error in self._moment_errors)
+        factors = np.append(np.full(len(times), DENSE_ERROR), 1.0)
+        return Emulator.fit(
+            x=self._pair_coordinates(names, self.space(names), values),
+            neutral=tuple(self._curve(name).emulator.kernel.neutral[0] for name in names),
+            changes=misses.reshape(len(misses), -1).T,
+            level_error=level_error[:, None] * factors,
+            common_error=common_error,
+        )
 
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
-        space, found = self.space(hypothesis), np.ones(len(shares), dtype=bool)
+        space = self.space(hypothesis)
+        is_possible = np.ones(len(shares), dtype=bool)
         for effect in space.effects:
-            if ends := self._ends(effect):
-                for k, row in enumerate(shares[:, space.columns(effect.name)].tolist()):
-                    key = effect.name, *row
-                    if key not in self._benches:
-                        self._benches[key] = all(_exists(effect, row, one) for one in ends)
-                    found[k] &= self._benches[key]
-        return found
+            limiting = self._limiting(effect)
+            if not limiting:
+                continue
+            for k, row in enumerate(shares[:, space.columns(effect.name)].tolist()):
+                key = (effect.name, *row)
+                if key not in self._bench_exists:
+                    self._bench_exists[key] = all(_exists(effect, row, s) for s in limiting)
+                is_possible[k] &= self._bench_exists[key]
+        return is_possible
 
-    def _ends(self, effect: Effect) -> list[Setting]:
+    def _limiting(self, effect: Effect) -> list[Setting]:
         """List the points that decide which values give no bench, none where all give one."""
-        if effect.name not in self._limits:
-            rows = itertools.product(np.linspace(0.0, 1.0, TRIED), repeat=len(effect.parameters))
-            exist = np.array([[_exists(effect, r, one) for one in self._extremes] for r in rows])
-            few = 0 if exist.all() else 1 if (exist == exist[:, :1]).all() else len(self._extremes)
-            self._limits[effect.name] = self._extremes[:few]
-        return self._limits[effect.name]
+        if effect.name not in self._limiting_settings:
+            shares = np.linspace(0.0, 1.0, RANGE_SHARES)
+            rows = itertools.product(shares, repeat=len(effect.parameters))
+            exists = np.array([[_exists(effect, row, s) for s in self._extremes] for row in rows])
+            if exists.all():
+                limiting = []
+            elif (exists == exists[:, :1]).all():
+                limiting = self._extremes[:1]
+            else:
+                limiting = self._extremes
+            self._limiting_settings[effect.name] = limiting
+        return self._limiting_settings[effect.name]
 
     @cached_property
     def _extremes(self) -> list[Setting]:
         return extremes(self.settings)
 
     @cached_property
-    def readings(self) -> frozenset[str]:
+    def reading_effects(self) -> frozenset[str]:
         """Names of the effects of the reading of a shift alone."""
-        every = self.effects.items()
-        return frozenset(name for name, one in every if reads_only(one, self._extremes))
+        effects = self.effects.items()
+        return frozenset(name for name, e in effects if changes_only_reading(e, self._extremes))
 
     def changes(self, name: str, values: Array) -> Changes:
-        """Compute the changes by an effect at values (m, p); recent results are kept."""
+        """Compute the changes by an effect at values (m, p); recent results are cached."""
         key = name, values.shape, values.tobytes()
-        if key not in self._recent:
-            if len(self._recent) >= RECENT:
-                self._recent.clear()
-            read = self._read(self.effects[name], values) if name in self.readings else None
-            self._recent[key] = read or self._curve(name).changes(values)
-        return self._recent[key]
+        if key not in self._cached_changes:
+            if len(self._cached_changes) >= CACHE_SIZE:
+                self._cached_changes.clear()
+            if name in self.reading_effects:
+                changes = self._reading_changes(self.effects[name], values)
+            else:
+                changes = self._curve(name).changes(values)
+            self._cached_changes[key] = changes
+        return self._cached_changes[key]
 
     def _curve(self, name: str) -> Curve:
-        """Find the changes by an effect, fitted once."""
+        """Look up the curve of an effect, fitted once."""
         if name not in self._curves:
-            self._curves[name] = self._fitted(self.effects.get(name) or self.nuisances[name])
+            self._curves[name] = self._fit_curve(self.effects.get(name) or self.nuisances[name])
         return self._curves[name]
 
-    def _fitted(self, effect: Effect) -> Curve:
-        """Fit the changes by an effect over its levels, moment by moment."""
-        places, further = self.simulated.of((effect.name,)), self.further.get((effect.name,), ())
-        levels = [*(self.simulated.levels[k] for k in places), *(level for level, _ in further)]
-        rows = [*self.simulated.times[places], *(one for _, one in further)]
-        dense = np.array([one.shape[1] > ANGLES for one in rows], dtype=bool)
-        spread = [one if one.shape[1] > ANGLES else self.simulated.spread(one) for one in rows]
-        times = np.array(spread).reshape(len(rows), *self.simulated.angles.shape)
-        angles = Angles(times, late_times(times, self.far))
-        idle = self._idle_values(effect) if effect.parameters else np.zeros((0, 0))
-        values = np.array([level.values for level in levels])
-        x, plain = (coordinates(effect, one, self.setting) for one in (values, idle))
-        every = np.vstack([x[~dense], plain])
-        low, wide = every.min(axis=0), np.maximum(np.ptp(every, axis=0), 1e-9)
-        x, plain = np.clip((x - low) / wide, 0.0, 1.0), (plain - low) / wide
-        found = self._moments(np.concatenate([times, self._angles.times[1:]])) - self.base
-        # What all angles show lacks the error that the levels' angles have in common.
-        found[:-1][dense] += found[-1]
-        own, common = self._noise
-        own = own[:, None] * np.append(np.where(dense, DENSE_ERROR, 1.0), 1.0)
-        fitted = Emulator.fitted(x, (plain,), found.reshape(len(found), -1).T, own, common)
-        given, (free, pace), added = {effect.name: effect}, self._free, []
+    def _fit_curve(self, effect: Effect) -> Curve:
+        """Fit the changes by an effect over its benches, moment by moment."""
+        indices = self.simulated.level_indices((effect.name,))
+        further = self.further_benches.get((effect.name,), ())
+        levels = [self.simulated.levels[k] for k in indices] + [bench.level for bench in further]
+        is_dense = np.arange(len(levels)) >= len(indices)
+        level_times = self.simulated.spread_times(self.simulated.times[indices])
+        rows = [*level_times, *(bench.times for bench in further)]
+        times = np.array(rows).reshape(len(levels), *self.simulated.angles.shape)
+        # Coordinates, in the unit cube of levels and neutral values.
+        neutral_values = self._neutral_values(effect) if effect.parameters else np.zeros((0, 0))
+        x = coordinates(effect, np.array([level.values for level in levels]), self.setting)
+        neutral = coordinates(effect, neutral_values, self.setting)
+        corners = np.vstack([x[~is_dense], neutral])
+        low = corners.min(axis=0)
+        width = np.maximum(np.ptp(corners, axis=0), 1e-9)
+        # Moments: those of all angles lack the error that the levels' angles have in common.
+        with_baseline = np.concatenate([times, self._angles.times[1:]])
+        changes = self._moments(with_baseline) - self.base_moments
+        changes[:-1][is_dense] += changes[-1]
+        level_error, common_error = (error.ravel() for error in self._moment_errors)
+        factors = np.append(np.where(is_dense, DENSE_ERROR, 1.0), 1.0)
+        emulator = Emulator.fit(
+            x=np.clip((x - low) / width, 0.0, 1.0),
+            neutral=((neutral - low) / width,),
+            changes=changes.reshape(len(changes), -1).T,
+            level_error=level_error[:, None] * factors,
+            common_error=common_error,
+        )
+        return Curve(
+            effect=effect,
+            setting=self.setting,
+            low=low,
+            width=width,
+            gap_time=self._approach.time,
+            emulator=emulator,
+            angles=Angles(times, mark_late(times, self.min_late_delay)),
+            is_dense=is_dense,
+            exact=self._exact_changes(effect, levels),
+        )
+
+    def _exact_changes(self, effect: Effect, levels: Sequence[Level]) -> Array:
+        """Compute changes of delay, root of 1 / gap time, and pace by levels, (n, 3 C)."""
+        rows = []
         for level in levels:
-            rows = [level.setting(given, one) for one in self.settings]
-            time, slip = _free(rows)
-            added.append(([one.delay for one in rows], time**-0.5 - free**-0.5, slip - pace))
-        exact = np.array(added).reshape(len(levels), -1)
-        return Curve(effect, self.setting, low, wide, free, fitted, angles, dense, exact)
+            settings = [level.setting({effect.name: effect}, s) for s in self.settings]
+            approach = approach_of(settings)
+            delays = [setting.delay for setting in settings]
+            inverse_root = approach.time**-0.5 - self._approach.time**-0.5
+            rows.append((delays, inverse_root, approach.pace - self._approach.pace))
+        return np.array(rows).reshape(len(levels), -1)
 
     @cached_property
-    def _free(self) -> Array:
-        """Time until the gap is closed, s, and mismatch, pitches/s, of the baseline, (2, C)."""
-        return _free(self.settings)
+    def _approach(self) -> Approach:
+        """Approach of the baseline."""
+        return approach_of(self.settings)
 
     @cached_property
-    def _noise(self) -> Array:
-        """Errors of a level's moments by its angles: own and common ones, (2, C * MOMENTS)."""
-        varied, one = np.exp(self.base[:, 1] - self.base[:, 0]), np.ones(self.cells)
-        late = np.sqrt(self.pooled_late * (1.0 - self.pooled_late) / ANGLES)
-        units = np.stack([varied, one, late, one, one], axis=1)
-        return (np.array([OWN, SHARED])[:, None] * units).reshape(2, -1)
+    def _contact_time(self) -> Array:
+        """Mean time of the baseline from the closed gap to the end, s, (C,)."""
+        contact_time = self.base_mean - self._approach.time
+        return np.maximum(contact_time, MIN_CONTACT_SHARE * self.base_mean)
 
-    def _idle_values(self, effect: Effect) -> Array:
-        """List neutral values: of all parameters, or of the first where it idles the others."""
+    @cached_property
+    def _moment_errors(self) -> tuple[Array, Array]:
+        """Errors of a level's moments by its angles: of each level, in common, (C, MOMENTS)."""
+        units = np.ones((self.cell_count, MOMENTS))
+        units[:, LOG_MEAN] = np.exp(self.base_moments[:, LOG_SD] - self.base_moments[:, LOG_MEAN])
+        late_share = self.pooled_late_share
+        units[:, LATE_SHARE] = np.sqrt(late_share * (1.0 - late_share) / ANGLES)
+        return np.array(LEVEL_ERRORS) * units, np.array(COMMON_ERRORS) * units
+
+    def _neutral_values(self, effect: Effect) -> Array:
+        """List neutral values of all parameters, (k, p).
+
+        Where a neutral first parameter idles the others, over the range of the second one.
+        """
         neutral = effect.neutral(self.setting)
-        rows, more = [list(neutral.values())], effect.parameters[1:]
-        ends = [{**neutral, p.name: v} for p in more for v in (p.low, p.high)]
-        if ends and all(
-            effect.possible(self.setting, given)
-            and effect.apply(self.setting, given) == self.setting
-            for given in ends
-        ):
-            low, high = more[0].low, more[0].high
-            rows += [[rows[0][0], v, *rows[0][2:]] for v in np.linspace(low, high, 5).tolist()]
-        return np.array(rows)
+        values = list(neutral.values())
+        further = effect.parameters[1:]
+        ends = [{**neutral, p.name: end} for p in further for end in (p.low, p.high)]
+        if not ends or not all(self._is_idle(effect, end) for end in ends):
+            return np.array([values])
+        second = np.linspace(further[0].low, further[0].high, 5).tolist()
+        return np.array([values, *([values[0], value, *values[2:]] for value in second)])
 
-    def _read(self, effect: Effect, values: Array) -> Changes:
+    def _is_idle(self, effect: Effect, values: Mapping[str, float]) -> bool:
+        """Check that an effect at values leaves the setting unchanged."""
+        if not effect.possible(self.setting, values):
+            return False
+        return effect.apply(self.setting, values) == self.setting
+
+    def _reading_changes(self, effect: Effect, values: Array) -> Changes:
         """Compute the changes by an effect of the reading: dead time, uneven angles."""
-        rows = [_reading(effect, row, self.setting) for row in values.tolist()]
-        delay, *uneven = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
-        none = np.zeros((len(values), self.cells))
-        given = np.array(uneven) if np.any(uneven) else None
-        return Changes(np.zeros((*none.shape, MOMENTS)), delay + none, none, uneven=given)
+        rows = [_reading_change(effect, row, self.setting) for row in values.tolist()]
+        delay, concentration, centre = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
+        none = np.zeros((len(values), self.cell_count))
+        angles = None
+        if concentration.any() or centre.any():
+            angles = AngleDistribution(concentration, centre)
+        moments = np.zeros((*none.shape, MOMENTS))
+        return Changes(moments=moments, delay=delay + none, error=none, angles=angles)
 
     @cached_property
     def _turns(self) -> Array:
         """Angles of the baseline, pitches, (C, A)."""
-        pitch = np.array([[one.clutch.dog.pitch_angle] for one in self.settings])
+        pitch = np.array([[setting.clutch.dog.pitch_angle] for setting in self.settings])
         return np.asarray(self.simulated.angles / pitch)
 
     @cached_property
-    def _ordered(self) -> list[np.ndarray]:
-        """Angles of the baseline, pitches, times, and timely ones, in their order, (C, A)."""
+    def _ordered_baseline(self) -> OrderedBaseline:
+        """Baseline in the order of its times."""
         times = self.simulated.baseline
-        every = self._turns, times, np.isfinite(timely(times, self.far))
-        return [np.take_along_axis(one, np.argsort(times, axis=1), axis=1) for one in every]
+        order = np.argsort(times, axis=1)
+        is_timely = np.isfinite(mask_late(times, self.min_late_delay))
+        return OrderedBaseline(
+            turns=np.take_along_axis(self._turns, order, axis=1),
+            times=np.take_along_axis(times, order, axis=1),
+            is_timely=np.take_along_axis(is_timely, order, axis=1),
+        )
 
-    def _uneven(self, change: Changes, turn: Array, where: Mapping[str, Array]) -> Changes:
+    def _weigh_angles(
+        self, change: Changes, angles: AngleDistribution, turn: Array, x: Mapping[str, Array]
+    ) -> Changes:
         """Weigh the angles of the baseline, and of benches with effects at coordinates (m, d).
 
-        Modes are the baseline's, the centre moved by the further ``turn`` before the rings touch.
+        Modes are the baseline's, the centre moved by the further ``turn`` before the rings touch,
+        pitches, (m, C).
         """
-        concentration, centre = np.asarray(change.uneven)[..., None]
-        given = angle_weights(self._turns, concentration, centre)
-        plain, count = self._angles.changes(given)
-        moments, left, even = plain[:, 0], _angle_error(count[:, 0]) ** 2, count[:, 0] ** -2.0
-        for name, at in where.items():
+        concentration = angles.concentration[..., None]
+        centre = angles.centre[..., None]
+        weights = angle_weights(self._turns, concentration, centre)
+        base_changes, base_count = self._angles.changes(weights)
+        moments = base_changes[:, 0]
+        angle_variance = _angle_error(base_count[:, 0]) ** 2
+        inverse_squares = base_count[:, 0] ** -2.0
+        for name, effect_x in x.items():
             curve = self._curve(name)
-            weights = curve.emulator.weights(at, np.where(curve.dense, *CHAOS))
-            found, count = curve.angles.changes(given)
-            found = found - plain[:, np.where(curve.dense, 0, 1)]
-            moments = moments + np.einsum("mn,mnck->mck", weights, found)
-            left = left + np.einsum("mn,mnc->mc", weights**2, _angle_error(count) ** 2)
-            even = even + np.einsum("mn,mnc->mc", weights**2, count**-2.0)
-        varied = np.exp(self.base[:, 1] - self.base[:, 0] + moments[..., 1] - moments[..., 0])
-        error = np.sqrt(left * varied**2 + FLOOR**2 * even)
-        turns, times, kept = self._ordered
-        given = angle_weights(turns, concentration, centre + turn[..., None])
-        modes = modes_of(times, kept, given)
-        return change._replace(moments=moments, error=error, blur=even, modes=modes)
+            noise = np.where(curve.is_dense, DENSE_NOISE, SPARSE_NOISE)
+            bench_weights = curve.emulator.weights(effect_x, noise)
+            changes, count = curve.angles.changes(weights)
+            changes = changes - base_changes[:, np.where(curve.is_dense, 0, 1)]
+            moments = moments + np.einsum("mn,mnck->mck", bench_weights, changes)
+            bench_variance = _angle_error(count) ** 2
+            angle_variance = angle_variance + np.einsum(
+                "mn,mnc->mc", bench_weights**2, bench_variance
+            )
+            inverse_squares = inverse_squares + np.einsum(
+                "mn,mnc->mc", bench_weights**2, count**-2.0
+            )
+        log_sd = self.base_moments[:, LOG_SD] - self.base_moments[:, LOG_MEAN]
+        variation = np.exp(log_sd + moments[..., LOG_SD] - moments[..., LOG_MEAN])
+        variance = angle_variance * variation**2 + UNEVEN_MEAN_ERROR**2 * inverse_squares
+        baseline = self._ordered_baseline
+        weights = angle_weights(baseline.turns, concentration, centre + turn[..., None])
+        return change._replace(
+            moments=moments,
+            error=np.sqrt(variance),
+            inverse_squared_count=inverse_squares,
+            modes=modes_of(baseline.times, baseline.is_timely, weights),
+        )
 
     @cached_property
     def _angles(self) -> Angles:
-        """Baseline at all angles, and at those of the levels."""
-        simulated, every = self.simulated, self.simulated.baseline
-        few = simulated.spread(np.take_along_axis(every, simulated.common, axis=1))
-        times = np.stack([every, few])
-        return Angles(times, late_times(times, self.far))
+        """Two benches: the baseline at all angles, and at the angles of the levels."""
+        simulated = self.simulated
+        level_times = np.take_along_axis(simulated.baseline, simulated.level_angles, axis=1)
+        times = np.stack([simulated.baseline, simulated.spread_times(level_times)])
+        return Angles(times, mark_late(times, self.min_late_delay))
 
     def _moments(self, times: Array) -> Array:
-        """Compute the moments of times (..., C, n), (..., C, MOMENTS)."""
-        late, ended = late_times(times, self.far), np.isfinite(times)
-        count = (ended & ~late).sum(axis=-1)
-        mean = np.where(ended & ~late, times, 0.0).sum(axis=-1) / np.maximum(1, count)
-        square = np.where(ended & ~late, times - mean[..., None], 0.0) ** 2
-        whole = np.maximum(square.sum(axis=-1), np.maximum(1, count) * LEAST_SD**2)
-        sd = np.sqrt(whole / np.maximum(1, count - 1))
-        fourth = count * (square**2).sum(axis=-1) / whole**2
-        tried, ended = (~np.isnan(times)).sum(axis=-1), ended.sum(axis=-1)
-        moments = (
-            np.where(count > 0, np.log(np.maximum(mean, 1e-6)), np.nan),
-            np.where(count > 1, np.log(sd), np.nan),
-            (late.sum(axis=-1) + POOLED * self.pooled_late) / (ended + POOLED),
-            logit((ended + 0.5) / (tried + 1.0)),
-            np.where(count > 3, np.log(np.maximum(fourth, 1.0)), np.nan),
-        )
-        return np.stack(moments, axis=-1)
+        """Compute the moments of times (..., C, n), s, (..., C, MOMENTS)."""
+        is_late = mark_late(times, self.min_late_delay)
+        is_engaged = np.isfinite(times)
+        is_timely = is_engaged & ~is_late
+        count = is_timely.sum(axis=-1)
+        mean = np.where(is_timely, times, 0.0).sum(axis=-1) / np.maximum(1, count)
+        squares = np.where(is_timely, times - mean[..., None], 0.0) ** 2
+        square_sum = np.maximum(squares.sum(axis=-1), np.maximum(1, count) * MIN_SD_S**2)
+        sd = np.sqrt(square_sum / np.maximum(1, count - 1))
+        kurtosis = count * (squares**2).sum(axis=-1) / square_sum**2
+        engaged = is_engaged.sum(axis=-1)
+        shifts = (~np.isnan(times)).sum(axis=-1)
+        late_count = is_late.sum(axis=-1) + LATE_SHARE_PRIOR * self.pooled_late_share
+        moments = np.empty((*mean.shape, MOMENTS))
+        moments[..., LOG_MEAN] = np.where(count > 0, np.log(np.maximum(mean, 1e-6)), np.nan)
+        moments[..., LOG_SD] = np.where(count > 1, np.log(sd), np.nan)
+        moments[..., LATE_SHARE] = late_count / (engaged + LATE_SHARE_PRIOR)
+        moments[..., ENGAGED_LOGIT] = logit((engaged + 0.5) / (shifts + 1.0))
+        log_kurtosis = np.log(np.maximum(kurtosis, 1.0))
+        moments[..., LOG_KURTOSIS] = np.where(count > 3, log_kurtosis, np.nan)
+        return moments
 
 
 def build_models(
-    bench: Bench, effects: Mapping[str, Effect], settings: Settings, run: Runner
+    bench: Bench, effects: Mapping[str, Effect], settings: Settings, runner: Runner
 ) -> dict[str, Model]:
     """Build the models of a data set, by the place where the displacement may be read."""
-    known = bench.record.displacement_at
-    places: tuple[Sensor, ...] = ("sleeve", "actuator") if known == "unknown" else (known,)
-    found: dict[str, Model] = {}
-    for place in places:
-        plain = settings_of(bench, place)
-        wide = {n: with_wide_range(e, plain[0]) for n, e in effects.items()}
-        measured = {one.effect for one in bench.measured}
-        nuisances = {n: wide.pop(n) for n in settings.nuisance if n in wide and n not in measured}
-        turned = None
-        if wide.pop(REVERSED, None) is not None:
-            other = [one.with_point(mismatch=0.0 - one.point.mismatch) for one in plain]
-            every = bench.record.sense != "known"
-            mine = {n: e for n, e in wide.items() if every or reads_only(e, extremes(plain))}
-            turned = Model(mine, simulate(mine, other, run), {}, settings.law, run=run)
-        levels = simulate({**wide, **nuisances}, plain, run)
-        if bench.record.time_zero == "force":
-            wide.pop(DELAY, None)
-        found[place] = Model(wide, levels, nuisances, settings.law, turned, run)
-    return found
+    place = bench.record.displacement_at
+    if place == "unknown":
+        sensors: tuple[Sensor, ...] = ("sleeve", "actuator")
+        return {
+            sensor: _build_model(bench, effects, settings, runner, sensor=sensor)
+            for sensor in sensors
+        }
+    return {place: _build_model(bench, effects, settings, runner, sensor=place)}
+
+
+def _build_model(
+    bench: Bench,
+    effects: Mapping[str, Effect],
+    settings: Settings,
+    runner: Runner,
+    *,
+    sensor: Sensor,
+) -> Model:
+    """Build the model of a data set with the displacement read by a sensor."""
+    baseline = settings_of(bench, sensor)
+    wide_effects = {name: widen_ranges(effect, baseline[0]) for name, effect in effects.items()}
+    measured = {result.effect for result in bench.measured}
+    nuisances = {}
+    for name in settings.nuisance:
+        if name in wide_effects and name not in measured:
+            nuisances[name] = wide_effects.pop(name)
+    reversed_model = None
+    if wide_effects.pop(REVERSED, None) is not None:
+        is_known = bench.record.sense == "known"
+        reversed_model = _build_reversed(
+            wide_effects, baseline, settings, runner, only_reading=is_known
+        )
+    simulated = simulate({**wide_effects, **nuisances}, baseline, runner)
+    if bench.record.time_zero == "force":
+        wide_effects.pop(DELAY, None)
+    return Model(
+        effects=wide_effects,
+        simulated=simulated,
+        nuisances=nuisances,
+        law_error=settings.law,
+        reversed_model=reversed_model,
+        runner=runner,
+    )
+
+
+def _build_reversed(
+    effects: Mapping[str, Effect],
+    baseline: Sequence[Setting],
+    settings: Settings,
+    runner: Runner,
+    *,
+    only_reading: bool,
+) -> Model:
+    """Build the model of the reversed sense, with all effects or those of the reading."""
+    reversed_effects = dict(effects)
+    if only_reading:
+        ends = extremes(baseline)
+        for name, effect in effects.items():
+            if not changes_only_reading(effect, ends):
+                del reversed_effects[name]
+    reversed_settings = [s.with_point(mismatch=0.0 - s.point.mismatch) for s in baseline]
+    return Model(
+        effects=reversed_effects,
+        simulated=simulate(reversed_effects, reversed_settings, runner),
+        nuisances={},
+        law_error=settings.law,
+        runner=runner,
+    )
 
 
 def _exists(effect: Effect, shares: Sequence[float], setting: Setting) -> bool:
-    given = {p.name: float(p.at(s)) for p, s in zip(effect.parameters, shares, strict=True)}
-    return effect.possible(setting, given)
+    """Check that there is a bench with an effect at shares (p,) of its ranges."""
+    values = {p.name: float(p.at(s)) for p, s in zip(effect.parameters, shares, strict=True)}
+    return effect.possible(setting, values)
 
 
-def reads_only(effect: Effect, settings: Sequence[Setting]) -> bool:
-    """Check that an effect changes the reading of a shift alone, and all settings alike."""
+def changes_only_reading(effect: Effect, settings: Sequence[Setting]) -> bool:
+    """Check that an effect changes only the reading of a shift, equally at all settings."""
     for share in (0.3, 0.9):
-        given = {p.name: p.at(share) for p in effect.parameters}
-        try:
-            pairs = [(effect.apply(setting, given), setting) for setting in settings]
-        except DogshapeError:
-            return False
-        if any((one.clutch, one.point) != (plain.clutch, plain.point) for one, plain in pairs):
-            return False
-        if len({_reading(effect, list(given.values()), setting) for setting in settings}) > 1:
+        values = {p.name: p.at(share) for p in effect.parameters}
+        changes = set()
+        for setting in settings:
+            try:
+                changed_setting = effect.apply(setting, values)
+            except DogshapeError:
+                return False
+            if (changed_setting.clutch, changed_setting.point) != (setting.clutch, setting.point):
+                return False
+            changes.add(_reading_change(effect, list(values.values()), setting))
+        if len(changes) > 1:
             return False
     return True
 
 
-def _free(settings: Sequence[Setting]) -> Array:
-    """Compute the time until the gap is closed, s, and the mismatch, pitches/s, (2, n)."""
-    times = [max(touch_time(one.clutch, one.point.profile), LEAST_SD) for one in settings]
-    return np.array([times, [one.point.mismatch / one.clutch.dog.pitch_angle for one in settings]])
+def approach_of(settings: Sequence[Setting]) -> Approach:
+    """Compute the approach at settings (C,)."""
+    times = [max(touch_time(s.clutch, s.point.profile), MIN_SD_S) for s in settings]
+    paces = [s.point.mismatch / s.clutch.dog.pitch_angle for s in settings]
+    return Approach(np.array(times), np.array(paces))
 
 
-def _reading(effect: Effect, row: list[float], setting: Setting) -> tuple[float, float, float]:
-    """Give dead time, concentration and centre; none where there is no such bench."""
+def _reading_change(effect: Effect, row: Sequence[float], setting: Setting) -> ReadingChange:
+    """Compute the change of the reading by an effect at values (p,), 0 for no bench."""
     names = [p.name for p in effect.parameters]
     try:
-        changed = effect.apply(setting, dict(zip(names, row, strict=True)))
+        changed_setting = effect.apply(setting, dict(zip(names, row, strict=True)))
     except DogshapeError:
-        return 0.0, 0.0, 0.0
-    return changed.delay - setting.delay, changed.concentration, changed.centre
+        return ReadingChange(delay=0.0, concentration=0.0, centre=0.0)
+    return ReadingChange(
+        delay=changed_setting.delay - setting.delay,
+        concentration=changed_setting.concentration,
+        centre=changed_setting.centre,
+    )
 
 
-def wait_of(setting: Setting) -> float:
+def passing_time(setting: Setting) -> float:
     """Compute the time in which the rings turn by one pitch, at most the time-out, s."""
-    slip, timeout = abs(setting.point.mismatch), setting.clutch.timeout
-    return min(timeout, setting.clutch.dog.pitch_angle / slip) if slip else timeout
+    slip = abs(setting.point.mismatch)
+    timeout = setting.clutch.timeout
+    if slip == 0.0:
+        return timeout
+    return min(timeout, setting.clutch.dog.pitch_angle / slip)
 
 
 def _angle_error(count: Array | int) -> Array:

@@ -9,7 +9,7 @@ than the usual ones of the priors wherever such a bench exists.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,11 +26,12 @@ from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.units import RPM
 
 ANGLES = 16  #: even relative angles of each level
-DENSE = 3  #: times as many angles of the baseline
-ALONG, PLANE = 9, 33  #: levels of one parameter, and of two or more
-WIDER = 0.5  #: of a prior's range, by which it is widened at either end
-SEED = 1  #: of where the angles begin
-PRECISE = 1e-6  #: accuracy of the convex integrator, at least: a mean of 16 angles errs by more
+DENSE_FACTOR = 3  #: angles of the baseline over those of a level
+LINE_LEVELS = 9  #: levels of one parameter
+PLANE_LEVELS = 33  #: levels of two or more parameters
+RANGE_EXTENSION = 0.5  #: of a prior's range, by which it is widened at either end
+ANGLE_SEED = 1  #: of the first relative angle
+MIN_ACCURACY = 1e-6  #: of the convex integrator: a mean of 16 angles errs by more
 
 
 @dataclass(frozen=True)
@@ -41,60 +42,73 @@ class Level:
     values: tuple[float, ...] = ()
 
     def setting(self, effects: Mapping[str, Effect], baseline: Setting) -> Setting:
-        """Apply the effects to a setting; DogshapeError where there is no such bench."""
-        left = list(self.values)
+        """Apply the effects to a setting.
+
+        Raises DogshapeError where there is no such bench.
+        """
+        values = iter(self.values)
+        setting = baseline
         for name in self.hypothesis:
-            names = [parameter.name for parameter in effects[name].parameters]
-            mine, left = left[: len(names)], left[len(names) :]
-            baseline = effects[name].apply(baseline, dict(zip(names, mine, strict=True)))
-        return baseline
+            effect = effects[name]
+            parameters = {parameter.name: next(values) for parameter in effect.parameters}
+            setting = effect.apply(setting, parameters)
+        return setting
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulatedTimes:
     """Simulated times at C operating points, s; ``inf`` did not engage, NaN is not known."""
 
     settings: tuple[Setting, ...]  #: baseline of each operating point
-    angles: Array  #: relative angles, rad, (C, DENSE * ANGLES)
-    baseline: Array  #: times at them, (C, DENSE * ANGLES)
-    common: NDArray[np.int64]  #: places of the levels' angles among them, (C, ANGLES)
+    angles: Array  #: relative angles, rad, (C, DENSE_FACTOR * ANGLES)
+    baseline: Array  #: times at them, (C, DENSE_FACTOR * ANGLES)
+    level_angles: NDArray[np.int64]  #: indices of the levels' angles among them, (C, ANGLES)
     levels: tuple[Level, ...]  #: in the order of ``times``
     times: Array  #: without delays of the reading, (L, C, ANGLES)
 
-    def spread(self, times: Array) -> Array:
-        """Place times (..., C, ANGLES) among the baseline's angles, NaN between them."""
-        found = np.full((*times.shape[:-1], self.angles.shape[1]), np.nan)
-        np.put_along_axis(found, np.broadcast_to(self.common, times.shape), times, axis=-1)
-        return found
+    def spread_times(self, times: Array) -> Array:
+        """Place times (..., C, ANGLES) at the baseline's angles, NaN between them."""
+        spread = np.full((*times.shape[:-1], self.angles.shape[1]), np.nan)
+        indices = np.broadcast_to(self.level_angles, times.shape)
+        np.put_along_axis(spread, indices, times, axis=-1)
+        return spread
 
-    def of(self, hypothesis: Hypothesis) -> list[int]:
-        """List the places of a hypothesis' levels."""
+    def level_indices(self, hypothesis: Hypothesis) -> list[int]:
+        """List the indices of a hypothesis' levels."""
         return [k for k, level in enumerate(self.levels) if level.hypothesis == hypothesis]
 
 
 def settings_of(bench: Bench, sensor: Sensor) -> tuple[Setting, ...]:
-    """List the operating points of a bench without any effect, as they are simulated."""
+    """List the settings to simulate a bench without any effect, one for each operating point."""
     clutch = bench.clutch
     if clutch.solver.scheme == "cenic":
-        accuracy = max(PRECISE, clutch.solver.accuracy)
+        accuracy = max(MIN_ACCURACY, clutch.solver.accuracy)
         clutch = replace(clutch, solver=replace(clutch.solver, accuracy=accuracy))
     return tuple(Setting(clutch, cell.point, sensor=sensor) for cell in bench.cells)
 
 
-def with_wide_range(effect: Effect, setting: Setting) -> Effect:
-    """Widen the ranges of an effect's parameters where such a bench exists."""
-    for name in [parameter.name for parameter in effect.parameters]:
-        for upper, part in itertools.product((True, False), (1.0, 0.6, 0.3)):
-            (now,) = (p for p in effect.parameters if p.name == name)
-            wider = now.widened(WIDER * part, upper=upper)
-            if wider == now or (not upper and now.neutral_of(setting) <= now.low):
-                continue
-            end = wider.high if upper else wider.low
+def widen_ranges(effect: Effect, setting: Setting) -> Effect:
+    """Widen the range of each parameter at its upper end, or else its lower end.
+
+    By as much as a bench exists at the new end; a range stays where none does.
+    """
+    for parameter in effect.parameters:
+        name = parameter.name
+        for wider, end in _wider_ranges(parameter, setting):
             if effect.possible(setting, {**effect.neutral(setting), name: end}):
-                every = tuple(wider if p.name == name else p for p in effect.parameters)
-                effect = replace(effect, parameters=every)
+                parameters = tuple(wider if p.name == name else p for p in effect.parameters)
+                effect = replace(effect, parameters=parameters)
                 break
     return effect
+
+
+def _wider_ranges(parameter: Parameter, setting: Setting) -> Iterator[tuple[Parameter, float]]:
+    """Yield a parameter with wider ranges to try, and the end that moves."""
+    for upper, share in itertools.product((True, False), (1.0, 0.6, 0.3)):
+        wider = parameter.widened(RANGE_EXTENSION * share, upper=upper)
+        is_bounded = not upper and parameter.neutral_of(setting) <= parameter.low
+        if wider != parameter and not is_bounded:
+            yield wider, wider.high if upper else wider.low
 
 
 def coordinate(parameter: Parameter, values: Array, setting: Setting) -> Array:
@@ -112,82 +126,114 @@ def coordinate(parameter: Parameter, values: Array, setting: Setting) -> Array:
 
 def levels_of(effect: Effect, settings: Sequence[Setting]) -> tuple[Level, ...]:
     """List the levels of an effect that exist at all operating points, spread over its range."""
-    count = len(effect.parameters)
-    shares, steps = np.zeros((1, 0)), 4 * (ALONG - 1)
-    if count == 1:
-        shares = np.linspace(0.0, 1.0, steps + 1)[:, None]
-    elif count:
-        corners = np.array(list(itertools.product((0.0, 1.0), repeat=count)))
-        shares = np.vstack([corners, qmc.Sobol(count, scramble=False).random_base2(7)])
-    ends, levels, places = extremes(settings), list[Level](), list[list[float]]()
-    for row in shares.tolist():
+    parameters = len(effect.parameters)
+    steps = 4 * (LINE_LEVELS - 1)
+    ends = extremes(settings)
+    levels = list[Level]()
+    rows = list[list[float]]()
+    for row in _candidate_shares(parameters, steps).tolist():
         values = {p.name: p.at(share) for p, share in zip(effect.parameters, row, strict=True)}
         if all(effect.possible(setting, values) for setting in ends):
             levels.append(Level((effect.name,), tuple(values.values())))
-            places.append(row)
-    if count == 0 or not levels:
+            rows.append(row)
+    if parameters == 0 or not levels:
         return tuple(levels)
-    known = np.array(places)
-    if count == 1:
-        even = (steps * np.linspace(known[0, 0], known[-1, 0], ALONG)).round() / steps
-        return tuple(levels[k] for k in np.flatnonzero(np.isin(known[:, 0], even)))
-    # Each level is farthest from all before it.
-    chosen, near = [0], np.linalg.norm(known - known[0], axis=1)
-    while len(chosen) < min(PLANE, len(known)):
-        chosen.append(int(near.argmax()))
-        near = np.minimum(near, np.linalg.norm(known - known[chosen[-1]], axis=1))
-    return tuple(levels[k] for k in chosen)
+    shares = np.array(rows)
+    if parameters == 1:
+        even_shares = np.linspace(shares[0, 0], shares[-1, 0], LINE_LEVELS)
+        on_grid = (steps * even_shares).round() / steps
+        return tuple(levels[k] for k in np.flatnonzero(np.isin(shares[:, 0], on_grid)))
+    return tuple(levels[k] for k in _spread_points(shares, PLANE_LEVELS))
+
+
+def _candidate_shares(parameters: int, steps: int) -> Array:
+    """List shares of the ranges at which levels may lie, (n, parameters)."""
+    if parameters == 0:
+        return np.zeros((1, 0))
+    if parameters == 1:
+        return np.linspace(0.0, 1.0, steps + 1)[:, None]
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=parameters)))
+    sobol = qmc.Sobol(parameters, scramble=False).random_base2(7)
+    return np.vstack([corners, sobol])
+
+
+def _spread_points(points: Array, max_count: int) -> list[int]:
+    """Choose points (n, d) of which each is farthest from all before it, by their indices."""
+    indices = [0]
+    distance = np.linalg.norm(points - points[0], axis=1)
+    while len(indices) < min(max_count, len(points)):
+        farthest = int(distance.argmax())
+        indices.append(farthest)
+        distance = np.minimum(distance, np.linalg.norm(points - points[farthest], axis=1))
+    return indices
 
 
 def extremes(settings: Sequence[Setting]) -> list[Setting]:
-    """Select the operating points of least and largest force and mismatch."""
+    """Select the operating points of smallest and largest force and mismatch, four."""
     keys = (lambda s: s.point.profile.force, lambda s: abs(s.point.mismatch))
     return [end(settings, key=key) for key in keys for end in (min, max)]
 
 
-def simulate(effects: Mapping[str, Effect], settings: Sequence[Setting], run: Runner) -> Simulated:
-    """Simulate baseline and all levels of effects."""
-    settings = tuple(settings)
-    levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
-    dense = [_block(setting, setting, DENSE) for setting in settings]
-    changed = [[level.setting(effects, setting) for setting in settings] for level in levels]
-    blocks = [_block(*pair) for row in changed for pair in zip(row, settings, strict=True)]
-    rows = iter(run(dense + blocks))
-    baseline = np.array([read_times(s, next(rows)) for s in settings])
-    times = [[read_times(replace(one, delay=0.0), next(rows)) for one in row] for row in changed]
-    angles = np.array([block.angles for block in dense])
-    fewer = np.array([_block(setting, setting).angles for setting in settings])
-    common = np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
-    whole = np.array(times).reshape(len(levels), len(settings), ANGLES)
-    return Simulated(settings, angles, baseline, common, tuple(levels), whole)
+def simulate(
+    effects: Mapping[str, Effect], settings: Sequence[Setting], runner: Runner
+) -> SimulatedTimes:
+    """Simulate the baseline and all levels of effects."""
+    levels = [level for effect in effects.values() for level in levels_of(effect, settings)]
+    dense_blocks = [_block(setting, setting, DENSE_FACTOR) for setting in settings]
+    level_settings = []
+    level_blocks = []
+    for level in levels:
+        for baseline in settings:
+            setting = level.setting(effects, baseline)
+            level_settings.append(setting)
+            level_blocks.append(_block(setting, baseline))
+    records = iter(runner(dense_blocks + level_blocks))
+    baseline_times = np.array([read_times(setting, next(records)) for setting in settings])
+    times = [read_times(replace(setting, delay=0.0), next(records)) for setting in level_settings]
+    angles = np.array([block.angles for block in dense_blocks])
+    level_angles = np.array([_block(setting, setting).angles for setting in settings])
+    return SimulatedTimes(
+        settings=tuple(settings),
+        angles=angles,
+        baseline=baseline_times,
+        level_angles=np.argmin(abs(level_angles[:, :, None] - angles[:, None]), axis=2),
+        levels=tuple(levels),
+        times=np.array(times).reshape(len(levels), len(settings), ANGLES),
+    )
 
 
 def simulate_benches(
-    changed: Sequence[Sequence[Setting]], settings: Sequence[Setting], run: Runner
+    benches: Sequence[Sequence[Setting]], settings: Sequence[Setting], runner: Runner
 ) -> Array:
-    """Simulate n benches at all angles of their baselines, s, (n, C, DENSE * ANGLES).
+    """Simulate n benches at all angles of their baselines, s, (n, C, DENSE_FACTOR * ANGLES).
 
-    ``changed`` are the settings of each bench at the C operating points.
+    ``benches`` are the settings of each bench at the C operating points.
     """
-    pairs = [pair for row in changed for pair in zip(row, settings, strict=True)]
-    rows = run([_block(setting, baseline, DENSE) for setting, baseline in pairs])
+    pairs = [pair for bench in benches for pair in zip(bench, settings, strict=True)]
+    records = runner([_block(setting, baseline, DENSE_FACTOR) for setting, baseline in pairs])
     times = [
-        read_times(replace(setting, delay=0.0), row)
-        for (setting, _), row in zip(pairs, rows, strict=True)
+        read_times(replace(setting, delay=0.0), rows)
+        for (setting, _), rows in zip(pairs, records, strict=True)
     ]
-    return np.array(times).reshape(len(changed), len(settings), DENSE * ANGLES)
+    return np.array(times).reshape(len(benches), len(settings), DENSE_FACTOR * ANGLES)
 
 
-def _block(changed: Setting, baseline: Setting, dense: int = 1) -> Block:
-    """Build the block of a setting at the angles of its baseline, each point's own draw."""
+def _block(setting: Setting, baseline: Setting, density: int = 1) -> Block:
+    """Build the block of a setting at the even angles of its baseline's operating point."""
     point = baseline.point
     record = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record}
-    draw = (SEED, int(content_key(record), 16))
-    return even_block(changed.clutch, changed.point, dense * ANGLES, draw, ANGLES)
+    draw = (ANGLE_SEED, int(content_key(record), 16))
+    return even_block(setting.clutch, setting.point, density * ANGLES, draw, ANGLES)
 
 
 def read_times(setting: Setting, rows: Sequence[Record]) -> Array:
     """Read times as the bench does, s, (n,): inf where not engaged, NaN where failed."""
-    failed = [row["outcome"] == Outcome.DIVERGED.value for row in rows]
-    times = [np.inf if (time := setting.time_of(row)) is None else time for row in rows]
-    return np.where(failed, np.nan, times)
+    times = []
+    for row in rows:
+        time = setting.time_of(row)
+        if row["outcome"] == Outcome.DIVERGED.value:
+            time = np.nan
+        elif time is None:
+            time = np.inf
+        times.append(time)
+    return np.array(times, dtype=float)

@@ -30,7 +30,7 @@ from dogshape.diagnosis.inference.outcome import Field, field_of
 from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
-from dogshape.diagnosis.next_test import choose, require_terms
+from dogshape.diagnosis.next_test import rank_tests, require_terms
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
@@ -77,7 +77,7 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     _require_working(effects, bench, means)
     bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
     found = diagnose(bench, models_of(bench, effects, means), means.settings)
-    return replace(found, tests=choose(found))
+    return replace(found, tests=rank_tests(found))
 
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:

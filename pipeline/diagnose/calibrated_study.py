@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.report.wording import chance, described, headline_of
-from dogshape.diagnosis.terms import Array, Hypothesis, plain
+from dogshape.diagnosis.report.wording import chance, describe_parameter, headline_of
+from dogshape.diagnosis.terms import Array, Hypothesis, hypothesis_name
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study, load_study, override
 from dogshape.pipeline.config.toml_text import toml_text
@@ -111,7 +111,7 @@ def calibrated_study(
     if not taken:
         raise InputError(
             f"--write is '{path}', but a study has no key for the cause "
-            f"({plain(hypothesis, effects)}); {'; '.join(remarks)}"
+            f"({hypothesis_name(hypothesis, effects)}); {'; '.join(remarks)}"
         )
 
     def keyed(numbers: Array) -> Data:
@@ -198,7 +198,9 @@ def _comments(
     }
     sizes = found.fits[hypothesis].intervals
     for name in hypothesis:
-        size = "; ".join(described(p.name, sizes[p.name]) for p in found.effects[name].parameters)
+        size = "; ".join(
+            describe_parameter(p.name, sizes[p.name]) for p in found.effects[name].parameters
+        )
         part = "part of the cause" if name in found.verdict.causes else "open"
         share = chance(found.inclusion.get(name, 0.0))
         comments[f"effects.{name}"] = [f"{size}; {part} ({share})."]

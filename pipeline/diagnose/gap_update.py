@@ -26,7 +26,7 @@ from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC, Sheet
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.verdict import Verdict
 from dogshape.diagnosis.report.wording import chance, headline_of
-from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, plain
+from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, hypothesis_name
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.files import write_whole
@@ -239,7 +239,8 @@ def sentence(before: Record, after: Record, effects: Mapping[str, Effect]) -> st
     first, now = next(iter(old)), next(iter(new))
     rival = first if first != now else next((h for h in old if h not in (now, UNKNOWN)), now)
     sides = [
-        f"{plain(h, effects)} ({chance(old.get(h, 0.0))} before, {chance(new.get(h, 0.0))} now)"
+        f"{hypothesis_name(h, effects)} "
+        f"({chance(old.get(h, 0.0))} before, {chance(new.get(h, 0.0))} now)"
         for h in dict.fromkeys((first, now))
     ]
     moved = f"The answer {'stays' if first == now else 'moves from'} {' to '.join(sides)}"
@@ -248,6 +249,8 @@ def sentence(before: Record, after: Record, effects: Mapping[str, Effect]) -> st
     if now == rival or UNKNOWN in (now, rival) or min(*mine, *theirs) <= 0.0:
         return f"{moved}."
     odds = mine[0] / theirs[0] * theirs[1] / mine[1]
-    better, worse = (plain(h, effects) for h in ((now, rival) if odds >= 1.0 else (rival, now)))
+    better, worse = (
+        hypothesis_name(h, effects) for h in ((now, rival) if odds >= 1.0 else (rival, now))
+    )
     odds = round(min(max(odds, 1.0 / odds), MOST_ODDS), 1)
     return f"{moved}; the new shifts alone are {odds:g} : 1 for {better} against {worse}."

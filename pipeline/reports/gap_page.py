@@ -12,9 +12,16 @@ from markupsafe import Markup
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.inference.outcome import NATS
-from dogshape.diagnosis.report.wording import READINGS, chance, described, headline_of, ms, summary
-from dogshape.diagnosis.terms import NONE, plain
+from dogshape.diagnosis.inference.outcome import MIN_INFORMATION_NATS
+from dogshape.diagnosis.report.wording import (
+    RECORD_MEANINGS,
+    chance,
+    describe_parameter,
+    headline_of,
+    ms,
+    summary,
+)
+from dogshape.diagnosis.terms import NONE, hypothesis_name
 from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
@@ -105,8 +112,8 @@ def publish(
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
     readings = [
-        (READINGS[one.key, one.value], chance(one.probability),
-         headline_of(one.verdict, found.effects)) for one in found.readings
+        (RECORD_MEANINGS[one.key, one.value], chance(one.probability),
+         headline_of(one.verdict, found.effects)) for one in found.record_meanings
     ]  # fmt: skip
     page.add(
         "Data and settings",
@@ -127,10 +134,10 @@ def hypothesis_table(found: Diagnosis) -> Table:
     for hypothesis in dict.fromkeys([*worth[:MAX_ROWS], found.leading]):
         sizes, p = "", ""
         if fit := found.fits.get(hypothesis):
-            sizes = "\n".join(described(name, one) for name, one in fit.intervals.items())
+            sizes = "\n".join(describe_parameter(name, one) for name, one in fit.intervals.items())
             p = "< 0.001" if fit.p < 0.001 else f"{fit.p:.2g}"
         share = chance(found.posterior.get(hypothesis, 0.0))
-        rows.append((plain(hypothesis, found.effects), share, sizes, p))
+        rows.append((hypothesis_name(hypothesis, found.effects), share, sizes, p))
     looks = {0: "best"} if found.verdict.kind == "effect" else {}
     note = (
         "p: probability of data as far from the hypothesis as these, if the hypothesis is true. An "
@@ -160,10 +167,10 @@ def residual_table(found: Diagnosis) -> Table:
     """Tabulate root-mean-square gaps: without effects, at held-out points, by chance."""
     gaps, rows = found.held_out, [("no effect", ms(found.held_out.baseline))]
     if found.leading != NONE:
-        name = plain(found.leading, found.effects)
+        name = hypothesis_name(found.leading, found.effects)
         rows.append((f"{name}, at held-out points", ms(gaps.held_out)))
     if gaps.rival is not None and gaps.rival_held_out is not None:
-        name = plain(gaps.rival, found.effects)
+        name = hypothesis_name(gaps.rival, found.effects)
         rows.append((f"best rival, {name}, at held-out points", ms(gaps.rival_held_out)))
     rows.append(("chance alone", ms(gaps.chance)))
     note = (
@@ -175,9 +182,14 @@ def residual_table(found: Diagnosis) -> Table:
 
 def advice_table(found: Diagnosis) -> Table:
     """Tabulate the advised tests with the chances to settle and to mislead, and their work."""
-    some = [t for k, t in enumerate(found.tests[:MAX_ROWS]) if not k or t.information >= NATS]
+    some = [
+        t
+        for k, t in enumerate(found.tests[:MAX_ROWS])
+        if not k or t.information >= MIN_INFORMATION_NATS
+    ]
     rows = [
-        (test.name, *(chance(one) if test.information >= NATS else "-" for one in both),
+        (test.name,
+         *(chance(one) if test.information >= MIN_INFORMATION_NATS else "-" for one in both),
          f"{test.information:.2f}", f"{test.hours:.2g}")
         for test in some for both in [(test.settles, test.misleads)]
     ]  # fmt: skip

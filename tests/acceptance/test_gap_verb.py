@@ -85,7 +85,9 @@ def test_a_plan_for_the_stand_distinguishes_what_shifts_show(tmp_path: Path) -> 
     """A dead time is seen at nearly any strength, an axial gap at fewer."""
     plan = ds.plan_shifts("mq200_stand", 60, points=6, bank=tmp_path)
     names = [h[0] if h else "none" for h in plan.inference.field.hypotheses]
-    seen = {name: plan.inference.apart[k, 0] for k, name in enumerate(names) if name != "none"}
+    seen = {
+        name: plan.inference.distinct_share[k, 0] for k, name in enumerate(names) if name != "none"
+    }
     assert seen["actuation_delay"] > 0.9
     assert seen["axial_gap"] < seen["actuation_delay"]
     record = plan.to_dict()

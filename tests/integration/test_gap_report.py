@@ -45,7 +45,7 @@ def full() -> Any:
     ]  # fmt: skip
     bench = replace(STAND, name="rig <b>7</b>", source="made & measured", cells=gather(readings))
     readings_of = (reading("time_zero", "force", 0.3, ("drag_torque",)),)
-    return diagnosis_of(POSTERIOR, bench, readings=readings_of)
+    return diagnosis_of(POSTERIOR, bench, record_meanings=readings_of)
 
 
 @pytest.fixture(scope="module")
@@ -121,8 +121,8 @@ def test_a_reading_of_the_record_that_decides_is_stated() -> None:
     same = reading("time_zero", "command", 0.7, stand_diagnosis().verdict.causes)
     other = reading("time_zero", "force", 0.3, ("drag_torque",))
     posterior = stand_diagnosis().posterior
-    assert "If " not in summary(diagnosis_of(posterior, readings=(same, same)))
-    said = summary(diagnosis_of(posterior, readings=(same, other)))
+    assert "If " not in summary(diagnosis_of(posterior, record_meanings=(same, same)))
+    said = summary(diagnosis_of(posterior, record_meanings=(same, other)))
     assert said.endswith(
         "If times start with the force (30 %), the answer is 'Part of the cause: drag torque "
         "on the sliding ring; the rest is open'."

@@ -15,10 +15,10 @@ import pytest
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.prediction.simulations import (
-    ALONG,
     ANGLES,
-    DENSE,
-    Simulated,
+    DENSE_FACTOR,
+    LINE_LEVELS,
+    SimulatedTimes,
     levels_of,
     settings_of,
     simulate,
@@ -42,7 +42,7 @@ BENCH = select_cells(load_bench("mq200_adams"), POINTS)
 
 def _simulated(
     store: Bank | None, *names: str, bench: Bench = BENCH, run: Runner = simulate_analytic
-) -> Simulated:
+) -> SimulatedTimes:
     few = {name: EFFECTS[name] for name in names}
     settings = settings_of(bench, "sleeve")
     if store is None:
@@ -62,7 +62,7 @@ def test_a_bank_is_read_back_as_it_was_and_only_for_what_it_is_of(tmp_path: Path
     assert np.isinf(first.times).any()
     again = _simulated(Bank([path]), *names, bench=late, run=_never)
     assert again.levels == first.levels
-    for name in ("angles", "common"):
+    for name in ("angles", "level_angles"):
         assert np.array_equal(getattr(first, name), getattr(again, name))
     for name in ("baseline", "times"):
         assert getattr(again, name) == pytest.approx(getattr(first, name), abs=TICK)
@@ -75,7 +75,7 @@ def test_a_bank_takes_what_is_there_and_simulates_the_rest(tmp_path: Path) -> No
     _simulated(Bank([path]), "moving_mass")
     one = replace(BENCH, cells=BENCH.cells[1:])
     fewer = _simulated(Bank([path]), "moving_mass", bench=one, run=_never)
-    assert fewer.times.shape == (ALONG, 1, ANGLES)
+    assert fewer.times.shape == (LINE_LEVELS, 1, ANGLES)
     asked: list[Block] = []
 
     def counted(blocks: Sequence[Block]) -> list[list[Record]]:
@@ -101,14 +101,14 @@ def test_a_broken_bank_is_named(tmp_path: Path) -> None:
 
 def test_all_levels_share_the_angles_of_their_point_and_span_the_range() -> None:
     found = _simulated(None, "moving_mass")
-    assert found.baseline.shape == (2, DENSE * ANGLES)
-    shared = np.take_along_axis(found.angles, found.common, axis=1)
+    assert found.baseline.shape == (2, DENSE_FACTOR * ANGLES)
+    shared = np.take_along_axis(found.angles, found.level_angles, axis=1)
     assert np.diff(shared) == pytest.approx(BENCH.clutch.dog.pitch_angle / ANGLES)
     settings = settings_of(BENCH, "sleeve")
     values = [level.values[0] for level in levels_of(EFFECTS["moving_mass"], settings)]
     (mass,) = EFFECTS["moving_mass"].parameters
     assert (values[0], values[-1]) == pytest.approx((mass.low, mass.high))
-    assert len(values) == ALONG
+    assert len(values) == LINE_LEVELS
 
 
 @pytest.mark.parametrize("name", ["mq200_stand", "mq200_adams"])

@@ -13,8 +13,8 @@ from scipy.stats import norm
 
 from dogshape.diagnosis.bench.stand_file import Margin, NominalErrors
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
-from dogshape.diagnosis.likelihood.observed import Observed
-from dogshape.diagnosis.prediction.model import Predicted
+from dogshape.diagnosis.likelihood.observed import Observations
+from dogshape.diagnosis.prediction.model import LateDelay, Prediction
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.validation.blind.data import Expected
@@ -32,9 +32,9 @@ class _Model:
 
     effects: ClassVar = dict.fromkeys(EFFECTS)
     nuisances: ClassVar[dict[str, Any]] = {}
-    turned, cells = None, CELLS
-    waits, shape = np.full(CELLS, 0.3), np.zeros(CELLS)
-    behind = np.full(CELLS, 0.3), np.full(CELLS, 0.1)
+    reversed_model, cell_count = None, CELLS
+    passing_times, kurtosis = np.full(CELLS, 0.3), np.zeros(CELLS)
+    late_delay = LateDelay(np.full(CELLS, 0.3), np.full(CELLS, 0.1))
 
     def space(self, hypothesis: Hypothesis) -> Any:
         return SimpleNamespace(parameters=hypothesis)
@@ -42,7 +42,7 @@ class _Model:
     def possible(self, hypothesis: Hypothesis, shares: Array) -> Array:
         return np.ones(len(shares), dtype=bool)
 
-    def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
+    def predict(self, hypothesis: Hypothesis, shares: Array) -> Prediction:
         delay, mean = np.zeros((len(shares), 1)), np.full((len(shares), CELLS), BASE)
         for name, share in zip(hypothesis, shares.T[..., None], strict=True):
             if name == "delay":
@@ -51,13 +51,13 @@ class _Model:
                 mean = mean + BASE * 0.5 * share * (TILT if name == "tilt" else 1.0)
         zeros, ones = 0.0 * mean, np.ones_like(mean)
         fields = mean + delay, SD * ones, zeros, zeros, zeros, 1e-3 * ones, ones, delay + zeros
-        return Predicted(*fields, ones, zeros, SD * ones, zeros, zeros)
+        return Prediction(*fields, ones, zeros, SD * ones, zeros, zeros)
 
 
 def _yardstick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) -> Yardstick:
     """A truth with expected means; single shifts are not known."""
     zeros, count = np.zeros(CELLS), np.full(CELLS, n)
-    seen = Observed(
+    seen = Observations(
         count, zeros + BASE, zeros + SD**2, zeros, zeros, zeros > 0.0,
         count, zeros, SPEEDS.ravel(), FORCES.ravel(), None, (),
     )  # fmt: skip
@@ -86,7 +86,7 @@ def test_a_discrepancy_takes_part_of_a_smooth_gap() -> None:
     """A gap that all points share, of which a share of the variance is common to all."""
     yardstick = _yardstick(BASE + 0.02, discrepancy=0.05)
     (noncentrality,) = yardstick.squares((), np.zeros((1, 0)))
-    smooth = 0.05 * BASE * yardstick.likelihood.smooth
+    smooth = 0.05 * BASE * yardstick.likelihood.discrepancy_root
     covariance = VARIANCE * np.eye(CELLS) + smooth @ smooth.T
     gap = np.full(CELLS, 0.02)
     assert noncentrality == pytest.approx(gap @ np.linalg.solve(covariance, gap), rel=1e-6)
@@ -95,9 +95,9 @@ def test_a_discrepancy_takes_part_of_a_smooth_gap() -> None:
 def test_spreads_count_where_single_shifts_are_known() -> None:
     yardstick = _yardstick(n=1001.0)
     wide_truth = replace(yardstick.truth, sd=4.0 * yardstick.truth.sd)
-    seen = replace(yardstick.likelihood.seen, freedom=np.full(CELLS, 1000.0))
+    seen = replace(yardstick.likelihood.observed, freedom=np.full(CELLS, 1000.0))
     yardstick = replace(
-        yardstick, truth=wide_truth, likelihood=replace(yardstick.likelihood, seen=seen)
+        yardstick, truth=wide_truth, likelihood=replace(yardstick.likelihood, observed=seen)
     )
     (noncentrality,) = yardstick.squares((), np.zeros((1, 0)))
     deviate = norm.isf(f_distribution.sf(16.0, 1000.0, FREEDOM))

@@ -13,8 +13,22 @@ from scipy.stats import multivariate_normal, norm
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
 from dogshape.diagnosis.bench.stand_file import Measured, TestTerms
-from dogshape.diagnosis.inference.outcome import SETUP, SHIFT, TRACING, NextTest, Outcome, smoothed
-from dogshape.diagnosis.next_test import MORE, TRACED, choose, imitator_odds, settle
+from dogshape.diagnosis.inference.outcome import (
+    SETUP_HOURS,
+    SHIFT_HOURS,
+    TRACING_HOURS,
+    Densities,
+    NextTest,
+    PredictedOutcome,
+    smooth_draws,
+)
+from dogshape.diagnosis.next_test import (
+    FURTHER_SHIFTS,
+    TRACED_SHIFTS,
+    imitator_odds,
+    rank_tests,
+    update_posterior,
+)
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 from dogshape.sim.shift.actuation import ForceProfile
 from tests.fits import BENCH, CELLS, POINTS, SETTINGS, UNTRACED, Array, diagnosis_of, fit_of
@@ -38,17 +52,17 @@ def _named(tests: tuple[NextTest, ...], name: str) -> NextTest:
 
 def test_a_direct_test_that_reads_a_parameter_settles_the_cause() -> None:
     diagnosis = _open()
-    first = choose(diagnosis)[0]
+    first = rank_tests(diagnosis)[0]
     assert first.name == EFFECTS["drag_torque"].test.name
     # All but the imitators and unknown, 0.02, are settled; a run-down reads none of the delay's.
     real = 0.98 / (1.0 + imitator_odds(SETTINGS))
     assert first.settles == pytest.approx(real, abs=0.03)
     assert first.misleads < 1.0 - real + 0.01
     # The truth of the delay reads 0.6 of its range at the sleeve.
-    force = _named(choose(diagnosis), FORCE)
+    force = _named(rank_tests(diagnosis), FORCE)
     assert force.parameters == ("delay_s",)
-    assert settle(diagnosis, force, [0.6])[DELAY] > 0.95
-    nothing = settle(diagnosis, force, [0.0])
+    assert update_posterior(diagnosis, force, [0.6])[DELAY] > 0.95
+    nothing = update_posterior(diagnosis, force, [0.0])
     assert nothing[DELAY] < 1e-3 < nothing[UNKNOWN]
     assert sum(nothing.values()) == pytest.approx(1.0)
 
@@ -57,25 +71,25 @@ def test_effects_of_one_test_share_its_outcome() -> None:
     """The force over time reads delay and lag: either hypothesis has the other neutral."""
     fits = {DELAY: fit_of(DELAY, SPREAD), LAG: fit_of(LAG, SPREAD)}
     diagnosis = diagnosis_of({DELAY: 0.5, LAG: 0.5}, fits)
-    test = _named(choose(diagnosis), FORCE)
+    test = _named(rank_tests(diagnosis), FORCE)
     assert test.effects == (*DELAY, *LAG)
     assert test.parameters == ("delay_s", "lag_s")
-    assert settle(diagnosis, test, [0.5, 0.0])[DELAY] > 0.95
-    assert settle(diagnosis, test, [np.nan, 0.5])[LAG] > 0.9
+    assert update_posterior(diagnosis, test, [0.5, 0.0])[DELAY] > 0.95
+    assert update_posterior(diagnosis, test, [np.nan, 0.5])[LAG] > 0.9
 
 
 def test_further_shifts_tell_means_apart_as_two_normal_densities() -> None:
     """Mean of n shifts at a point without any so far: sd^2/n and the error of the simulation."""
     fits = {DELAY: fit_of(DELAY, time=0.3), DRAG: fit_of(DRAG, time=0.32)}
     seen = SimpleNamespace(count=np.zeros(CELLS), mean=np.zeros(CELLS))
-    diagnosis = diagnosis_of({DELAY: 0.5, DRAG: 0.5}, fits, seen=seen)
-    ten = next(test for test in choose(diagnosis) if test.shifts == min(MORE))
-    found = settle(diagnosis, ten, [0.303, np.nan])
+    diagnosis = diagnosis_of({DELAY: 0.5, DRAG: 0.5}, fits, observed=seen)
+    ten = next(test for test in rank_tests(diagnosis) if test.shifts == min(FURTHER_SHIFTS))
+    found = update_posterior(diagnosis, ten, [0.303, np.nan])
     width = np.hypot(0.02 / (10 * 0.98) ** 0.5, 1e-3)
     odds = norm.pdf(0.303, 0.3, width) / norm.pdf(0.303, 0.32, width)
     assert found[DELAY] / found[DRAG] == pytest.approx(odds, rel=1e-6)
-    assert settle(diagnosis, ten, [0.303])[DELAY] == pytest.approx(found[DELAY])
-    assert ten.hours == pytest.approx(SETUP + 10 * SHIFT)
+    assert update_posterior(diagnosis, ten, [0.303])[DELAY] == pytest.approx(found[DELAY])
+    assert ten.hours == pytest.approx(SETUP_HOURS + 10 * SHIFT_HOURS)
 
 
 def _flying(hypothesis: Hypothesis, values: Array, profile: ForceProfile, **_: Any) -> Any:
@@ -99,8 +113,8 @@ def _delay_or_lag(**more: Any) -> Any:
 
 def test_traces_tell_apart_what_no_time_does() -> None:
     diagnosis = _delay_or_lag(bench=UNTRACED, flights=SimpleNamespace(marks=_flying))
-    (test,) = (t for t in choose(diagnosis) if t.kind == "traces")
-    assert test.hours == pytest.approx(SETUP + TRACING + SHIFT * TRACED)
+    (test,) = (t for t in rank_tests(diagnosis) if t.kind == "traces")
+    assert test.hours == pytest.approx(SETUP_HOURS + TRACING_HOURS + SHIFT_HOURS * TRACED_SHIFTS)
     assert test.point is not None
     assert test.point[1] == 235.2
     assert test.settles > 0.9
@@ -109,24 +123,24 @@ def test_traces_tell_apart_what_no_time_does() -> None:
     still = _flying(NONE, np.zeros((1, 0)), POINTS[0].profile).times[0]
     for nominal in (0.0, 0.08):
         moved = still + np.where(np.arange(SIZE) < len(WAYS), 0.08, nominal)
-        assert settle(diagnosis, test, moved.tolist())[DELAY] > 0.95
+        assert update_posterior(diagnosis, test, moved.tolist())[DELAY] > 0.95
         moved[[0, 7]] = np.nan
-        assert settle(diagnosis, test, moved.tolist())[DELAY] > 0.95
+        assert update_posterior(diagnosis, test, moved.tolist())[DELAY] > 0.95
     odd = still + 0.08 * np.sin(3.0 * np.arange(SIZE))
-    assert settle(diagnosis, test, odd.tolist())[UNKNOWN] > 0.95
+    assert update_posterior(diagnosis, test, odd.tolist())[UNKNOWN] > 0.95
 
 
 def test_traces_lead_where_unknown_does_at_the_largest_residual() -> None:
     seen = SimpleNamespace(count=np.full(CELLS, 10.0), mean=0.3 + 0.2 * (np.arange(CELLS) == 9))
     chances, fits = {UNKNOWN: 0.9, NONE: 0.1}, {NONE: fit_of(NONE)}
     flights = SimpleNamespace(marks=_flying)
-    diagnosis = diagnosis_of(chances, fits, UNTRACED, seen=seen, flights=flights)
-    first = choose(diagnosis)[0]
+    diagnosis = diagnosis_of(chances, fits, UNTRACED, observed=seen, flights=flights)
+    first = rank_tests(diagnosis)[0]
     assert (first.kind, first.cell) == ("traces", 9)
-    assert settle(diagnosis, first, []) == diagnosis.posterior
+    assert update_posterior(diagnosis, first, []) == diagnosis.posterior
     blind = replace(UNTRACED, tests=(TestTerms(name="traces", possible=False),))
     diagnosis.bench = blind
-    assert "traces" not in {test.kind for test in choose(diagnosis)}
+    assert "traces" not in {test.kind for test in rank_tests(diagnosis)}
 
 
 def _worth(monkeypatch: pytest.MonkeyPatch, worth: dict[str, tuple[float, float, float]]) -> None:
@@ -136,7 +150,7 @@ def _worth(monkeypatch: pytest.MonkeyPatch, worth: dict[str, tuple[float, float,
         found = worth.get(test.name, worth.get(test.kind, (0.0, 0.0, 0.0)))
         return replace(test, information=found[0], settles=found[1], misleads=found[2])
 
-    monkeypatch.setattr("dogshape.diagnosis.next_test._judged", judged)
+    monkeypatch.setattr("dogshape.diagnosis.next_test._add_worth", judged)
 
 
 @pytest.mark.parametrize(("settles", "kind"), [(0.62, "direct"), (0.8, "shifts")])
@@ -147,10 +161,10 @@ def test_of_tests_that_settle_about_as_surely_the_cheapest_leads(
     name = EFFECTS["drag_torque"].test.name
     _worth(monkeypatch, {"shifts": (0.4, settles, 0.0), name: (0.4, 0.55, 0.0)})
     diagnosis = _open(bench=replace(BENCH, tests=(TestTerms(name=name, hours=0.5),)))
-    first = choose(diagnosis)[0]
+    first = rank_tests(diagnosis)[0]
     assert first.kind == kind
     dear = replace(BENCH, tests=(TestTerms(name=name, hours=20.0),))
-    assert choose(_open(bench=dear))[0].kind == "shifts"
+    assert rank_tests(_open(bench=dear))[0].kind == "shifts"
 
 
 @pytest.mark.parametrize(("hours", "leads"), [(0.1, True), (0.65, True), (9.0, False)])
@@ -162,7 +176,7 @@ def test_the_direct_test_of_a_named_cause_leads_where_it_costs_least(
     fits = {DELAY: fit_of(DELAY), DRAG: fit_of(DRAG)}
     bench = replace(BENCH, tests=(TestTerms(name=FORCE, hours=hours),))
     diagnosis = diagnosis_of({DELAY: 0.97, DRAG: 0.03}, fits, bench=bench)
-    assert (choose(diagnosis)[0].name == FORCE) == leads
+    assert (rank_tests(diagnosis)[0].name == FORCE) == leads
 
 
 def test_a_question_about_the_record_settles_by_its_answers() -> None:
@@ -177,36 +191,38 @@ def test_a_question_about_the_record_settles_by_its_answers() -> None:
         )
         for value, p, after, kind in answers
     )  # fmt: skip
-    diagnosis = _open(readings=readings)
-    (test,) = (t for t in choose(diagnosis) if t.kind == "record")
+    diagnosis = _open(record_meanings=readings)
+    (test,) = (t for t in rank_tests(diagnosis) if t.kind == "record")
     assert (test.settles, test.misleads) == pytest.approx((0.54, 0.06))
     mixed = {h: 0.6 * command.get(h, 0.0) + 0.4 * force.get(h, 0.0) for h in (*force, DRAG)}
     every = mixed, command, force
     before, first, second = (-sum(p * np.log(p) for p in one.values() if p) for one in every)
     assert test.information == pytest.approx(before - 0.6 * first - 0.4 * second)
-    assert settle(diagnosis, test, "force") == force
+    assert update_posterior(diagnosis, test, "force") == force
 
 
 def test_the_menu_has_the_hours_of_the_stand_and_no_test_that_is_made_or_impossible() -> None:
     terms = TestTerms(name=FORCE, hours=7.0), TestTerms(name="more shifts", hours=3.0)
-    found = choose(_open(bench=replace(BENCH, tests=terms)))
+    found = rank_tests(_open(bench=replace(BENCH, tests=terms)))
     ten = next(test for test in found if test.shifts == 10)
-    assert (_named(found, FORCE).hours, ten.hours) == (7.0, pytest.approx(3.0 + 10 * SHIFT))
+    assert (_named(found, FORCE).hours, ten.hours) == (7.0, pytest.approx(3.0 + 10 * SHIFT_HOURS))
     measured = (Measured(effect="actuation_delay", value=0.1, standard_error=0.01),)
-    assert FORCE not in {t.name for t in choose(_open(bench=replace(BENCH, measured=measured)))}
+    assert FORCE not in {t.name for t in rank_tests(_open(bench=replace(BENCH, measured=measured)))}
     shifts = replace(BENCH, tests=(TestTerms(name="more shifts", possible=False),))
-    assert {test.kind for test in choose(_open(bench=shifts))} == {"direct"}
+    assert {test.kind for test in rank_tests(_open(bench=shifts))} == {"direct"}
 
 
 MASS: Hypothesis = ("moving_mass",)
 ODDS = 0.15 * 0.5 / 0.85
 
 
-def _normal(means: dict[Hypothesis, float], sd: float = 1.0) -> Outcome:
+def _normal(means: dict[Hypothesis, float], sd: float = 1.0) -> PredictedOutcome:
     """Densities of one value, one of each hypothesis; unknown lies far off."""
     every = means | {UNKNOWN: 1e3}
-    one = {h: (np.ones(1), np.array([[m]]), np.array([[[sd**2]]])) for h, m in every.items()}
-    return Outcome.of(one, lambda _: False)
+    one = {
+        h: Densities(np.ones(1), np.array([[m]]), np.array([[[sd**2]]])) for h, m in every.items()
+    }
+    return PredictedOutcome.of(one, lambda _: False)
 
 
 def _before(*chances: float) -> np.ndarray:
@@ -252,7 +268,9 @@ def test_few_draws_give_the_density_of_many() -> None:
     draws, more = (generator.normal(size=(n, 2)) @ [[1.0, 0.6], [0.0, 0.5]] for n in (64, 2000))
     error = np.tile(0.01 * np.eye(2), (64, 1, 1))
     rows = {LAG: draws, MASS: still, DRAG: np.vstack([still[:32], 9.0 + draws[:32]])}
-    found = Outcome.of({h: smoothed(one, error) for h, one in rows.items()}, lambda _: True)
+    found = PredictedOutcome.of(
+        {h: smooth_draws(one, error) for h, one in rows.items()}, lambda _: True
+    )
     exact = multivariate_normal(cov=np.array([[1.01, 0.6], [0.6, 0.62]])).logpdf(more).mean()
     assert found.log_density(more)[:, 0].mean() == pytest.approx(exact, abs=0.2)
     _, alone, half = found.log_density(np.zeros((1, 2)))[0]
@@ -261,11 +279,13 @@ def test_few_draws_give_the_density_of_many() -> None:
 
 def test_densities_are_those_of_a_mixture_and_draws_follow_them() -> None:
     parts = {
-        LAG: (np.array([0.25, 0.75]), np.array([[0.0], [4.0]]), np.array([[[1.0]], [[0.25]]])),
-        UNKNOWN: (np.ones(1), np.array([[9.0]]), np.array([[[1.0]]])),
+        LAG: Densities(
+            np.array([0.25, 0.75]), np.array([[0.0], [4.0]]), np.array([[[1.0]], [[0.25]]])
+        ),
+        UNKNOWN: Densities(np.ones(1), np.array([[9.0]]), np.array([[[1.0]]])),
     }
-    outcome = Outcome.of(parts, lambda _: True)
-    assert outcome.read.tolist() == [True, False]
+    outcome = PredictedOutcome.of(parts, lambda _: True)
+    assert outcome.is_read.tolist() == [True, False]
     density = np.exp(outcome.log_density(np.array([[3.0]])))[0]
     assert density[0] == pytest.approx(0.25 * norm.pdf(3.0) + 0.75 * norm.pdf(3.0, 4.0, 0.5))
     drawn = outcome.draw(np.repeat([0, 1], 20000), np.random.default_rng(1))[:, 0]
@@ -274,23 +294,23 @@ def test_densities_are_those_of_a_mixture_and_draws_follow_them() -> None:
     assert drawn[20000:].min() > 4.0
 
 
-def _reading() -> Outcome:
+def _reading() -> PredictedOutcome:
     """A direct test of the lag: 0.7 of its range, or nothing; unknown nothing, half, or 0.7."""
     small = np.array([[[0.0025]]])
     parts = {
-        LAG: (np.ones(1), np.array([[0.7]]), small),
-        MASS: (np.ones(1), np.array([[0.0]]), small),
-        UNKNOWN: (np.array([0.5, 0.5]), np.array([[0.0], [0.7]]), np.repeat(small, 2, 0)),
+        LAG: Densities(np.ones(1), np.array([[0.7]]), small),
+        MASS: Densities(np.ones(1), np.array([[0.0]]), small),
+        UNKNOWN: Densities(np.array([0.5, 0.5]), np.array([[0.0], [0.7]]), np.repeat(small, 2, 0)),
     }
-    return Outcome.of(parts, {"actuation_lag"}.intersection)
+    return PredictedOutcome.of(parts, {"actuation_lag"}.intersection)
 
 
 def test_a_negative_reading_does_not_hand_its_probability_to_the_runner_up() -> None:
     """A lag of 0.96 is not found: without imitators the mass would be named."""
     read, before = _reading(), _before(0.96, 0.04)
     log = read.log_density(np.array([[0.0]]))
-    assert read.after(before, log, 0.0)[0, 1] > 0.99
-    lag, mass, unknown = read.after(before, log, ODDS)[0]
+    assert read.update(before, log, 0.0)[0, 1] > 0.99
+    lag, mass, unknown = read.update(before, log, ODDS)[0]
     # Odds: half of the lag's imitator to the mass.
     assert unknown / mass == pytest.approx(0.5 * 0.96 * ODDS / (1.0 + ODDS) / 0.04, rel=1e-4)
     assert (lag, mass) < (1e-6, 0.6)
@@ -299,20 +319,20 @@ def test_a_negative_reading_does_not_hand_its_probability_to_the_runner_up() -> 
 def test_an_imitator_counts_with_its_hypothesis_until_an_outcome_tells_them_apart() -> None:
     read, before = _reading(), _before(0.7, 0.3)
     same = replace(read, mean=0.0 * read.mean)
-    assert same.after(before, same.log_density(np.zeros((1, 1))), ODDS)[0] == pytest.approx(before)
-    assert read.after(before, read.log_density(np.array([[0.7]])), ODDS)[0, 0] > 0.9
+    assert same.update(before, same.log_density(np.zeros((1, 1))), ODDS)[0] == pytest.approx(before)
+    assert read.update(before, read.log_density(np.array([[0.7]])), ODDS)[0, 0] > 0.9
 
 
 def test_a_value_that_is_not_shown_does_not_count() -> None:
     """Two values that err together: their difference tells all, the second alone little."""
     whole = np.array([[[1.0, 0.99], [0.99, 1.0]]])
     parts = {
-        LAG: (np.ones(1), np.array([[0.0, 0.0]]), whole),
-        MASS: (np.ones(1), np.array([[0.0, 1.0]]), whole),
-        UNKNOWN: (np.ones(1), np.full((1, 2), 1e3), whole),
+        LAG: Densities(np.ones(1), np.array([[0.0, 0.0]]), whole),
+        MASS: Densities(np.ones(1), np.array([[0.0, 1.0]]), whole),
+        UNKNOWN: Densities(np.ones(1), np.full((1, 2), 1e3), whole),
     }
-    both = Outcome.of(parts, lambda _: False)
-    assert both.after(_before(0.5, 0.5), both.log_density(np.array([[3.0, 3.0]])), 0)[0, 0] > 0.999
-    second = both.only(np.array([False, True]))
-    after = second.after(_before(0.5, 0.5), second.log_density(np.array([[3.0]])), 0.0)[0]
+    both = PredictedOutcome.of(parts, lambda _: False)
+    assert both.update(_before(0.5, 0.5), both.log_density(np.array([[3.0, 3.0]])), 0)[0, 0] > 0.999
+    second = both.select(np.array([False, True]))
+    after = second.update(_before(0.5, 0.5), second.log_density(np.array([[3.0]])), 0.0)[0]
     assert after[1] / after[0] == pytest.approx(np.exp(2.5))

@@ -110,7 +110,11 @@ def _log(bench: Bench, sd: float) -> float:
     """Compute the log likelihood of the baseline with a spread in s and no late shifts."""
     likelihood = _likelihood(bench)
     p = likelihood.model.predict(NONE, np.zeros((1, 0)))
-    return float(likelihood.terms(replace(p, sd=np.full_like(p.sd, sd), late=0.0 * p.late)).log[0])
+    return float(
+        likelihood.terms(
+            replace(p, sd=np.full_like(p.sd, sd), late_share=0.0 * p.late_share)
+        ).log_likelihood[0]
+    )
 
 
 def _shifts(bench: Bench, scatter: float, count: int = 12, seed: int = 3) -> Bench:
@@ -139,12 +143,12 @@ def test_spreads_beside_means_are_pooled_with_those_of_single_shifts(write: Writ
     singles = [f"50,469,0.1766,1,{t}," for t in times]
     bench = load_bench(write("shift_time_sd_s", [*means, *singles]))
     record = bench.record.model_copy(update={"displacement_at": "sleeve", "sense": "known"})
-    seen = _likelihood(replace(bench, record=record)).seen
+    seen = _likelihood(replace(bench, record=record)).observed
     squares = 3 * 0.008**2 + 8 * 0.011**2 + 3 * float(np.var(times, ddof=1))
     assert seen.freedom[0] == 14
     assert seen.variance[0] == pytest.approx(squares / 14)
     assert seen.count[0] == 17
-    assert seen.hidden[0]
+    assert seen.hides_late[0]
 
 
 def test_a_mean_with_its_spread_has_the_likelihood_of_its_shifts() -> None:
@@ -159,7 +163,7 @@ def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
     """One late shift of ten makes the standard deviation; with its share known the set fits."""
     plain = simulated_bench({})
     likelihood = _likelihood(plain)
-    behind = likelihood.model.behind[0]
+    behind = likelihood.model.late_delay.mean
     rows = []
     for k, (cell, late) in enumerate(zip(plain.cells, behind.tolist(), strict=True), start=2):
         times = (cell.time or 0.0) + np.append(0.004 * np.linspace(-1, 1, 9), late)
@@ -168,8 +172,8 @@ def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
     found = _likelihood(replace(plain, cells=gather(rows)))
     p = found.model.predict(NONE, np.zeros((1, 0)))
     p = replace(p, sd=np.full_like(p.sd, 0.003))
-    shares = (replace(p, late=np.full_like(p.late, share)) for share in (0.1, 0.0))
-    some, none = (found.terms(one).log[0] for one in shares)
+    shares = (replace(p, late_share=np.full_like(p.late_share, share)) for share in (0.1, 0.0))
+    some, none = (found.terms(one).log_likelihood[0] for one in shares)
     assert some > none + 10.0
 
 
@@ -203,9 +207,12 @@ def test_a_mean_counts_by_its_number() -> None:
         _likelihood(replace(bench, cells=gather(some)), USUAL)
         for some in (rows, [Reading(2, point, 10, whole, True)])
     )
-    assert apart.seen.mean[0] == pytest.approx(whole)
-    assert apart.seen.count[0] == together.seen.count[0] == 10
-    logs = [one.terms(one.model.predict(NONE, np.zeros((1, 0)))).log for one in (apart, together)]
+    assert apart.observed.mean[0] == pytest.approx(whole)
+    assert apart.observed.count[0] == together.observed.count[0] == 10
+    logs = [
+        one.terms(one.model.predict(NONE, np.zeros((1, 0)))).log_likelihood
+        for one in (apart, together)
+    ]
     assert logs[0] == pytest.approx(logs[1])
 
 
@@ -216,8 +223,8 @@ def test_an_error_of_the_simulation_does_not_average_out() -> None:
         row = Reading(2, bench.cells[-1].point, n, 0.03, engaged=None)
         one = _likelihood(replace(bench, cells=gather([row])))
         p = one.model.predict(NONE, np.zeros((1, 0)))
-        p = replace(p, late=0.0 * p.late)
-        own = one.own_variance(p)[0, 0]
+        p = replace(p, late_share=0.0 * p.late_share)
+        own = one.mean_variance(p)[0, 0]
         assert own > (USUAL.model_error * p.mean[0, 0]) ** 2 * (1.0 - 1e-9)
-        logs.append(float(one.terms(p).log[0]))
+        logs.append(float(one.terms(p).log_likelihood[0]))
     assert logs[1] == pytest.approx(logs[2], abs=0.1)

@@ -91,10 +91,10 @@ def test_the_reference_comes_first_amid_and_last_and_the_others_at_random() -> N
 
 def test_the_reference_scatters_least_and_a_limit_of_points_is_kept() -> None:
     field = field_at(("actuation_delay", "moving_mass"))
-    plan = shift_plan(field, 60, most=3)
+    plan = shift_plan(field, 60, max_points=3)
     assert field.baseline.sd[0, plan.reference] == field.baseline.sd[0].min()
     assert sum(n > 0 for n in plan.shifts) <= 3
-    assert plan.shifts[plan.reference] >= outcome.VISITS * outcome.LOT
+    assert plan.shifts[plan.reference] >= outcome.REFERENCE_VISITS * outcome.MIN_LOT
     assert plan.hours == pytest.approx(0.5 * len(plan.order) + 0.02 * 60)
     assert field.hypotheses == (NONE, ("actuation_delay",), ("moving_mass",))
 

@@ -19,7 +19,7 @@ from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
 from dogshape.sim.units import MM
 from tests.benches import good_set
-from tests.conftest import needed
+from tests.conftest import require_program
 
 TIME, WAY, FORCE, SLIDING, OUTPUT = COLUMNS
 NOISE = {WAY: 4e-3, FORCE: 1.2, SLIDING: 0.2, OUTPUT: 0.3}
@@ -323,7 +323,7 @@ UNITS = [("force_N", "kN"), ("sliding_speed_rpm", "rad/s"), ("output_speed_rpm",
 def test_a_unit_beside_a_channel_is_the_one_of_its_name(
     tmp_path: Path, library: str, channel: str, unit: str
 ) -> None:
-    needed(find_spec(library) is not None, library)
+    require_program(find_spec(library) is not None, library)
     path = tmp_path / ("x.tdms" if library == "nptdms" else "x.mf4")
     own = dict(zip(COLUMNS, ("s", "mm", "N", "rpm", "1/min"), strict=True))
     write_units(path, library, own)
@@ -356,7 +356,7 @@ def write_units(path: Path, library: str, units: dict[str, str]) -> None:
 def test_a_tdms_file_that_is_cut_short_is_read_as_far_as_it_goes_or_refused(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    needed(find_spec("nptdms") is not None, "nptdms")
+    require_program(find_spec("nptdms") is not None, "nptdms")
     nptdms, path, table = importlib.import_module("nptdms"), tmp_path / "x.tdms", recording()
     with nptdms.TdmsWriter(str(path)) as writer:
         for part in (table[:100], table[100:200], table[200:]):
@@ -378,7 +378,7 @@ def test_a_tdms_file_that_is_cut_short_is_read_as_far_as_it_goes_or_refused(
 
 
 def test_tdms_times_may_be_dates(tmp_path: Path) -> None:
-    needed(find_spec("nptdms") is not None, "nptdms")
+    require_program(find_spec("nptdms") is not None, "nptdms")
     nptdms, path, table = importlib.import_module("nptdms"), tmp_path / "x.tdms", recording()
     micro = np.round(1e6 * table[TIME].to_numpy()).astype("timedelta64[us]")
     dates = np.datetime64("2024-05-31T14:05:09", "us") + micro
@@ -396,7 +396,7 @@ def test_tdms_times_may_be_dates(tmp_path: Path) -> None:
 def test_an_mdf_file_that_is_cut_short_never_passes_in_silence(
     tmp_path: Path, share: float
 ) -> None:
-    needed(find_spec("asammdf") is not None, "asammdf")
+    require_program(find_spec("asammdf") is not None, "asammdf")
     path = tmp_path / "x.mf4"
     write_units(path, "asammdf", dict.fromkeys(COLUMNS, ""))
     whole = path.read_bytes()

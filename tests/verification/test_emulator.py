@@ -16,7 +16,7 @@ from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.emulator import AMPLITUDES, LENGTHS, Emulator, Kernel
 from dogshape.diagnosis.prediction.model import Model, build_models
-from dogshape.diagnosis.prediction.moments import Angles, modes_of, timely
+from dogshape.diagnosis.prediction.moments import Angles, mask_late, modes_of
 from dogshape.diagnosis.prediction.simulations import Level, simulate_benches
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
@@ -36,7 +36,7 @@ NOWHERE = np.zeros((0, 1))
 
 def _fitted(values: Array, plain: Array = NOWHERE, common: float = 1e-9) -> Emulator:
     found = np.append(values, 0.0)[None]
-    return Emulator.fitted(X, (plain,), found, np.array([[NOISE]]), np.array([common]))
+    return Emulator.fit(X, (plain,), found, np.array([[NOISE]]), np.array([common]))
 
 
 def test_the_process_is_that_of_scikit_learn() -> None:
@@ -44,7 +44,7 @@ def test_the_process_is_that_of_scikit_learn() -> None:
     values = np.sin(3.0 * X[:, 0]) + NOISE * np.random.default_rng(1).standard_normal(9)
     places = np.array([[0.03], [0.41], [0.77]])
     mine = _fitted(values)
-    mean, error = replace(mine, misfit=np.ones((1, 9))).at(places, 1)
+    mean, error = replace(mine, misfit=np.ones((1, 9))).predict(places, 1)
     kernels = [
         ConstantKernel((a * NOISE) ** 2, "fixed") * Matern(length, "fixed", nu=1.5)
         for a in AMPLITUDES
@@ -69,13 +69,15 @@ def test_the_process_is_that_of_scikit_learn() -> None:
 
 def test_a_change_is_zero_and_certain_at_neutral_values() -> None:
     plain = np.array([[0.25]])
-    mean, error = _fitted(X[:, 0] - 0.25, plain).at(plain, 1)
+    mean, error = _fitted(X[:, 0] - 0.25, plain).predict(plain, 1)
     assert abs(mean[0, 0]) < 1e-6
     assert error[0, 0] < 1e-4
     both = Kernel((plain, plain), 0.5)
     for one in ([0.25, 0.9], [0.9, 0.25]):
-        assert both.own(np.array([one])) == pytest.approx(0.0, abs=1e-6)
-        assert both.across(np.array([one]), np.array([[0.8, 0.8]])) == pytest.approx(0.0, abs=1e-6)
+        assert both.variance(np.array([one])) == pytest.approx(0.0, abs=1e-6)
+        assert both.covariance(np.array([one]), np.array([[0.8, 0.8]])) == pytest.approx(
+            0.0, abs=1e-6
+        )
 
 
 def test_one_chaotic_level_does_not_bend_the_others() -> None:
@@ -83,7 +85,7 @@ def test_one_chaotic_level_does_not_bend_the_others() -> None:
     line = 0.3 * X[:, 0]
     off = line.copy()
     off[4] += 4.0 * NOISE
-    mean, _ = _fitted(off, X[:1]).at(X, 1)
+    mean, _ = _fitted(off, X[:1]).predict(X, 1)
     assert abs(mean[:, 0] - line).max() < 1.3 * NOISE
 
 
@@ -138,7 +140,7 @@ def test_uneven_angles_weigh_the_times_with_the_other_effect(
             engage(PlanarClutch(changed.clutch), changed.point, angle).shift_time
             for angle in angles
         ]
-        (soon,) = timely(np.array([times], dtype=float), simulated.far[k : k + 1])
+        (soon,) = mask_late(np.array([times], dtype=float), simulated.min_late_delay[k : k + 1])
         exact = np.average(soon[known := np.isfinite(soon)], weights=weights[known])
         assert p.mean[0, k] == pytest.approx(exact, abs=2.5 * p.error[0, k])
         assert there.mean[0, k] == pytest.approx(exact, rel=0.02)
@@ -152,14 +154,14 @@ def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> No
     settings, given = simulated.settings, simulated.effects
     benches = [[level.setting(given, one) for one in settings] for level in rows]
     times = simulate_benches(benches, settings, _compiled)
-    exact = np.nanmean(timely(times, simulated.far), axis=2)
+    exact = np.nanmean(mask_late(times, simulated.min_late_delay), axis=2)
     model = simulated
     for share in shares[:2]:
         model = model.simulate(pair, share[None]) or model
     ruled, p = simulated.predict(pair, shares), model.predict(pair, shares)
     assert abs(ruled.mean / exact - 1.0).max() > 0.1
     assert p.mean[:2] == pytest.approx(exact[:2], rel=0.01)
-    assert (abs(p.mean - exact) < 1.5 * p.common).all()
+    assert (abs(p.mean - exact) < 1.5 * p.common_error).all()
     # A further bench of one of them changes the rule, so what it misses too.
     denser = model.simulate(("actuation_lag", "relative_angle"), np.array([[0.8, 0.5, 0.5]]))
     assert denser is not None
@@ -176,7 +178,7 @@ def test_two_modes_have_the_moments_of_all_times() -> None:
     variance, fourth = (share @ apart**k for k in (2, 4))
     narrow = (0.4 / 0.9 * 1e-6 / variance) ** 0.5
     expected = 0.1, 0.05 / 0.06, narrow, fourth / variance**2 - 3.0
-    assert modes_of(times, kept, weights).ravel() == pytest.approx(expected)
+    assert np.ravel(modes_of(times, kept, weights)) == pytest.approx(expected)
     even = np.array([0.075, np.var(times[0, :4]) ** 0.5])
     changes, count = Angles(times[None], late[None]).changes(weights)
     given = np.log([0.06, variance**0.5] / even), [3.0 / 13.0 - 0.2, logit(0.65) - logit(5.0 / 6.0)]
@@ -189,10 +191,12 @@ def test_shifts_with_and_without_the_rare_mode_have_the_moments_of_all() -> None
     likelihood = Likelihood(bench, observe(bench, model), model, USUAL)
     p = model.predict(NONE, np.zeros((1, 0)))
     one = np.ones_like(p.mean)
-    p = replace(p, minor=0.1 * one, main=-0.2 * p.sd, narrow=0.5 * p.sd)
-    q = p.only((slice(None), likelihood.having))
-    log, offset, variance = likelihood._modes(q)
-    assert log[1] == pytest.approx(likelihood.seen.count[likelihood.having][None] * np.log(0.9))
+    p = replace(p, minor_share=0.1 * one, main_offset=-0.2 * p.sd, main_sd=0.5 * p.sd)
+    q = p.select((slice(None), likelihood.measured_points))
+    log, offset, variance = likelihood._mode_options(q)
+    assert log[1] == pytest.approx(
+        likelihood.observed.count[likelihood.measured_points][None] * np.log(0.9)
+    )
     shares = np.exp(log)
     assert shares.sum(axis=0) == pytest.approx(1.0)
     assert (shares * offset).sum(axis=0) == pytest.approx(0.0, abs=1e-12)
@@ -204,6 +208,6 @@ def test_misses_that_all_points_share_are_told_from_those_of_each() -> None:
     x, plain = np.linspace(0.1, 1.0, 9)[:, None], (np.zeros((1, 1)),)
     shared, each = np.tile(generator.normal(size=10), (12, 1)), generator.normal(size=(12, 10))
     own, common = np.full((12, 1), 0.1), np.full(12, 0.01)
-    alike = [Emulator.fitted(x, plain, one, own, common).alike(1) for one in (shared, each)]
+    alike = [Emulator.fit(x, plain, one, own, common).miss_correlation(1) for one in (shared, each)]
     assert alike[0] == pytest.approx(1.0, abs=1e-6)
     assert alike[1] < 0.3

@@ -144,7 +144,7 @@ def test_interpolated_marks_err_no_more_than_they_say(
 
     Both have the same law of each effect, so its error does not count.
     """
-    monkeypatch.setattr(module, "LAW", 0.0)
+    monkeypatch.setattr(module, "LAW_ERROR", 0.0)
     flights, rng = Flights(EFFECTS, (plain,)), np.random.default_rng(1)
     scores, apart = [], []
     for names in list(itertools.combinations(MOVING, count))[:: 1 if count < 3 else 4]:

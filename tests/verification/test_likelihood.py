@@ -12,9 +12,15 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading
-from dogshape.diagnosis.likelihood.likelihood import NODES, WEIGHTS, Likelihood, _integrated, _log_f
-from dogshape.diagnosis.likelihood.observed import Observed, observe
-from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.likelihood.likelihood import (
+    NODES,
+    WEIGHTS,
+    Likelihood,
+    integrate_common_errors,
+    log_f_density,
+)
+from dogshape.diagnosis.likelihood.observed import Observations, observe
+from dogshape.diagnosis.prediction.model import Model, Prediction
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
 from tests.analytic import small_model
@@ -33,18 +39,18 @@ def world() -> tuple[Bench, Model]:
     return replace(bench, cells=cells), model
 
 
-def seen_at(count: float, mean: float, *, hidden: bool, point: int = 2) -> Observed:
+def seen_at(count: float, mean: float, *, hidden: bool, point: int = 2) -> Observations:
     """Observe nothing but a mean of ``count`` shifts at one operating point."""
     bench, model = world()
-    plain, empty = observe(bench, model), np.zeros(model.cells)
+    plain, empty = observe(bench, model), np.zeros(model.cell_count)
     counts = empty.copy()
     counts[point] = count
-    nothing = dict.fromkeys(("freedom", "late", "engaged", "failed"), empty)
-    means, late = np.full(model.cells, mean), np.full(model.cells, hidden)
-    return replace(plain, count=counts, mean=means, hidden=late, **nothing)
+    nothing = dict.fromkeys(("freedom", "late_count", "engaged_count", "failed_count"), empty)
+    means, late = np.full(model.cell_count, mean), np.full(model.cell_count, hidden)
+    return replace(plain, count=counts, mean=means, hides_late=late, **nothing)
 
 
-def likelihood_of(seen: Observed) -> Likelihood:
+def likelihood_of(seen: Observations) -> Likelihood:
     """Build the likelihood of observations."""
     bench, model = world()
     return Likelihood(bench, seen, model, USUAL)
@@ -59,7 +65,7 @@ def test_errors_in_common_integrated_equal_the_dense_density() -> None:
     rng = np.random.default_rng(1)
     residual, basis, fixed = (rng.normal(size=s) for s in ((4, 6), (4, 6, 3), (4, 6, 2)))
     variance = rng.uniform(0.2, 2.0, (4, 6))
-    log, nodes = _integrated(residual, variance, basis, fixed, 0.7)
+    log, nodes = integrate_common_errors(residual, variance, basis, fixed, 0.7)
     for row in range(4):
         exact = [
             stats.multivariate_normal(
@@ -79,8 +85,11 @@ def test_the_density_of_a_mean_integrates_to_one(count: float, late: float, hidd
     """Late shifts within the mean and odd means included; the share of odd means comes on top."""
     _, model = world()
     p = model.predict(NONE, np.zeros((1, 0)))
-    p = replace(p, late=np.full_like(p.late, late))
-    logs = [likelihood_of(seen_at(count, y, hidden=hidden)).terms(p).log[0] for y in DATA.tolist()]
+    p = replace(p, late_share=np.full_like(p.late_share, late))
+    logs = [
+        likelihood_of(seen_at(count, y, hidden=hidden)).terms(p).log_likelihood[0]
+        for y in DATA.tolist()
+    ]
     alone = 1.0
     if not hidden:  # none of the shifts that are seen one by one is late
         known = USUAL.late_known
@@ -91,7 +100,7 @@ def test_the_density_of_a_mean_integrates_to_one(count: float, late: float, hidd
 def test_a_ratio_of_variances_has_the_density_of_f() -> None:
     ratio = np.array([0.2, 1.0, 3.0])
     exact = stats.f(7.0, 4.5).logpdf(ratio) + np.log(ratio)  # of the logarithm
-    assert _log_f(ratio, np.array(7.0), np.array(4.5)) == pytest.approx(exact, rel=1e-9)
+    assert log_f_density(ratio, np.array(7.0), np.array(4.5)) == pytest.approx(exact, rel=1e-9)
 
 
 def test_an_error_of_interpolation_makes_a_spread_as_likely_too_large_as_too_small() -> None:
@@ -99,8 +108,10 @@ def test_an_error_of_interpolation_makes_a_spread_as_likely_too_large_as_too_sma
     seen = seen_at(12.0, 0.1, hidden=False)
     for blur, factor in itertools.product((0.0, 1.4), (0.1, 10.0)):
         of = likelihood_of(replace(seen, freedom=seen.count, variance=(factor * p.sd[0]) ** 2))
-        one = replace(p, blur=np.full_like(p.blur, blur)).only((slice(None), of.having))
-        log[blur, factor] = of._spread(one, np.tile(one.sd**2, len(of._options.point)))[0, 0]
+        one = replace(p, log_sd_error=np.full_like(p.log_sd_error, blur)).select(
+            (slice(None), of.measured_points)
+        )
+        log[blur, factor] = of._log_spread(one, np.tile(one.sd**2, len(of._choices.point)))[0, 0]
     exact = stats.norm(0.0, 2.8).logpdf(2.0 * np.log(10.0))  # of the logarithm
     assert [log[1.4, 0.1], log[1.4, 10.0]] == pytest.approx([exact, exact], abs=0.9)
     assert exact > max(log[0.0, 0.1], log[0.0, 10.0]) + 2.0
@@ -109,10 +120,10 @@ def test_an_error_of_interpolation_makes_a_spread_as_likely_too_large_as_too_sma
 def test_numbers_engaged_are_beta_binomial() -> None:
     seen = seen_at(5.0, 0.1, hidden=False)
     engaged, failed = np.array([3.0, 0, 0, 9, 0, 0]), np.array([2.0, 0, 0, 1, 0, 0])
-    seen = replace(seen, engaged=engaged, failed=failed)
+    seen = replace(seen, engaged_count=engaged, failed_count=failed)
     _, model = world()
     p = model.predict(NONE, np.zeros((1, 0)))
-    p = replace(p, engaged=np.full_like(p.engaged, 0.8))
+    p = replace(p, engaged_share=np.full_like(p.engaged_share, 0.8))
     known = USUAL.late_known
     exact = [stats.betabinom(n, known * 0.8, known * 0.2).logpmf(k) for n, k in ((5, 3), (10, 9))]
     # Between the shares of its table the log probability errs by less than a thousandth.
@@ -121,25 +132,25 @@ def test_numbers_engaged_are_beta_binomial() -> None:
 
 def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
     bench, model = world()
-    seen = replace(observe(bench, model), hidden=np.zeros(model.cells, dtype=bool))
-    seen = replace(seen, freedom=np.zeros(model.cells))
+    seen = replace(observe(bench, model), hides_late=np.zeros(model.cell_count, dtype=bool))
+    seen = replace(seen, freedom=np.zeros(model.cell_count))
     plain = model.predict(NONE, np.zeros((1, 0)))
-    seen = replace(seen, mean=plain.mean[0] * np.linspace(1.0, 1.1, model.cells))
+    seen = replace(seen, mean=plain.mean[0] * np.linspace(1.0, 1.1, model.cell_count))
     # The scale of the force stands for a nuisance: its change of the time is of closed form.
     contact = replace(model, nuisances={"force_scale": model.effects["force_scale"]})
     settings = replace(USUAL, nuisance={"force_scale": 1.1})
     likelihood = Likelihood(bench, seen, contact, settings)
-    p = Predicted.joined([plain] * 4000)
-    amplitude, offset, nuisance = likelihood.drawn(p, np.random.default_rng(4))
+    p = Prediction.concatenate([plain] * 4000)
+    amplitude, offset, nuisance = likelihood.draw_common_errors(p, np.random.default_rng(4))
     found = likelihood.terms(plain)
-    weights = np.exp(found.nodes[0] - logsumexp(found.nodes[0]))
+    weights = np.exp(found.log_by_amplitude[0] - logsumexp(found.log_by_amplitude[0]))
     means, covariances, own = list[Array](), list[Array](), list[Array]()
-    known = plain.mean[0][:, None] * likelihood.nuisances
+    known = plain.mean[0][:, None] * likelihood.nuisance_errors
     for size in NODES:
         columns = np.hstack(
             [
-                USUAL.discrepancy * size * plain.mean[0][:, None] * likelihood.smooth,
-                likelihood.columns(plain)[0],
+                USUAL.discrepancy * size * plain.mean[0][:, None] * likelihood.discrepancy_root,
+                likelihood.common_errors(plain)[0],
             ]
         )
         signal = columns @ columns.T

@@ -16,8 +16,8 @@ from dogshape.diagnosis.bench.stand_file import Calibration, Measured, Sensor
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
-    explained,
     facts_of,
+    gap_decrease,
     log_density,
     log_unknown,
     measured_facts,
@@ -43,7 +43,7 @@ def test_the_evidence_is_the_integral_over_shifts_and_test_together() -> None:
     one = both.fits[DELAY]
     shares = ((np.arange(4000) + 0.5) / 4000)[:, None]
     values = one.space.values(shares)[:, 0]
-    likely = both.likelihood.terms(both.model.predict(DELAY, shares)).log
+    likely = both.likelihood.terms(both.model.predict(DELAY, shares)).log_likelihood
     whole = likely + fact.log_density(values)
     exact = logsumexp(whole) - np.log(4000)
     assert one.log_evidence == pytest.approx(exact, abs=4.0 * one.error + 0.02)
@@ -145,4 +145,4 @@ def test_a_fact_alone_explains_its_part_of_the_gap(gaps: tuple[float, float], pa
     fact = Fact("linkage_compliance", "compliance_mm_kN", 0.0, 4.0, 0.2, "")
     model: Any = SimpleNamespace(setting=SETTING, effects=EFFECTS, predict=_predict)
     seen: Any = SimpleNamespace(mean=0.3 + np.array([*gaps, 9.0]), count=np.array([10, 10, 0]))
-    assert explained(fact, model, seen) == pytest.approx(part / np.sqrt(2.0), abs=1e-9)
+    assert gap_decrease(fact, model, seen) == pytest.approx(part / np.sqrt(2.0), abs=1e-9)

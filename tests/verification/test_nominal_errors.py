@@ -14,7 +14,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_ben
 from dogshape.diagnosis.bench.comparison import compare
 from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
-from dogshape.diagnosis.likelihood.observed import DRIFT, Drift, drift_of, observe
+from dogshape.diagnosis.likelihood.observed import DRIFT_SD, Drift, estimate_drift, observe
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
@@ -70,9 +70,9 @@ def test_errors_add_up_as_asme_says() -> None:
     p = stated.model.predict(NONE, PLAIN)
     shares = [slope * 0.02, slope / force * 3.0, speed * slip * 0.01, speed * 0.5 * RPM]
     parts = [p.mean[0] * share for share in shares]
-    more = (stated.own_variance(p) - exact.own_variance(p))[0]
+    more = (stated.mean_variance(p) - exact.mean_variance(p))[0]
     assert more == pytest.approx(sum(part**2 for part in parts))
-    both = [one.columns(p)[0] for one in (stated, exact)]
+    both = [one.common_errors(p)[0] for one in (stated, exact)]
     covariance = both[0] @ both[0].T - both[1] @ both[1].T
     assert covariance == pytest.approx(sum(np.outer(c, c) for c in parts), rel=1e-6, abs=1e-12)
 
@@ -86,7 +86,9 @@ def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> Non
         likelihood = _likelihood(replace(plain, errors=stated))
         assert likelihood.model.space(("force_scale",)).values(half) == pytest.approx(0.5)
         parts = ((("force_scale",), half), (NONE, PLAIN))
-        logs = [likelihood.terms(likelihood.model.predict(*part)).log[0] for part in parts]
+        logs = [
+            likelihood.terms(likelihood.model.predict(*part)).log_likelihood[0] for part in parts
+        ]
         gains.append(float(logs[0] - logs[1]))
     exact, tight, loose = gains
     assert exact > 5.0
@@ -145,7 +147,7 @@ NEVER = 10.0  #: s behind the median, from which a shift is late
 
 
 def _drift(bench: Bench) -> Drift | None:
-    return drift_of(bench.cells, np.full(len(bench.cells), NEVER))
+    return estimate_drift(bench.cells, np.full(len(bench.cells), NEVER))
 
 
 def _ordered(bench: Bench, places: Sequence[float], drift: float) -> Bench:
@@ -169,13 +171,13 @@ def _random(bench: Bench, drift: float, seed: int = 5) -> Bench:
 def test_few_repeats_are_no_surer_of_a_drift_than_they_can_be(points: int, shifts: int) -> None:
     """The 90 % interval holds the drift drawn."""
     generator, held = np.random.default_rng(1), []
-    for true in generator.normal(0.0, DRIFT, 600).tolist():
+    for true in generator.normal(0.0, DRIFT_SD, 600).tolist():
         order, rows = generator.permutation(np.repeat(np.arange(points), shifts)), []
         for place, k in enumerate(order):
             off = true * (place / (order.size - 1.0) - 0.5) + 0.03 * generator.standard_normal()
             time = 0.2 * (1.0 + k) * (1.0 + off)
             rows.append(Reading(place + 2, POINTS[k], 1, time, True, place=float(place)))
-        found = drift_of(gather(rows), np.full(points, NEVER))
+        found = estimate_drift(gather(rows), np.full(points, NEVER))
         assert found is not None
         held.append(abs(found.mean - true) / found.sd < norm.ppf(0.95))
     assert np.mean(held) == pytest.approx(0.88, abs=0.04)
@@ -204,7 +206,7 @@ def test_what_repeated_points_say_is_a_regression_with_a_level_of_each() -> None
     left = float(((np.array(values) - design @ fitted) ** 2).sum())
     sigma = (student.ppf(0.95, freedom) / norm.ppf(0.95)) ** 2 * left / freedom
     matrix = design.T @ design / sigma
-    matrix[-1, -1] += DRIFT**-2.0
+    matrix[-1, -1] += DRIFT_SD**-2.0
     covariance = np.linalg.inv(matrix)
     found = covariance @ (design.T @ np.array(values)) / sigma
     assert seen.mean == pytest.approx(found[-1], rel=1e-6)
@@ -242,5 +244,5 @@ def test_without_an_order_or_repeats_nothing_is_known_of_a_drift() -> None:
     once = simulated_bench({})
     found = _drift(_random(once, 0.0))
     assert found is not None
-    assert (found.mean, found.sd, found.informed) == pytest.approx((0.0, DRIFT, 0.0))
-    assert abs(found.offsets).max() < DRIFT * max(cell.time or 0.0 for cell in once.cells)
+    assert (found.mean, found.sd, found.informed) == pytest.approx((0.0, DRIFT_SD, 0.0))
+    assert abs(found.offsets).max() < DRIFT_SD * max(cell.time or 0.0 for cell in once.cells)

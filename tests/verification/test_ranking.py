@@ -15,15 +15,14 @@ from scipy.stats import kstest
 
 from benchmarks.self_consistency import cause_of, draw_and_diagnose, in_credible_set
 from dogshape.diagnosis.inference import ranking
-from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
+from dogshape.diagnosis.inference.fit import Sample, cross_validate, fit, refine, screen, widen
 from dogshape.diagnosis.inference.ranking import (
     Ranking,
     _Search,
-    _unlisted,
     log_prior,
     rank,
 )
-from dogshape.diagnosis.inference.verdict import Within, decide, unseen
+from dogshape.diagnosis.inference.verdict import MarginProbabilities, decide, invisible_shares
 from dogshape.diagnosis.likelihood.likelihood import NODES, WEIGHTS, Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.flights import Flights
@@ -46,18 +45,18 @@ def likelihood_with(share: float, *, scatter: float = 1.0) -> Likelihood:
     """Build the likelihood of means of five shifts with a mass at a share of its range."""
     bench, model = world()
     p = model.predict(MASS, np.array([[share]]))
-    noise = np.random.default_rng(1).normal(size=model.cells)
+    noise = np.random.default_rng(1).normal(size=model.cell_count)
     mean = p.mean[0] + scatter * noise * p.sd[0] / 5.0**0.5
-    free = np.zeros(model.cells)
-    seen = replace(observe(bench, model), mean=mean, freedom=free, hidden=free.astype(bool))
+    free = np.zeros(model.cell_count)
+    seen = replace(observe(bench, model), mean=mean, freedom=free, hides_late=free.astype(bool))
     return Likelihood(bench, seen, model, USUAL)
 
 
 def sample_of(likelihood: Likelihood, hypothesis: Hypothesis) -> Sample:
     """Sample a hypothesis as the ranking does."""
     search = _Search(likelihood, nothing, 0.0)
-    (one,) = screened(likelihood, [hypothesis], nothing, search.distance)
-    return refined(likelihood, one, nothing, 4)
+    (one,) = screen(likelihood, [hypothesis], nothing, search.distance)
+    return refine(likelihood, one, nothing, 4)
 
 
 def grid(size: int, count: int) -> Array:
@@ -73,7 +72,7 @@ def grid(size: int, count: int) -> Array:
 def test_evidence_is_that_of_quadrature(hypothesis: Hypothesis, count: int, share: float) -> None:
     likelihood = likelihood_with(share)
     shares = grid(len(hypothesis), count)
-    log = likelihood.terms(likelihood.model.predict(hypothesis, shares)).log
+    log = likelihood.terms(likelihood.model.predict(hypothesis, shares)).log_likelihood
     exact = float(logsumexp(log)) - math.log(len(shares))
     one = sample_of(likelihood, hypothesis)
     assert one.log_evidence == pytest.approx(exact, abs=max(3.0 * one.error, 0.1))
@@ -86,15 +85,15 @@ def test_evidence_is_that_of_quadrature(hypothesis: Hypothesis, count: int, shar
 @pytest.mark.parametrize("share", [0.3, 0.75])
 def test_evidence_around_the_parts_is_that_of_quadrature(share: float) -> None:
     likelihood = likelihood_with(share)
-    log = likelihood.terms(likelihood.model.predict(BOTH, grid(2, 40))).log
+    log = likelihood.terms(likelihood.model.predict(BOTH, grid(2, 40))).log_likelihood
     parts = [sample_of(likelihood, LAG), sample_of(likelihood, MASS)]
     exact = float(logsumexp(log)) - math.log(len(log))
     seeds = [replace(likelihood, settings=replace(USUAL, seed=seed)) for seed in range(60)]
-    few = [next(widened(one, {BOTH: parts}, nothing)) for one in seeds]
+    few = [next(widen(one, {BOTH: parts}, nothing)) for one in seeds]
     # A few draws around the parts are right on average, and their refinement at once.
     ratios = np.exp([one.log_evidence - exact for one in few])
     assert ratios.mean() == pytest.approx(1.0, abs=3.0 * ratios.std() / len(few) ** 0.5)
-    more = refined(seeds[3], few[3], nothing, 4)
+    more = refine(seeds[3], few[3], nothing, 4)
     assert more.log_evidence == pytest.approx(exact, abs=max(3.0 * more.error, 0.1))
 
 
@@ -104,7 +103,9 @@ def test_evidence_is_that_of_nested_sampling() -> None:
     likelihood = likelihood_with(0.75)
 
     def log(shares: Array) -> float:
-        return float(likelihood.terms(likelihood.model.predict(BOTH, shares[None])).log[0])
+        return float(
+            likelihood.terms(likelihood.model.predict(BOTH, shares[None])).log_likelihood[0]
+        )
 
     rng = np.random.default_rng(1)
     sampler = dynesty.NestedSampler(log, lambda u: u, 2, nlive=100, rstate=rng)
@@ -128,8 +129,8 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     likelihood = likelihood_with(0.1)
     flights = Flights(likelihood.model.effects, likelihood.model.settings)
     one = fit(likelihood, sample_of(likelihood, NONE), flights, nothing)
-    mean, sd, gap, _ = left_out(likelihood, one)
-    p = one.predicted.only([0])
+    mean, sd, gap, _ = cross_validate(likelihood, one)
+    p = one.predicted.select([0])
     found = likelihood.terms(p)
     residual, own = found.residual[0], np.diag(found.variance[0])
     exact = []
@@ -137,8 +138,13 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
         others = np.delete(np.arange(len(residual)), k)
         logs, means, variances = [], [], []
         for size, weight in zip(NODES, WEIGHTS, strict=True):
-            root = USUAL.discrepancy * size * (p.mean - p.delay)[0][:, None] * likelihood.smooth
-            columns = np.hstack([root, likelihood.columns(p)[0]])
+            root = (
+                USUAL.discrepancy
+                * size
+                * (p.mean - p.delay)[0][:, None]
+                * likelihood.discrepancy_root
+            )
+            columns = np.hstack([root, likelihood.common_errors(p)[0]])
             whole = columns @ columns.T + own
             inner = whole[np.ix_(others, others)]
             pull = np.linalg.solve(inner, whole[others, k])
@@ -154,7 +160,7 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     exact_mean, exact_sd = np.array(exact).T
     assert abs(mean - exact_mean).max() < 0.2 * exact_sd.min()
     assert sd == pytest.approx(exact_sd, rel=0.15)
-    assert mean + gap == pytest.approx(likelihood.seen.mean)
+    assert mean + gap == pytest.approx(likelihood.observed.mean)
 
 
 def test_evidence_of_something_unlisted_is_that_of_quadrature() -> None:
@@ -168,12 +174,12 @@ def test_evidence_of_something_unlisted_is_that_of_quadrature() -> None:
         p = likelihood.model.predict(h, grid(len(h), 300))
         options = itertools.product(USUAL.unlisted_sizes, USUAL.unlisted_lengths, (1.0, 2.0))
         found = [
-            likelihood.terms(replace(p, sd=stretch * p.sd), (size, length)).log
+            likelihood.terms(replace(p, sd=stretch * p.sd), (size, length)).log_likelihood
             for size, length, stretch in options
         ]
         logs.append(search.priors[h] + logsumexp(found) - math.log(np.size(found)))
     exact = logsumexp(logs) - logsumexp(list(search.priors.values()))
-    assert _unlisted(search) == pytest.approx(exact, abs=0.25)
+    assert search.log_unlisted() == pytest.approx(exact, abs=0.25)
 
 
 SETS = 100
@@ -199,14 +205,14 @@ def test_a_plausible_pair_is_simulated_together() -> None:
     """A mass with lag of the actuator, which single effects predict 20 to 50 % too slow."""
     bench, model = world()
     model = replace(model, effects={name: model.effects[name] for name in BOTH})
-    share, flat = np.array([[0.4, 0.9]]), np.zeros(model.cells)
+    share, flat = np.array([[0.4, 0.9]]), np.zeros(model.cell_count)
     level = Level(BOTH, tuple(model.space(BOTH).values(share)[0].tolist()))
     benches = [level.setting(model.effects, setting) for setting in model.settings]
     exact = np.array([mean_time(one.clutch, one.point) for one in benches])
-    seen = replace(observe(bench, model), mean=exact, freedom=flat, hidden=flat.astype(bool))
+    seen = replace(observe(bench, model), mean=exact, freedom=flat, hides_late=flat.astype(bool))
     alone, both = (
         rank(Likelihood(bench, seen, one, USUAL), nothing, 0.0, 0.0)
-        for one in (replace(model, run=None), model)
+        for one in (replace(model, runner=None), model)
     )
     error, less = (
         abs(one.likelihood.model.predict(BOTH, share).mean[0] / exact - 1.0).max()
@@ -222,7 +228,7 @@ def test_a_rival_is_simulated_before_it_falls_behind(monkeypatch: pytest.MonkeyP
     asked = list[Hypothesis]()
 
     class Asked:
-        readings = frozenset[str]()
+        reading_effects = frozenset[str]()
 
         def simulate(self, hypothesis: Hypothesis, _: Array) -> Asked:
             asked.append(hypothesis)
@@ -232,14 +238,14 @@ def test_a_rival_is_simulated_before_it_falls_behind(monkeypatch: pytest.MonkeyP
         gain = 10.0 if len(asked) == 1 else 0.0
         return SimpleNamespace(**{**vars(one), "log_evidence": one.log_evidence + gain})
 
-    monkeypatch.setattr(ranking, "refined", refined)
-    monkeypatch.setattr(ranking, "repeated", lambda _, one, __: one)
+    monkeypatch.setattr(ranking, "refine", refined)
+    monkeypatch.setattr(ranking, "reweight", lambda _, one, __: one)
     monkeypatch.setattr(_Search, "uncertain_draws", lambda *_: np.zeros(1, dtype=int))
     likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, Asked()))
     search = _Search(likelihood, nothing, 0.0)
     first, second, far, few = ("a", "b"), ("a", "c"), ("b", "c"), np.zeros((1, 2))
     for h, log in {first: 0.0, second: -4.0, far: -6.0}.items():
-        one: Any = SimpleNamespace(hypothesis=h, log_evidence=log, shares=few, log=few)
+        one: Any = SimpleNamespace(hypothesis=h, log_evidence=log, shares=few, log_likelihood=few)
         search.samples[h], search.priors[h] = one, 0.0
     search.simulate_plausible([*search.samples])
     assert asked == [first, second, *[first] * (USUAL.simulations_each - 1)]
@@ -258,19 +264,19 @@ def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
         return np.full(len(shares), 0.0 if MASS[0] in h else -10.0)
 
     unshown = Ranking(likelihood, nothing, {}, {}, 0.0)
-    assert unseen(unshown, one, {NONE}) == {NONE: 1.0}
-    assert unseen(replace(unshown, more=traces), one, {NONE}) == {}
+    assert invisible_shares(unshown, one, {NONE}) == {NONE: 1.0}
+    assert invisible_shares(replace(unshown, side_likelihood=traces), one, {NONE}) == {}
 
 
 @pytest.mark.parametrize(("left", "inside", "kind"), [
-    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, Within(0.7, 0.9), "none"),
-    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, Within(0.7, 0.5), "ambiguous"),  # it would not show
-    ({MASS: 0.5, UNKNOWN: 0.35, LAG: 0.1, NONE: 0.05}, Within(0.1, 0.9), "unknown"),
-    ({LAG: 0.85, UNKNOWN: 0.1, NONE: 0.05}, Within(0.1, 0.9), "effect"),
-    ({("a",): 0.85, ("a", *MASS): 0.1, UNKNOWN: 0.05, NONE: 0.0}, Within(0.1, 0.9), "unknown"),
+    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, (0.7, 0.9), "none"),
+    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, (0.7, 0.5), "ambiguous"),  # it would not show
+    ({MASS: 0.5, UNKNOWN: 0.35, LAG: 0.1, NONE: 0.05}, (0.1, 0.9), "unknown"),
+    ({LAG: 0.85, UNKNOWN: 0.1, NONE: 0.05}, (0.1, 0.9), "effect"),
+    ({("a",): 0.85, ("a", *MASS): 0.1, UNKNOWN: 0.05, NONE: 0.0}, (0.1, 0.9), "unknown"),
 ])  # fmt: skip
-def test_verdict(left: dict[Hypothesis, float], inside: Within, kind: str) -> None:
+def test_verdict(left: dict[Hypothesis, float], inside: tuple[float, float], kind: str) -> None:
     """The added mass fails its predictive check, alone or with one that is not fitted alone."""
     some = {*left} - {UNKNOWN, ("a",)}
     fits: Any = {h: SimpleNamespace(p=0.001 if MASS[0] in h else 0.5) for h in some}
-    assert decide(left, fits, inside, USUAL).kind == kind
+    assert decide(left, fits, MarginProbabilities(*inside), USUAL).kind == kind

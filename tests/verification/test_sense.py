@@ -12,9 +12,9 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models
-from dogshape.diagnosis.prediction.simulations import ANGLES, DENSE, Level, simulate_benches
+from dogshape.diagnosis.prediction.simulations import ANGLES, DENSE_FACTOR, Level, simulate_benches
 from dogshape.diagnosis.settings import USUAL
-from dogshape.diagnosis.terms import NONE, REVERSED, Sense, forward, turned
+from dogshape.diagnosis.terms import NONE, REVERSED, Sense, reverse_sense, strip_sense
 from dogshape.sim.effect import BenchTest, Effect, Values
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
@@ -71,9 +71,9 @@ def test_the_reversed_simulations_are_those_of_the_negated_points() -> None:
     model = _model("unknown", noted)
     other, plain = ({block.point.mismatch < 0.0 for block in one} for one in asked)
     assert (other, plain) == ({True}, {False})
-    assert model.turned is not None
+    assert model.reversed_model is not None
     assert REVERSED not in model.effects
-    assert set(model.turned.effects) == set(model.effects)
+    assert set(model.reversed_model.effects) == set(model.effects)
     base, back = model.predict(NONE, PLAIN), model.predict((REVERSED,), PLAIN)
     # At 5 1/min some shifts reach the time-out with the braking flanks alone.
     factors = [_back(slip) for slip, _ in CELLS[1:]]
@@ -85,12 +85,12 @@ def test_hypotheses_of_both_senses_and_their_priors() -> None:
     for model, share in ((known, USUAL.reversed_known), (unknown, USUAL.reversed_unknown)):
         every = [h for size in (0, 1, 2) for h in hypotheses_of(model, size)]
         logs = {h: log_prior(h, model, USUAL, share) for h in every}
-        assert {forward(h) for h in every if REVERSED in h} <= set(every)
+        assert {strip_sense(h) for h in every if REVERSED in h} <= set(every)
         for h in (NONE, ("actuation_delay",)):
-            odds = logs[turned(h)] - logs[h]
+            odds = logs[reverse_sense(h)] - logs[h]
             assert odds == pytest.approx(np.log(share / (1.0 - share)))
-    assert turned(("moving_mass",)) not in hypotheses_of(known, 1)
-    assert turned(("moving_mass",)) in hypotheses_of(unknown, 1)
+    assert reverse_sense(("moving_mass",)) not in hypotheses_of(known, 1)
+    assert reverse_sense(("moving_mass",)) in hypotheses_of(unknown, 1)
 
 
 def _found(cause: Mapping[str, Mapping[str, float]], sense: Sense, *, other: bool) -> Diagnosis:
@@ -99,7 +99,7 @@ def _found(cause: Mapping[str, Mapping[str, float]], sense: Sense, *, other: boo
         cells = []
         for cell in bench.cells:
             factor = _back(cell.point.mismatch * 30.0 / np.pi)
-            rows = tuple(replace(r, time=(r.time or 0.0) * factor) for r in cell.readings)
+            rows = tuple(replace(r, time=(r.time or 0.0) * factor) for r in cell.record_meanings)
             cells.append(replace(cell, readings=rows))
         bench = replace(bench, cells=tuple(cells))
     names = ("actuation_delay", "force_scale", "mismatch_speed", "moving_mass", REVERSED)
@@ -121,14 +121,14 @@ def test_a_reversed_sense_is_named_and_has_no_sizes(sense: Sense) -> None:
 def test_an_unknown_sense_has_an_answer_for_either() -> None:
     found = _found({"moving_mass": {"added_mass_kg": 3.0}}, "unknown", other=True)
     assert found.leading == ("moving_mass", REVERSED)
-    readings = {one.value: one for one in found.readings if one.key == "sense"}
+    readings = {one.value: one for one in found.record_meanings if one.key == "sense"}
     assert set(readings) == {"as_noted", "reversed"}
     assert sum(one.probability for one in readings.values()) == pytest.approx(1.0)
     assert readings["reversed"].probability > 0.9
     mass = found.fits[found.leading].intervals["added_mass_kg"]
     assert mass.mean == pytest.approx(3.0, rel=0.3)
     known = _found({"moving_mass": {"added_mass_kg": 3.0}}, "known", other=False)
-    assert not [one for one in known.readings if one.key == "sense"]
+    assert not [one for one in known.record_meanings if one.key == "sense"]
 
 
 def _heavier(setting: Setting, values: Values) -> Setting:
@@ -143,7 +143,7 @@ def test_an_effect_without_parameters_has_one_level() -> None:
     bench = _with_sense(select_cells(load_bench("mq200_adams"), CELLS), "known")
     effects = {"heavier": HEAVIER, **{n: EFFECTS[n] for n in ("actuation_delay",)}}
     (model,) = build_models(bench, effects, USUAL, simulate_analytic).values()
-    (place,) = model.simulated.of(("heavier",))
+    (place,) = model.simulated.level_indices(("heavier",))
     assert model.simulated.levels[place].values == ()
     alone = model.predict(("heavier",), np.zeros((3, 0)))
     assert alone.mean.shape == (3, len(CELLS))
@@ -175,9 +175,9 @@ def test_errors_of_an_interpolation_are_its_stated_ones(name: str) -> None:
     levels = [Level((name,), tuple(row)) for row in values.tolist()]
     benches = [[level.setting(model.effects, one) for one in model.settings] for level in levels]
     times = simulate_benches(benches, model.settings, _run)
-    exact = (model._moments(times) - model.base)[..., 0]
+    exact = (model._moments(times) - model.base_moments)[..., 0]
     found, p = model.changes(name, values), model.predict((name,), shares)
-    scatter = 0.5 * p.sd / (p.mean - p.delay) * (1.0 / DENSE / ANGLES) ** 0.5
+    scatter = 0.5 * p.sd / (p.mean - p.delay) * (1.0 / DENSE_FACTOR / ANGLES) ** 0.5
     known = np.isfinite(exact)
     scores = ((found.moments[..., 0] - exact) / np.hypot(found.error, scatter))[known]
     assert np.sqrt((scores**2).mean()) < 1.3

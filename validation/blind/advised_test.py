@@ -2,9 +2,9 @@
 
 The outcome comes from the case's truth, never from the diagnosis: true parameters as shares of
 their ranges with the error of the test, more shifts of the same engine, or marks of traces. The
-diagnosis then updates its probabilities (``diagnosis.next_test.settle``). The case is *settled* if
-the truth, or its visible part, is named then, and *misled* if a hypothesis with a cause that does
-not act is named.
+diagnosis then updates its probabilities (``diagnosis.next_test.update_posterior``). The case is
+*settled* if the truth, or its visible part, is named then, and *misled* if a hypothesis with a
+cause that does not act is named.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from dogshape.diagnosis.bench.stand_file import Place
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.outcome import NextTest
-from dogshape.diagnosis.inference.verdict import nameable
+from dogshape.diagnosis.inference.verdict import is_nameable
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
-from dogshape.diagnosis.next_test import settle
+from dogshape.diagnosis.next_test import update_posterior
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed, models_of
 from dogshape.sim.effects import load
@@ -64,9 +64,9 @@ def judge_test(
     """
     test = diagnosis.tests[0]
     outcome = outcome_of(folder, case, diagnosis, test)
-    posterior: Mapping[Names, float] = settle(diagnosis, test, outcome)
+    posterior: Mapping[Names, float] = update_posterior(diagnosis, test, outcome)
     top = max(posterior, key=lambda h: posterior[h])
-    named = posterior[top] > diagnosis.settings.named and nameable(top, diagnosis.settings)
+    named = posterior[top] > diagnosis.settings.named and is_nameable(top, diagnosis.settings)
     return Advised(
         test=test.name,
         kind=test.kind,

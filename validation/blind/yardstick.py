@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
-from dogshape.diagnosis.prediction.model import Predicted
+from dogshape.diagnosis.prediction.model import Prediction
 from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis
 from dogshape.validation.blind.data import Expected
 
@@ -46,14 +46,14 @@ class Yardstick:
     baseline: Expected  #: of the case's engine without causes
 
     @cached_property
-    def base(self) -> Predicted:
+    def base(self) -> Prediction:
         """Prediction without any effect."""
         return self.likelihood.model.predict(NONE, np.zeros((1, 0)))
 
     @cached_property
     def exact(self) -> Likelihood:
         """Likelihood of the expected data: no scatter, no late and no odd means."""
-        seen = self.likelihood.seen
+        seen = self.likelihood.observed
         base = self.base
         mean = base.mean[0] + self.truth.mean - self.baseline.mean
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -65,11 +65,11 @@ class Yardstick:
             mean=np.where(measured, mean, 0.0),
             variance=np.where(measured, np.maximum(sd, MIN_SD_S) ** 2, 1.0),
             freedom=np.where(measured, seen.freedom, 0.0),
-            late=np.zeros(len(mean)),
-            hidden=np.zeros(len(mean), dtype=bool),
+            late_count=np.zeros(len(mean)),
+            hides_late=np.zeros(len(mean), dtype=bool),
         )
         settings = replace(self.likelihood.settings, odd_share=1e-300, odd_spread=1e-300)
-        return replace(self.likelihood, seen=exact, settings=settings)
+        return replace(self.likelihood, observed=exact, settings=settings)
 
     def squares(self, hypothesis: Hypothesis, shares: Array) -> Array:
         """Compute the noncentrality under values (m, p) of a hypothesis, (m,).
@@ -77,13 +77,13 @@ class Yardstick:
         Infinite for a value that no bench can have, or without engagement where the truth engages.
         """
         exact = self.exact
-        points = exact.having
+        points = exact.measured_points
         prediction = exact.model.predict(hypothesis, shares)
         terms = exact.terms(prediction)
-        columns = exact.all_columns(prediction, exact.settings.discrepancy)[:, points]
+        columns = exact.all_common_errors(prediction, exact.settings.discrepancy)[:, points]
         squares = squared_distance(terms.residual, terms.variance, columns)
         squares = squares + np.nansum(exact.spread_scores(prediction) ** 2, axis=1)
-        possible = (prediction.engaged[:, points] >= MIN_ENGAGED).all(axis=1)
+        possible = (prediction.engaged_share[:, points] >= MIN_ENGAGED).all(axis=1)
         possible &= exact.model.possible(hypothesis, shares)
         return np.where(possible & np.isfinite(squares), squares, np.inf)
 
@@ -174,20 +174,22 @@ def power_of(yardstick: Yardstick, seed: int = 1) -> float:
     """
     generator = np.random.default_rng(seed)
     likelihood = yardstick.likelihood
-    seen = likelihood.seen
+    seen = likelihood.observed
     baseline = yardstick.baseline
     measured = (seen.count > 0) & np.isfinite(baseline.mean)
     count = np.where(measured, seen.count, 1.0)
     simulated = yardstick.base.mean[0]
-    error = np.sqrt(baseline.sd**2 / count + likelihood.each * simulated**2)
+    error = np.sqrt(baseline.sd**2 / count + likelihood.nominal_variance * simulated**2)
     margin = likelihood.bench.margin.of(simulated)[measured]
-    predictions = yardstick.base.only(np.zeros(GAP_DRAWS, dtype=int))
+    predictions = yardstick.base.select(np.zeros(GAP_DRAWS, dtype=int))
     probabilities = []
     for _ in range(SERIES_COUNT):
         drawn_mean = baseline.mean + error * generator.standard_normal(len(error))
         mean = np.where(measured, drawn_mean, 0)
         series = replace(seen, count=np.where(measured, count, 0.0), mean=mean, freedom=0.0 * mean)
-        _, offset, nuisance = replace(likelihood, seen=series).drawn(predictions, generator)
+        _, offset, nuisance = replace(likelihood, observed=series).draw_common_errors(
+            predictions, generator
+        )
         gaps = offset - nuisance
         in_margin = ((gaps[:, measured] / margin) ** 2).mean(axis=1) < 1.0
         probabilities.append(in_margin.mean())
