@@ -208,8 +208,8 @@ class Likelihood:
         """Compute the variance of each mean by its single errors but scatter, s^2, (m, C)."""
         simulated = p.mean - p.delay
         model_error = np.maximum(self.settings.model_error * simulated, self.settings.least_error)
-        clock_variance = (self.bench.clock_step or 0.0) ** 2 / 12.0
-        clock_variance = clock_variance / np.maximum(self.observed.count, 1.0)
+        step_variance = (self.bench.clock_step or 0.0) ** 2 / 12.0
+        clock_variance = step_variance / np.maximum(self.observed.count, 1.0)
         nominal_variance = self.nominal_variance * simulated**2
         return np.asarray(p.error**2 + model_error**2 + nominal_variance + clock_variance)
 

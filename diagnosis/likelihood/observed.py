@@ -67,9 +67,9 @@ class Observations:
 
 
 class _CellSummary(NamedTuple):
-    """Observations of one operating point, fields of ``Observations``."""
+    """Observations of one operating point, in the order of ``Observations``."""
 
-    count: float = 0.0
+    shift_count: float = 0.0
     mean: float = 0.0
     variance: float = 1.0
     freedom: float = 0.0
@@ -98,7 +98,7 @@ def observe(bench: Bench, model: Model) -> Observations:
     rows = [(c.engaged, c.failed, c.point.mismatch, c.point.profile.force) for c in bench.cells]
     engaged, failed, mismatch, force = np.array(rows, dtype=float).T
     return Observations(
-        count=np.asarray(columns.count),
+        count=np.asarray(columns.shift_count),
         mean=np.asarray(columns.mean),
         variance=np.asarray(columns.variance),
         freedom=np.asarray(columns.freedom),
@@ -135,7 +135,7 @@ def _summarise(cell: Cell, min_delay: float, drift_shares: Array | float) -> _Ce
         freedom += single.size - 1.0
     variance = square_sum / freedom if freedom else 1.0
     return _CellSummary(
-        count=float(counts[~is_late].sum()),
+        shift_count=float(counts[~is_late].sum()),
         mean=float(np.average(times[~is_late], weights=counts[~is_late])),
         variance=max(variance, MIN_SD_S**2),
         freedom=freedom,

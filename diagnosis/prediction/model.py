@@ -463,7 +463,7 @@ class Model:
         further = {**self.further_benches, names: (*self.further_benches.get(names, ()), *benches)}
         if len(names) == 2:
             model = replace(self, further_benches=further)
-            pairs = [names]
+            pairs: list[Hypothesis] = [names]
         else:
             model = self._with_benches(further, names)
             pairs = [pair for pair in self.pair_emulators if names[0] in pair]
