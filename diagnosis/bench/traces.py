@@ -209,7 +209,7 @@ def _without_faults(path: Path, name: str, channel: Channel) -> Channel:
         value, low, high = channel.values[first], channel.time[first], channel.time[end - 1]
         extreme = {channel.values.max(): "largest", channel.values.min(): "smallest"}.get(value)
         is_extreme = f", its {extreme} value," if extreme else ""
-        noise = short(scatter(channel.values), 2)
+        noise = short(scatter(np.delete(channel.values, slice(first, end))), 2)
         text = (
             f"{name} stands at {number(value)}{is_extreme} from {number(low)} to {number(high)} s "
             f"({end - first} samples), but scatters by {noise} elsewhere"
