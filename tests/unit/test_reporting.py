@@ -18,11 +18,11 @@ from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import command_of, searched_record
 from dogshape.pipeline.reports.designs import designs_frame
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
-from dogshape.pipeline.reports.study_page import (
+from dogshape.pipeline.reports.study_page import point_parts
+from dogshape.pipeline.reports.study_summary import (
     alternatives_table,
     facts_of,
     headline,
-    point_parts,
     summary_tables,
 )
 from dogshape.pipeline.reports.surrogate_findings import (
