@@ -16,6 +16,7 @@ from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Bad, Table, percent, tabulate
 from dogshape.pipeline.reports.charts import (
     ENTRY_NOTE,
+    assumptions_figure,
     effects_figure,
     front_figure,
     shiftability_figure,
@@ -28,10 +29,14 @@ from dogshape.pipeline.reports.data_sheet import (
 from dogshape.pipeline.reports.designs import (
     MARGIN,
     Row,
+    confirmation_of,
     design_name,
     designs_frame,
     designs_shown,
     goals_of,
+    margin_intervals,
+    margins_of,
+    of_kinds,
 )
 from dogshape.pipeline.reports.report import Part, Report
 from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
@@ -43,6 +48,7 @@ from dogshape.pipeline.reports.study_summary import (
     headline,
     nearest_designs,
     nearest_table,
+    nearest_verdict,
     summary_tables,
 )
 from dogshape.pipeline.reports.surrogate_findings import learn_effects, prices_table, stored_effects
@@ -60,11 +66,14 @@ from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_records import (
     LimitRow,
     PointRow,
+    VerdictRow,
     hinge_table,
 )
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import naming
 from dogshape.surrogate.store import Validation
+
+HINGES_TITLE = "Assumptions that decide the smallest margin"
 
 
 def publish(folder: StudyFolder, say: Say) -> Path:
@@ -98,8 +107,7 @@ def write_report(folder: StudyFolder) -> Path:
             page.add("Variables", *effect_parts(effects["effects"]))
             page.add("Limits", prices_table(effects["prices"]))
         if result["confirmation"]:
-            hangs_on = chosen_verdict(study, result).hangs_on
-            page.add("Assumptions that decide the smallest margin", hinge_table(hangs_on))
+            page.add(HINGES_TITLE, *hinge_parts(chosen_verdict(study, result)))
         page.add("Operating points", *point_parts(study, result))
         page.add("Single shifts", *shift_parts(folder, study, result))
         page.add("Life", *([life_table(result["life"])] if result.get("life") else []))
@@ -108,7 +116,10 @@ def write_report(folder: StudyFolder) -> Path:
         page.add("Nearest designs", nearest_table(study, result))
         page.add("Checks that stop them", barriers_table(result))
         page.add("Margins", margin_table(result, nearest_designs(result)))
-        page.add("Front", *front_parts(study, result)[:-1])
+        if verdict := nearest_verdict(study, result):
+            page.add(HINGES_TITLE, *hinge_parts(verdict))
+        if any(of_kinds(result).values()):
+            page.add("Front", *front_parts(study, result)[:-1])
         if effects is not None:
             page.add("Variables", *effect_parts(effects["effects"]))
             page.add("Limits", prices_table(effects["prices"]))
@@ -119,6 +130,13 @@ def write_report(folder: StudyFolder) -> Path:
     page.add("Provenance", provenance_table(folder, study, result), file.format(run))
     page.save(folder.report)
     return folder.report
+
+
+def hinge_parts(verdict: VerdictRow) -> list[Part]:
+    """Build tornado and table of the assumptions of a verdict; empty where none has an effect."""
+    if not verdict.hangs_on:
+        return []
+    return [assumptions_figure(verdict.hangs_on), hinge_table(verdict.hangs_on)]
 
 
 def _drawing(study: Setup, row: Row) -> list[Part]:
@@ -148,17 +166,32 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
 
 
 def margin_table(result: Row, designs: Sequence[Row] = ()) -> Table:
-    """Tabulate every margin of the prototype and the first designs of the front, by the search.
+    """Tabulate every margin of the prototype and the first designs of the front.
 
-    ``designs`` are others to show.
+    At the new angles where a design was simulated there; ``designs`` are others to show.
     """
     shown = list(designs) or designs_shown(result)[:BESIDE]
-    every = [row["margins"] for row in shown]
+    records = [confirmation_of(result, row) for row in shown]
+    every = [margins_of(row, record) for row, record in zip(shown, records, strict=True)]
+    intervals = [margin_intervals(record) for record in records]
     names = dict.fromkeys(name for margins in every for name in margins)
-    rows = [[check_name(n), *(margin_cell("", one.get(n)) for one in every)] for n in names]
+    rows = [
+        [
+            check_name(name),
+            *(
+                margin_cell("", margins.get(name), ends.get(name))
+                for margins, ends in zip(every, intervals, strict=True)
+            ),
+        ]
+        for name in names
+    ]
     heads = ["prototype" if row["prototype"] else str(row["trial"]) for row in shown]
-    note = f"Distance to the limit over the limit, at nominal size, by the search; {BESIDE} designs"
-    return Table(("margin", *heads), rows, note=f"{note} at most, the CSV has all.")
+    note = (
+        "Distance to the limit over the limit, at nominal size; at the new angles where a design "
+        f"was simulated there, with the 95 % interval of a landing. {BESIDE} designs at most, the "
+        "CSV has all, by the search."
+    )
+    return Table(("margin", *heads), rows, note=note)
 
 
 def effect_parts(effects: Row) -> list[Part]:

@@ -27,12 +27,14 @@ from dogshape.pipeline.reports.designs import (
     Row,
     confirmation_of,
     confirmed_designs,
+    confirmed_verdict,
     design_name,
     engaged_shifts,
-    failed_at_new_angles,
-    failed_words,
     goals_of,
     margins_of,
+    nearest_records,
+    objection,
+    out_at_new_angles,
 )
 from dogshape.pipeline.reports.text import (
     axis,
@@ -55,56 +57,84 @@ from dogshape.pipeline.simulate.design import (
     WITHIN_WORDS,
     failing_words,
 )
-from dogshape.pipeline.store.result_records import (
-    EngineAgreement,
-    VerdictRow,
-)
+from dogshape.pipeline.store.result_records import EngineAgreement, VerdictRow
 
 BESIDE = 10  #: designs beside each other in the table of margins
 END = 0.01  #: share of a search range within which a value lies at its end
 LANDING = "_impact"  #: end of the names of the checks of a landing
-FAILS = "fails"
+VERDICT = "verdict"
 #: Columns of the alternatives, of the words of a record.
-COLUMNS = (
-    "smallest margin, nominal size",
-    STATISTICAL_MARGIN,
-    WORST_MARGIN,
-    "locks above friction",
-)
+COLUMNS = ("state", STATISTICAL_MARGIN, WORST_MARGIN)
 SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys
-NOT_CLEAR = " (not clear)"
+WITHIN_ERROR = " (within two standard errors)"
 Pair = tuple[float, float]
 
 
 def headline(result: Row) -> str:
-    """Compose the result of a study in one sentence."""
+    """Compose the result of a study: the leading objective, and what keeps it from passing."""
     best, c = result["best"], result["confirmation"]
     if best is None:
         how = _most_failed(result)
-        return f"No design of this search passes every check{f': {how}' if how else ''}."
-    name, lead, gains = design_name(best), goals_of(result)[0], gained(result)
+        words = f"No design of this search passes every check{f': {how}' if how else ''}."
+        return words + _nearest_sentences(result)
+    name, lead = design_name(best).capitalize(), goals_of(result)[0]
     if not c:
         timed = best[SIMULATED] is not None
         words = lead.words(lead.shown(best), lead.error(best)) if timed else "no time"
-        return f"Best so far, not confirmed: {name}, {lead.label} {words}."
-    failed = failed_words(c["best"])
-    fails = f", but fails {failed} at the new angles" if failed else ""
+        return f"Best so far, not confirmed: {design_name(best)}, {lead.label} {words}."
     if best["prototype"]:
-        if fails:
-            return f"No design of this search is chosen before your own dog{fails}."
-        superlative = "fastest" if lead.unit == "ms" else "best"
-        words = lead.words(*lead.estimate(c["best"]["estimates"]))
-        return f"Your own dog is the {superlative} that passes: {lead.label} {words}."
+        return _own_headline(lead, c["best"])
     words = " engages in {} of {} shifts".format(*engaged_shifts(c["best"]))
+    gains = gained(result)
     if gains and gains[0][0] == lead:
         _, before, after, gain = gains[0]
         words = f": {lead.label} {lead.words(*after)}"
-        if own_failed := failed_words(c["prototype"]):
-            return (f"{name.capitalize()}{words}{fails}; your own dog has {lead.words(*before)}, "
-                    f"but fails {own_failed}.")  # fmt: skip
-        than = ", not clearly better than" if unclear(*gain) else " instead of"
-        words += f"{than} {lead.words(*before)} of your own dog"
-    return f"{name.capitalize()}{words}{fails}."
+        own_words, own_state = lead.words(*before), confirmed_verdict(c["prototype"]).state
+        if own_state in ("fails", "not_clear"):
+            link = ", but" if own_state == "fails" else " and is"
+            words += f"; your own dog has {own_words}{link} {objection(c['prototype'])}"
+        else:
+            than = ", not clearly better than" if unclear(*gain) else " instead of"
+            words += f"{than} {own_words} of your own dog"
+    return f"{name}{words}.{_verdict_sentence(name, c['best'])}"
+
+
+def _nearest_sentences(result: Row) -> str:
+    """Name the nearest designs that do not fail at the new angles, each with a blank before."""
+    words = ""
+    for trial, record in nearest_records(result).items():
+        state = confirmed_verdict(record).state
+        rows = [row for row in result["trials"] if row["trial"] == trial]
+        name = "Your own dog" if rows[0]["prototype"] else f"Design {trial}"
+        if state == "not_clear":
+            words += _verdict_sentence(name, record)
+        elif state != "fails":
+            words += f" {name} fails no check at the new angles; raise expectation.angles."
+    return words
+
+
+def _own_headline(lead: Goal, confirmed: Row) -> str:
+    """Compose the result of a study in which no design is chosen before its own dog."""
+    verdict = confirmed_verdict(confirmed)
+    if verdict.state == "fails":
+        words = "No design of this search is chosen before your own dog."
+    else:
+        superlative = "fastest" if lead.unit == "ms" else "best"
+        that = " that passes" if verdict.state == "passes" else ""
+        time = lead.words(*lead.estimate(confirmed["estimates"]))
+        words = f"Your own dog is the {superlative}{that}: {lead.label} {time}."
+    return words + _verdict_sentence("Your own dog", confirmed)
+
+
+def _verdict_sentence(subject: str, confirmed: Row) -> str:
+    """Compose the sentence on a confirmed design that does not pass, with a blank before."""
+    words = objection(confirmed)
+    if not words:
+        return ""
+    state = confirmed_verdict(confirmed).state
+    if state == "not_judged":
+        return f" {words.capitalize()}."
+    return f" {subject} {words}." if state == "fails" else f" {subject} is {words}."
 
 
 def unclear(gain: float, error: float) -> bool:
@@ -136,7 +166,11 @@ def summary_tables(study: Setup, result: Row) -> list[Table]:
     Where none passes: the nearest designs, and the checks that stop them.
     """
     if result["best"] is None:
-        return [nearest_table(study, result), barriers_table(result)] if result["trials"] else []
+        if not result["trials"]:
+            return []
+        facts = list(nearest_facts(study, result))
+        tables = [nearest_table(study, result), barriers_table(result)]
+        return [*tables, *([Table(("", ""), facts)] if facts else [])]
     facts = list(facts_of(study, result)) if result["confirmation"] else []
     return [alternatives_table(study, result), *([Table(("", ""), facts)] if facts else [])]
 
@@ -160,7 +194,8 @@ def alternatives_table(study: Setup, result: Row) -> Table:
 
     for trial in sorted(known, key=place):
         row, one = rows[trial], known[trial]
-        passes = one["passes"] and one["confirmed"] == confirmed and not best["prototype"]
+        holds = not one["verdict"]["failed"]
+        passes = holds and one["confirmed"] == confirmed and not best["prototype"]
         if not passes and one is not chosen and not one["prototype"]:
             continue
         words, cost = words_of(one), difference(chosen, one)
@@ -186,18 +221,32 @@ def alternatives_table(study: Setup, result: Row) -> Table:
             HANGS,
             *(goal.title for goal in goals),
         ),
-        *("worst point minus prototype, ms", *COLUMNS, "minus chosen, ms"),
+        "worst point minus prototype, ms",
+        "verdict",
+        *(f"smallest margin {column}" for column in COLUMNS[1:]),
+        "minus chosen, ms",
     )
     looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
-    texts = [heads.index(column) for column in COLUMNS]
-    note = "Designs of the front that pass every check at the new angles; ± one standard error, "
-    note += "that of the expected time with the error of hangs."
+    first = heads.index("verdict")
+    texts = range(first, first + len(COLUMNS))
+    note = (
+        "Designs of the front without a negative margin at the new angles, and your own dog, the "
+        "prototype; ± one standard error, that of the expected time with the error of hangs."
+    )
     return Table(heads, cells, looks, texts, note)
 
 
 def margins_for_all(row: Row) -> dict[str, float]:
     """Give the margins of a design by check, without those that sum up others."""
     return {name: m for name, m in row["margins"].items() if name not in SUMMARIES}
+
+
+def _at_new_angles(result: Row, row: Row) -> Row:
+    """Replace time and margins of a design by those at new angles, where it was simulated there."""
+    confirmed = confirmation_of(result, row)
+    if confirmed is None:
+        return row
+    return row | {SIMULATED: confirmed[SIMULATED], "margins": margins_of(row, confirmed)}
 
 
 def nearest_designs(result: Row) -> list[Row]:
@@ -212,25 +261,33 @@ def nearest_table(study: Setup, result: Row) -> Table:
     """Tabulate the designs that fail by least, with the checks that they fail."""
     rows, cells = nearest_designs(result), []
     for row in rows:
-        failed = sorted((m, name) for name, m in row["margins"].items() if m < 0.0)
-        words = ", ".join(f"{check_name(name)} ({percent(margin)})" for margin, name in failed)
+        confirmed = confirmation_of(result, row)
+        known = confirmed or row
+        words = _failed_in_search(row) if confirmed is None else objection(confirmed)
         if "engines" in row["failed"]:
             words = ", ".join(filter(None, (words, "engines disagree")))
         cells.append([
             "your own dog" if row["prototype"] else str(row["trial"]),
             *(minus(f"{row[name]:.4g}") for name in study.variables),
-            ms_with_error(row[SIMULATED], row["standard_error_s"]),
-            ms_with_error(row.get("engaged_mean_s"), row.get("engaged_standard_error_s")),
-            hang_share(row),
-            Bad(words) if words else "none",
+            ms_with_error(known[SIMULATED], known["standard_error_s"]),
+            ms_with_error(known.get("engaged_mean_s"), known.get("engaged_standard_error_s")),
+            hang_share(known),
+            Bad(words) if words else "passes",
         ])  # fmt: skip
-    heads = ("design", *map(axis, study.variables), TIME, ENGAGED, HANGS, FAILS)
+    heads = ("design", *map(axis, study.variables), TIME, ENGAGED, HANGS, VERDICT)
     looks = {k: "prototype" for k, row in enumerate(rows) if row["prototype"]}
     note = (
-        "The designs whose worst check is short by least, at the angles of the search; "
-        "± is one standard error. A dash: not simulated, as a check fails before."
+        "The designs whose worst check is short by least, at new angles where they were simulated "
+        "there; ± is one standard error. A dash: not simulated, as a check fails before."
     )
-    return Table(heads, cells, looks, (heads.index(FAILS),), note)
+    return Table(heads, cells, looks, (heads.index(VERDICT),), note)
+
+
+def _failed_in_search(row: Row) -> str:
+    """List the checks that a design fails by the margins of its search."""
+    failed = sorted((m, name) for name, m in row["margins"].items() if m < 0.0)
+    words = ", ".join(f"{check_name(name)} ({percent(margin)})" for margin, name in failed)
+    return f"fails {words}" if words else ""
 
 
 def barriers_table(result: Row) -> Table:
@@ -239,7 +296,7 @@ def barriers_table(result: Row) -> Table:
     The cost is the time of the fastest design that passes the check, less that of the fastest of
     all, whatever else either fails.
     """
-    rows = [row for row in result["trials"] if row["margins"]]
+    rows = [_at_new_angles(result, row) for row in result["trials"] if row["margins"]]
     timed = [row for row in rows if row[SIMULATED] is not None]
     margins = [margins_for_all(row) for row in rows]
     failing = Counter(name for one in margins for name, margin in one.items() if margin < 0.0)
@@ -266,25 +323,51 @@ def barriers_table(result: Row) -> Table:
     return Table(heads, cells, {}, (4,), note)
 
 
+def nearest_verdict(study: Setup, result: Row) -> VerdictRow | None:
+    """Give the verdict on the design that fails by least; None where it was not simulated."""
+    for row in nearest_designs(result)[:1]:
+        if confirmed := confirmation_of(result, row):
+            params = {name: row[name] for name in study.variables}
+            return VerdictRow(**searched_verdict(study, params, row, confirmed))
+    return None
+
+
+def nearest_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+    """List the hangs of own dog and nearest designs where none passes, and the shafts."""
+    records = nearest_records(result)
+    for row in nearest_designs(result):
+        if (confirmed := records.get(row["trial"])) is None:
+            continue
+        name = "your own dog, the prototype" if row["prototype"] else design_name(row)
+        yield f"hangs, {name}", hang_words(confirmed)
+    yield "shafts", study.clutch.drive.text
+
+
 def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     """List the facts of a confirmed design; what speaks against it is marked as bad."""
     c, best = result["confirmation"], result["best"]
-    for side, name in SIDES.items():
-        words = chosen_verdict(study, result, side).line
-        yield f"verdict on the {name}", words if words.startswith("passes") else Bad(words)
+    names = {"prototype": "your own dog, the prototype", "best": design_name(best)}
+    for side, name in names.items():
+        if side == "best" and best["prototype"]:
+            continue
+        verdict = chosen_verdict(study, result, side)
+        words = verdict.line
+        yield f"verdict on {name}", words if verdict.state == "passes" else Bad(words)
     if not best["prototype"]:
         yield from _gain_facts(study, result)
     elif how := _most_failed(result):
         yield "designs that fail", how
     yield "shafts", study.clutch.drive.text
-    if landing := [m for m in margins_of(best, c["best"]).items() if m[0].endswith(LANDING)]:
-        yield "hardest landing at the new angles", margin_cell(*min(landing, key=lambda m: m[1]))
+    landing = [check for check in c["best"]["checks"]
+               if check["name"].endswith(LANDING) and check["margin"] is not None]  # fmt: skip
+    if landing:
+        least = min(landing, key=lambda check: float(check["margin"]))
+        words = margin_cell(least["name"], least["margin"], least.get("margin_interval"))
+        yield "smallest margin of a landing, 95 % interval", words
     if ranged := [check for check in c["best"]["checks"] if check.get("ends")]:
         worst = min(ranged, key=lambda check: float(check["margin"]))
         words = f"{margin_cell(worst['name'], worst['margin'])}, at {worst['ends']}"
         yield "at the worst end of ranges", Bad(words) if worst["margin"] < 0.0 else words
-    if words := failed_words(c["best"]):
-        yield "fails at the new angles", Bad(words)
     yield from _confirmation_facts(result)
     engines = {"chosen design in Drake": c["best"].get("drake"), "audit": result.get("audit")}
     for name, found in engines.items():
@@ -304,9 +387,11 @@ def chosen_verdict(study: Setup, result: Row, side: str = "best") -> VerdictRow:
 def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:
     """List the facts of the other designs that were confirmed, or not."""
     best, confirmed = result["best"], confirmed_designs(result)
-    failed = [trial for trial in failed_at_new_angles(result) if trial != best["trial"]]
-    if out := [f"design {trial}: {failed_words(confirmed[trial])}" for trial in failed]:
-        yield "designs out, failed at the new angles", "; ".join(out)
+    out = {trial: words for trial, words in out_at_new_angles(result).items()
+           if trial != best["trial"]}  # fmt: skip
+    if out:
+        words = "; ".join(f"design {trial} {words}" for trial, words in out.items())
+        yield "designs out at the new angles", words
     for trial, one in confirmed.items():
         if one.get("agrees") is False:
             words = f"{one['errors_apart']:.1f} standard errors apart"
@@ -319,9 +404,9 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     """List the facts of a chosen design beside the prototype."""
     c, best = result["confirmation"], result["best"]
     for goal, (before, _), _, (gain, error) in gained(result):
-        words = goal.words(gain, error)
+        words = f"{goal.difference(gain, error)} {goal.unit}".strip()
         words += minus(f" ({100 * gain / abs(before):.0f} %)") if before else ""
-        words += NOT_CLEAR * unclear(gain, error)
+        words += WITHIN_ERROR * unclear(gain, error)
         yield f"gain in the {goal.label}", Bad(words) if gain < 0.0 else words
     if difference(c["prototype"], c["best"]):
         found = point_differences(c["prototype"], c["best"])
@@ -342,7 +427,9 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         if words := quantile_words(c[side].get("quantiles") or ()):
             yield f"shift time over the life, {name}", words
     if within := best["time_within_tolerances"]:
-        yield "shift time within tolerances", f"± {in_ms(within['root_sum_square_s'])} ms"
+        words = f"{1e3 * within['root_sum_square_s']:.2g} ms by root sum of squares, "
+        words += f"{1e3 * within['worst_case_s']:.2g} ms at the worst"
+        yield "change of the expected shift time within tolerances", words
     ends = [
         f"{label(name)} {value(name, best[name])}"
         for name, (low, high) in study.variables.items()
@@ -350,11 +437,18 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     ]
     for other in c.get("shapes") or ():
         if less := difference(c["best"], other):
-            words = f"{ms_with_error(*less, '+')} ms" + NOT_CLEAR * unclear(*less)
-            words += "" if other["feasible"] else ", but fails a check"
+            words = f"{ms_with_error(*less, '+')} ms" + WITHIN_ERROR * unclear(*less)
+            words += _shape_state(other)
             yield f"with {other['shape']}", words
     if ends:
         yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
+
+
+def _shape_state(shape: Row) -> str:
+    """Name the state of another shape unless it passes; earlier results have no verdict of it."""
+    if verdict := shape.get("verdict"):
+        return "" if verdict["state"] == "passes" else f", {verdict['line']}"
+    return "" if shape["feasible"] else ", fails a check"
 
 
 def _hang_facts(confirmation: Row) -> Iterator[tuple[str, str]]:
