@@ -101,10 +101,10 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
         if kind in ("front", "chosen", "prototype"):
             named += rows
             look = {"thickness": 1, "width": 3, "color": INK}
-            for way, goal in (("x", lead), ("y", second)):
+            for axis_name, goal in (("x", lead), ("y", second)):
                 shown = [goal.shown(row) for row in rows]
                 ends = [goal.ends(goal.shown(row), goal.error(row)) for row in rows]
-                bars[f"error_{way}"] = {
+                bars[f"error_{axis_name}"] = {
                     "array": [high - at for at, (_, high) in zip(shown, ends, strict=True)],
                     "arrayminus": [at - low for at, (low, _) in zip(shown, ends, strict=True)],
                     **look,
@@ -222,11 +222,11 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
                 hovertemplate=hover, row=place, col=column, **look,
             )  # fmt: skip
             figure.update_xaxes(type="category", tickangle=0, row=place, col=column)
-        entries = [np.array(row["shiftability"]["by_angle"]) for row in ordered]
-        bins = math.gcd(*map(len, entries))  # points that got more angles may have more bins
+        by_angle = [np.array(row["shiftability"]["by_angle"]) for row in ordered]
+        bins = math.gcd(*map(len, by_angle))  # points that got more angles may have more bins
         counts: dict[str, np.ndarray] = {}
-        for name, entry in zip(names, entries, strict=True):
-            counts[name] = counts.get(name, 0) + entry.reshape(bins, -1, 3).sum(axis=1)
+        for name, entries in zip(names, by_angle, strict=True):
+            counts[name] = counts.get(name, 0) + entries.reshape(bins, -1, 3).sum(axis=1)
         made, lines = np.array([*counts.values()]), max(lines, len(counts))
         whole = made.sum(axis=2)
         figure.add_heatmap(
@@ -262,7 +262,7 @@ def assumptions_figure(hinges: Sequence[HingeRow]) -> go.Figure:
         figure.add_bar(
             y=[row.assumption for row in rows], base=[ends[0] for ends in shown],
             x=[ends[1] - ends[0] for ends in shown], orientation="h", name=name,
-            marker_color=colour, width=0.5, hoverinfo="text",
+            marker_color=colour, width=0.5, hoverinfo="text", showlegend=True,
             hovertext=[
                 f"{row.cell('range')}: {row.cell('smallest_margin')}, {row.cell('weakest_check')}"
                 for row in rows

@@ -23,6 +23,7 @@ from dogshape.pipeline.reports.data_sheet import (
 )
 from dogshape.pipeline.reports.designs import (
     MARGIN,
+    UNCLEAR,
     Goal,
     Row,
     confirmation_of,
@@ -223,15 +224,17 @@ def alternatives_table(study: Setup, result: Row) -> Table:
         ),
         "worst point minus prototype, ms",
         "verdict",
-        *(f"smallest margin {column}" for column in COLUMNS[1:]),
+        "margin at statistical tolerances",
+        "margin at worst-case tolerances",
         "minus chosen, ms",
     )
     looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
     first = heads.index("verdict")
-    texts = range(first, first + len(COLUMNS))
+    texts = (heads.index(HANGS), *range(first, first + len(COLUMNS)))
     note = (
         "Designs of the front without a negative margin at the new angles, and your own dog, the "
-        "prototype; ± one standard error, that of the expected time with the error of hangs."
+        "prototype; ± one standard error, that of the expected time with the error of hangs. "
+        "Smallest margins, that of the landing at nominal size."
     )
     return Table(heads, cells, looks, texts, note)
 
@@ -390,7 +393,10 @@ def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:
     out = {trial: words for trial, words in out_at_new_angles(result).items()
            if trial != best["trial"]}  # fmt: skip
     if out:
-        words = "; ".join(f"design {trial} {words}" for trial, words in out.items())
+        words = "; ".join(
+            f"design {trial} {'is ' if words.startswith(UNCLEAR) else ''}{words}"
+            for trial, words in out.items()
+        )
         yield "designs out at the new angles", words
     for trial, one in confirmed.items():
         if one.get("agrees") is False:

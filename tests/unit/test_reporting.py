@@ -14,7 +14,11 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports import single_shifts, surrogate_findings
-from dogshape.pipeline.reports.charts import front_figure
+from dogshape.pipeline.reports.charts import (
+    assumptions_figure,
+    front_figure,
+    shiftability_figure,
+)
 from dogshape.pipeline.reports.data_sheet import command_of, searched_record, words_of
 from dogshape.pipeline.reports.designs import designs_frame, goals_of
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
@@ -36,6 +40,7 @@ from dogshape.pipeline.reports.surrogate_findings import (
 from dogshape.pipeline.reports.text import minus, with_error
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.result_records import HingeRow
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.strength.locking import locking_checks, locking_friction
@@ -133,7 +138,7 @@ def test_headline_has_the_state_of_the_verdict(few: Setup, result: Row) -> None:
     )
     (record,) = c["designs"]
     c["designs"] = [{"trial": 1, **c["best"], "checks": [unclear], "verdict": None}, record]
-    assert dict(facts_of(few, result))["designs out at the new angles"] == f"design 1 {words}"
+    assert dict(facts_of(few, result))["designs out at the new angles"] == f"design 1 is {words}"
     figure = front_figure(result, VARIABLES)
     assert [one.name for one in figure.data if "not clear" in (one.name or "")] == ["not clear"]
     assert not any("fails face" in text for one in figure.data for text in one.hovertext or ())
@@ -163,12 +168,20 @@ def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
     for row in result["trials"]:
         row["margins"] = {"module": 0.5, "root_stress": -0.1 * (1 + row["trial"])}
     result["trials"][5]["margins"] = {"module": -0.2, "root_stress": 0.3}
-    nearest, barriers = summary_tables(few, result | {"best": None, "front": []})
-    fails = nearest.heads.index("fails")
+    hangs = {"hang_probability": 0.01, "hang_probability_low": 0.001, "hang_probability_high": 0.03}
+    unclear = {"name": "root_stress", "margin": -0.02, "margin_interval": [-0.08, 0.04]}
+    again = {**result["confirmation"]["best"], "checks": [unclear], **hangs, "retries_s": None}
+    result |= {"best": None, "front": [], "confirmation": None, "nearest": [{"trial": 2, **again}]}
+    nearest, barriers, facts = summary_tables(few, result)
+    verdict = nearest.heads.index("verdict")
     assert [row[0] for row in nearest.rows][-1] == "your own dog"
-    assert nearest.rows[0][fails] == "root stress (\N{MINUS SIGN}20 %)"
+    assert nearest.rows[0][verdict] == "fails root stress (\N{MINUS SIGN}20 %)"
+    words = minus("not clear: root stress (-2.0 %, 95 %: -8 % to 4.0 %)")
+    assert {row[0]: row[verdict] for row in nearest.rows}["2"] == words
+    assert headline(result).endswith(f" Design 2 is {words}.")
+    assert [row[0] for row in facts.rows] == ["hangs, design 2", "shafts"]
     assert {row[0]: row[1:4] for row in barriers.rows} == {
-        "root stress": ["5 of 6", "5", "\N{MINUS SIGN}10 %"],
+        "root stress": ["5 of 6", "5", "\N{MINUS SIGN}2.0 %"],
         "module": ["1 of 6", "1", "\N{MINUS SIGN}20 %"],
     }
 
@@ -477,3 +490,27 @@ def test_entries_of_both_designs_stand_beside_their_closed_form() -> None:
         del point["shiftability"]["direct_closed_form"], point["shiftability"]["first_window"]
     del own["engagement_limits"]
     assert not any(isinstance(part, Table) for part in point_parts(study, result))
+
+
+def test_points_with_more_angles_share_a_map_with_the_others() -> None:
+    """Bins of a point with twice as many are added in pairs."""
+    few = {"direct": 0.5, "by_angle": [[1, 0, 0], [0, 1, 0]]}
+    many = {"direct": 0.5, "by_angle": [[1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 0, 0]]}
+    rows = [
+        {"mismatch_rpm": speed, "force_N": 300.0, "engaged": 1.0, "shiftability": entries}
+        for speed, entries in ((50.0, few), (100.0, many))
+    ]
+    figure = shiftability_figure({"prototype": (rows, 15)})
+    assert figure.data[-1].z.tolist() == [[100.0, 0.0], [50.0, 100.0]]
+
+
+def test_tornado_tells_assumptions_that_change_the_sign() -> None:
+    common = {"value": 1.0, "range": [0.5, 2.0], "unit": "", "source": "", "status": "assumption",
+              "weakest_check": ["module", "module"]}  # fmt: skip
+    hinges = [
+        HingeRow(assumption=name, smallest_margin=margins, flips=margins[1] < 0.0, **common)
+        for name, margins in (("a", [0.1, -5.0]), ("b", [0.2, 0.1]))
+    ]
+    changing, keeping = assumptions_figure(hinges).data
+    assert (changing.y, changing.base, changing.x) == (("a",), (10.0,), (-210.0,))
+    assert (keeping.y, keeping.base, keeping.x) == (("b",), (20.0,), (-10.0,))
