@@ -110,7 +110,8 @@ class Predictions(Result):
         names = list(self.answers)[: list(self.answers).index(TIMES[0])]
         if set(names) & set(OPERATED):
             return ""
-        keys = " ".join(f"--set dog.{name}={design[name]:.10g}" for name in names)
+        given = [name for name in names if name not in self.filled]
+        keys = " ".join(f"--set dog.{name}={design[name]:.10g}" for name in given)
         return f"dogshape check {self.config.name} {keys}"
 
     @property
