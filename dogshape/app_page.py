@@ -134,8 +134,8 @@ def judged(found: Checked) -> dict[str, Any]:
     lines = (
         check_name(weakest.name),
         verdict.line,
-        f"at statistical tolerances: {found.statistical.replace('%', ' %').replace('_', ' ')}",
-        f"at worst-case tolerances: {found.worst_case.replace('%', ' %').replace('_', ' ')}",
+        f"at statistical tolerances: {found.statistical.replace('_', ' ')}",
+        f"at worst-case tolerances: {found.worst_case.replace('_', ' ')}",
         *(line.partition(" [")[0] for line in hinge_lines(verdict)[:HINGES] if verdict.flipping),
     )
     kind = {"passes": "good", "fails": "bad"}.get(verdict.state, "open")
@@ -171,6 +171,6 @@ def check_table(found: Checked) -> html.Table:
         said = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
         texts = [check_name(row.name), *cells[1:]]
         drawn = [html.Td(text, className="bad" if isinstance(text, Bad) else "") for text in texts]
-        kind = "failed" if row.passed is False else ""
+        kind = "failed" if row.passed is False and not row.unclear else ""
         body.append(html.Tr(drawn, title=said, className=kind, **exact))
     return html.Table([html.Thead(html.Tr(list(map(html.Th, table.heads)))), html.Tbody(body)])

@@ -159,18 +159,9 @@ class Checked(Result):
         angles = shifts // len(self.config.points)
         return [
             f"landing: {taken} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
-            "operating point; margins within 95 %: " + self._landing_intervals,
+            "operating point",
             *self._landing_stiffness(landings),
         ]
-
-    @property
-    def _landing_intervals(self) -> str:
-        words = []
-        for check in self.design.checks:
-            if check.margin_interval is not None:
-                low, high = map(percent, check.margin_interval)
-                words.append(f"{check.name} {low} to {high}")
-        return ", ".join(words)
 
     def _landing_stiffness(self, landings: Landings) -> list[str]:
         """Explain what the landing owes to the stiffness of the contact, which stands for rings."""
@@ -235,14 +226,17 @@ def _hinge_words(hinge: Hinge) -> str:
 def _retention_words(found: Retention) -> str:
     """Describe how a worn, loaded flank is held, with its axial forces."""
 
-    def push(force: float) -> str:
-        return f"{'pushes out' if force > 0.0 else 'pulls in'} with {abs(force):.0f} N"
-
-    return (
-        f"worn {found.flank} flank: held by {found.answer}; {push(found.frictionless)} without "
-        f"friction, {push(found.flank_friction)} with the least of the flank, "
-        f"{push(found.all_friction)} with the toothing's too"
-    )
+    forces = {
+        "without friction": found.frictionless,
+        "with the least of the flank": found.flank_friction,
+        "with the toothing's too": found.all_friction,
+    }
+    words, direction = list[str](), ""
+    for friction, force in forces.items():
+        turned = "pushes out with " if force > 0.0 else "pulls in with "
+        words.append(f"{'' if turned == direction else turned}{abs(force):.0f} N {friction}")
+        direction = turned
+    return f"worn {found.flank} flank: held by {found.answer}; {', '.join(words)}"
 
 
 #: Standard error of the compiled engine's expected time against Drake's, over the time. Medians are

@@ -127,6 +127,18 @@ class Diagnosis(Result):
         return made
 
 
+def _means(
+    bank: str | Path | None,
+    effects: str | Path | None,
+    jobs: int,
+    progress: Progress | bool,
+    **settings: Any,
+) -> Means:
+    """Make the means of a diagnosis from the arguments of a verb, and other fields of ``Means``."""
+    folder = None if effects is None else Path(effects)
+    return Means(Path(bank or BANK), folder, jobs, receiver(progress), **settings)
+
+
 def diagnose(
     bench: str | Path,
     *,
@@ -159,9 +171,8 @@ def diagnose(
     jobs, progress : as in ``Study.expect``.
     """
     given, listener = load_bench(bench, correct), receiver(progress)
-    own = None if effects is None else Path(effects)
     settings = replace(USUAL, seed=seed)
-    means = Means(Path(bank or BANK), own, jobs, listener, engine, settings)
+    means = _means(bank, effects, jobs, listener, engine=engine, settings=settings)
     folder = None if out is None else Path(out)
     if folder is not None:
         gap_update.require_no_updates(folder)
@@ -257,9 +268,8 @@ def update_diagnosis(
         require_shifts(bench, times=True)
         count = len(asked.joined)
         before = gap_update.before_of(place, count)
-        own = effects if effects is not None else asked.effects
-        own = None if own is None else Path(own)
-        means = Means(Path(bank or BANK), own, jobs, receiver(progress), before["engine"])
+        effects = asked.effects if effects is None else effects
+        means = _means(bank, effects, jobs, progress, engine=before["engine"])
         found = diagnosed(bench, means)
         record = gap_update.update_record(before, found, sheet, count)
         gap_page.publish(found, place, history=gap_update.add_update(place, record, count))
@@ -383,9 +393,7 @@ def plan_shifts(
             f"number of operating points is {points}, but {bench.name} has {len(bench.cells)}; "
             f"give 1 to {len(bench.cells)}"
         )
-    means = Means(
-        Path(bank or BANK), None if effects is None else Path(effects), jobs, receiver(progress)
-    )
+    means = _means(bank, effects, jobs, progress)
     plan = shift_plan(predicted_field(bench, means), shifts, seed, points)
     if file is not None:
         todo = [bench.cells[place].point for place, count in plan.order for _ in range(count)]

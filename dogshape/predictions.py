@@ -38,6 +38,7 @@ TIMES = (
     "expected_shift_time_s", "low_s", "high_s", "standard_error_s", "distance", "in_range",
 )  # fmt: skip
 CHECKS = ("feasible", "verdict", "smallest_margin", "worst_check", "reason")
+NOT_JUDGED = "not_judged"  #: column of the answers: standard checks that no prediction judges
 STATES = {True: "not_judged", False: "fails"}  #: a prediction judges no landing
 NEAR = 0.7  #: likeness of a column's name to a variable's from which it is taken for a misspelling
 MAX_LISTED = 10  #: faulty cells that a refusal lists
@@ -88,16 +89,31 @@ class Predictions(Result):
             lines += [f"row {one['row']} {words}: {one['reason']}" for one in rows[:NAMED]]
             left = len(rows) - NAMED
             lines += [f"and {left} more rows {more}"] if left > 0 else []
-        best, time = record["best_feasible"], "-"
+        best, time, simulated = record["best_feasible"], "-", list[str]()
         if best is not None:
             time = f"{time_text(best['expected_shift_time_s'])}, row {best['row']}"
+            if command := self.command(best):
+                simulated = [f"landing and engagement of row {best['row']}: {command}"]
         return [
             *lines,
             f"wrote {record['file']}: designs {record['n']}, in the trained range "
             f"{record['in_range']}, without a failed check {record['feasible']}, impossible "
             f"{len(record['impossible'])}, least time of one without a failed check {time}",
             f"not judged: {', '.join(one.text for one in self.not_judged)}",
+            *simulated,
         ]
+
+    def command(self, design: Mapping[str, float]) -> str:
+        """Compose the command that simulates a design, with its landing.
+
+        Empty where a variable is of the operation and no key of the dog.
+        """
+        names = list(self.answers)[: list(self.answers).index(TIMES[0])]
+        if set(names) & set(OPERATED):
+            return ""
+        given = [name for name in names if name not in self.filled]
+        keys = " ".join(f"--set dog.{name}={design[name]:.10g}" for name in given)
+        return f"dogshape check {self.config.name} {keys}"
 
     @property
     def not_judged(self) -> tuple[Missing, ...]:
@@ -139,8 +155,12 @@ class Predictions(Result):
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """Give a row for each design: its keys, predicted time, interval, checks; kept columns."""
+        """Give a row for each design: its keys, predicted time, interval, checks; kept columns.
+
+        ``not_judged`` has the standard checks that a prediction leaves open, landing among them.
+        """
         found = self.answers.drop(columns="real")
+        found[NOT_JUDGED] = " ".join(one.check for one in self.not_judged)
         for place, name in enumerate(self.kept):
             found.insert(place, name, self.table.column(name))
         return found
@@ -265,7 +285,7 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
         if name in variables:
             if table.head.count(name) > 1:
                 faults.append(f"the column '{name}' is there twice; keep one")
-        elif name in (*TIMES, *CHECKS):
+        elif name in (*TIMES, *CHECKS, NOT_JUDGED):
             faults.append(f"'{name}' is a column of the answers; take it away")
         elif name in DogSection.model_fields:
             faults.append(

@@ -12,7 +12,8 @@ from dogshape.pipeline.record import Figure, Frame, Result, Table
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import designs_frame
-from dogshape.pipeline.reports.study_page import chosen_verdict, headline, publish, summary_tables
+from dogshape.pipeline.reports.study_page import publish
+from dogshape.pipeline.reports.study_summary import chosen_verdict, headline, summary_tables
 from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.running import receiver

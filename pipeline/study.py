@@ -9,7 +9,13 @@ from dogshape.pipeline.config.study_file import Setup, require_variables, wear_o
 from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
 from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.study_page import publish
-from dogshape.pipeline.search.confirmation import Executors, audit, confirm, shifts_to_confirm
+from dogshape.pipeline.search.confirmation import (
+    Executors,
+    audit,
+    confirm,
+    confirm_nearest,
+    shifts_to_confirm,
+)
 from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import PROTOTYPE, SearchState, Trial, expectation_from
 from dogshape.pipeline.simulate.design import (
@@ -65,15 +71,11 @@ def run_study(study: Setup, how: Run) -> Row:
         open_storage(folder, how.storage)  # refused before anything is written
     connect(how.cluster)
     with writing(folder.root):
-        new = not folder.manifest.exists()
         folder.open(study, how.resume)
         with kept(how.storage, folder):
-            try:
-                search = open_search(study.working, folder, how.storage, how.resume)
-            except InputError:
-                if new:  # another study may start there
-                    folder.manifest.unlink()
-                raise
+            search = open_search(study.working, folder, how.storage, how.resume)
+            if search.sampler.refusal:
+                say(search.sampler.refusal)
             result = _searched(search, how)
         if result["n_simulated_designs"] >= MIN_DESIGNS:
             _learn(study, folder, result, say)
@@ -118,6 +120,9 @@ def _searched(search: Search, how: Run) -> Row:
         executors = Executors(*both)
         searched = run(search, executors.search, after_round)
         confirmation, state = confirm(searched, executors, counter.say)
+        nearest = None
+        if confirmation is None:
+            nearest = confirm_nearest(searched, executors, counter.say)
         life = _life(confirmation, state, executors.search, counter)
         designs = [trial.params for trial in searched.simulated]
         audited = audit(study, designs, executors.kept, settings.audit_shifts, counter.say)
@@ -138,6 +143,9 @@ def _searched(search: Search, how: Run) -> Row:
             every.append(confirmation["prototype"])
         shifts = (one["shifts"] + (one["drake"] or {"shifts": 0})["shifts"] for one in every)
         result["n_simulated_shifts"] += sum(shifts)
+    if nearest is not None:
+        result |= {"nearest": nearest}
+        result["n_simulated_shifts"] += sum(one["shifts"] for one in nearest)
     found = {"confirmation": confirmation, "life": life}
     return {**result, **found, "audit": audited and audited.to_dict()}
 

@@ -15,9 +15,22 @@ import plotly.graph_objects as go
 import plotly.io as pio
 from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.designs import MARGIN, Goal, Row, design_name, goals_of, of_kinds
+from dogshape.pipeline.reports.designs import (
+    FAILS,
+    MARGIN,
+    UNCLEAR,
+    Goal,
+    Row,
+    confirmation_of,
+    design_name,
+    goals_of,
+    objection,
+    of_kinds,
+)
 from dogshape.pipeline.reports.text import PLACE, axis, check_name, minus, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.pipeline.store.result_records import HingeRow
+from dogshape.sim.units import short
 
 # A notebook keeps its figures in HTML too, with plotly's code once, so that they survive export.
 if pio.renderers.default == "plotly_mimetype":
@@ -30,7 +43,8 @@ EDGE: Row = {"color": INK}  #: of a mark
 #: Marks of the kinds of designs, the same in every figure.
 MARKS: dict[str, Row] = {
     "dominated": {"color": GREY, "size": 8, "symbol": "circle-open"},
-    "fails when simulated": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
+    FAILS: {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
+    UNCLEAR: {"color": INK, "size": 8, "symbol": "diamond-open"},
     "front": {"color": BLUE, "size": 9, "symbol": "circle"},
     "chosen": {"color": BLUE, "size": 17, "symbol": "diamond", "line": EDGE | {"width": 1.5}},
     "prototype": {"color": ORANGE, "size": 18, "symbol": "star", "line": EDGE | {"width": 1}},
@@ -87,17 +101,21 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
         if kind in ("front", "chosen", "prototype"):
             named += rows
             look = {"thickness": 1, "width": 3, "color": INK}
-            bars = {
-                f"error_{way}": {"array": [1.96 * goal.error(row) for row in rows], **look}
-                for way, goal in (("x", lead), ("y", second))
-            }
+            for axis_name, goal in (("x", lead), ("y", second)):
+                shown = [goal.shown(row) for row in rows]
+                ends = [goal.ends(goal.shown(row), goal.error(row)) for row in rows]
+                bars[f"error_{axis_name}"] = {
+                    "array": [high - at for at, (_, high) in zip(shown, ends, strict=True)],
+                    "arrayminus": [at - low for at, (low, _) in zip(shown, ends, strict=True)],
+                    **look,
+                }
         texts = [
             "<br>".join([
                 f"<b>{design_name(row)}</b>",
                 *(f"{axis(name)}: {row[name]:.4g}" for name in variables),
                 *(f"{goal.label} {goal.words(goal.shown(row), goal.error(row))}"
                   for goal in goals if row.get(goal.name) is not None),
-                *(f"fails {check_name(name)}" for name in row["failed"]),
+                *_objections(result, row),
             ])
             for row in rows
         ]  # fmt: skip
@@ -128,12 +146,19 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
     return styled(figure, 480)
 
 
+def _objections(result: Row, row: Row) -> list[str]:
+    """List what keeps a design from passing, by its confirmation where it has one."""
+    if confirmed := confirmation_of(result, row):
+        return list(filter(None, [objection(confirmed)]))
+    return [f"fails {check_name(name)}" for name in row["failed"]]
+
+
 def _window(goal: Goal, rows: Sequence[Row]) -> tuple[float, float] | None:
     """Return a range that shows rows and their bars with room on either side; None without any."""
     if not rows:
         return None
-    low = min(goal.shown(row) - 1.96 * goal.error(row) for row in rows)
-    high = max(goal.shown(row) + 1.96 * goal.error(row) for row in rows)
+    ends = [goal.ends(goal.shown(row), goal.error(row)) for row in rows]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
     room = 0.2 * (high - low) or 0.1 * abs(high) or 1.0
     return low - room, high + room
 
@@ -197,11 +222,13 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
                 hovertemplate=hover, row=place, col=column, **look,
             )  # fmt: skip
             figure.update_xaxes(type="category", tickangle=0, row=place, col=column)
+        by_angle = [np.array(row["shiftability"]["by_angle"]) for row in ordered]
+        bins = math.gcd(*map(len, by_angle))  # points that got more angles may have more bins
         counts: dict[str, np.ndarray] = {}
-        for name, row in zip(names, ordered, strict=True):
-            counts[name] = counts.get(name, 0) + np.array(row["shiftability"]["by_angle"])
+        for name, entries in zip(names, by_angle, strict=True):
+            counts[name] = counts.get(name, 0) + entries.reshape(bins, -1, 3).sum(axis=1)
         made, lines = np.array([*counts.values()]), max(lines, len(counts))
-        whole, bins = made.sum(axis=2), made.shape[1]
+        whole = made.sum(axis=2)
         figure.add_heatmap(
             x=(np.arange(bins) + 0.5) * 360.0 / count / bins, y=[*counts],
             z=100.0 * made[:, :, 0] / np.where(whole, whole, np.nan),
@@ -217,6 +244,43 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     figure.update_layout(coloraxis={**shades, "colorbar": bar})
     figure.update_yaxes(type="category", automargin=True, autorange="reversed", dtick=1)
     return styled(figure, 80 + len(sides) * (65 + 24 * lines))
+
+
+LEAST_MARGIN = -200.0  #: %, of the figure of assumptions; bars end there
+
+
+def assumptions_figure(hinges: Sequence[HingeRow]) -> go.Figure:
+    """Draw the smallest margin over the range of each assumption, %, as a tornado."""
+    figure = go.Figure()
+    for name, colour, flips in (
+        ("changes the sign", ORANGE, True), ("keeps the sign", BLUE, False),
+    ):  # fmt: skip
+        rows = [hinge for hinge in hinges if hinge.flips is flips]
+        if not rows:
+            continue
+        shown = [[max(LEAST_MARGIN, 100.0 * m) for m in row.smallest_margin] for row in rows]
+        figure.add_bar(
+            y=[row.assumption for row in rows], base=[ends[0] for ends in shown],
+            x=[ends[1] - ends[0] for ends in shown], orientation="h", name=name,
+            marker_color=colour, width=0.5, hoverinfo="text", showlegend=True,
+            hovertext=[
+                f"{row.cell('range')}: {row.cell('smallest_margin')}, {row.cell('weakest_check')}"
+                for row in rows
+            ],
+        )  # fmt: skip
+        for row, ends in zip(rows, shown, strict=True):
+            for end, place, far in zip(row.range, ends, reversed(ends), strict=True):
+                figure.add_annotation(
+                    x=place, y=row.assumption, text=short(end), showarrow=False,
+                    xanchor="right" if place < far else "left", xshift=-4 if place < far else 4,
+                )  # fmt: skip
+    figure.add_vline(0.0, line={"color": INK, "width": 1})
+    figure.update_xaxes(title="smallest margin, %")
+    figure.update_yaxes(
+        autorange="reversed", automargin=True, categoryorder="array",
+        categoryarray=[hinge.assumption for hinge in hinges],
+    )  # fmt: skip
+    return styled(figure, 130 + 34 * len(hinges))
 
 
 def effects_figure(found: Row) -> go.Figure:

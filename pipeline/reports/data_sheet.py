@@ -64,7 +64,7 @@ from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.locking import locking_friction
 from dogshape.sim.strength.manufacture import Kind
-from dogshape.sim.strength.verdict import Margin
+from dogshape.sim.strength.verdict import WORDS, Margin
 from dogshape.sim.units import MM, from_si, suffix_of, unit_of
 from dogshape.sim.versions import bundled_root, versions
 
@@ -210,7 +210,7 @@ def design_record(
         "travel_mm": dog.travel / MM,
         **dict.fromkeys(SIMULATION),
         "confirmed": False,
-        "passes": all(margin >= 0.0 for margin in margins.values()),
+        "passes": verdict["state"] == "passes",
         "verdict": verdict,
         "smallest_margin": own[weakest],
         "weakest_check": weakest,
@@ -235,16 +235,17 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
     known = row if confirmed is None else confirmed
     found: Row = {"engaged": known["engaged"], "source": "search"}
     if known[SIMULATED] is not None:
-        found |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
+        found |= {key: known[key] for key in (SIMULATED, "standard_error_s")}
     found |= {name: known.get(name) for name in HangKeys.model_fields}
     if confirmed is not None:
-        own = result["confirmation"]["prototype"]
+        own = (result["confirmation"] or {}).get("prototype")
         found |= {"source": "new angles", "confirmed": True}
         found["shifts_engaged"] = list(engaged_shifts(confirmed))
         if known[SIMULATED] is not None:
             slow = max(confirmed["points"], key=lambda p: p["mean_s"])
             found["slowest_point"] = {k: slow[k] for k in (*PLACE, "mean_s", "standard_error_s")}
-        if (loss := difference(own, confirmed)) and not row["prototype"]:
+        loss = None if own is None else difference(own, confirmed)
+        if own is not None and loss and not row["prototype"]:
             found |= {"gain_s": -loss[0], "gain_standard_error_s": loss[1]}
             found["worst_against_prototype"] = max(
                 point_differences(own, confirmed), key=lambda one: float(one["difference_s"])
@@ -327,8 +328,10 @@ def words_of(one: Row) -> dict[str, str]:
 
     surface, engaged = check_name(one["locking_surface"]), one["engaged"]
     verdict = one["verdict"]
+    state = WORDS[verdict["state"]]
     return {
         "verdict": verdict["line"] if verdict["state"] == "passes" else Bad(verdict["line"]),
+        "state": state if verdict["state"] == "passes" else Bad(state),
         TIME: time,
         ENGAGED: ms_with_error(one["engaged_mean_s"], one["engaged_standard_error_s"]),
         HANGS: hang_share(one),
@@ -406,6 +409,7 @@ def write_sheet(
     rows += [row.model_copy(update={"name": check_name(row.name)}) for row in missing]
     columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square")
     words = words_of(record)
+    del words["state"]  # the verdict has it
     # One line for both, so that the sheet stays a page.
     words[STATISTICAL_MARGIN] += f"; worst case {words.pop(WORST_MARGIN)}"
     facts = [pair for pair in words.items() if pair[1] != "-"]

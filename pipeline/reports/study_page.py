@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,68 +16,54 @@ from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Bad, Table, percent, tabulate
 from dogshape.pipeline.reports.charts import (
     ENTRY_NOTE,
+    assumptions_figure,
     effects_figure,
     front_figure,
     shiftability_figure,
     times_by_point,
 )
 from dogshape.pipeline.reports.data_sheet import (
-    ENGAGED,
-    HANGS,
-    STATISTICAL_MARGIN,
     TIME,
-    WORST_MARGIN,
-    difference,
-    hang_share,
-    point_differences,
     provenance_of,
-    searched_record,
-    searched_verdict,
-    words_of,
 )
 from dogshape.pipeline.reports.designs import (
     MARGIN,
-    Goal,
     Row,
     confirmation_of,
-    confirmed_designs,
     design_name,
     designs_frame,
     designs_shown,
-    engaged_shifts,
-    failed_at_new_angles,
-    failed_words,
     goals_of,
+    margin_intervals,
     margins_of,
+    of_kinds,
 )
 from dogshape.pipeline.reports.report import Part, Report
 from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
+from dogshape.pipeline.reports.study_summary import (
+    BESIDE,
+    SIDES,
+    barriers_table,
+    chosen_verdict,
+    headline,
+    nearest_designs,
+    nearest_table,
+    nearest_verdict,
+    summary_tables,
+)
 from dogshape.pipeline.reports.surrogate_findings import learn_effects, prices_table, stored_effects
 from dogshape.pipeline.reports.text import (
     axis,
     check_name,
-    engaged_text,
-    hang_words,
-    in_ms,
-    label,
     margin_cell,
-    minus,
     ms_with_error,
-    place_name,
-    quantile_words,
     time_text,
-    value,
 )
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
-    SUMMARIES,
-    WITHIN,
-    WITHIN_WORDS,
-    failing_words,
 )
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_records import (
-    EngineAgreement,
     LimitRow,
     PointRow,
     TorqueLimitRow,
@@ -90,20 +74,7 @@ from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import naming, without_formulas
 from dogshape.surrogate.store import Validation
 
-BESIDE = 10  #: designs beside each other in the table of margins
-END = 0.01  #: share of a search range within which a value lies at its end
-LANDING = "_impact"  #: end of the names of the checks of a landing
-FAILS = "fails"
-#: Columns of the alternatives, of the words of a record.
-COLUMNS = (
-    "smallest margin, nominal size",
-    STATISTICAL_MARGIN,
-    WORST_MARGIN,
-    "locks above friction",
-)
-SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys
-NOT_CLEAR = " (not clear)"
-Pair = tuple[float, float]
+HINGES_TITLE = "Assumptions that decide the smallest margin"
 
 
 def publish(folder: StudyFolder, say: Say) -> Path:
@@ -138,8 +109,7 @@ def write_report(folder: StudyFolder) -> Path:
             page.add("Variables", *effect_parts(effects["effects"]))
             page.add("Limits", prices_table(effects["prices"]))
         if result["confirmation"]:
-            hangs_on = chosen_verdict(study, result).hangs_on
-            page.add("Assumptions that decide the smallest margin", hinge_table(hangs_on))
+            page.add(HINGES_TITLE, *hinge_parts(chosen_verdict(study, result)))
         page.add("Operating points", *point_parts(study, result))
         page.add("Single shifts", *shift_parts(folder, study, result))
         page.add("Life", *([life_table(result["life"])] if result.get("life") else []))
@@ -148,7 +118,10 @@ def write_report(folder: StudyFolder) -> Path:
         page.add("Nearest designs", nearest_table(study, result))
         page.add("Checks that stop them", barriers_table(result))
         page.add("Margins", margin_table(result, nearest_designs(result)))
-        page.add("Front", *front_parts(study, result)[:-1])
+        if verdict := nearest_verdict(study, result):
+            page.add(HINGES_TITLE, *hinge_parts(verdict))
+        if any(of_kinds(result).values()):
+            page.add("Front", *front_parts(study, result)[:-1])
         if effects is not None:
             page.add("Variables", *effect_parts(effects["effects"]))
             page.add("Limits", prices_table(effects["prices"]))
@@ -161,6 +134,13 @@ def write_report(folder: StudyFolder) -> Path:
     return folder.report
 
 
+def hinge_parts(verdict: VerdictRow) -> list[Part]:
+    """Build tornado and table of the assumptions of a verdict; empty where none has an effect."""
+    if not verdict.hangs_on:
+        return []
+    return [assumptions_figure(verdict.hangs_on), hinge_table(verdict.hangs_on)]
+
+
 def _drawing(study: Setup, row: Row) -> list[Part]:
     """Draw a design that fails a check; nothing where the shape is impossible."""
     try:
@@ -169,310 +149,6 @@ def _drawing(study: Setup, row: Row) -> list[Part]:
         return []
     title = f"{design_name(row).capitalize()}, nearest to passing every check"
     return [Markup(dimensioned_svg(dog, study.limits, title))]
-
-
-def headline(result: Row) -> str:
-    """Compose the result of a study in one sentence."""
-    best, c = result["best"], result["confirmation"]
-    if best is None:
-        how = _most_failed(result)
-        return f"No design of this search passes every check{f': {how}' if how else ''}."
-    name, lead, gains = design_name(best), goals_of(result)[0], gained(result)
-    if not c:
-        timed = best[SIMULATED] is not None
-        words = lead.words(lead.shown(best), lead.error(best)) if timed else "no time"
-        return f"Best so far, not confirmed: {name}, {lead.label} {words}."
-    failed = failed_words(c["best"])
-    fails = f", but fails {failed} at the new angles" if failed else ""
-    if best["prototype"]:
-        if fails:
-            return f"No design of this search is chosen before your own dog{fails}."
-        superlative = "fastest" if lead.unit == "ms" else "best"
-        words = lead.words(*lead.estimate(c["best"]["estimates"]))
-        return f"Your own dog is the {superlative} that passes: {lead.label} {words}."
-    words = " engages in {} of {} shifts".format(*engaged_shifts(c["best"]))
-    if gains and gains[0][0] == lead:
-        _, before, after, gain = gains[0]
-        words = f": {lead.label} {lead.words(*after)}"
-        if own_failed := failed_words(c["prototype"]):
-            return (f"{name.capitalize()}{words}{fails}; your own dog has {lead.words(*before)}, "
-                    f"but fails {own_failed}.")  # fmt: skip
-        than = ", not clearly better than" if unclear(*gain) else " instead of"
-        words += f"{than} {lead.words(*before)} of your own dog"
-    return f"{name.capitalize()}{words}{fails}."
-
-
-def unclear(gain: float, error: float) -> bool:
-    """Check that a difference is within two standard errors, hangs included."""
-    return abs(gain) < 2.0 * error
-
-
-def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
-    """Compare the simulated objectives of prototype and chosen design, as shown, with errors.
-
-    The gain is positive where the chosen design is better. Empty before the confirmation; without
-    times where one of both does not engage.
-    """
-    c, best = result["confirmation"], result["best"]
-    if not c or best is None or best["prototype"]:
-        return []
-    timed = None not in (c[side][SIMULATED] for side in SIDES)
-    before, after = (c[side]["estimates"] for side in SIDES)
-    return [
-        (goal, goal.estimate(before), goal.estimate(after), goal.estimate(c["gains"]))
-        for goal in goals_of(result, SIMULATED)
-        if goal.name in c["gains"] and (timed or goal.unit != "ms")
-    ]
-
-
-def summary_tables(study: Setup, result: Row) -> list[Table]:
-    """Tabulate the designs worth a choice, and the facts about the chosen one.
-
-    Where none passes: the nearest designs, and the checks that stop them.
-    """
-    if result["best"] is None:
-        return [nearest_table(study, result), barriers_table(result)] if result["trials"] else []
-    facts = list(facts_of(study, result)) if result["confirmation"] else []
-    return [alternatives_table(study, result), *([Table(("", ""), facts)] if facts else [])]
-
-
-def alternatives_table(study: Setup, result: Row) -> Table:
-    """Tabulate the chosen design, others of the front that pass every check, and the prototype.
-
-    Costs are differences to the chosen design, ± one standard error.
-    """
-    best, confirmed = result["best"], bool(result["confirmation"])
-    shown = {SIMULATED, MARGIN, *study.variables}
-    goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in shown]
-    own = [row for row in result["trials"] if row["prototype"]]
-    rows = {row["trial"]: row for row in (best, *result["front"], *own)}
-    known = {trial: searched_record(study, result, row) for trial, row in rows.items()}
-    chosen, cells = known[best["trial"]], []
-
-    def place(trial: int) -> tuple[bool, bool, float]:
-        one = known[trial]
-        return one is not chosen, one["prototype"], one[SIMULATED] or math.inf
-
-    for trial in sorted(known, key=place):
-        row, one = rows[trial], known[trial]
-        passes = one["passes"] and one["confirmed"] == confirmed and not best["prototype"]
-        if not passes and one is not chosen and not one["prototype"]:
-            continue
-        words, cost = words_of(one), difference(chosen, one)
-        worst = one["worst_against_prototype"] or {"difference_s": None, "standard_error_s": None}
-        repeated = (confirmation_of(result, row) or {}).get("estimates", {})
-        cells.append([
-            "prototype" if one["prototype"] else str(trial),
-            *(minus(f"{row[name]:.4g}") for name in study.variables), words[TIME],
-            words[ENGAGED], words[HANGS],
-            *("-" if row.get(goal.name) is None
-              else goal.pair(*goal.estimate(repeated)) if goal.name in repeated
-              else goal.pair(goal.shown(row), goal.error(row)) for goal in goals),
-            ms_with_error(worst["difference_s"], worst["standard_error_s"], "+"),
-            *(words[column] for column in COLUMNS),
-            "" if one is chosen else "-" if cost is None else ms_with_error(*cost, "+"),
-        ])  # fmt: skip
-    heads = (
-        *(
-            "design",
-            *map(axis, study.variables),
-            TIME,
-            ENGAGED,
-            HANGS,
-            *(goal.title for goal in goals),
-        ),
-        *("worst point minus prototype, ms", *COLUMNS, "minus chosen, ms"),
-    )
-    looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
-    texts = [heads.index(column) for column in COLUMNS]
-    note = "Designs of the front that pass every check at the new angles; ± one standard error, "
-    note += "that of the expected time with the error of hangs."
-    return Table(heads, cells, looks, texts, note)
-
-
-def margins_for_all(row: Row) -> dict[str, float]:
-    """Give the margins of a design by check, without those that sum up others."""
-    return {name: m for name, m in row["margins"].items() if name not in SUMMARIES}
-
-
-def nearest_designs(result: Row) -> list[Row]:
-    """List the designs with the least shortfall of their worst check, and the study's own dog."""
-    known = [row for row in result["trials"] if row["margins"]]
-    ordered = sorted(known, key=lambda row: (-min(row["margins"].values()), row["trial"]))
-    own = [row for row in ordered if row["prototype"]]
-    return [*[row for row in ordered if not row["prototype"]][:BESIDE], *own]
-
-
-def nearest_table(study: Setup, result: Row) -> Table:
-    """Tabulate the designs that fail by least, with the checks that they fail."""
-    rows, cells = nearest_designs(result), []
-    for row in rows:
-        failed = sorted((m, name) for name, m in row["margins"].items() if m < 0.0)
-        words = ", ".join(f"{check_name(name)} ({percent(margin)})" for margin, name in failed)
-        if "engines" in row["failed"]:
-            words = ", ".join(filter(None, (words, "engines disagree")))
-        cells.append([
-            "your own dog" if row["prototype"] else str(row["trial"]),
-            *(minus(f"{row[name]:.4g}") for name in study.variables),
-            ms_with_error(row[SIMULATED], row["standard_error_s"]),
-            ms_with_error(row.get("engaged_mean_s"), row.get("engaged_standard_error_s")),
-            hang_share(row),
-            Bad(words) if words else "none",
-        ])  # fmt: skip
-    heads = ("design", *map(axis, study.variables), TIME, ENGAGED, HANGS, FAILS)
-    looks = {k: "prototype" for k, row in enumerate(rows) if row["prototype"]}
-    note = (
-        "The designs whose worst check is short by least, at the angles of the search; "
-        "± is one standard error. A dash: not simulated, as a check fails before."
-    )
-    return Table(heads, cells, looks, (heads.index(FAILS),), note)
-
-
-def barriers_table(result: Row) -> Table:
-    """Tabulate the checks that stop designs, with counts and what each costs in shift time.
-
-    The cost is the time of the fastest design that passes the check, less that of the fastest of
-    all, whatever else either fails.
-    """
-    rows = [row for row in result["trials"] if row["margins"]]
-    timed = [row for row in rows if row[SIMULATED] is not None]
-    margins = [margins_for_all(row) for row in rows]
-    failing = Counter(name for one in margins for name, margin in one.items() if margin < 0.0)
-    fastest, cells = min((row[SIMULATED] for row in timed), default=None), []
-    for name, count in failing.most_common():
-        alone = sum(one[name] < 0.0 and sum(m < 0.0 for m in one.values()) == 1
-                    for one in margins if name in one)  # fmt: skip
-        near = max(one[name] for one in margins if one.get(name, 0.0) < 0.0)
-        passing = [row for row in timed if row["margins"].get(name, -1.0) >= 0.0]
-        best = min(passing, key=lambda row: float(row[SIMULATED]), default=None)
-        price = None if best is None or fastest is None else best[SIMULATED] - fastest
-        cells.append([
-            check_name(name), f"{count} of {len(rows)}", str(alone), percent(near),
-            "none passes" if best is None
-            else f"{in_ms(best[SIMULATED])} ({design_name(best)})",
-            in_ms(price),
-        ])  # fmt: skip
-    heads = ("check", "designs that fail it", "fail it alone", "nearest of them",
-             "fastest that passes it, ms", "costs, ms")  # fmt: skip
-    note = (
-        "Costs: fastest simulated design that passes the check, less the fastest of all, whatever "
-        "other checks they fail. Where none passes, widen [variables] or the limit."
-    )
-    return Table(heads, cells, {}, (4,), note)
-
-
-def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
-    """List the facts of a confirmed design; what speaks against it is marked as bad."""
-    c, best = result["confirmation"], result["best"]
-    for side, name in SIDES.items():
-        words = chosen_verdict(study, result, side).line
-        yield f"verdict on the {name}", words if words.startswith("passes") else Bad(words)
-    if not best["prototype"]:
-        yield from _gain_facts(study, result)
-    elif how := _most_failed(result):
-        yield "designs that fail", how
-    yield "shafts", study.clutch.drive.text
-    if landing := [m for m in margins_of(best, c["best"]).items() if m[0].endswith(LANDING)]:
-        yield "hardest landing at the new angles", margin_cell(*min(landing, key=lambda m: m[1]))
-    if ranged := [check for check in c["best"]["checks"] if check.get("ends")]:
-        worst = min(ranged, key=lambda check: float(check["margin"]))
-        words = f"{margin_cell(worst['name'], worst['margin'])}, at {worst['ends']}"
-        yield "at the worst end of ranges", Bad(words) if worst["margin"] < 0.0 else words
-    if words := failed_words(c["best"]):
-        yield "fails at the new angles", Bad(words)
-    yield from _confirmation_facts(result)
-    engines = {"chosen design in Drake": c["best"].get("drake"), "audit": result.get("audit")}
-    for name, found in engines.items():
-        if found is not None:
-            words = minus(EngineAgreement(**found).text)
-            yield name, words if found["agrees"] else Bad(words)
-        elif study.unjudged:
-            yield name, f"not made: {study.unjudged}"
-
-
-def chosen_verdict(study: Setup, result: Row, side: str = "best") -> VerdictRow:
-    """Give the verdict on the chosen design of a confirmed result, or on the prototype."""
-    confirmed, best = result["confirmation"][side], result["best"]
-    params = study.prototype if side == "prototype" else {n: best[n] for n in study.variables}
-    row = {"margins": {}} if side == "prototype" else best
-    return VerdictRow(**searched_verdict(study, params, row, confirmed))
-
-
-def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:
-    """List the facts of the other designs that were confirmed, or not."""
-    best, confirmed = result["best"], confirmed_designs(result)
-    failed = [trial for trial in failed_at_new_angles(result) if trial != best["trial"]]
-    if out := [f"design {trial}: {failed_words(confirmed[trial])}" for trial in failed]:
-        yield "designs out, failed at the new angles", "; ".join(out)
-    for trial, one in confirmed.items():
-        if one.get("agrees") is False:
-            words = f"{one['errors_apart']:.1f} standard errors apart"
-            yield f"search and new angles of design {trial}", Bad(words)
-    if left := result["confirmation"].get("left_out"):
-        yield "designs not confirmed", f"{', '.join(map(str, left))}; raise search.confirm_designs"
-
-
-def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
-    """List the facts of a chosen design beside the prototype."""
-    c, best = result["confirmation"], result["best"]
-    for goal, (before, _), _, (gain, error) in gained(result):
-        words = goal.words(gain, error)
-        words += minus(f" ({100 * gain / abs(before):.0f} %)") if before else ""
-        words += NOT_CLEAR * unclear(gain, error)
-        yield f"gain in the {goal.label}", Bad(words) if gain < 0.0 else words
-    if difference(c["prototype"], c["best"]):
-        found = point_differences(c["prototype"], c["best"])
-        most = max(found, key=lambda one: float(one["difference_s"]))
-        slower = [one for one in found if one["difference_s"] > 0.0]
-        clear = [one for one in slower
-                 if one["difference_s"] >= 2.0 * (one["standard_error_s"] or math.inf)]  # fmt: skip
-        words = f"{len(slower)} of {len(found)}"
-        if slower:
-            loss = ms_with_error(most["difference_s"], most["standard_error_s"])
-            words += f" ({len(clear)} clearly), most by {loss} ms at {place_name(most)}"
-        yield "operating points slower than the prototype", Bad(words) if clear else words
-    yield from _hang_facts(c)
-    (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
-    words = f"{own} of {n} shifts; prototype {other} of {m}"
-    yield "engaged at the first try", Bad(words) if own < n else words
-    for side, name in SIDES.items():
-        if words := quantile_words(c[side].get("quantiles") or ()):
-            yield f"shift time over the life, {name}", words
-    if within := best["time_within_tolerances"]:
-        yield "shift time within tolerances", f"± {in_ms(within['root_sum_square_s'])} ms"
-    ends = [
-        f"{label(name)} {value(name, best[name])}"
-        for name, (low, high) in study.variables.items()
-        if min(best[name] - low, high - best[name]) <= (name != "count") * END * (high - low)
-    ]
-    for other in c.get("shapes") or ():
-        if less := difference(c["best"], other):
-            words = f"{ms_with_error(*less, '+')} ms" + NOT_CLEAR * unclear(*less)
-            words += "" if other["feasible"] else ", but fails a check"
-            yield f"with {other['shape']}", words
-    if ends:
-        yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
-
-
-def _hang_facts(confirmation: Row) -> Iterator[tuple[str, str]]:
-    """List both parts of the expected times; results of earlier versions have none."""
-    for side, name in SIDES.items():
-        if confirmation[side].get("hang_probability") is not None:
-            yield f"mean of engaged shifts, {name}", engaged_text(confirmation[side])
-            yield f"hangs, {name}", hang_words(confirmation[side])
-
-
-def _most_failed(result: Row) -> str:
-    """Name the checks that most designs fail, and by how much the nearest of them does.
-
-    Of the smallest margin within the tolerances the check behind it is named, where it is stored.
-    """
-    every = []
-    for row in result["trials"]:
-        behind = {n: row.get(f"weakest_check_{kind}") for n, kind in WITHIN.items()}
-        names = {n: f"{check_name(b or n)} {WITHIN_WORDS[n]}" for n, b in behind.items()}
-        every.append({names.get(n, check_name(n)): m for n, m in row["margins"].items()})
-    return failing_words(every)
 
 
 def front_parts(study: Setup, result: Row) -> list[Part]:
@@ -492,17 +168,32 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
 
 
 def margin_table(result: Row, designs: Sequence[Row] = ()) -> Table:
-    """Tabulate every margin of the prototype and the first designs of the front, by the search.
+    """Tabulate every margin of the prototype and the first designs of the front.
 
-    ``designs`` are others to show.
+    At the new angles where a design was simulated there; ``designs`` are others to show.
     """
     shown = list(designs) or designs_shown(result)[:BESIDE]
-    every = [row["margins"] for row in shown]
+    records = [confirmation_of(result, row) for row in shown]
+    every = [margins_of(row, record) for row, record in zip(shown, records, strict=True)]
+    intervals = [margin_intervals(record) for record in records]
     names = dict.fromkeys(name for margins in every for name in margins)
-    rows = [[check_name(n), *(margin_cell("", one.get(n)) for one in every)] for n in names]
+    rows = [
+        [
+            check_name(name),
+            *(
+                margin_cell("", margins.get(name), ends.get(name))
+                for margins, ends in zip(every, intervals, strict=True)
+            ),
+        ]
+        for name in names
+    ]
     heads = ["prototype" if row["prototype"] else str(row["trial"]) for row in shown]
-    note = f"Distance to the limit over the limit, at nominal size, by the search; {BESIDE} designs"
-    return Table(("margin", *heads), rows, note=f"{note} at most, the CSV has all.")
+    note = (
+        "Distance to the limit over the limit, at nominal size; at the new angles where a design "
+        f"was simulated there, with the 95 % interval of a landing. {BESIDE} designs at most, the "
+        "CSV has all, by the search."
+    )
+    return Table(("margin", *heads), rows, note=note)
 
 
 def effect_parts(effects: Row) -> list[Part]:

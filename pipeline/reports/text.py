@@ -53,14 +53,24 @@ def minus(words: str) -> str:
     return words.replace("-", MINUS)
 
 
+MAX_PLACES = 6  #: decimals of a value with a tiny error
+
+
 def in_ms(seconds: float | None) -> str:
     """Print a time in ms to a tenth, or a dash where there is none."""
     return "-" if seconds is None or math.isnan(seconds) else f"{seconds * 1e3:.1f}"
 
 
 def with_error(shown: float, error: float, sign: str = "") -> str:
-    """Print a value and its standard error to two digits of the error, at most to a hundredth."""
-    places = 2 if 0.0 < error < 0.05 else 1 if error < 9.95 else 0
+    """Print a value and its standard error: without it where it is zero, as of one shift.
+
+    To a hundredth at most, and to the first digit of a smaller error.
+    """
+    if not error:
+        return minus(f"{shown:{sign}z.1f}")
+    places = 2 if error < 0.05 else 1 if error < 9.95 else 0
+    if error < 0.01:
+        places = min(MAX_PLACES, math.ceil(-math.log10(error)))
     return minus(f"{shown:{sign}z.{places}f} ± {error:.{places}f}")
 
 
@@ -69,13 +79,14 @@ def ms_with_error(time: float | None, error: float | None, sign: str = "") -> st
     return "-" if time is None else with_error(1e3 * time, 1e3 * (error or 0.0), sign)
 
 
-def margin_cell(name: str, margin: float | None) -> str:
-    """Print a margin with its check and safety factor S, below zero as bad; empty for none."""
+def margin_cell(name: str, margin: float | None, interval: Sequence[float] | None = None) -> str:
+    """Print a margin with its interval, check and safety factor S, below zero as bad."""
     if margin is None:
         return ""
     safety = safety_factor(RULES[name], margin) if name in RULES else None
     factor = "" if safety is None else f", S {safety:.2f}"
-    text = f"{percent(margin)} {check_name(name)}{factor}".strip()
+    ends = f" ({' to '.join(map(percent, interval))})" if interval else ""
+    text = f"{percent(margin)}{ends} {check_name(name)}{factor}".strip()
     return Bad(text) if margin < 0.0 else text
 
 

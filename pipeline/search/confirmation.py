@@ -47,7 +47,12 @@ from dogshape.pipeline.simulate.evaluation import (
     with_torques,
 )
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
-from dogshape.pipeline.store.result_records import EngineAgreement, ExpectedTime, check_record
+from dogshape.pipeline.store.result_records import (
+    EngineAgreement,
+    ExpectedTime,
+    VerdictRow,
+    check_record,
+)
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import Clutch
@@ -83,7 +88,8 @@ class OtherShape(Record):
     shape: str = key("what differs")
     expected_shift_time_s: float | None = key("mean shift time; null where too few engage", "s")
     standard_error_s: float | None = key("its standard error", "s")
-    feasible: bool = key("whether it passes every check")
+    feasible: bool = key("whether no check has a negative margin")
+    verdict: VerdictRow | None = key("verdict on it, without assumptions", late=True)
 
 
 CLEAR = 2.0  #: standard errors of a difference of designs from which it is clear
@@ -107,6 +113,7 @@ class HangAngles:
 
 
 HANG_ANGLES = HangAngles()
+NEAREST = 5  #: designs that are simulated where none passes, beside the study's own dog
 PLAY_MM = 0.1  #: of backlash that a confirmation adds to the chosen design
 
 
@@ -165,6 +172,38 @@ def confirm(
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
     ordered = dict(sorted(found.items(), key=lambda item: (loss[item[0]], item[0])))
     return _record(searched, state, prototype, ordered, executors), state
+
+
+def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> list[dict[str, Any]]:
+    """Simulate the study's own dog and the designs that fail by least, at new angles.
+
+    For a search in which none passes; designs that failed before a simulation are among them. Give
+    their records, without those whose shifts say nothing of some objective.
+    """
+    study, angles = searched.study, new_angles(searched.study)
+    known = [trial for trial in searched.trials if searched.designs[trial.number].checks]
+    nearest = sorted(known, key=lambda trial: (shortfall(searched, trial), trial.number))
+    own = [trial for trial in nearest if trial.prototype]
+    trials = [*own, *[trial for trial in nearest if not trial.prototype][:NEAREST]]
+    if not trials:
+        return []
+    say(f"no design passes: simulating your own dog and the nearest {len(trials) - len(own)}")
+    params = [trial.params for trial in trials]
+    found = evaluate(study, params, _executor(study, executors), angles, _seed(study))
+    forget_designs(study, executors.search, angles, _seed(study))
+    sound = [(trial, one) for trial, one in zip(trials, found, strict=True) if one.known]
+    counts = [trial.counts for trial in searched.simulated if trial.times]
+    counts += [[(p.hangs, p.n) for p in one.expectation.points] for _, one in sound]
+    priors = pool(counts) if counts else ()
+    return [
+        {"trial": trial.number, **_confirmed(study, trial.params, one.under(priors))}
+        for trial, one in sound
+    ]
+
+
+def shortfall(searched: SearchState, trial: Trial) -> float:
+    """Compute how much the worst check of a trial with a dog is short, negative where it passes."""
+    return -min(check.margin for check in searched.designs[trial.number].checks)
 
 
 def _confirmed_front(
@@ -389,10 +428,12 @@ def _other_shapes(state: SearchState, params: Params, executors: Executors) -> l
         (one,) = evaluate(study, [design], executor, new_angles(study), _seed(study))
         one = one.under(state.priors)
         time = one.expectation
+        judged, verdict = judged_design(study, design_of(study, design, one.measured))
         found.append(OtherShape(
             shape=words, expected_shift_time_s=time.time,
             standard_error_s=time.standard_error if time.engages else None,
-            feasible=design_of(study, design, one.measured).feasible,
+            feasible=judged.feasible,
+            verdict=VerdictRow(**replace(verdict, hangs_on=()).to_dict()),
         ))  # fmt: skip
     return found
 

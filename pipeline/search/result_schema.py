@@ -52,7 +52,7 @@ class DesignRow(DesignKeys, HangKeys):  # type: ignore[misc, valid-type]
     points: int = key("operating points that were simulated")
     shifts: int = key("shifts that were simulated")
     engaged: float | None = key("least share of the shifts that engaged at a point", SHARE)
-    feasible: bool = key("whether the design was simulated and passes every check")
+    feasible: bool = key("whether the design was simulated and no check has a negative margin")
     failed: list[str] = key(
         "checks that fail; `engines` where these disagree, `simulation` where shifts say nothing"
     )
@@ -118,7 +118,9 @@ class StudyRecord(Record):
     objectives: list[str] = key("objectives, in the order of the study file")
     leading: str = key("objective that decides which design is best")
     quantile: float = key("level of the quantile of the shift time", SHARE)
-    best: DesignRow | None = key("the chosen design; null where none passes every check")
+    best: DesignRow | None = key(
+        "the chosen design; null where each has a check with a negative margin"
+    )
     front: list[DesignRow] = key(
         "designs that no other dominates, best first; once there is a confirmation, by its values"
     )
@@ -132,6 +134,9 @@ class StudyRecord(Record):
         "prior of hangs by operating point, fitted to the designs of the search", late=True
     )
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")
+    nearest: list[ConfirmedDesign] | None = key(
+        "own dog and designs that fail by least, re-simulated where none passes", "", None
+    )
     life: list[LifeStage] | None = key("drift over the life; null without `[wear]`", "", None)
     audit: EngineAgreement | None = key(
         "agreement of Drake on random shifts; null where one engine did all", "", None

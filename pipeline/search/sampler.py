@@ -32,6 +32,7 @@ from dogshape.pipeline.simulate.design import (
     Design,
     design_of,
     limits_of,
+    nearest_filling,
     none_passes,
     objectives_of,
     simulated_limits,
@@ -245,12 +246,19 @@ class Prediction:
 class Pool:
     """Allowed designs of the guide's space, drawn once and again when all were taken.
 
-    InputError where next to none is allowed.
+    Where next to none is allowed, ``refusal`` is the reason, and the pool has the designs that fail
+    by least, as many as the search tries.
     """
 
     def __init__(self, guide: Guide, seed: int, wide: int) -> None:
         self._guide, self._seed, self._wide = guide, seed, wide
         self._drawn = [self.draw(np.random.default_rng(seed), wide)]
+        self.refusal = ""
+        if not self._drawn[0]:
+            study = guide.study
+            self.refusal = none_passes(study, TRIES * wide)
+            nearest = nearest_filling(study)[: study.file.search.trials]
+            self._drawn = [[design.params for design, _ in nearest]]
 
     def untaken(self, taken: Sequence[Params]) -> list[Params]:
         """Return up to ``wide`` allowed designs that were not taken; none where every one was."""
@@ -259,6 +267,8 @@ class Pool:
         for pool in self._drawn:
             if left := [params for params in pool if key(params) not in gone]:
                 return left
+        if self.refusal:
+            return []
         more = self.draw(np.random.default_rng([self._seed, len(self._drawn)]), self._wide)
         if left := [params for params in more if key(params) not in gone]:
             self._drawn.append(more)
@@ -267,7 +277,7 @@ class Pool:
     def draw(
         self, rng: np.random.Generator, size: int, near: Sequence[Params] | None = None
     ) -> list[Params]:
-        """Draw allowed designs: of the whole space, or near some."""
+        """Draw allowed designs, of the whole space or near some; none where none is allowed."""
         found: list[Params] = []
         for _ in range(TRIES // TOGETHER):
             drawn = []
@@ -282,8 +292,6 @@ class Pool:
             if len(found) == size:
                 rng.bit_generator.state = after  # as if nothing had been drawn beyond the last one
                 break
-        if not found:
-            raise InputError(none_passes(self._guide.study, TRIES * size))
         return found
 
 
@@ -298,8 +306,16 @@ class SurrogateSampler:
         self._pool = Pool(guide, seed, WIDE)
         self._known: tuple[list[int], Prediction | None] = ([], None)
 
+    @property
+    def refusal(self) -> str:
+        """Reason why no design passes the checks before a simulation; empty where some do."""
+        return self._pool.refusal
+
     def propose(self, trials: Trials) -> Params | None:
-        """Propose an allowed design beside those of trials; None where every one was proposed."""
+        """Propose an allowed design beside those of trials; None where every one was proposed.
+
+        Where none is allowed, one that fails by least.
+        """
         before = [trial for trial in trials if self._guide.space.holds(trial.params)]
         ended = [t for t in before if t.state == TrialState.COMPLETE]
         finished = [t for t in ended if np.isfinite(t.values).all()]

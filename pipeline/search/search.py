@@ -185,7 +185,7 @@ def _status(state: SearchState) -> str:
 
 
 def sampler_of(study: Setup) -> SurrogateSampler:
-    """Make the sampler of a study; InputError where no design passes."""
+    """Make the sampler of a study."""
     search = study.file.search
     filling = search.sampler == "space_filling"
     startup = search.trials if filling else max(search.startup, MIN_DESIGNS)
@@ -196,7 +196,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
     StorageError where it cannot be opened, or holds a search of that name which is another or is
-    not to be resumed; InputError as ``sampler_of``.
+    not to be resumed.
     """
     sampler, objectives = sampler_of(study), objectives_of(study)
     ways = [(StudyDirection.MINIMIZE, StudyDirection.MAXIMIZE)[o.maximise] for o in objectives]

@@ -398,9 +398,11 @@ def failing_words(margins: Sequence[Mapping[str, float]]) -> str:
     return "; ".join(said)
 
 
-def none_passes(study: Setup, drawn: int) -> str:
-    """Explain which checks designs that fill the ranges fail where none of those drawn passes."""
-    whose = f"none of {drawn} designs drawn from the search ranges"
+def nearest_filling(study: Setup) -> list[tuple[Design, dict[str, float]]]:
+    """List designs that fill the search ranges with their margins, the least shortfall first.
+
+    Margins are those before a simulation; shapes that no dog can have are left out.
+    """
     low, high = np.array(list(study.variables.values()), dtype=float).T
     made = list[tuple[Design, dict[str, float]]]()
     for row in sobol_shares(FILLING, len(low), study.file.search.seed):
@@ -410,11 +412,18 @@ def none_passes(study: Setup, drawn: int) -> str:
             del margins[name]
             margins |= margins_within(study.operated(one.params), one, WITHIN[name])
         made += [(one, margins)] if margins else []
+    return sorted(made, key=lambda one: -min(one[1].values()))
+
+
+def none_passes(study: Setup, drawn: int) -> str:
+    """Explain which checks designs that fill the ranges fail where none of those drawn passes."""
+    whose = f"none of {drawn} designs drawn from the search ranges"
+    made = nearest_filling(study)
     if not made:
         return f"{whose} passes every check: no dog has such a shape; widen [variables]"
     bounded = [name for name in WITHIN if name in (study.file.search.limits or {})]
     worst = f" {WITHIN_WORDS[bounded[0]]}" if bounded else ""
-    nearest, margins = max(made, key=lambda one: min(one[1].values()))
+    nearest, margins = made[0]
     name = min(margins, key=lambda one: margins[one])
     at = ", ".join(f"{key} {value:.4g}" for key, value in nearest.params.items())
     remedy = next(check.remedy for check in nearest.checks if check.name == name)

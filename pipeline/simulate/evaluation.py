@@ -43,6 +43,7 @@ from dogshape.sim.statistics.expectation import (
     expect,
     expect_point,
     mean_over,
+    share_over,
     time_quantile,
 )
 from dogshape.sim.statistics.hangs import HangPrior
@@ -104,8 +105,15 @@ def _slower(expectation: Expectation, reference: Expectation | None) -> Estimate
 
 
 def _first_try(shifts: Shifts) -> Estimate:
+    """Estimate the share of the shifts that engage in time, by its posterior."""
     within = shifts.study.file.search.within_s or shifts.study.clutch.timeout
-    return shifts.mean(lambda row: float((row["shift_time_s"] or math.inf) <= within))
+    counts = []
+    for rows in shifts.rows:
+        sound = [row for row in rows if row["outcome"] != Outcome.DIVERGED.value]
+        late = sum((row["shift_time_s"] or math.inf) > within for row in sound)
+        counts.append((late, len(sound)))
+    weights = [one.point.weight for one in shifts.expectation.points]
+    return share_over(weights, counts)
 
 
 def _slowest(expectation: Expectation, _: Expectation | None) -> Estimate:

@@ -326,7 +326,7 @@ class CheckRow(Record):
     margin: float | None = key(
         "distance to the limit over the limit; at least 0 passes", "1", head="margin"
     )
-    passed: bool | None = key("whether the check passes; null: not judged", head="passed")
+    passed: bool | None = key("whether `margin` is at least 0; null: not judged", head="passed")
     group: str = key("kind of check: `make`, `load`, `lock`, `impact` or `tolerance`")
     at_most: bool = key("whether the limit is an upper one")
     meaning: str = key("what is checked", head="meaning")
@@ -353,8 +353,14 @@ class CheckRow(Record):
         "1", None, head="S", form=".2f",
     )  # fmt: skip
 
+    @property
+    def unclear(self) -> bool:
+        """Whether the interval of the margin holds zero."""
+        low, high = self.margin_interval or (0.0, 0.0)
+        return low < 0.0 <= high
+
     def cell(self, name: str) -> str:
-        """Print a value: the limit with its sense, what fails as ``Bad``."""
+        """Print a value: the limit with its sense, what fails or is not clear as ``Bad``."""
         if name == "margin_interval":
             return " to ".join(map(percent, self.margin_interval or ())) or "-"
         if self.passed is None:
@@ -364,6 +370,8 @@ class CheckRow(Record):
         text = super().cell(name) if not margin or value is None else percent(value)
         if name == "limit":
             return f"{'≤' if self.at_most else '≥'} {text}"
+        if name == "passed" and self.unclear:
+            return Bad("not clear")
         if name == "passed" and not value:
             return Bad("NO")
         return Bad(text) if margin and (value or 0.0) < 0.0 else text
@@ -485,9 +493,11 @@ class EngineAgreement(Record):
     @property
     def text(self) -> str:
         """The agreement as a clause."""
+        shown = self.standard_error >= 5e-5  # below, it would read zero
+        error = f" ± {100 * self.standard_error:.2f}" if shown else ""
         return (
             f"{self.outcome_same} of {self.shifts} shifts end as in Drake; deviation of the mean "
-            f"time {100 * self.mean_deviation:+z.2f} ± {100 * self.standard_error:.2f} %, "
+            f"time {100 * self.mean_deviation:+z.2f}{error} %, "
             f"of single times {100 * self.median_deviation:.2f} % (median) and "
             f"{100 * self.worst_deviation:.1f} % (largest)"
         )

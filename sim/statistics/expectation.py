@@ -394,6 +394,25 @@ def mean_over(weights: Sequence[float], values: Sequence[Sequence[float]]) -> Es
     return Estimate(mean, math.sqrt(variance / total**2))
 
 
+def share_over(weights: Sequence[float], counts: Sequence[tuple[int, int]]) -> Estimate:
+    """Estimate the share of all shifts that do not miss, with the posterior's standard deviation.
+
+    ``counts`` of misses and of shifts at each operating point, with the weak priors of
+    ``sim.statistics.hangs``; ``weights`` of the points need not add up to one. A point without
+    shifts is left out. NaN, and its standard error too, where no point has any.
+    """
+    known = [(weight, *pair) for weight, pair in zip(weights, counts, strict=True) if pair[1]]
+    total = sum(weight for weight, *_ in known)
+    if not total:
+        return Estimate(math.nan, math.nan)
+    share, variance = 1.0, 0.0
+    for prior, (weight, misses, shifts) in zip(weak_priors(len(known)), known, strict=True):
+        posterior = prior.posterior(misses, shifts)
+        share -= weight / total * posterior.mean
+        variance += (weight / total) ** 2 * posterior.variance
+    return Estimate(share, math.sqrt(variance))
+
+
 def time_quantile(
     weights: Sequence[float],
     shifts: Sequence[Sequence[ShiftResult]],

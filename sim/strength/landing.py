@@ -106,6 +106,83 @@ TAIL = TailPrior()
 LEVELS = (0.025, 0.975)  #: ends of the interval of a demand
 
 
+class Tail(NamedTuple):
+    """Excesses of shifts over a threshold."""
+
+    threshold: float  #: in the unit of the values
+    excesses: Array  #: over the threshold, (m,), the largest first
+    counts: Array  #: number of shifts that each excess stands for, (m,)
+    share: float  #: of all shifts that exceed the threshold
+    shifts: float  #: number of all shifts; with weights that differ, the effective one
+
+
+class TailGrid(NamedTuple):
+    """Posterior of a generalised Pareto distribution on a grid of its parameters."""
+
+    shapes: Array  #: xi, (g,)
+    scales: Array  #: sigma in the unit of the values, (g,)
+    chances: Array  #: of sum one, (g,)
+
+
+def tail_of(values: Array, weights: Array, tail_share: float) -> Tail | None:
+    """Select the largest of ``values`` (n,), those that the ``tail_share`` of all shifts exceeds.
+
+    ``weights`` of the shifts, (n,), need not add up to one. None where no value is positive.
+    """
+    shifts = weights.sum() ** 2 / (weights**2).sum()
+    mass = weights / weights.sum()
+    order = np.argsort(values, kind="stable")[::-1]
+    ordered, above = values[order], np.cumsum(mass[order])
+    reached = int(np.searchsorted(above, min(tail_share, 1.0))) + 1
+    count = min(reached, int((values > 0.0).sum()))
+    if count == 0:
+        return None
+    threshold = float(ordered[count]) if count < len(values) else 0.0
+    return Tail(
+        threshold,
+        excesses=ordered[:count] - threshold,
+        counts=shifts * mass[order][:count],
+        share=float(above[count - 1]),
+        shifts=shifts,
+    )
+
+
+def tail_posterior(tail: Tail, prior: TailPrior = TAIL) -> TailGrid:
+    """Compute the posterior of shape and scale from excesses that are not all zero."""
+    mean_excess = float(tail.excesses.mean())
+    narrow, wide = (mean_excess * factor for factor in prior.scale_ends)
+    reach = 4.0 * prior.shape_sd
+    shapes = prior.shape_mean + np.linspace(-reach, reach, prior.grid)
+    shapes = np.where(np.abs(shapes) < 1e-6, 1e-6, shapes)
+    xi, sigma = np.meshgrid(shapes, np.geomspace(narrow, wide, prior.grid), indexing="ij")
+    inside = 1.0 + xi[..., None] * tail.excesses / sigma[..., None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        densities = -np.log(sigma[..., None]) - (1.0 + 1.0 / xi[..., None]) * np.log(inside)
+    possible = np.all(inside > 0.0, axis=-1)
+    densities = np.where(np.expand_dims(possible, -1), densities, 0.0)
+    logs = np.where(possible, (tail.counts * densities).sum(-1), -np.inf)
+    logs -= 0.5 * ((xi - prior.shape_mean) / prior.shape_sd) ** 2
+    chances = np.exp(logs - logs.max()).ravel()
+    return TailGrid(xi.ravel(), sigma.ravel(), chances / chances.sum())
+
+
+def tail_draws(
+    tail: Tail, posterior: TailGrid, share: float | None, prior: TailPrior = TAIL
+) -> Array:
+    """Draw what the ``share`` of all shifts exceeds, (``prior.draws``,).
+
+    The hardest of as many new shifts where ``share`` is None.
+    """
+    rng = np.random.default_rng(prior.seed)
+    drawn = rng.choice(posterior.chances.size, prior.draws, p=posterior.chances)
+    within_tail, below_tail = tail.shifts * tail.share, tail.shifts * (1.0 - tail.share)
+    tail_shares = rng.beta(within_tail + 0.5, below_tail + 0.5, prior.draws)
+    level = rng.exponential(1.0 / tail.shifts, prior.draws) if share is None else share
+    ratio = np.minimum(level / tail_shares, 1.0)  # at 1 the threshold itself
+    xi, sigma = posterior.shapes[drawn], posterior.scales[drawn]
+    return np.asarray(tail.threshold + sigma * np.expm1(-xi * np.log(ratio)) / xi)
+
+
 def tail_interval(
     values: Array, weights: Array, share: float | None, prior: TailPrior = TAIL
 ) -> tuple[float, float]:
@@ -114,41 +191,13 @@ def tail_interval(
     ``values`` of shifts, (n,), with ``weights``, which need not add up to one. The hardest is that
     of as many new shifts.
     """
-    size = weights.sum() ** 2 / (weights**2).sum()
-    mass = weights / weights.sum()
-    order = np.argsort(values, kind="stable")[::-1]
-    ordered, above = values[order], np.cumsum(mass[order])
-    tail = max(prior.tail_share, 3.0 * (share or 0.0))
-    count = min(int(np.searchsorted(above, min(tail, 1.0))) + 1, int((values > 0.0).sum()))
-    if count == 0:
+    tail = tail_of(values, weights, max(prior.tail_share, 3.0 * (share or 0.0)))
+    if tail is None:
         return 0.0, 0.0
-    threshold = float(ordered[count]) if count < len(values) else 0.0
-    excess, fitted = ordered[:count] - threshold, float(above[count - 1])
-    mean = float(excess.mean())
-    if mean == 0.0:
-        return threshold, threshold
-    rng = np.random.default_rng(prior.seed)
-    narrow, wide = (mean * factor for factor in prior.scale_ends)
-    reach = 4.0 * prior.shape_sd
-    shapes = prior.shape_mean + np.linspace(-reach, reach, prior.grid)
-    shapes = np.where(np.abs(shapes) < 1e-6, 1e-6, shapes)
-    xi, sigma = np.meshgrid(shapes, np.geomspace(narrow, wide, prior.grid), indexing="ij")
-    inside = 1.0 + xi[..., None] * excess / sigma[..., None]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        densities = -np.log(sigma[..., None]) - (1.0 + 1.0 / xi[..., None]) * np.log(inside)
-    parts = size * mass[order][:count]
-    possible = np.all(inside > 0.0, axis=-1)
-    densities = np.where(np.expand_dims(possible, -1), densities, 0.0)
-    fit = np.where(possible, (parts * densities).sum(-1), -np.inf)
-    fit -= 0.5 * ((xi - prior.shape_mean) / prior.shape_sd) ** 2
-    chances = np.exp(fit - fit.max()).ravel()
-    drawn = rng.choice(chances.size, prior.draws, p=chances / chances.sum())
-    exceeded = rng.beta(size * fitted + 0.5, size * (1.0 - fitted) + 0.5, prior.draws)
-    level = rng.exponential(1.0 / size, prior.draws) if share is None else share
-    ratio = np.minimum(level / exceeded, 1.0)  # at 1 the threshold itself
-    own_xi, own_sigma = xi.ravel()[drawn], sigma.ravel()[drawn]
-    quantiles = threshold + own_sigma * np.expm1(-own_xi * np.log(ratio)) / own_xi
-    low, high = np.quantile(quantiles, LEVELS)
+    if not tail.excesses.any():
+        return tail.threshold, tail.threshold
+    draws = tail_draws(tail, tail_posterior(tail, prior), share, prior)
+    low, high = np.quantile(draws, LEVELS)
     return float(low), float(high)
 
 

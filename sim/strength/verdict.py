@@ -233,7 +233,7 @@ class Verdict:
         if surely:
             parts.append(f"fails: {_listed(surely)}")
         if self.unclear:
-            parts.append(f"not clear: {_listed(self.unclear)} within the interval")
+            parts.append(f"not clear: {_listed(self.unclear)} (limit within the 95 % interval)")
         if not (surely or self.unclear):
             given = " given" if self.not_judged else ""
             parts.append(f"all {self.count} checks{given} pass")
@@ -262,12 +262,17 @@ class Verdict:
         }
 
 
+#: Margins within the tolerances, by their keys without underscores.
+TOLERANCE_WORDS = {
+    "smallest margin worst": "smallest margin at worst-case tolerances",
+    "smallest margin statistical": "smallest margin at statistical tolerances",
+}
+
+
 def _listed(names: Sequence[str]) -> str:
     """List checks in words; a quantity of the study that is bounded ends in its unit."""
     words = (name.removesuffix(suffix_of(name)).replace("_", " ") for name in names)
-    return ", ".join(
-        one.replace("margin worst", "margin at worst-case tolerances") for one in words
-    )
+    return ", ".join(TOLERANCE_WORDS.get(name, name) for name in words)
 
 
 class Margin(NamedTuple):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.reports.designs import designs_frame, failed_at_new_angles
-from dogshape.pipeline.reports.study_page import headline
+from dogshape.pipeline.reports.designs import designs_frame, out_at_new_angles
+from dogshape.pipeline.reports.study_summary import headline
 from dogshape.pipeline.search.confirmation import HANG_ANGLES, contested_designs, deciding_points
 from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.search.state import PointTimes, SearchState, Trial, under_priors
@@ -145,7 +145,7 @@ def test_designs_that_were_lucky_or_fail_later_leave_the_front(searched: Searche
     errors = one["searched"]["standard_error"] ** 2 + one["standard_error_s"] ** 2
     assert one["errors_apart"] == pytest.approx(off / errors**0.5)
     assert one["agrees"] == (abs(one["errors_apart"]) <= 3.0)
-    assert failed_at_new_angles(fails) == [number]
+    assert [*out_at_new_angles(fails)] == [number]
     frame = designs_frame(fails, ["chamfer_deg"]).set_index("trial")
     assert frame.index[frame["failed_at_fresh_angles"]].tolist() == [number]
     every = searched(hard={_chamfer(row) for row in plain["trials"]})

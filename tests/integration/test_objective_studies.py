@@ -24,7 +24,7 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.expectation import Estimate, mean_over
+from dogshape.sim.statistics.expectation import Estimate, mean_over, share_over
 from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.surrogate.store import load
@@ -167,18 +167,27 @@ def measured(study: Setup, **dog: float) -> tuple[Any, list[Record]]:
     [
         ("strike_torque_Nm", lambda r: r["peak_tangential_force_N"] * 0.024),
         ("impact_impulse_Ns", lambda r: r["impact_impulse_Ns"]),
-        ("first_try_share", lambda r: float(r["shift_time_s"] <= 0.06)),
     ],
 )
 def test_means_over_the_mix(name: str, of: Callable[[Record], float]) -> None:
     """Two points of equal weight and as many angles: the mean of all shifts."""
-    bound = 0.5 if name == "first_try_share" else 1e9
-    study = study_with(f"search.limits.{name}={bound}", "search.within_s=0.06")
+    study = study_with(f"search.limits.{name}=1e9")
     found, shifts = measured(study)
     expected = float(np.mean([of(row) for row in shifts]))
     assert expected > 0.0
     assert found.measured.limited[name] == pytest.approx(expected, rel=1e-12)
     assert name in found.estimates
+
+
+def test_share_at_the_first_try_is_its_posterior() -> None:
+    study = study_with("search.limits.first_try_share=0.5", "search.within_s=0.06")
+    found, shifts = measured(study)
+    late = [sum(row["shift_time_s"] > 0.06 for row in shifts if row["force_N"] == force)
+            for force in sorted({row["force_N"] for row in shifts})]  # fmt: skip
+    each = len(shifts) // len(late)
+    expected = share_over([1.0] * len(late), [(count, each) for count in late])
+    assert found.estimates["first_try_share"].value == pytest.approx(expected.value)
+    assert found.estimates["first_try_share"].standard_error > 0.0
 
 
 def test_the_slowest_point_and_the_loss_on_a_reference() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,11 @@ import optuna
 import pytest
 from optuna.trial import FrozenTrial, TrialState
 
+import dogshape as ds
 from dogshape.check import check_design
 from dogshape.pipeline.config.schema import VariablesSection
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study, pair_of
+from dogshape.pipeline.search.confirmation import NEAREST
 from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.search import Search, finish_round, next_round, sampler_of
 from dogshape.pipeline.search.state import SIMULATION
@@ -30,7 +33,7 @@ from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import Estimate, ShiftResult, expect, expect_point
 from dogshape.sim.strength.landing import Demand
 from dogshape.sim.units import RPM
-from tests.conftest import SMALL, search_run
+from tests.conftest import SMALL, Listener, search_run
 from tests.integration.studies import Finished, designs_of, lines_of
 
 
@@ -157,10 +160,30 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
     assert best[10] < 0.25 * best[1000]
 
 
-def test_no_feasible_design_is_said(small_study: Setup, tmp_path: Path) -> None:
-    tight = load_study("mq200_paper", [*SMALL, "material.allowable_pressure_MPa=2"])
-    with pytest.raises(InputError, match=r"passes every check\. Of those .* fail flank pressure"):
-        run_study(tight, search_run(tmp_path, jobs=1))
+def test_a_search_in_which_no_design_can_pass_ends_with_a_page(tmp_path: Path) -> None:
+    """Own dog and nearest designs are simulated, though a check fails before; all is kept."""
+    keys = ["material.allowable_pressure_MPa=2", "search.trials=8", "solver.engine=planar"]
+    study, said = load_study("mq200_paper", [*SMALL, *keys]), list[str]()
+    run = replace(search_run(tmp_path, jobs=1, progress=Listener(said)), report=True)
+    result = run_study(study, run)
+    assert any("passes every check. Of those" in line for line in said)
+    assert (result["best"], result["confirmation"], len(result["trials"])) == (None, None, 8)
+    assert not any(row["feasible"] or row["expected_shift_time_s"] for row in result["trials"])
+    least = {row["trial"]: min(row["margins"].values()) for row in result["trials"]}
+    nearest = [one["trial"] for one in result["nearest"]]
+    others = sorted((n for n in least if n), key=lambda n: (-least[n], n))
+    assert nearest == [0, *others[:NEAREST]]
+    for one in result["nearest"]:
+        assert one["expected_shift_time_s"] > 0.0
+        assert one["verdict"]["state"] == "fails"
+        assert "flank_pressure_traction" in one["verdict"]["failed"]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for words in ("Nearest designs", "Checks that stop them", "your own dog", "fails flank"):
+        assert words in page
+    found = ds.load_result(tmp_path)
+    assert (found.best, found.verdict, found.to_dict()["feasible"]) == (None, None, False)
+    again = run_study(study, replace(run, resume=True))
+    assert again["nearest"] == result["nearest"]
 
 
 def test_journal_drops_a_torn_line_and_refuses_a_broken_one(tmp_path: Path) -> None:

@@ -73,6 +73,9 @@ def test_what_cannot_be_a_dog_has_a_reason_and_no_time(dogshape: Call) -> None:
         assert row["worst_check"] == worst.name
         assert float(row["smallest_margin"]) == pytest.approx(worst.margin, rel=1e-3)
         assert row["reason"] == ""
+        assert row["not_judged"] == "flank_strike landing engagement"
+    best = "row 4: dogshape check mq200_paper --set dog.height_mm=3.7 --set dog.count=15"
+    assert f"landing and engagement of {best}" in " ".join(said.out.split())
     record = _asked(dogshape, "count,height_mm\n18,-3\n15,3.7\n", "--json").json
     assert [one["row"] for one in record["impossible"]] == [2]
     assert record["verdict"]["state"] == {"not_judged": 1, "fails": 1}

@@ -14,15 +14,19 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports import single_shifts, surrogate_findings
-from dogshape.pipeline.reports.charts import front_figure
-from dogshape.pipeline.reports.data_sheet import command_of, searched_record
-from dogshape.pipeline.reports.designs import designs_frame
+from dogshape.pipeline.reports.charts import (
+    assumptions_figure,
+    front_figure,
+    shiftability_figure,
+)
+from dogshape.pipeline.reports.data_sheet import command_of, searched_record, words_of
+from dogshape.pipeline.reports.designs import designs_frame, goals_of
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
-from dogshape.pipeline.reports.study_page import (
+from dogshape.pipeline.reports.study_page import point_parts
+from dogshape.pipeline.reports.study_summary import (
     alternatives_table,
     facts_of,
     headline,
-    point_parts,
     summary_tables,
 )
 from dogshape.pipeline.reports.surrogate_findings import (
@@ -33,8 +37,10 @@ from dogshape.pipeline.reports.surrogate_findings import (
     prices_table,
     stored_effects,
 )
+from dogshape.pipeline.reports.text import minus, with_error
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.result_records import HingeRow
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.strength.locking import locking_checks, locking_friction
@@ -69,7 +75,7 @@ def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: 
     assert found["engaged at the first try"] == "32 of 32 shifts; prototype 24 of 32"
     assert found["operating points slower than the prototype"].startswith("1 of 2 (1 clearly)")
     assert [name for name, words in found.items() if isinstance(words, Bad)] == [
-        "verdict on the prototype", "verdict on the chosen",
+        "verdict on your own dog, the prototype", "verdict on design 2",
         "operating points slower than the prototype",
         "search and new angles of design 2",
     ]  # fmt: skip
@@ -106,6 +112,46 @@ def test_headline_says_by_what_a_faster_own_dog_fails(result: Row) -> None:
     )
 
 
+def test_headline_has_the_state_of_the_verdict(few: Setup, result: Row) -> None:
+    """A margin whose interval holds zero is not clear on the page, in the table and the figure."""
+    c = result["confirmation"]
+    unclear = {"name": "face_pressure_impact", "margin": -0.02, "passed": False,
+               "margin_interval": [-0.08, 0.04]}  # fmt: skip
+    words = minus("not clear: face pressure impact (-2.0 %, 95 %: -8 % to 4.0 %)")
+    c["prototype"]["checks"] = [unclear]
+    assert headline(result) == (
+        "Design 2: expected shift time 80.0 ± 0.6 ms; your own dog has 100.0 ± 0.6 ms and is "
+        f"{words}."
+    )
+    c["prototype"]["checks"], c["best"]["checks"] = [], [unclear]
+    assert headline(result) == (
+        "Design 2: expected shift time 80.0 ± 0.6 ms instead of 100.0 ± 0.6 ms of your own dog. "
+        f"Design 2 is {words}."
+    )
+    missing = [{"check": "flank_strike", "key": "strike.ring_inertia_kgm2"}]
+    verdict = {"state": "not_judged", "line": "", "failed": [], "not_clear": [], "hangs_on": []}
+    c["best"]["verdict"] = {**verdict, "not_judged": missing}
+    assert headline(result).endswith("of your own dog. Not judged: flank strike.")
+    own = next(row for row in result["trials"] if row["prototype"])
+    assert headline(result | {"best": own}) == (
+        "Your own dog is the fastest: expected shift time 80.0 ± 0.6 ms. Not judged: flank strike."
+    )
+    (record,) = c["designs"]
+    c["designs"] = [{"trial": 1, **c["best"], "checks": [unclear], "verdict": None}, record]
+    assert dict(facts_of(few, result))["designs out at the new angles"] == f"design 1 is {words}"
+    figure = front_figure(result, VARIABLES)
+    assert [one.name for one in figure.data if "not clear" in (one.name or "")] == ["not clear"]
+    assert not any("fails face" in text for one in figure.data for text in one.hovertext or ())
+
+
+def test_a_share_has_an_interval_and_nothing_an_error_of_zero(result: Row) -> None:
+    (goal,) = goals_of(result | {"objectives": ["first_try_share"], "leading": "first_try_share"})
+    assert goal.words(99.9, 0.1) == "99.9 (95 %: 99.63 to 100) %"
+    assert goal.words(100.0, 0.0) == "100.0 %"
+    assert with_error(12.0, 0.0) == "12.0"
+    assert (with_error(12.0, 0.004), with_error(12.0, 0.03)) == ("12.000 ± 0.004", "12.00 ± 0.03")
+
+
 def test_headline_of_an_own_dog_that_is_the_fastest(result: Row) -> None:
     own = next(row for row in result["trials"] if row["prototype"])
     result["confirmation"]["best"] = result["confirmation"]["prototype"]
@@ -113,7 +159,7 @@ def test_headline_of_an_own_dog_that_is_the_fastest(result: Row) -> None:
     assert said == ("Your own dog is the fastest that passes: expected shift time 100.0 ± 0.6 ms.")
     failed = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
     result["confirmation"]["best"]["checks"] = [failed]
-    assert "but fails edge pressure impact" in headline(result | {"best": own})
+    assert "Your own dog fails edge pressure impact" in headline(result | {"best": own})
 
 
 def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
@@ -122,12 +168,20 @@ def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
     for row in result["trials"]:
         row["margins"] = {"module": 0.5, "root_stress": -0.1 * (1 + row["trial"])}
     result["trials"][5]["margins"] = {"module": -0.2, "root_stress": 0.3}
-    nearest, barriers = summary_tables(few, result | {"best": None, "front": []})
-    fails = nearest.heads.index("fails")
+    hangs = {"hang_probability": 0.01, "hang_probability_low": 0.001, "hang_probability_high": 0.03}
+    unclear = {"name": "root_stress", "margin": -0.02, "margin_interval": [-0.08, 0.04]}
+    again = {**result["confirmation"]["best"], "checks": [unclear], **hangs, "retries_s": None}
+    result |= {"best": None, "front": [], "confirmation": None, "nearest": [{"trial": 2, **again}]}
+    nearest, barriers, facts = summary_tables(few, result)
+    verdict = nearest.heads.index("verdict")
     assert [row[0] for row in nearest.rows][-1] == "your own dog"
-    assert nearest.rows[0][fails] == "root stress (\N{MINUS SIGN}20 %)"
+    assert nearest.rows[0][verdict] == "fails root stress (\N{MINUS SIGN}20 %)"
+    words = minus("not clear: root stress (-2.0 %, 95 %: -8 % to 4.0 %)")
+    assert {row[0]: row[verdict] for row in nearest.rows}["2"] == words
+    assert headline(result).endswith(f" Design 2 is {words}.")
+    assert [row[0] for row in facts.rows] == ["hangs, design 2", "shafts"]
     assert {row[0]: row[1:4] for row in barriers.rows} == {
-        "root stress": ["5 of 6", "5", "\N{MINUS SIGN}10 %"],
+        "root stress": ["5 of 6", "5", "\N{MINUS SIGN}2.0 %"],
         "module": ["1 of 6", "1", "\N{MINUS SIGN}20 %"],
     }
 
@@ -148,13 +202,14 @@ def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -
     c = result["confirmation"]
     (own,) = c["designs"]
     c["designs"] = [{"trial": 1, **c["best"], "checks": [check]}, own]
-    said = "designs out, failed at the new angles"
-    assert dict(facts_of(few, result))[said].startswith("design 1: edge pressure impact")
+    said = "designs out at the new angles"
+    assert dict(facts_of(few, result))[said].startswith("design 1 fails edge pressure impact")
     c["best"]["checks"] = own["checks"] = [check]
     found = dict(facts_of(few, result))
-    assert found["fails at the new angles"].startswith("edge pressure impact")
-    assert found["hardest landing at the new angles"].startswith("\N{MINUS SIGN}10 % edge")
-    assert "but fails edge pressure impact" in headline(result)
+    assert found["verdict on design 2"].startswith("fails: edge pressure impact")
+    said = "smallest margin of a landing, 95 % interval"
+    assert found[said].startswith("\N{MINUS SIGN}10 % edge")
+    assert "Design 2 fails edge pressure impact" in headline(result)
 
 
 def test_fastest_and_slowest_shift_of_a_design(
@@ -307,7 +362,8 @@ def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
     known = searched_record(study, result, result["best"])
     worst = 1e3 * known["worst_against_prototype"]["difference_s"]
     assert row["worst point minus prototype, ms"].startswith(f"{worst:+.1f} ± ")
-    assert row["locks above friction"].startswith(f"{known['locking_friction']:.3f} (")
+    words = words_of(known)
+    assert words["locks above friction"].startswith(f"{known['locking_friction']:.3f} (")
     assert prototype[-1].startswith(f"+{1e3 * confirmed['gain_s']:.1f} ± ")
     assert (table.looks[0], table.looks[len(others) + 1]) == ("best", "prototype")
 
@@ -316,6 +372,7 @@ def test_what_fails_or_does_not_engage_is_no_alternative(study: Setup) -> None:
     record = bundled_result()
     fails, stuck = [row["trial"] for row in record["front"]][1:3]
     _by_trial(record)[fails]["checks"][0]["margin"] = -0.01
+    _by_trial(record)[fails]["verdict"] = None  # of the checks alone
     points = _by_trial(record)[stuck]["points"]
     points[0]["engaged"] = 0.0
     _by_trial(record)[stuck][TIME] = None
@@ -433,3 +490,27 @@ def test_entries_of_both_designs_stand_beside_their_closed_form() -> None:
         del point["shiftability"]["direct_closed_form"], point["shiftability"]["first_window"]
     del own["engagement_limits"]
     assert not any(isinstance(part, Table) for part in point_parts(study, result))
+
+
+def test_points_with_more_angles_share_a_map_with_the_others() -> None:
+    """Bins of a point with twice as many are added in pairs."""
+    few = {"direct": 0.5, "by_angle": [[1, 0, 0], [0, 1, 0]]}
+    many = {"direct": 0.5, "by_angle": [[1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 0, 0]]}
+    rows = [
+        {"mismatch_rpm": speed, "force_N": 300.0, "engaged": 1.0, "shiftability": entries}
+        for speed, entries in ((50.0, few), (100.0, many))
+    ]
+    figure = shiftability_figure({"prototype": (rows, 15)})
+    assert figure.data[-1].z.tolist() == [[100.0, 0.0], [50.0, 100.0]]
+
+
+def test_tornado_tells_assumptions_that_change_the_sign() -> None:
+    common = {"value": 1.0, "range": [0.5, 2.0], "unit": "", "source": "", "status": "assumption",
+              "weakest_check": ["module", "module"]}  # fmt: skip
+    hinges = [
+        HingeRow(assumption=name, smallest_margin=margins, flips=margins[1] < 0.0, **common)
+        for name, margins in (("a", [0.1, -5.0]), ("b", [0.2, 0.1]))
+    ]
+    changing, keeping = assumptions_figure(hinges).data
+    assert (changing.y, changing.base, changing.x) == (("a",), (10.0,), (-210.0,))
+    assert (keeping.y, keeping.base, keeping.x) == (("b",), (20.0,), (-10.0,))

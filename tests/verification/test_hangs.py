@@ -10,7 +10,13 @@ import pytest
 from scipy import stats
 
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.statistics.expectation import Expectation, ShiftResult, expect, expect_point
+from dogshape.sim.statistics.expectation import (
+    Expectation,
+    ShiftResult,
+    expect,
+    expect_point,
+    share_over,
+)
 from dogshape.sim.statistics.hangs import (
     HangPrior,
     PriorSettings,
@@ -180,3 +186,32 @@ def test_pool_covers_designs_whose_rates_scatter(shape: float, least: float) -> 
     # Narrower than by the own shifts of a design, of which a hang or two are in 384.
     alone = stats.binomtest(1, 384).proportion_ci()
     assert np.mean(widths) < 0.8 * (alone.high - alone.low)
+
+
+@pytest.mark.parametrize(("misses", "shifts"), [(0, 384), (1, 384), (40, 384), (3, 12)])
+def test_share_over_a_mix_is_the_hang_probability_of_as_many_misses(
+    misses: int, shifts: int, point: Point
+) -> None:
+    """Of a time-out a miss is a hang; at one point the posterior is that by quadrature."""
+    expectation = _expectation(point, np.array([misses]), shifts)
+    share = share_over([3.0], [(misses, shifts)])
+    assert share.value == pytest.approx(1.0 - expectation.hang_probability, rel=1e-12)
+    settings, q = PriorSettings(), (np.arange(200_000) + 0.5) / 200_000
+    rare = stats.beta(settings.hangs, settings.shifts - settings.hangs).pdf(q)
+    prior = (1.0 - settings.blocked_share) * rare + settings.blocked_share * stats.beta(
+        0.5, 0.5
+    ).pdf(q)
+    weights = prior * q**misses * (1.0 - q) ** (shifts - misses)
+    weights /= weights.sum()
+    mean = float(weights @ q)
+    assert 1.0 - share.value == pytest.approx(mean, rel=2e-2)
+    assert share.standard_error**2 == pytest.approx(float(weights @ (q - mean) ** 2), rel=2e-2)
+
+
+def test_share_over_many_shifts_is_the_share_with_its_binomial_error() -> None:
+    share = share_over([1.0, 3.0], [(2_000, 10_000), (500, 10_000)])
+    assert share.value == pytest.approx(1.0 - (0.2 + 3.0 * 0.05) / 4.0, rel=1e-3)
+    variance = (0.2 * 0.8 + 9.0 * 0.05 * 0.95) / 16.0 / 10_000
+    assert share.standard_error == pytest.approx(math.sqrt(variance), rel=1e-2)
+    assert math.isnan(share_over([1.0], [(0, 0)]).value)
+    assert share_over([1.0, 1.0], [(0, 20), (0, 0)]) == share_over([1.0], [(0, 20)])
