@@ -32,9 +32,14 @@ class WorkCounter:
     """
 
     def __init__(
-        self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts",
+        self,
+        progress: Progress,
+        total: int,
+        *,
+        most: bool = False,
+        unit: str = "shifts",
         kept: str = "",
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._progress, self._kept, self.done, self.known = progress, kept, 0, 0
         self.total, self.at_most, self.unit, self.ended = total, most, unit, False
 

@@ -33,9 +33,15 @@ MINUS = "\N{MINUS SIGN}"
 
 
 def key(
-    meaning: str, unit: str = "", default: Any = ..., *, head: str = "", scale: float = 1.0,
-    form: str = ".4g", late: bool = False,
-) -> Any:  # fmt: skip
+    meaning: str,
+    unit: str = "",
+    default: Any = ...,
+    *,
+    head: str = "",
+    scale: float = 1.0,
+    form: str = ".4g",
+    late: bool = False,
+) -> Any:
     """Declare a key of a record; required without a default, unless earlier versions lack it.
 
     ``head`` is that of its column, in which a number is shown ``scale`` times as large, by the

@@ -156,9 +156,14 @@ class OperatingSection(Section):
         beside, keys = _statement({name: value for name, value in self if value is not None})
         for name, value in self:
             if value is not None and name not in keys:
-                out, also = (name, "") if len(keys) > 1 else (keys[0], (
-                    ", or set operating.mismatch_rpm and operating.force_N, which replace it"
-                ))  # fmt: skip
+                out, also = (
+                    (name, "")
+                    if len(keys) > 1
+                    else (
+                        keys[0],
+                        (", or set operating.mismatch_rpm and operating.force_N, which replace it"),
+                    )
+                )
                 raise InputError(
                     f"operating.{name} cannot stand beside {beside}; remove one of the two "
                     f"(--set operating.{out}=){also}"

@@ -143,10 +143,12 @@ class LoadSection(keys_of(LoadCase, late=LOAD_LATE)):  # type: ignore[misc]
 
 class StrikeSection(
     keys_of(  # type: ignore[misc]
-        Strike, leave=("sliding_inertia", "output_inertia"),
-        late=("ring_inertia", "input_stiffness", "wheel_inertia"), kind_of_number=Ends,
+        Strike,
+        leave=("sliding_inertia", "output_inertia"),
+        late=("ring_inertia", "input_stiffness", "wheel_inertia"),
+        kind_of_number=Ends,
     )
-):  # fmt: skip
+):
     """Flank strike of the strength checks (``sim.strength.strike``); absent, it is not judged."""
 
     mismatch_rpm: Numbers | None = later()

@@ -375,11 +375,15 @@ def _require_parts(file: StudyFile) -> None:
         *(file.dog, file.drive, file.material, file.manufacturing, file.tolerance, file.contact),
     )
     parts: tuple[Callable[[], Any], ...] = (
-        partial(rings, file.sliding, file.output), file.require_ranges,
+        partial(rings, file.sliding, file.output),
+        file.require_ranges,
         partial(RiseTable, tuple(file.actuation.force_N), tuple(file.actuation.rise_s)),
-        file.operating.rows, file.load.case, *(partial(getattr, one, "value") for one in sections),
-        partial(wear_of, file), partial(getattr, file.variables, "ranges"),
-    )  # fmt: skip
+        file.operating.rows,
+        file.load.case,
+        *(partial(getattr, one, "value") for one in sections),
+        partial(wear_of, file),
+        partial(getattr, file.variables, "ranges"),
+    )
     for part in parts:
         try:
             part()

@@ -99,8 +99,10 @@ def shifts_of(
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
         if not notes:
-            notes.append(f"the bank of this clutch lacks {left} shifts; they are simulated once "
-                         f"and kept in {means.bank} for this and later diagnoses")  # fmt: skip
+            notes.append(
+                f"the bank of this clutch lacks {left} shifts; they are simulated once "
+                f"and kept in {means.bank} for this and later diagnoses"
+            )
             means.progress.say(notes[0])
         kept = f"{means.bank}; the same command goes on from there"
         with WorkCounter(means.progress, left, kept=kept) as counter:
@@ -145,9 +147,12 @@ def points_from(where: str | Path) -> Bench:
         study = load_study(where)
         rows = [Reading(k, point, 1, None, None) for k, point in enumerate(study.points, start=2)]
         return Bench(
-            name=study.name, source=f"study {where}", clutch=study.clutch, cells=gather(rows),
+            name=study.name,
+            source=f"study {where}",
+            clutch=study.clutch,
+            cells=gather(rows),
             record=BenchRecord(displacement_at="sleeve"),
-        )  # fmt: skip
+        )
     names = ", ".join([*bundled_benches(), *bundled_studies()])
     raise InputError(
         f"there is no data set and no study at {where}: give a folder with bench.toml and "

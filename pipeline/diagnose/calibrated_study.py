@@ -137,9 +137,13 @@ def calibrated_study(
     places = np.random.default_rng(1).integers(len(fit.values), size=draws).tolist()
     rows = [{"draw": k, **keyed(fit.values[place])} for k, place in enumerate(places, start=1)]
     return CalibratedStudy(
-        build_study(validate(StudyFile, tomllib.loads(text), str(path))), text, hypothesis,
-        found.posterior.get(hypothesis, 0.0), tuple(rows), tuple(remarks),
-    )  # fmt: skip
+        build_study(validate(StudyFile, tomllib.loads(text), str(path))),
+        text,
+        hypothesis,
+        found.posterior.get(hypothesis, 0.0),
+        tuple(rows),
+        tuple(remarks),
+    )
 
 
 def _chosen(found: Diagnosis, path: Path, causes: Sequence[str] | None) -> Hypothesis:

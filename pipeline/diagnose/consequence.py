@@ -107,18 +107,24 @@ class Consequence:
             "effects": list(self.cause),
             "values": [value for values in self.cause.values() for value in values.values()],
             "candidates": [
-                {"name": one.name, **one.params, "without_s": one.without.mean,
-                 "without_standard_error_s": one.without.standard_error,
-                 "with_s": one.with_effect.mean,
-                 "with_standard_error_s": one.with_effect.standard_error,
-                 "with_landing_margin": one.landing.margin,
-                 "with_landing_check": one.landing.name}
+                {
+                    "name": one.name,
+                    **one.params,
+                    "without_s": one.without.mean,
+                    "without_standard_error_s": one.without.standard_error,
+                    "with_s": one.with_effect.mean,
+                    "with_standard_error_s": one.with_effect.standard_error,
+                    "with_landing_margin": one.landing.margin,
+                    "with_landing_check": one.landing.name,
+                }
                 for one in self.candidates
             ],
-            "best_without": self.chosen.name, "best_with": self.best.name,
-            "regret_s": self.regret, "regret_standard_error_s": self.standard_error,
+            "best_without": self.chosen.name,
+            "best_with": self.best.name,
+            "regret_s": self.regret,
+            "regret_standard_error_s": self.standard_error,
             "sentence": self.sentence,
-        }  # fmt: skip
+        }
 
 
 def studied(where: str | Path) -> tuple[Setup, dict[str, Params]]:
@@ -169,18 +175,26 @@ def consequence(
         for name, values in acting.items():
             settings = [effects[name].apply(setting, values) for setting in settings]
         every.append(settings)
-    rows = iter(run([
-        even_block(setting.clutch, setting.point, ANGLES, (seed, k))
-        for settings in every
-        for k, setting in enumerate(settings)
-    ]))  # fmt: skip
+    rows = iter(
+        run(
+            [
+                even_block(setting.clutch, setting.point, ANGLES, (seed, k))
+                for settings in every
+                for k, setting in enumerate(settings)
+            ]
+        )
+    )
     found = [_timed(study, settings, [next(rows) for _ in settings]) for settings in every]
     before, after = (_pooled(group) for group in (found[: len(designs)], found[len(designs) :]))
     pairs = zip(designs.items(), before, after, strict=True)
-    return Consequence(study.name, cause, tuple(
-        Candidate(name, params, without, with_effect, landing)
-        for (name, params), (without, _), (with_effect, landing) in pairs
-    ))  # fmt: skip
+    return Consequence(
+        study.name,
+        cause,
+        tuple(
+            Candidate(name, params, without, with_effect, landing)
+            for (name, params), (without, _), (with_effect, landing) in pairs
+        ),
+    )
 
 
 def _pooled(timed: Sequence[tuple[Expectation, Check]]) -> list[tuple[Expectation, Check]]:

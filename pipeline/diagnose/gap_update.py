@@ -123,10 +123,11 @@ def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
     shutil.copytree(data, target)
     own = Path("traces") / f"update-{len(asked.joined) + 1}"
     before, added = (
-        pd.DataFrame([cells for _, cells in table.rows], columns=[*table.head])
-        .reindex(columns=[*COLUMNS], fill_value="")
+        pd.DataFrame([cells for _, cells in table.rows], columns=[*table.head]).reindex(
+            columns=[*COLUMNS], fill_value=""
+        )
         for table in (read_table(path, NUMERIC, COLUMNS) for path in (data / "shifts.csv", new))
-    )  # fmt: skip
+    )
     for name in filter(None, added["trace"]):
         _copy(new.parent / name, target / own / name)
     added["trace"] = [name and (own / name).as_posix() for name in added["trace"]]
@@ -151,10 +152,12 @@ def _require_no_copies(held: Sheet, new: Sheet) -> None:
     """Raise DataError where a mean, or some rows in a row, are rows of the bench."""
     stamped = all(row.timestamp is not None for one in (held, new) for row in one.rows)
     ours, theirs = (
-        [(row.mismatch, row.force, row.rise, row.n, row.time, row.sd, stamped and row.timestamp)
-         for row in one.rows]
+        [
+            (row.mismatch, row.force, row.rise, row.n, row.time, row.sd, stamped and row.timestamp)
+            for row in one.rows
+        ]
         for one in (held, new)
-    )  # fmt: skip
+    )
     known = {tuple(ours[k : k + COPIED]) for k in range(len(ours) - COPIED + 1)}
     for k, row in enumerate(new.rows):
         run = tuple(theirs[k : k + COPIED])

@@ -157,22 +157,24 @@ def open_section_svg(dog: Dog, other: Dog, name: str = "initial design") -> str:
         points = outline(one, 2 * int(0.5 * width / scale / (one.pitch / MM)) + 5)
         depth, half = 0.5 * one.height / MM, 0.5 * one.pitch / MM
         line = [
-            complex(0.5 * width + (half - x) * scale, face - (gap + depth - z) * scale) if turned
+            complex(0.5 * width + (half - x) * scale, face - (gap + depth - z) * scale)
+            if turned
             else complex(0.5 * width + x * scale, face + (depth - z) * scale)
             for x, z in points
-        ]  # fmt: skip
+        ]
         ends = [] if edge is None else [complex(p.real, edge) for p in (line[-1], line[0])]
         return _line(*line, *ends, kind=kind, closed=bool(ends))
 
     words, corner = "output ring, unrolled at the mean radius; dashed: ", width - 16 + 1j * height
     elements = [
-        ring(dog, True, -5.0, "ring-b"), ring(dog, False, height + 5.0, "ring-a"),
+        ring(dog, True, -5.0, "ring-b"),
+        ring(dog, False, height + 5.0, "ring-a"),
         ring(other, False, None, "ghost"),
         _line(corner - 5.0 * scale - 14.0j, corner - 14.0j, kind="bar"),
         _text(corner - 8.0 - 5.0 * scale - 10.0j, "5 mm", "end", "small"),
         _text(10.0 + 18.0j, "sliding ring", "start", "small"),
         _text(10.0 + 1j * (height - 10.0), words + name, "start", "small"),
-    ]  # fmt: skip
+    ]
     return _document(width, height, elements, "Section of both rings")
 
 
@@ -228,9 +230,10 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         _dimension(crest, root_t, right.real + 46.0, "h " + size("height", dog.height), True),
         _text(complex(right.real + 52.0, below + 4.0), f"{over:.2f} over", "start", "small"),
         _text(complex(right.real + 52.0, below + 18.0), "the rounding", "start", "small"),
-        _dimension(edge, root_b, left.real - 20.0, follows("flank", dog.height - dog.edge_drop),
-                   True),
-    ]  # fmt: skip
+        _dimension(
+            edge, root_b, left.real - 20.0, follows("flank", dog.height - dog.edge_drop), True
+        ),
+    ]
     if dog.back_drop > 0.0:
         flank = follows("flank", dog.height - dog.back_drop)
         lengths.append(_dimension(back, root_t, right.real + 22.0, flank, True))
@@ -252,14 +255,26 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         ("chamfer_back", (-dog.chamfer_back / DEG, 0.0), "back \u03b1\u2082", back + 60.0),
     ][dog.crest == 0.0 : 1 + (dog.crest < 1.0)]
     angles = [
-        *(_angle(crest, ends, abs(crest - end) - 40.0, slope(name, words), complex(end.real, top))
-          for name, ends, words, end in falls),
-        _angle(back, (lean_t[0], lean_t[1]), deep, slope("traction", "traction flank \u03b2"),
-               complex(tip_t.real + 70.0, top + (34.0 if dog.crest < 1.0 else 0.0))),
-        _angle(edge, (lean_b[0], lean_b[1]), 0.8 * deep, slope("braking", "braking flank \u03b3"),
-               complex(edge.real - 110.0, top + 34.0)),
+        *(
+            _angle(crest, ends, abs(crest - end) - 40.0, slope(name, words), complex(end.real, top))
+            for name, ends, words, end in falls
+        ),
+        _angle(
+            back,
+            (lean_t[0], lean_t[1]),
+            deep,
+            slope("traction", "traction flank \u03b2"),
+            complex(tip_t.real + 70.0, top + (34.0 if dog.crest < 1.0 else 0.0)),
+        ),
+        _angle(
+            edge,
+            (lean_b[0], lean_b[1]),
+            0.8 * deep,
+            slope("braking", "braking flank \u03b3"),
+            complex(edge.real - 110.0, top + 34.0),
+        ),
         _leader(fillet, complex(right.real - 100.0, low + 24.0), edges),
-    ]  # fmt: skip
+    ]
     material, wide = limits.material, "dog and slot are equally wide"
     if dog.backlash > 0.0:
         wide = f"a slot is wider than a dog by the backlash {size('backlash', dog.backlash)}"

@@ -174,9 +174,11 @@ def keys_given(study: Setup) -> set[str]:
     sections = {"mechanism": study.file.mechanism, "strike": study.file.strike}
     return {
         f"{name}.{key}"
-        for name, section in sections.items() if section is not None
-        for key, value in section.model_dump(exclude_none=True).items() if value != 0.0
-    }  # fmt: skip
+        for name, section in sections.items()
+        if section is not None
+        for key, value in section.model_dump(exclude_none=True).items()
+        if value != 0.0
+    }
 
 
 def check_dog(
@@ -297,33 +299,64 @@ OBJECTIVES = {
         Objective(SIMULATED, "expected shift time", "s"),
         Objective("shift_time_quantile_s", "quantile of the shift time", "s"),
         Objective("worst_shift_time_s", "expected shift time at the slowest operating point", "s"),
-        Objective(REFERRED, "time lost on the reference at the worst operating point", "s",
-                  least=-math.inf),
-        Objective("first_try_share", "share engaged in time at the first try", "", maximise=True,
-                  most=1.0),
+        Objective(
+            REFERRED,
+            "time lost on the reference at the worst operating point",
+            "s",
+            least=-math.inf,
+        ),
+        Objective(
+            "first_try_share", "share engaged in time at the first try", "", maximise=True, most=1.0
+        ),
         Objective("peak_impact_force_N", "mean peak impact force", "N"),
         Objective("peak_axial_force_N", "mean peak axial force", "N"),
         Objective("strike_torque_Nm", "mean peak torque of a strike", "N m"),
         Objective("impact_impulse_Ns", "mean hardest impulse", "N s"),
         Objective("impact_energy_J", "mean energy taken by the contact", "J"),
-        Objective("smallest_margin", "smallest margin", "", maximise=True, least=-math.inf,
-                  most=1.0),
+        Objective(
+            "smallest_margin", "smallest margin", "", maximise=True, least=-math.inf, most=1.0
+        ),
         *(
-            Objective(name, f"smallest margin {WITHIN_WORDS[name]}", "", _smallest(kind),
-                      maximise=True, least=-math.inf, most=1.0)
+            Objective(
+                name,
+                f"smallest margin {WITHIN_WORDS[name]}",
+                "",
+                _smallest(kind),
+                maximise=True,
+                least=-math.inf,
+                most=1.0,
+            )
             for name, kind in WITHIN.items()
         ),
-        Objective("axial_length_mm", "axial length, root to root", "mm",
-                  lambda _study, _design, dog: dog.axial_length / MM),
-        Objective("backlash_mm", "backlash at the mean radius", "mm",
-                  lambda _study, _design, dog: dog.backlash / MM, least=-math.inf),
-        Objective("retention_force_N", "axial force that pulls in without friction", "N",
-                  lambda study, _design, dog: retention_force(dog, study.limits.load),
-                  maximise=True, least=-math.inf),
-        Objective("utilisation", "utilisation of the most loaded check", "",
-                  lambda _study, design, _dog: largest(*(c.utilisation for c in design.checks))),
+        Objective(
+            "axial_length_mm",
+            "axial length, root to root",
+            "mm",
+            lambda _study, _design, dog: dog.axial_length / MM,
+        ),
+        Objective(
+            "backlash_mm",
+            "backlash at the mean radius",
+            "mm",
+            lambda _study, _design, dog: dog.backlash / MM,
+            least=-math.inf,
+        ),
+        Objective(
+            "retention_force_N",
+            "axial force that pulls in without friction",
+            "N",
+            lambda study, _design, dog: retention_force(dog, study.limits.load),
+            maximise=True,
+            least=-math.inf,
+        ),
+        Objective(
+            "utilisation",
+            "utilisation of the most loaded check",
+            "",
+            lambda _study, design, _dog: largest(*(c.utilisation for c in design.checks)),
+        ),
     ]
-}  # fmt: skip
+}
 
 
 def objectives_of(study: Setup) -> list[Objective]:
@@ -393,8 +426,10 @@ def failing_words(margins: Sequence[Mapping[str, float]]) -> str:
     said = []
     for name, count in failing.most_common(MAX_NAMED):
         short = -max(row[name] for row in margins if row.get(name, 0.0) < 0.0)
-        said.append(f"{count} of {len(margins)} fail {_words(name)}, the nearest of them by "
-                    f"{100.0 * short:.3g} %")  # fmt: skip
+        said.append(
+            f"{count} of {len(margins)} fail {_words(name)}, the nearest of them by "
+            f"{100.0 * short:.3g} %"
+        )
     return "; ".join(said)
 
 

@@ -169,9 +169,12 @@ class Simulated:
         reference = self.reference and self.reference.under(priors)
         times = time_estimates(self.estimates, expectation, reference)
         return replace(
-            self, expectation=expectation, reference=reference, estimates=self.estimates | times,
+            self,
+            expectation=expectation,
+            reference=reference,
+            estimates=self.estimates | times,
             measured=limited_by(self.measured, times),
-        )  # fmt: skip
+        )
 
     @property
     def known(self) -> bool:
@@ -294,10 +297,14 @@ def expectation_of(
     for point, mine in zip(points, rows, strict=True):
         shifts.append(study.set_point.freed([result_of(row) for row in mine]))
         one = expect_point(point, shifts[-1], *lost, even=even)
-        found.append(replace(
-            one, by_angle=entries_by_angle(mine), first_window=first_windows(mine),
-            direct_share=direct_share(clutch, point),
-        ))  # fmt: skip
+        found.append(
+            replace(
+                one,
+                by_angle=entries_by_angle(mine),
+                first_window=first_windows(mine),
+                direct_share=direct_share(clutch, point),
+            )
+        )
     weights, levels = [point.weight for point in points], (study.file.search.quantile, RARE)
     quantiles = {share: time_quantile(weights, shifts, share, *lost) for share in levels}
     first_window = study.file.expectation.first_window_share
@@ -387,19 +394,21 @@ def life_of(
         checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
         weakest = smallest_margin(checks)
         energy = ESTIMATORS["impact_energy_J"](Shifts(own, dog, checks, expectation, rows))
-        found.append(LifeStage(
-            life=stage,
-            crest_loss_mm=loss / MM,
-            edge_radius_mm=dog.edge_radius / MM,
-            chamfer_deg=dog.chamfer / DEG,
-            expected_shift_time_s=expectation.mean,
-            standard_error_s=expectation.standard_error,
-            engaged=expectation.engaged,
-            energy_J=energy.value,
-            smallest_margin=weakest.margin,
-            weakest_check=weakest.name,
-            margins={check.name: check.margin for check in checks},
-        ))  # fmt: skip
+        found.append(
+            LifeStage(
+                life=stage,
+                crest_loss_mm=loss / MM,
+                edge_radius_mm=dog.edge_radius / MM,
+                chamfer_deg=dog.chamfer / DEG,
+                expected_shift_time_s=expectation.mean,
+                standard_error_s=expectation.standard_error,
+                engaged=expectation.engaged,
+                energy_J=energy.value,
+                smallest_margin=weakest.margin,
+                weakest_check=weakest.name,
+                margins={check.name: check.margin for check in checks},
+            )
+        )
     return found
 
 

@@ -98,13 +98,17 @@ def slips_of(study: Setup) -> list[str]:
     steady = replace(study.limits, strikes=())
     loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]
     if (used := max(check.utilisation for check in loaded)) < IDLE:
-        notes.append(f"the torque uses at most {100 * used:.2g} % of what the dogs bear; "
-                     "is load.torque_Nm in N m?")  # fmt: skip
+        notes.append(
+            f"the torque uses at most {100 * used:.2g} % of what the dogs bear; "
+            "is load.torque_Nm in N m?"
+        )
     for name in ("chamfer", "chamfer_back", "traction", "braking"):
         angle = getattr(dog, name) / DEG
         if 0.0 < abs(angle) < RADIANS:
-            notes.append(f"dog.{name}_deg is {angle:.4g} deg; is it in degrees? "
-                         f"{angle:.4g} rad are {math.degrees(angle):.3g} deg")  # fmt: skip
+            notes.append(
+                f"dog.{name}_deg is {angle:.4g} deg; is it in degrees? "
+                f"{angle:.4g} rad are {math.degrees(angle):.3g} deg"
+            )
     area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
     values = rings.mass, rings.sliding_inertia, rings.output_inertia
     wholes = (

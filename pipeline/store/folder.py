@@ -181,13 +181,16 @@ class StudyFolder:
         if any(path.exists() for path in (self.trials, self.shifts, self.simulated)):
             remedy = "choose another --out or remove the folder"
             raise StorageError(f"{self.root} holds results without study.json; {remedy}")
-        write_json(self.manifest, {
-            "format": FORMAT,
-            "study": study.file.model_dump(exclude_none=True),
-            "config_hash": study.config_hash,
-            "physics_hash": study.physics_hash,
-            "versions": versions(),
-        })  # fmt: skip
+        write_json(
+            self.manifest,
+            {
+                "format": FORMAT,
+                "study": study.file.model_dump(exclude_none=True),
+                "config_hash": study.config_hash,
+                "physics_hash": study.physics_hash,
+                "versions": versions(),
+            },
+        )
 
     def stored_study(self) -> Setup:
         """Read the study that the folder was started with; StorageError for a bad manifest."""

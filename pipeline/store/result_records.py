@@ -54,11 +54,13 @@ class Shiftability(Record):
         tests = (binomtest(count, p.n) for count in (direct + late, direct))
         engaged, own = ([*one.proportion_ci(method="wilson")] for one in tests)
         return cls(
-            engaged_interval=engaged, direct=direct / p.n, direct_interval=own,
+            engaged_interval=engaged,
+            direct=direct / p.n,
+            direct_interval=own,
             direct_closed_form=p.direct_share,
             first_window=None if p.first_window is None else p.first_window / p.n,
             by_angle=[list(one) for one in p.by_angle],
-        )  # fmt: skip
+        )
 
 
 class QuantileRow(Record):
@@ -93,25 +95,39 @@ class PointRow(PlaceRow):
     """An operating point of an expected shift time."""
 
     mean_s: float | None = key(
-        "mean with retries; null if under half engage", "s",
-        head="with retries, ms", scale=1e3, form=".2f",
-    )  # fmt: skip
+        "mean with retries; null if under half engage",
+        "s",
+        head="with retries, ms",
+        scale=1e3,
+        form=".2f",
+    )
     mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
     standard_error_s: float | None = key(
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
     )
     engaged_mean_s: float | None = key(
-        "mean time of the shifts that engage or are freed", "s", late=True,
-        head="engaged mean, ms", scale=1e3, form=".2f",
-    )  # fmt: skip
+        "mean time of the shifts that engage or are freed",
+        "s",
+        late=True,
+        head="engaged mean, ms",
+        scale=1e3,
+        form=".2f",
+    )
     engaged_standard_error_s: float | None = key(
-        "standard error of `engaged_mean_s`", "s", late=True,
-        head="s.e., ms", scale=1e3, form=".2f",
-    )  # fmt: skip
+        "standard error of `engaged_mean_s`",
+        "s",
+        late=True,
+        head="s.e., ms",
+        scale=1e3,
+        form=".2f",
+    )
     hang_probability: float | None = key(
-        "probability that a shift hangs and is tried again", SHARE, late=True,
-        head="hangs", form=".2%",
-    )  # fmt: skip
+        "probability that a shift hangs and is tried again",
+        SHARE,
+        late=True,
+        head="hangs",
+        form=".2%",
+    )
     hang_prior: HangPriorRow | None = key("prior of that probability", late=True)
     sd_s: float = key("standard deviation of the time of a shift", "s", head="sd, ms", **IN_MS)
     engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form="z.0%")
@@ -144,9 +160,10 @@ class HangKeys(Record):
     """Both parts of an expected shift time: mean of engaged shifts, and retries of hangs."""
 
     engaged_mean_s: float | None = key(
-        "mean time of the shifts that engage at the first try or are freed by a set-point", "s",
+        "mean time of the shifts that engage at the first try or are freed by a set-point",
+        "s",
         late=True,
-    )  # fmt: skip
+    )
     engaged_standard_error_s: float | None = key("its standard error", "s", late=True)
     hang_probability: float | None = key(
         "probability that a shift hangs and is tried again, posterior mean", SHARE, late=True
@@ -179,8 +196,9 @@ class LimitRow(Record):
     share: float = key("share that engages", SHARE, head="in the first window", form="z.0%")
     limit_engagement_speed_rpm: float | None = key(
         "median; 0: no tested mismatch reaches the share, null: the largest tested one does",
-        "1/min", head="limit engagement speed, 1/min",
-    )  # fmt: skip
+        "1/min",
+        head="limit engagement speed, 1/min",
+    )
     limit_engagement_speed_low_rpm: float | None = key(
         "end of the 95 % interval; 0 and null as for the median", "1/min"
     )
@@ -193,10 +211,14 @@ class LimitRow(Record):
         speeds = (limit.speed, limit.low, limit.high)
         middle, low, high = (number_or_none(speed / RPM) for speed in speeds)
         return cls(
-            sense=limit.sense, force_N=limit.force, share=share, tested_rpm=limit.tested / RPM,
-            limit_engagement_speed_rpm=middle, limit_engagement_speed_low_rpm=low,
+            sense=limit.sense,
+            force_N=limit.force,
+            share=share,
+            tested_rpm=limit.tested / RPM,
+            limit_engagement_speed_rpm=middle,
+            limit_engagement_speed_low_rpm=low,
             limit_engagement_speed_high_rpm=high,
-        )  # fmt: skip
+        )
 
     def cell(self, name: str) -> str:
         """Print a value: the limit with its interval, or that it lies over what was tested."""
@@ -293,16 +315,23 @@ class CheckRow(Record):
     )
     safety: float | None = key(
         "safety factor, upper limit of a stress or force over its value; null for other checks",
-        "1", None, head="S", form=".2f",
-    )  # fmt: skip
+        "1",
+        None,
+        head="S",
+        form=".2f",
+    )
 
     def cell(self, name: str) -> str:
         """Print a value: the limit with its sense, what fails as ``Bad``."""
         if name == "margin_interval":
             return " to ".join(map(percent, self.margin_interval or ())) or "-"
         if self.passed is None:
-            return {"name": self.name, "margin": Bad("not judged"), "limit_key": self.limit_key,
-                    "meaning": self.meaning}.get(name, "-")  # fmt: skip
+            return {
+                "name": self.name,
+                "margin": Bad("not judged"),
+                "limit_key": self.limit_key,
+                "meaning": self.meaning,
+            }.get(name, "-")
         value, margin = getattr(self, name), "margin" in name
         text = super().cell(name) if not margin or value is None else percent(value)
         if name == "limit":
@@ -319,11 +348,21 @@ def check_record(check: Check) -> dict[str, Any]:
     if check.margin_interval is not None:
         ends["margin_interval"] = list(check.margin_interval)
     return CheckRow(
-        name=check.name, value=number_or_none(check.value), limit=check.limit, unit=rule.unit,
-        margin=number_or_none(check.margin), passed=check.passed, group=rule.group,
-        at_most=rule.at_most, meaning=rule.meaning, formula=rule.formula, source=rule.source,
-        limit_key=rule.key, safety=safety_factor(rule, check.margin), **ends,
-    ).to_dict()  # fmt: skip
+        name=check.name,
+        value=number_or_none(check.value),
+        limit=check.limit,
+        unit=rule.unit,
+        margin=number_or_none(check.margin),
+        passed=check.passed,
+        group=rule.group,
+        at_most=rule.at_most,
+        meaning=rule.meaning,
+        formula=rule.formula,
+        source=rule.source,
+        limit_key=rule.key,
+        safety=safety_factor(rule, check.margin),
+        **ends,
+    ).to_dict()
 
 
 def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
@@ -381,10 +420,19 @@ def not_judged_row(one: NotJudged) -> CheckRow:
     """Give the row of a standard check that nobody judged, with the key that judges it."""
     standard = next(standard for standard in STANDARD if standard.name == one.check)
     return CheckRow(
-        name=one.check, value=None, limit=None, unit="", margin=None, passed=None,
-        group=RULES[standard.rules[0]].group, at_most=True, meaning=standard.reason, formula="",
-        source="", limit_key=one.key,
-    )  # fmt: skip
+        name=one.check,
+        value=None,
+        limit=None,
+        unit="",
+        margin=None,
+        passed=None,
+        group=RULES[standard.rules[0]].group,
+        at_most=True,
+        meaning=standard.reason,
+        formula="",
+        source="",
+        limit_key=one.key,
+    )
 
 
 class VerdictRow(Record):
@@ -404,14 +452,16 @@ def hinge_table(rows: Sequence[HingeRow], *names: str) -> Table:
         *("assumption", "value", "range", "smallest_margin", "weakest_check", "flips"),
         *("status", "source"),
     )
-    words = [place for place, name in enumerate(names)
-             if name in ("weakest_check", "status", "source")]  # fmt: skip
+    words = [
+        place for place, name in enumerate(names) if name in ("weakest_check", "status", "source")
+    ]
     note = (
         "Smallest margin at either end of the range of an assumption, the others as given, by the "
         "closed forms; landings scale with the root of the contact's stiffness."
     )
-    return Table(tabulate(HingeRow, (), *names).heads, tabulate(HingeRow, rows, *names).rows, {},
-                 words, note)  # fmt: skip
+    return Table(
+        tabulate(HingeRow, (), *names).heads, tabulate(HingeRow, rows, *names).rows, {}, words, note
+    )
 
 
 class EngineAgreement(Record):

@@ -91,10 +91,12 @@ def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
         with create_engine(address, **settings).begin() as connection:
             connection.execute(text("SELECT pg_advisory_xact_lock(:n)"), {"n": TABLES})
             return RDBStorage(
-                address.render_as_string(hide_password=False), settings, heartbeat_interval=BEAT,
+                address.render_as_string(hide_password=False),
+                settings,
+                heartbeat_interval=BEAT,
                 grace_period=SILENCE,
                 heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
-            )  # fmt: skip
+            )
     except ImportError as error:
         name = getattr(error.__cause__, "name", None)
         remedy = "install the extra: pip install -c constraints.txt '.[machines]'"
