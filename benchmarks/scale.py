@@ -63,7 +63,7 @@ def cpu() -> float:
 
 def study_of(*settings: str) -> Setup:
     """Return the default study in the compiled engine."""
-    return load_study("mq200", settings).working
+    return load_study("mq200", settings).search_setup
 
 
 def print_table(title: str, sizes: Sequence[int], cost: Callable[[int], float], unit: str) -> None:

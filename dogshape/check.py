@@ -531,7 +531,7 @@ def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Str
     """Check the strength of a study's design as ``Study.strength`` does."""
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
 
-    config = config.working
+    config = config.search_setup
     settings = config.file.expectation
     shifts = len(config.points) * settings.angles if simulate else 0
     measured = None

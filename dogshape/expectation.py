@@ -189,7 +189,7 @@ def simulate_mean(
     config: Setup, where: Where, place: Place, angles: Angles, precision: float | None = None
 ) -> Expectation:
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
-    config = config.working
+    config = config.search_setup
     clutch, settings = config.clutch, config.file.expectation
     if place[2] is not None and place[1] is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")

@@ -69,7 +69,7 @@ def run_study(study: Setup, how: Run) -> Row:
         folder.open(study, how.resume)
         with kept(how.storage, folder):
             try:
-                search = open_search(study.working, folder, how.storage, how.resume)
+                search = open_search(study.search_setup, folder, how.storage, how.resume)
             except InputError:
                 if new:  # another study may start there
                     folder.manifest.unlink()
@@ -148,7 +148,7 @@ def _most(search: Search) -> int:
     left = max(0, study.file.search.trials - len(search.read().trials))
     each = len(study.points) * study.file.expectation.angles
     stages = 0 if study.file.wear is None else len(STAGES)
-    audited = 0 if study.judging is None else 2 * study.file.search.audit_shifts
+    audited = 0 if study.reference_setup is None else 2 * study.file.search.audit_shifts
     return (left + stages) * each + shifts_to_confirm(study) + audited
 
 

@@ -112,7 +112,7 @@ class NamedDesign:
         if self.row is None:
             return self.study
         dog = self.study.dog_with({key: self.row[key] for key in self.study.variables})
-        own = self.study.operated(self.row)
+        own = self.study.with_operation(self.row)
         return replace(own, clutch=replace(own.clutch, dog=dog))
 
 
@@ -164,7 +164,7 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
     name, row = f"{where}#{row['trial']}", rows[row["trial"]]
     if row[SIMULATED] is None and confirmation_of(result, row) is None:
         own = replace_keys(study, {f"dog.{key}": row[key] for key in study.shape_keys})
-        return NamedDesign(name, own.operated(row))
+        return NamedDesign(name, own.with_operation(row))
     return NamedDesign(name, study, result, row)
 
 
@@ -258,7 +258,7 @@ def searched_verdict(study: Setup, params: Values, row: Row, confirmed: Row | No
     if confirmed is not None and confirmed.get("verdict"):
         return dict(confirmed["verdict"])
     margins = [Margin(name, margin) for name, margin in margins_of(row, confirmed).items()]
-    own = study.operated(params)
+    own = study.with_operation(params)
     return verdict_of(own, own.dog_with(dict(params)), margins).to_dict()
 
 

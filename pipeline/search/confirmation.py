@@ -251,7 +251,7 @@ def _denser(
     """Simulate designs at more angles of some operating points; landings stay as they were."""
     base, executor, denser = new_angles(study), _executor(study, executors), dict[int, Simulated]()
     for trial in trials:
-        own = study.operated(trial.params)
+        own = study.with_operation(trial.params)
         every = design_blocks(study, trial.params, angles, _seed(study), base)
         blocks = [every[place] for place in places]
         rows = executor.run(blocks)
@@ -296,10 +296,10 @@ def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -
             "or without the objective peak_impact_force_N"
         )
     blocks = [block for params in designs for block in _thinned(study, params)]
-    if study.judging is None:
+    if study.reference_setup is None:
         executors.kept.run(blocks)  # for the single shifts of the report
     else:
-        pairs = _pairs(blocks, study.judging.clutch, executor, executors.kept)
+        pairs = _pairs(blocks, study.reference_setup.clutch, executor, executors.kept)
         size = len(pairs) // len(found)  # as many of each design
         found = [
             replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
@@ -483,7 +483,7 @@ def audit(
 
     None where Drake does not judge.
     """
-    settings, judge = study.file.expectation, study.judging
+    settings, judge = study.file.expectation, study.reference_setup
     if judge is None or not shifts or not designs:
         return None
     say(f"auditing {shifts} shifts of the search in Drake")

@@ -115,7 +115,7 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
 
     ``measured`` is what was simulated of it, None before that.
     """
-    study = study.operated(params)
+    study = study.with_operation(params)
     try:
         dog = study.dog_with(params)
     except GeometryError as error:
@@ -134,7 +134,7 @@ def judged_design(study: Setup, design: Design) -> tuple[Design, Verdict]:
     """Judge a design: the intervals of its landing, and its verdict."""
     if (dog := design.dog) is None:
         return design, NO_DOG
-    own, landings, checks = study.operated(design.params), design.landings, design.checks
+    own, landings, checks = study.with_operation(design.params), design.landings, design.checks
     if landings is not None:
         demand, interval = landings.demand(dog, own.limits), landings.interval(dog, own.limits)
         landed = {check.name: check for check in demand_checks(demand, own.limits, interval)}
@@ -197,7 +197,7 @@ def check_dog(
 def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
     """Decide whether a design passes every check that needs no simulation, cheap ones first."""
     try:
-        fit = keeps_limits(study.dog_with(params), study.operated(params).limits)
+        fit = keeps_limits(study.dog_with(params), study.with_operation(params).limits)
     except GeometryError:
         return False
     return fit and design_of(study, params).feasible
@@ -410,7 +410,7 @@ def exact_values(study: Setup, design: Design) -> dict[str, float]:
     """Return the objectives that need no simulation, by name."""
     if (dog := design.dog) is None:
         return {}
-    own = study.operated(design.params)
+    own = study.with_operation(design.params)
     return {o.name: o.exact(own, design, dog) for o in objectives_of(study) if o.exact}
 
 
@@ -439,11 +439,11 @@ def none_passes(study: Setup, drawn: int) -> str:
     low, high = np.array(list(study.variables.values()), dtype=float).T
     made = list[tuple[Design, dict[str, float]]]()
     for row in sobol_shares(FILLING, len(low), study.file.search.seed):
-        one = design_of(study, study.named(low + row * (high - low)))
+        one = design_of(study, study.params_of(low + row * (high - low)))
         margins = {check.name: check.margin for check in one.checks}
         for name in WITHIN.keys() & margins.keys():
             del margins[name]
-            margins |= margins_within(study.operated(one.params), one, WITHIN[name])
+            margins |= margins_within(study.with_operation(one.params), one, WITHIN[name])
         made += [(one, margins)] if margins else []
     if not made:
         return f"{whose} passes every check: no dog has such a shape; widen [variables]"
@@ -483,7 +483,7 @@ def checks_within(study: Setup, design: Design) -> list[dict[str, Any]]:
 
 def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
     """Return the smallest margin and its check in the worst case, and by root sum of squares."""
-    own, known = study.operated(design.params), design.dog is not None
+    own, known = study.with_operation(design.params), design.dog is not None
     found = {kind: weakest_within(own, design, kind) if known else (None, None) for kind in KINDS}
     margins = {f"margin_{kind}": number_or_none(margin) for kind, (_, margin) in found.items()}
     return {**margins, **{f"weakest_check_{kind}": name for kind, (name, _) in found.items()}}

@@ -206,7 +206,7 @@ def design_blocks(
 
     ``base`` as for ``even_phases``.
     """
-    own, clutch = study.operated(params), replace(study.clutch, dog=study.dog_with(params))
+    own, clutch = study.with_operation(params), replace(study.clutch, dog=study.dog_with(params))
     return even_blocks(clutch, own.points, angles, seed, base, uncertainty=study.uncertainty)
 
 
@@ -239,7 +239,7 @@ def evaluate(
 
 
 def _simulated(nominal: Setup, params: Params, rows: Rows, beside: Expectation | None) -> Simulated:
-    study, dog = nominal.operated(params), nominal.dog_with(params)
+    study, dog = nominal.with_operation(params), nominal.dog_with(params)
     expectation = expectation_of(study, study.points, rows, dog=dog)
     landings = landings_over(expectation, rows)
     demand = landings.demand(dog, study.limits)
@@ -373,7 +373,7 @@ def life_of(
     ``priors`` are those of hangs by operating point.
     Wear by a rate follows the energy of the stage before. GeometryError where no worn dog can be.
     """
-    own, new = study.operated(params), study.dog_with(dict(params))
+    own, new = study.with_operation(params), study.dog_with(dict(params))
     settings, unsure = study.file.expectation, study.uncertainty
     loss, found = 0.0, list[LifeStage]()
     for stage in STAGES:

@@ -258,7 +258,7 @@ def fill(study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, bar:
             f"the study searches {', '.join(others)}, which the surrogate learns from a search "
             "alone; run 'dogshape study', which leaves one, or take them out of [variables]"
         )
-    settings, working, path = study.file.surrogate, study.working, folder.simulated
+    settings, working, path = study.file.surrogate, study.search_setup, folder.simulated
     count, angles, dense = count_of(study), angles_of(study), settings.reference_angles
     shifts = count * angles + (settings.references + settings.best_references) * dense
     kept = f"{folder.root}; the same command goes on"
@@ -309,7 +309,7 @@ def _choose(study: Setup, path: Path, known: list[Params], count: int) -> dict[s
 
 def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say) -> Stored:
     """Fit the surrogate to the shifts of a folder, judge it and write it; InputError for few."""
-    study, path = folder.stored_study().working, folder.simulated
+    study, path = folder.stored_study().search_setup, folder.simulated
     if folder.rows.exists():
         data = with_rows(study, read_json(folder.rows, WRITE_AGAIN)["rows"])
     else:

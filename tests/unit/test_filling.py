@@ -82,12 +82,14 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
     assert each >= training.LEAST_SHIFTS
     assert count_of(study) == 50_000 // each
     job = Job(study.prototype, angles, 3, 0)
-    blocks = job.blocks(study.working)
+    blocks = job.blocks(study.search_setup)
     assert {len(block.angles) for block in blocks} == {angles // 2}
     assert sum(job.rounds(study)) == angles // 2
     assert {block.clutch.solver.engine for block in blocks} == {"planar"}
     other = replace(job, index=1)
-    assert not {b.angles[0] for b in blocks} & {b.angles[0] for b in other.blocks(study.working)}
+    assert not {b.angles[0] for b in blocks} & {
+        b.angles[0] for b in other.blocks(study.search_setup)
+    }
 
 
 def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -> None:
@@ -100,7 +102,7 @@ def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -
 
 def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_path: Path) -> None:
     """Half of a design's angles are where its times jump: they say what many even ones say."""
-    study, path = load_study("mq200_paper", EIGHT).working, tmp_path / "simulated.jsonl"
+    study, path = load_study("mq200_paper", EIGHT).search_setup, tmp_path / "simulated.jsonl"
     own, less = study.prototype, {**study.prototype, "chamfer_deg": 7.5}
     jobs = [Job(own, 32, 1, 0), Job(less, 32, 1, 1)]
     even = Job(own, 31, 5, 0)  # below 32 fewer halve intervals
