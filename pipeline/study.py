@@ -27,7 +27,7 @@ from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
 from dogshape.pipeline.store.result_records import EngineAgreement, HangKeys, hang_keys
-from dogshape.pipeline.store.trial_storage import kept, open_storage
+from dogshape.pipeline.store.trial_storage import guard_storage, open_storage
 from dogshape.pipeline.train.training import train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import EngineError, GeometryError, InputError
@@ -67,7 +67,7 @@ def run_study(study: Setup, how: Run) -> Row:
     with writing(folder.root):
         new = not folder.manifest.exists()
         folder.open(study, how.resume)
-        with kept(how.storage, folder):
+        with guard_storage(how.storage, folder):
             try:
                 search = open_search(study.search_setup, folder, how.storage, how.resume)
             except InputError:
