@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.common import paper_study
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
-from dogshape.pipeline.simulate.evaluation import expect_to, expectation_of
+from dogshape.pipeline.simulate.evaluation import expect_to_precision, expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block, engage
@@ -110,7 +110,7 @@ def reported(study: Setup) -> None:
     start = time.process_time()
     with WorkCounter(ProgressBar(), 1) as progress:
         executor = scratch_executor(1, progress.advance)
-        found, _, _ = expect_to(study, study.points, GOAL, executor, progress)
+        found, _, _ = expect_to_precision(study, study.points, GOAL, executor, progress)
     took = time.process_time() - start
     time_s = f"{found.mean * 1e3:.2f} +- {found.standard_error * 1e3:.2f} ms"
     print(f"expect --precision 0.01: {time_s}, {found.shifts} shifts of Drake, {took:.1f} s CPU")
@@ -126,7 +126,7 @@ def coverage(study: Setup, dense: Dense) -> None:
         turned = replace(study, file=study.file.model_copy(update={"expectation": drawn}))
         table = dense.fresh()
         with WorkCounter(SILENT, 1) as progress:
-            runs.append(expect_to(turned, study.points, GOAL, table, progress)[0])
+            runs.append(expect_to_precision(turned, study.points, GOAL, table, progress)[0])
         cpu.append(sum(table.cpu[key] for key in table.used))
     print(f"  {np.mean([r.shifts for r in runs]):.0f} shifts of Drake, {np.mean(cpu):.1f} s CPU; "
           f"error {_root([r.mean - reference.mean for r in runs]):.2f} ms, "

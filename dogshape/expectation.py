@@ -40,7 +40,7 @@ from dogshape.pipeline.reports.text import (
     time_text,
 )
 from dogshape.pipeline.simulate.design import SIMULATED
-from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
+from dogshape.pipeline.simulate.evaluation import FIRST_ANGLES, expect_to_precision, expectation_of
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import ExpectedTime, LimitRow, PointRow
 from dogshape.running import Angles, in_radians, receiver
@@ -203,10 +203,10 @@ def simulate_mean(
     shifts += repeated(shifts)
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
-        shifts = FIRST * len(points)
+        shifts = FIRST_ANGLES * len(points)
     with where.executor("expect", asked, shifts) as (executor, counter):
         if precision is not None:
-            mean, blocks, rows = expect_to(config, points, precision, executor, counter)
+            mean, blocks, rows = expect_to_precision(config, points, precision, executor, counter)
         else:
             rows = executor.run(blocks)
             mean = expectation_of(config, points, rows, even=isinstance(given, int))

@@ -31,12 +31,12 @@ from dogshape.pipeline.simulate.design import (
     SUMMARIES,
     Design,
     design_of,
+    explain_infeasible,
     limits_of,
-    none_passes,
+    mark_worthy,
     objectives_of,
     simulated_limits,
     values_of,
-    which_pass,
 )
 from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.train.training_rows import with_rows
@@ -154,7 +154,7 @@ class Guide:
 
     def allowed(self, params: Sequence[Params]) -> Mask:
         """Mark designs that pass every check that needs no simulation, (m,)."""
-        return which_pass(self.study, params)
+        return mark_worthy(self.study, params)
 
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
@@ -283,7 +283,7 @@ class Pool:
                 rng.bit_generator.state = after  # as if nothing had been drawn beyond the last one
                 break
         if not found:
-            raise InputError(none_passes(self._guide.study, TRIES * size))
+            raise InputError(explain_infeasible(self._guide.study, TRIES * size))
         return found
 
 

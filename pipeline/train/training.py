@@ -23,7 +23,7 @@ from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
-from dogshape.pipeline.simulate.design import none_passes, which_pass
+from dogshape.pipeline.simulate.design import explain_infeasible, mark_worthy
 from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import (
@@ -95,7 +95,7 @@ def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Pa
     while missed < DRAWS:
         designs = [_design(study, unit) for unit in sequence.random(256)]
         fit = (
-            (_just_beyond(study, one) for one in designs) if beyond else which_pass(study, designs)
+            (_just_beyond(study, one) for one in designs) if beyond else mark_worthy(study, designs)
         )
         for design, wanted in zip(designs, fit, strict=True):
             missed += 1
@@ -104,7 +104,7 @@ def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Pa
                 seen.add(tuple(design.values()))
                 yield design
     if not seen and not beyond:
-        raise InputError(none_passes(study, DRAWS))
+        raise InputError(explain_infeasible(study, DRAWS))
 
 
 def _design(study: Setup, unit: Array) -> Params:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys
-from dogshape.pipeline.simulate.design import design_of, which_pass, worth_simulating
+from dogshape.pipeline.simulate.design import design_of, mark_worthy, worth_simulating
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train import training
 from dogshape.pipeline.train.training import Job, count_of, own_designs, simulated_data
@@ -26,7 +26,7 @@ def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Setup) -
     assert designs[:12] == training.first_designs(small_study, 12)
     assert [worth_simulating(small_study, one) for one in designs] == [True, True, False] * 10
     worst = replace_keys(small_study, {"search.limits.smallest_margin_worst": 0.0})
-    assert not which_pass(worst, designs[2::3]).any()  # also where none is left for that limit
+    assert not mark_worthy(worst, designs[2::3]).any()  # also where none is left for that limit
     for design in designs[2::3]:
         checks = design_of(small_study, design).checks
         assert -training.SLACK <= min(check.margin for check in checks) < 0.0

@@ -9,7 +9,7 @@ from dogshape.pipeline.config.operating import OPERATED, POINT_SETS
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.sampler import Guide, Space
 from dogshape.pipeline.search.state import Trial, not_dominated
-from dogshape.pipeline.simulate.design import leading
+from dogshape.pipeline.simulate.design import leading_objective
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
@@ -94,7 +94,7 @@ def test_uncertain_shifts_say_what_was_drawn() -> None:
 def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     names = "['smallest_margin', 'axial_length_mm']"
     study = load_study("mq200_paper", [f"search.objectives={names}"])
-    assert leading(study).name == "smallest_margin"
+    assert leading_objective(study).name == "smallest_margin"
     values = (0.2, 8.0), (0.1, 8.0), (0.1, 7.0)
     rows = np.array([Trial(0, {}, pair).losses(study)[0] for pair in values])
     assert rows[0].tolist() == [-0.2, 8.0]
