@@ -41,7 +41,7 @@ from dogshape.pipeline.reports.text import (
 )
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.simulate.evaluation import FIRST_ANGLES, expect_to_precision, expectation_of
-from dogshape.pipeline.simulate.executor import Where
+from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.result_records import ExpectedTime, LimitRow, PointRow
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
@@ -186,7 +186,7 @@ class Expectation(Result):
 
 
 def simulate_mean(
-    config: Setup, where: Where, place: Place, angles: Angles, precision: float | None = None
+    config: Setup, where: RunOptions, place: Place, angles: Angles, precision: float | None = None
 ) -> Expectation:
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
     config = config.search_setup
@@ -315,7 +315,7 @@ def expect_draws(
     means = []
     with WorkCounter(receiver(progress), len(studies), unit="draws") as counter:
         for one in studies:
-            means.append(simulate_mean(one, Where(jobs), EVERYWHERE, angles))
+            means.append(simulate_mean(one, RunOptions(jobs), EVERYWHERE, angles))
             counter.advance(1)
     times = np.array([mean.time_s for mean in means], dtype=float)
     errors = np.array([mean.standard_error_s for mean in means])

@@ -25,7 +25,7 @@ from dogshape.pipeline.simulate.evaluation import (
     expectation_of,
     landings_over,
 )
-from dogshape.pipeline.simulate.executor import Where
+from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError, InputError
@@ -235,6 +235,9 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
         for name, effect in found.effects.items()
         if name in cause and name not in OF_STAND
     }
-    where, shifts = Where(means.jobs, None, folder, means.progress), 2 * ANGLES * len(given.points)
+    where, shifts = (
+        RunOptions(means.jobs, None, folder, means.progress),
+        2 * ANGLES * len(given.points),
+    )
     with where.executor("so-what", (given.config_hash,), shifts * len(designs)) as (executor, _):
         return consequence(given, designs, values, found.effects, executor.run)

@@ -13,7 +13,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys
 from dogshape.pipeline.simulate.design import design_of, mark_worthy, worth_simulating
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train import training
-from dogshape.pipeline.train.training import Job, count_of, own_designs, simulated_data
+from dogshape.pipeline.train.training import Job, count_of, prototype_designs, simulated_data
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.dataset import COLUMNS, rows_of
 
@@ -29,7 +29,7 @@ def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Setup) -
     assert not mark_worthy(worst, designs[2::3]).any()  # also where none is left for that limit
     for design in designs[2::3]:
         checks = design_of(small_study, design).checks
-        assert -training.SLACK <= min(check.margin for check in checks) < 0.0
+        assert -training.BORDER_WIDTH <= min(check.margin for check in checks) < 0.0
         assert all(c.passed for c in checks if c.name.endswith("_release"))
     for key, (low, high) in small_study.variables.items():
         values = [design[key] for design in designs]
@@ -67,9 +67,10 @@ def test_rows_are_groups_of_whole_draws() -> None:
 
 def test_own_designs_are_those_that_can_be_simulated() -> None:
     study = load_study("mq200_paper")
-    assert own_designs(study) == [study.prototype]
-    assert own_designs(load_study("mq200_paper", {"dog.chamfer_deg": 5.0})) == []  # it holds
-    assert own_designs(load_study("mq200_paper", {"dog.count": 40})) == []  # its tip is too narrow
+    assert prototype_designs(study) == [study.prototype]
+    assert prototype_designs(load_study("mq200_paper", {"dog.chamfer_deg": 5.0})) == []  # it holds
+    narrow = load_study("mq200_paper", {"dog.count": 40})  # its tip is too narrow
+    assert prototype_designs(narrow) == []
 
 
 @pytest.mark.parametrize(("settings", "angles"), [({}, 16), (EIGHT, 16), (ONE, 128)])

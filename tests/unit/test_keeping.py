@@ -15,7 +15,7 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.simulate.executor import Executor, Where
+from dogshape.pipeline.simulate.executor import Executor, RunOptions
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block, even_blocks
@@ -69,7 +69,7 @@ def test_a_folder_that_cannot_be_made_is_told(dogshape: Call, tmp_path: Path, qu
 def test_the_same_command_twice_at_once_is_told(
     tmp_path: Path, quick: Quick, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    where = Where(1, None, tmp_path, ProgressBar())
+    where = RunOptions(1, None, tmp_path, ProgressBar())
     with where.executor("expect", ("abc", 3), 1) as (first, _):
         with where.executor("expect", ("abc", 3), 1) as (second, _):
             assert second.journal.path != first.journal.path
