@@ -78,9 +78,9 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
     settings: dict[str, object], angles: int
 ) -> None:
     study = load_study("mq200_paper", {**settings, "surrogate.mix_shifts": 50_000})
-    assert training.angles_of(study) == angles >= training.LEAST_ANGLES
+    assert training.angles_of(study) == angles >= training.MIN_ANGLES
     each = angles * len(study.points)
-    assert each >= training.LEAST_SHIFTS
+    assert each >= training.MIN_SHIFTS
     assert count_of(study) == 50_000 // each
     job = Job(study.prototype, angles, 3, 0)
     blocks = job.blocks(study.search_setup)
@@ -95,7 +95,7 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
 
 def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -> None:
     many = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": 10**7})
-    assert count_of(many) == training.MOST_DESIGNS
+    assert count_of(many) == training.MAX_DESIGNS
     for shifts in (1, 15 * 128 - 1):
         with pytest.raises(InputError, match=rf"mix_shifts = {shifts} .* give 1920 or more"):
             count_of(load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": shifts}))
