@@ -31,7 +31,7 @@ import psutil
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
 from dogshape.pipeline.search.sampler import Space
 from dogshape.pipeline.search.search import _tell, next_round, open_search, run
 from dogshape.pipeline.simulate.design import design_of
@@ -137,7 +137,7 @@ def fitting(designs: int) -> float:
 
 def banking(points: int) -> float:
     """Measure the bank of a bench with so many operating points without its shifts, s."""
-    bench, means = load_bench("mq200_adams"), Means()
+    bench, means = load_bench("mq200_adams"), BankOptions()
     cells = tuple(bench.cells[k % len(bench.cells)] for k in range(points))
     bench = replace(bench, clutch=bench.clutch.with_engine("planar"), cells=cells)
     stand_in = synthetic(study_of())

@@ -20,12 +20,12 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import calibrated_study, gap_update
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
-    Means,
-    diagnosed,
-    points_from,
-    predicted_field,
+    BankOptions,
+    diagnose_bench,
+    load_points,
+    predict_field,
 )
-from dogshape.pipeline.diagnose.consequence import Consequence, price_of, studied
+from dogshape.pipeline.diagnose.consequence import Consequence, compute_consequence, load_candidates
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of
@@ -161,21 +161,21 @@ def diagnose(
     given, listener = load_bench(bench, correct), receiver(progress)
     own = None if effects is None else Path(effects)
     settings = replace(USUAL, seed=seed)
-    means = Means(Path(bank or BANK), own, jobs, listener, engine, settings)
+    means = BankOptions(Path(bank or BANK), own, jobs, listener, engine, settings)
     folder = None if out is None else Path(out)
     if folder is not None:
         gap_update.require_no_updates(folder)
     if study is not None:
-        studied(study)  # refuses a study without a result before the long work
+        load_candidates(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
-        found, where, price = diagnosed(given, means), "not written, for lack of --out", None
+        found, where, price = diagnose_bench(given, means), "not written, for lack of --out", None
         if folder is not None:
             where = f"written to {gap_page.publish(found, folder)}"
             gap_update.keep_data(given, folder, means.effects)
         if study is not None:
             words = f"The report is {where}; next: simulation of the study's designs"
             listener.say(f"{headline_of(found.verdict, found.effects)}. {words}")
-            price = price_of(found, study, means, folder or means.bank)
+            price = compute_consequence(found, study, means, folder or means.bank)
             if folder is not None:
                 gap_page.publish(found, folder, price)
     return Diagnosis(found, price, folder)
@@ -242,16 +242,16 @@ def update_diagnosis(
         before and now differ by the readings alone.
     """
     place = Path(folder)
-    asked = gap_update.asked_of(place)
+    asked = gap_update.read_request(place)
     with writing(place):
-        bench, sheet = gap_update.joined(place, Path(new), asked)
+        bench, sheet = gap_update.join_readings(place, Path(new), asked)
         require_shifts(bench, times=True)
         count = len(asked.joined)
-        before = gap_update.before_of(place, count)
+        before = gap_update.keep_previous(place, count)
         own = effects if effects is not None else asked.effects
         own = None if own is None else Path(own)
-        means = Means(Path(bank or BANK), own, jobs, receiver(progress), before["engine"])
-        found = diagnosed(bench, means)
+        means = BankOptions(Path(bank or BANK), own, jobs, receiver(progress), before["engine"])
+        found = diagnose_bench(bench, means)
         record = gap_update.update_record(before, found, sheet, count)
         gap_page.publish(found, place, history=gap_update.add_update(place, record, count))
         gap_update.settle_data(place)
@@ -368,16 +368,16 @@ def plan_shifts(
     if file is not None and file.exists():
         raise StorageError(f"--out is {file}, which is there already; name another file")
     require_targets({"--out": file})
-    bench = points_from(where)
+    bench = load_points(where)
     if points is not None and not 1 <= points <= len(bench.cells):
         raise InputError(
             f"number of operating points is {points}, but {bench.name} has {len(bench.cells)}; "
             f"give 1 to {len(bench.cells)}"
         )
-    means = Means(
+    means = BankOptions(
         Path(bank or BANK), None if effects is None else Path(effects), jobs, receiver(progress)
     )
-    plan = shift_plan(predicted_field(bench, means), shifts, seed, points)
+    plan = shift_plan(predict_field(bench, means), shifts, seed, points)
     if file is not None:
         todo = [bench.cells[place].point for place, count in plan.order for _ in range(count)]
         rows = [(rounded(p.mismatch / RPM), rounded(p.profile.force), p.profile.rise, 1)

@@ -13,7 +13,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, models_of
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, RunOptions
 from dogshape.pipeline.store.folder import ShiftJournal, append
@@ -92,7 +92,7 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
     left = sum(len(block.angles) for block in blocks[1:])
     append(tmp_path / "shifts.jsonl", *Quick()(blocks[0]))
     said: list[str] = []
-    models_of(bench, effects, Means(tmp_path, jobs=1, progress=Listener(said)))
+    models_of(bench, effects, BankOptions(tmp_path, jobs=1, progress=Listener(said)))
     assert f"lacks {left + len(blocks[0].angles)} shifts" in said[0]
 
 

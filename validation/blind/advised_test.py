@@ -27,7 +27,7 @@ from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import settle
 from dogshape.diagnosis.prediction.model import Model
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed, models_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, diagnose_bench, models_of
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, RPM
@@ -139,7 +139,7 @@ def _shifted(
 
 def diagnose_folder(folder: Path) -> dict[str, Any]:
     """Diagnose a blind case."""
-    return diagnosed(load_bench(folder), _means(1)).to_dict()
+    return diagnose_bench(load_bench(folder), _means(1)).to_dict()
 
 
 def likelihood_of(folder: Path, sensor: str, model: Model | None = None) -> Likelihood:
@@ -159,8 +159,10 @@ def likelihood_of(folder: Path, sensor: str, model: Model | None = None) -> Like
 
 def advised(folder: Path, truth: Mapping[str, Any], right: Sequence[Names]) -> Advised | None:
     """Diagnose a case again, make the test that it advises by the truth, and judge the outcome."""
-    return judged_by_test(folder, case_of(truth), diagnosed(load_bench(folder), _means(1)), right)
+    return judged_by_test(
+        folder, case_of(truth), diagnose_bench(load_bench(folder), _means(1)), right
+    )
 
 
-def _means(jobs: int) -> Means:
-    return Means(jobs=jobs, engine=ENGINE)
+def _means(jobs: int) -> BankOptions:
+    return BankOptions(jobs=jobs, engine=ENGINE)
