@@ -161,12 +161,12 @@ class Study:
         """
         from dogshape.pipeline.simulate.executor import end_workers  # noqa: PLC0415
         from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
-        from dogshape.pipeline.study import Run, run_study  # noqa: PLC0415
+        from dogshape.pipeline.study import StudyOptions, run_study  # noqa: PLC0415
         from dogshape.study_result import StudyResult  # noqa: PLC0415
 
         begun = sum(os.times()[:4])
         folder = StudyFolder(default_out(self.config) if out is None else Path(out))
-        how = Run(folder, jobs, storage, resume, cluster, report, receiver(progress))
+        how = StudyOptions(folder, jobs, storage, resume, cluster, report, receiver(progress))
         record, page = run_study(self.config, how), folder.report if report else None
         end_workers()
         return StudyResult(self.config, folder.root, record, page, sum(os.times()[:4]) - begun)

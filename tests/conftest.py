@@ -17,7 +17,7 @@ from dogshape.pipeline.__main__ import main
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.progress import Progress, WorkCounter
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.study import Run
+from dogshape.pipeline.study import StudyOptions
 from dogshape.sim.clutch_tables import dog_fields
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
@@ -98,9 +98,9 @@ def small_study() -> Setup:
     return load_study("mq200_paper", SMALL)
 
 
-def searching(folder: Path, jobs: int = 0, storage: str | None = None, **more: Any) -> Run:
+def searching(folder: Path, jobs: int = 0, storage: str | None = None, **more: Any) -> StudyOptions:
     """A run of a study in a folder that ends with its result; most tests read no report."""
-    return Run(StudyFolder(folder), jobs, storage, report=False, **more)
+    return StudyOptions(StudyFolder(folder), jobs, storage, report=False, **more)
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ def shifts_of(
             )
             progress.say(messages[0])
         resumption = f"{options.bank}; the same command goes on from there"
-        with WorkCounter(progress, count, kept=resumption) as counter:
+        with WorkCounter(progress, count, resumption=resumption) as counter:
             executor = Executor(journal, options.jobs, counter.advance)
             rows = bank.times(blocks, executor.run)
         journal.say_unfinished(progress.say)

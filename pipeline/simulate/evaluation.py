@@ -390,7 +390,7 @@ def expect_to_precision(
             f"error {100 * error:.2g} % from {shift_count} shifts{doubt}; twice the angles"
         )
         angles *= 2
-        progress.rest(shift_count)
+        progress.expect_more(shift_count)
 
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life

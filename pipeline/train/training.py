@@ -308,7 +308,7 @@ def fill(
     with writing(folder.root):
         folder.open(study, resume=True)
         shift_count = angle_count * len(study.points)
-        with WorkCounter(progress, shift_count, kept=resumption) as counter:
+        with WorkCounter(progress, shift_count, resumption=resumption) as counter:
             journal = ShiftJournal(folder.running)
             executor = Executor(journal, jobs, counter.advance, cluster)
             _fill_parts(study.search_setup, folder, count, executor=executor, say=counter.say)

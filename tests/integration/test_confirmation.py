@@ -18,7 +18,7 @@ from dogshape.pipeline.search.state import PointTimes, SearchState, Trial, under
 from dogshape.pipeline.simulate.design import CheckInputs, Design
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Evaluation
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.study import Run, run_study
+from dogshape.pipeline.study import StudyOptions, run_study
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.trace import OVERLAPS
@@ -83,7 +83,7 @@ def searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Searched:
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)
         study = load_study("mq200_paper", [*SETTINGS, f"search.confirm_designs={budget}"])
         place = tmp_path / f"out{len(list(tmp_path.iterdir()))}"
-        return run_study(study, Run(StudyFolder(place), 1, report=report))
+        return run_study(study, StudyOptions(StudyFolder(place), 1, report=report))
 
     return search
 

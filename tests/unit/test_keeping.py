@@ -125,9 +125,9 @@ def test_progress_says_an_upper_bound_as_such(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("dogshape.terminal.LINE_EVERY", 0.0)
-    with WorkCounter(ProgressBar(), 10, most=True) as progress:
+    with WorkCounter(ProgressBar(), 10, at_most=True) as progress:
         progress.advance(4)
-        progress.rest(3)
+        progress.expect_more(3)
         progress.advance(1)
         progress.advance(5)
     with WorkCounter(ProgressBar(), 2) as exact:
