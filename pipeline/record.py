@@ -93,7 +93,7 @@ class Record(Section):
         return self.model_dump(exclude_unset=True)
 
     def cell(self, name: str) -> str:
-        """Print the value of a key as in its column; a dash where it has none."""
+        """Print the value of a key in the format of its column; None as a dash."""
         value = getattr(self, name)
         look = look_of(type(self), name)
         if isinstance(value, bool):
@@ -142,7 +142,7 @@ def number_or_none(value: float | None) -> float | None:
 
 
 class Result(ABC):
-    """Answer to a problem, which it carries; frozen, so that it stays what was computed."""
+    """Answer to a problem, with the problem; frozen."""
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:

@@ -246,7 +246,7 @@ def _statement(operating: Mapping[str, Any]) -> tuple[str, list[str]]:
 
 
 def replaced_keys(settings: Mapping[str, Any], tables: Mapping[str, Any]) -> list[str]:
-    """List the keys of a file that become void by settings of the same quantities.
+    """List the keys of a file that become void by settings.
 
     Settings of points, of a set, or of mismatch and force together replace all points.
 
@@ -286,7 +286,7 @@ def _dotted_keys(tables: Mapping[str, Any]) -> Iterator[str]:
 
 
 def nominal_operation(points: Sequence[OperatingPoint]) -> dict[str, float]:
-    """Return the values of ``OPERATED`` at which the points of a study stay as they are."""
+    """Return the values of ``OPERATED`` that leave the points of a study unchanged."""
     weight = sum(point.weight for point in points)
     mean = sum(point.weight * point.mismatch for point in points) / weight
     return {MISMATCH: round(mean / RPM, SET_POINT_DECIMALS), FORCE: 1.0, RISE: 1.0}
@@ -443,7 +443,7 @@ def _effect_changes(table: Mapping[str, Any], base: Setting) -> Iterator[tuple[s
 
 
 def _difference(base: Setting, changed: Setting) -> Fields:
-    """Return the fields of a changed setting that differ from those of ``base``."""
+    """Return the fields of a changed setting that differ from ``base``."""
     base_fields = _flat_fields(base)
     return {
         name: value for name, value in _flat_fields(changed).items() if value != base_fields[name]

@@ -78,7 +78,7 @@ def ranged(low: float, high: float, default: Any = None, *, late: bool = False) 
 
 
 class ContactSection(keys_of(ContactSet, contact_set)):  # type: ignore[misc]
-    """Name of a contact set, and values that replace those of the set."""
+    """Name of a contact set, and values that override it."""
 
     set: str = "lubricated_steel"
 
@@ -160,7 +160,7 @@ class StrikeSection(
     mismatch_rpm: Numbers | None = later()
 
     def _with_mechanism(self, mechanism: Mechanism) -> dict[str, Any]:
-        """Return the keys of the section, completed by those of the mechanism, edge units.
+        """Complete the keys of the section by the mechanism, edge units.
 
         Ring, wheel, shafts and play of ``[mechanism]`` are nominal: a value or range of this
         section that leaves them out raises InputError.
@@ -232,7 +232,7 @@ def _require_within(
 
 
 class MaterialSection(keys_of(Material, material_of)):  # type: ignore[misc]
-    """Name of a material set (``sim.strength.materials``), and values that replace its values."""
+    """Name of a material set (``sim.strength.materials``), and values that override it."""
 
     set: str = "16MnCr5"
 

@@ -79,7 +79,7 @@ class Setup:
 
     @property
     def shape_keys(self) -> tuple[str, ...]:
-        """Searched keys of the dog, without those of the operation."""
+        """Searched keys of the dog; the operation has its own."""
         return tuple(key for key in self.variables if key not in OPERATED)
 
     def with_operation(self, params: Mapping[str, float]) -> Setup:
@@ -213,7 +213,7 @@ class Setup:
 
     @property
     def physics_hash(self) -> str:
-        """Content key of ``physics``; results are comparable where it is equal."""
+        """Content key of ``physics``; results of equal keys are comparable."""
         return content_key(self.physics)
 
     @property

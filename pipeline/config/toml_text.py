@@ -26,11 +26,13 @@ def toml_value(value: Any, *, lines: bool = False) -> str:
 
 
 def toml_text(data: Mapping[str, Any], comments: Mapping[str, Sequence[str]]) -> str:
-    """Write a TOML file of tables with comments; keys of value None are left out.
+    """Write a TOML file of tables with comments, without keys of value None.
 
     ``comments`` are sentences by the dotted key that they stand before, ``""`` for the top.
     """
-    tables = {"": {key: value for key, value in data.items() if not isinstance(value, Mapping)}}
+    tables: dict[str, Mapping[str, Any]] = {
+        "": {key: value for key, value in data.items() if not isinstance(value, Mapping)}
+    }
     tables |= {name: table for name, table in data.items() if isinstance(table, Mapping)}
     lines = []
     for name, table in tables.items():
@@ -119,14 +121,15 @@ def sources_of(text: str) -> dict[str, str]:
     for name, table in tomlkit.parse(text).items():
         if not isinstance(table, Table):
             continue
-        table_source = _source(table.trivia.comment)
+        table_source = _source(table)
         for key in table:
-            sources[f"{name}.{key}"] = _source(table.value.item(key).trivia.comment) or table_source
+            sources[f"{name}.{key}"] = _source(table.value.item(key)) or table_source
     return sources
 
 
-def _source(comment: str) -> str:
-    """Return the source that a comment names, or an empty text."""
+def _source(item: Any) -> str:
+    """Return the source that the comment of an item names, or an empty text."""
+    comment: str = item.trivia.comment
     return comment.partition(SOURCE)[2].strip()
 
 
@@ -143,7 +146,7 @@ def meanings_of(text: str) -> dict[str, str]:
 
 
 def _renew_comment(item: Any, key: str, comments: Mapping[str, str] | None) -> None:
-    """Replace the comment of an item by that of its key; without ``comments`` drop its source."""
+    """Replace the comment of an item from ``comments``; if None, just drop its source."""
     if comments is None:
         _drop_source(item)
     elif isinstance(item, Item):

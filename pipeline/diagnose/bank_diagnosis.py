@@ -178,7 +178,7 @@ def load_points(place: str | Path) -> Bench:
 
 
 def predict_field(bench: Bench, options: BankOptions) -> Field:
-    """Predict the effects at the operating points of a bench; simulate what no bank has."""
+    """Predict the effects at the operating points of a bench; simulate missing shifts."""
     bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))
     models = models_of(bench, load(options.effects), options)
     model = next(iter(models.values()))

@@ -97,7 +97,7 @@ class Consequence:
 
     @property
     def standard_error(self) -> float:
-        """Standard error of the regret, s, as if both designs had angles of their own."""
+        """Standard error of the regret, s, as if both designs had different angles."""
         chosen, best = self.chosen.with_effect, self.best.with_effect
         if chosen is best:
             return 0.0

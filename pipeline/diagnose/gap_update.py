@@ -154,7 +154,7 @@ def join_readings(folder: Path, new: Path, request: Request) -> tuple[Bench, She
 
 
 def _new_digest(new: Path, request: Request) -> str:
-    """Compute the digest of a table; DataError where it cannot be read or has joined before."""
+    """Compute the digest of a table; DataError if unreadable or joined before."""
     try:
         digest = hashlib.sha256(file_of(new).read_bytes()).hexdigest()[:16]
     except OSError as error:
@@ -244,7 +244,7 @@ def require_no_updates(folder: Path) -> None:
 
 
 def keep_previous(folder: Path, count: int) -> Record:
-    """Copy the record of the diagnosis before an update to a name of its own, and return it.
+    """Copy the record of the diagnosis before an update to a numbered file, and return it.
 
     ``count`` is the number of earlier updates.
     """
@@ -270,7 +270,7 @@ def add_update(folder: Path, record: Record, count: int) -> dict[str, str]:
 
 
 def _read_json(path: Path, kind: Callable[[Any], T]) -> T:
-    """Read a JSON file as a value; StorageError where it is damaged."""
+    """Read a JSON file, and convert it by ``kind``; StorageError for a damaged file."""
     try:
         return kind(json.loads(path.read_text(encoding="utf-8")))
     except (ValueError, KeyError, TypeError) as error:

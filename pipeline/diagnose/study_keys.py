@@ -148,7 +148,7 @@ def effect_settings(clutch: Clutch, effect: Effect, values: Mapping[str, float])
 
 
 def _dog_settings(dog: Dog, names: Sequence[str]) -> dict[str, Any]:
-    """Write fields of a dog as dotted keys of a study, in their units."""
+    """Write fields of a dog as dotted keys of a study, edge units."""
     settings = {}
     for name in names:
         key = f"dog.{DOG_KEYS[name]}"

@@ -244,25 +244,20 @@ class _DogSection:
         self.dog = dog
         self.limits = limits
         # The section shows a whole pitch.
-        self.reach = max(MIN_REACH * dog.pitch, 1.03 * dog.pitch - 0.5 * dog.root_width)  # m
-        self.scale = min(0.62 * WIDTH / (2.0 * self.reach), 0.33 * HEIGHT / dog.height)  # px/m
-        self.half_height = 0.5 * dog.height  # m
+        reach = max(MIN_REACH * dog.pitch, 1.03 * dog.pitch - 0.5 * dog.root_width)  # m
+        self.scale = min(0.62 * WIDTH / (2.0 * reach), 0.33 * HEIGHT / dog.height)  # px/m
         self.root_radius = limits.root_radius  # m
         self.top_radius = tip_radius(dog, self.root_radius)  # m
-        self.left = self.point(-self.reach, 0.0)
-        self.right = self.point(self.reach, 0.0)
-        self.bottom = self.point(0.0, -self.half_height).imag + 84.0  # of the ring, px
+        self.left = self.point(-reach, 0.0)
+        self.right = self.point(reach, 0.0)
+        half_height = 0.5 * dog.height
+        self.bottom = self.point(0.0, -half_height).imag + 84.0  # of the ring, px
         self.corners = [self.point(x, z) for x, z in section(dog)]
-        self.braking_root = self.corners[0]
-        self.braking_edge = self.corners[1]
-        self.traction_edge = self.corners[-2]
-        self.traction_root = self.corners[-1]
+        self.braking_root, self.edge, *_, self.back, self.traction_root = self.corners
         self.crest = min(self.corners, key=lambda corner: (corner.imag, -corner.real))
         middle = 0.25 * (dog.pitch - dog.backlash)
         #: intersection of the traction flank with the plane of the tip
-        self.traction_tip = self.point(
-            middle - self.half_height * dog.tangents[1], self.half_height
-        )
+        self.traction_tip = self.point(middle - half_height * dog.tangents[1], half_height)
 
     def point(self, x: float, z: float) -> complex:
         """Place a point of the section, m from the middle of the dog, in px."""
@@ -309,34 +304,34 @@ def _lengths(drawing: _DogSection) -> list[str]:
     """Draw the dimensions of lengths."""
     dog = drawing.dog
     crest = drawing.crest
-    edge, back = drawing.braking_edge, drawing.traction_edge
-    braking_root, traction_root = drawing.braking_root, drawing.traction_root
-    left, right = drawing.left.real, drawing.right.real
-    root_level = traction_root.imag
-    traction_tip = drawing.traction_tip
-    braking_tip = traction_tip - dog.tip_width * drawing.scale
-    next_root = traction_root - dog.pitch * drawing.scale
+    edge = drawing.edge
+    root = drawing.traction_root
+    tip = drawing.traction_tip
+    left = drawing.left.real
+    right = drawing.right.real
+    braking_tip = tip - dog.tip_width * drawing.scale
+    previous_root = root - dog.pitch * drawing.scale
     height = "h " + drawing.size("height", dog.height)
     rounded_height = (dog.height - crest_loss(dog, drawing.top_radius)) / MM
-    flank = _auxiliary("flank", dog.height - dog.edge_drop)
     lengths = [
         _line(edge, braking_tip),
-        _line(back, traction_tip),
-        _dimension(braking_tip, traction_tip, crest.imag - 42.0, _auxiliary("tip", dog.tip_width)),
+        _line(drawing.back, tip),
+        _dimension(braking_tip, tip, crest.imag - 42.0, _auxiliary("tip", dog.tip_width)),
         _dimension(
-            braking_root, traction_root, root_level + 36.0, _auxiliary("root", dog.root_width)
+            drawing.braking_root, root, root.imag + 36.0, _auxiliary("root", dog.root_width)
         ),
-        _dimension(next_root, traction_root, root_level + 68.0, _auxiliary("pitch", dog.pitch, 3)),
-        _dimension(crest, traction_root, right + 46.0, height, upright=True),
+        _dimension(previous_root, root, root.imag + 68.0, _auxiliary("pitch", dog.pitch, 3)),
+        _dimension(crest, root, right + 46.0, height, upright=True),
         _text(
-            complex(right + 52.0, root_level + 4.0), f"{rounded_height:.2f} over", "start", "small"
+            complex(right + 52.0, root.imag + 4.0), f"{rounded_height:.2f} over", "start", "small"
         ),
-        _text(complex(right + 52.0, root_level + 18.0), "the rounding", "start", "small"),
-        _dimension(edge, braking_root, left - 20.0, flank, upright=True),
+        _text(complex(right + 52.0, root.imag + 18.0), "the rounding", "start", "small"),
     ]
+    flank = _auxiliary("flank", dog.height - dog.edge_drop)
+    lengths.append(_dimension(edge, drawing.braking_root, left - 20.0, flank, upright=True))
     if dog.back_drop > 0.0:
-        back_flank = _auxiliary("flank", dog.height - dog.back_drop)
-        lengths.append(_dimension(back, traction_root, right + 22.0, back_flank, upright=True))
+        flank = _auxiliary("flank", dog.height - dog.back_drop)
+        lengths.append(_dimension(drawing.back, root, right + 22.0, flank, upright=True))
     if dog.edge_drop > 0.0:
         drop = _auxiliary("drop", dog.edge_drop)
         lengths.append(_dimension(crest, edge, left - 54.0, drop, upright=True))
@@ -346,20 +341,19 @@ def _lengths(drawing: _DogSection) -> list[str]:
 def _face_angles(drawing: _DogSection, level: float) -> list[str]:
     """Draw the angles of the faces, with words at height ``level``."""
     dog = drawing.dog
-    angles = []
+    faces = []
+    # Words stand beside the tip, so that no leader crosses its dimension.
     if dog.crest != 0.0:
-        directions = (180.0, 180.0 + dog.chamfer / DEG)
-        content = drawing.slope("chamfer", "chamfer \u03b1")
-        # Beside the tip, so that no leader crosses its dimension.
-        end = drawing.braking_edge - 60.0
-        radius = abs(drawing.crest - end) - 40.0
-        angles.append(_angle(drawing.crest, directions, radius, content, complex(end.real, level)))
+        chamfer = drawing.slope("chamfer", "chamfer \u03b1")
+        faces.append((180.0, 180.0 + dog.chamfer / DEG, chamfer, drawing.edge - 60.0))
     if dog.crest < 1.0:
-        directions = (-dog.chamfer_back / DEG, 0.0)
-        content = drawing.slope("chamfer_back", "back \u03b1\u2082")
-        end = drawing.traction_edge + 60.0
+        back = drawing.slope("chamfer_back", "back \u03b1\u2082")
+        faces.append((-dog.chamfer_back / DEG, 0.0, back, drawing.back + 60.0))
+    angles = []
+    for start, stop, content, end in faces:
         radius = abs(drawing.crest - end) - 40.0
-        angles.append(_angle(drawing.crest, directions, radius, content, complex(end.real, level)))
+        place = complex(end.real, level)
+        angles.append(_angle(drawing.crest, (start, stop), radius, content, place))
     return angles
 
 
@@ -372,18 +366,18 @@ def _flank_angles(drawing: _DogSection, level: float) -> list[str]:
     traction_level = level + (34.0 if dog.crest < 1.0 else 0.0)
     return [
         _angle(
-            drawing.traction_edge,
+            drawing.back,
             (traction_low, traction_high),
             radius,
             drawing.slope("traction", "traction flank \u03b2"),
             place=complex(drawing.traction_tip.real + 70.0, traction_level),
         ),
         _angle(
-            drawing.braking_edge,
+            drawing.edge,
             (braking_low, braking_high),
             0.8 * radius,
             drawing.slope("braking", "braking flank \u03b3"),
-            place=complex(drawing.braking_edge.real - 110.0, level + 34.0),
+            place=complex(drawing.edge.real - 110.0, level + 34.0),
         ),
     ]
 

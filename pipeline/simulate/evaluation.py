@@ -191,7 +191,7 @@ class Evaluation:
 def time_estimates(
     names: Iterable[str], expectation: Expectation, reference: Expectation | None
 ) -> dict[str, Estimate]:
-    """Estimate those of the named objectives that depend on the probability of a hang."""
+    """Estimate the named objectives of ``TIME_ESTIMATORS``; others are ignored."""
     return {
         name: TIME_ESTIMATORS[name](expectation, reference)
         for name in names
@@ -200,7 +200,7 @@ def time_estimates(
 
 
 def replace_limited(measured: CheckInputs, estimates: Mapping[str, Estimate]) -> CheckInputs:
-    """Replace the values of limited quantities by estimates of the same name."""
+    """Replace the values of limited quantities by new estimates."""
     limited = {
         name: estimates[name].value if name in estimates else value
         for name, value in measured.limited.items()
@@ -233,7 +233,7 @@ _cached_even_blocks = lru_cache(maxsize=2)(even_blocks)  # the reference of all 
 
 
 def forget_designs(study: Setup, executor: Executor, angles: int, seed: int) -> None:
-    """Drop the shifts of all designs from the journal except those of the reference."""
+    """Drop the shifts of all designs but the reference from the journal."""
     keys = set()
     for block in reference_blocks(study, angles, seed):
         keys.update(block.keys)

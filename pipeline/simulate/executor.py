@@ -99,7 +99,7 @@ class Executor:
             self.progress(len(finished_keys), len(finished_keys))
 
     def _simulate(self, blocks: list[Block]) -> Iterator[list[Record]]:
-        """Yield the records of blocks as they finish, from cluster, cores or this process."""
+        """Yield the records of finished blocks, from cluster, cores or this process."""
         jobs = min(workers_of(self.jobs), len(blocks))
         if blocks and self.cluster is not None:
             yield from self._on_cluster(blocks, self.cluster)
@@ -129,7 +129,7 @@ class Executor:
         return missing_blocks
 
     def _on_cores(self, blocks: list[Block], jobs: int) -> Iterator[list[Record]]:
-        """Yield the records of blocks as they finish; repeat the blocks of a worker that died."""
+        """Yield the records of finished blocks; repeat the blocks of a worker that died."""
         remaining_tries = MAX_DEATHS
         while blocks:
             finished_count = len(self.journal.rows)
@@ -188,7 +188,7 @@ class Executor:
 
 
 def _simulate_block(block: Block, path: Path) -> list[Record]:
-    """Simulate a block, and append each shift to the journal as soon as it is finished."""
+    """Simulate a block, and append each finished shift to the journal at once."""
     rows = []
     for row in run_block(block):
         append(path, row)
@@ -242,7 +242,7 @@ _clients: dict[str, Any] = {}  #: of Dask clusters, by address
 
 
 def connect(address: str | None) -> Any:
-    """Return the client of a Dask cluster, the same for one address; None without address.
+    """Return the client of a Dask cluster, one for each address; None without address.
 
     InputError where nothing answers, WorkerError where a worker has other versions.
     """
@@ -285,7 +285,7 @@ def _connect_client(address: str) -> Any:
 
 
 def _require_same_versions(address: str, programs: Any, worker: str) -> None:
-    """Raise WorkerError if a worker's versions differ from those of this process.
+    """Raise WorkerError if a worker has other versions than this process.
 
     ``programs`` are its versions by name, or an exception of a worker without Dogshape.
     """

@@ -96,7 +96,7 @@ def _require_shift(row: Record) -> None:
 
 
 def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Iterator[Record]:
-    """Yield the rows of a file of JSON lines; a last line without its end is left out.
+    """Yield the rows of a file of JSON lines, without an unfinished last line.
 
     ``require`` raises for a row that is not ``kind``, which raises StorageError.
     """
@@ -186,7 +186,7 @@ class StudyFolder:
         self.report = root / "report.html"
 
     def open(self, study: Setup, resume: bool) -> None:
-        """Start or resume the folder; StorageError where it holds another study."""
+        """Start or resume the folder; StorageError if another study is there."""
         if self.manifest.exists():
             stored_study = self.stored_study()
             if not resume:
@@ -229,7 +229,7 @@ class StudyFolder:
         return build_study(validate(StudyFile, content["study"], str(self.manifest)))
 
     def stored_result(self) -> dict[str, Any]:
-        """Read ``result.json``; StorageError where it is missing or damaged."""
+        """Read ``result.json``; StorageError if the file is missing or damaged."""
         result = read_json(self.result, WRITE_AGAIN)
         has_trials = isinstance(result.get("trials"), list)
         if not has_trials or any(key not in result for key in RESULT_KEYS):
@@ -306,7 +306,7 @@ def require_targets(
 
 
 def _target_fault(path: Path, endings: tuple[str, ...] | None) -> str:
-    """Say why an output file cannot be written, and the remedy; empty if it can."""
+    """Explain why an output file cannot be written, with the remedy; empty if it can."""
     if path.is_dir():
         return "which is a folder; name a file"
     if endings is not None and path.suffix.lower() not in endings:

@@ -357,7 +357,7 @@ class CheckRow(Record):
         return text
 
     def _unjudged_cell(self, name: str) -> str:
-        """Print a value of a check that is not judged; a dash where there is none."""
+        """Print a value of a check without a verdict, or a dash."""
         if name == "margin":
             return Bad("not judged")
         if name in ("name", "limit_key", "meaning"):

@@ -67,7 +67,7 @@ def stored_surrogate(study: Setup, file: str | Path | None) -> tuple[Stored, Pat
 
 
 def matching_surrogate(study: Setup, file: str | Path | None) -> tuple[Stored, Path] | None:
-    """Load the surrogate as ``stored_surrogate``, or None if there is none of the same physics.
+    """Load the surrogate as ``stored_surrogate``; None if all have other physics.
 
     A surrogate that ``file`` names may have other physics.
     """
