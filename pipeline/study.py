@@ -18,6 +18,7 @@ from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     OBJECTIVES,
     SIMULATED,
+    Design,
     exact_values,
     leading_objective,
     limits_of,
@@ -254,12 +255,7 @@ def row_of(state: SearchState, trial: Trial) -> Row:
     hang_values = dict.fromkeys(HangKeys.model_fields)
     if trial.times:
         hang_values = hang_keys(expectation_from(study, trial.times).under(state.priors))
-    failed = list(design.failed)
-    if not trial.judged:
-        failed.append("engines")
-    is_feasible = trial.simulated and not failed
-    if not failed and not trial.simulated:
-        failed = [UNKNOWN]
+    failed = _failed_checks(trial, design)
     return {
         "trial": trial.number,
         PROTOTYPE: trial.prototype,
@@ -275,11 +271,21 @@ def row_of(state: SearchState, trial: Trial) -> Row:
         "points": len(study.points) if trial.simulated else 0,
         "shifts": trial.shifts,
         "engaged": None if trial.measured is None else trial.measured.engaged,
-        "feasible": is_feasible,
+        "feasible": not failed,
         "failed": failed,
         **smallest_within(study, design),
         "time_within_tolerances": None,
     }
+
+
+def _failed_checks(trial: Trial, design: Design) -> list[str]:
+    """List the failed checks of a trial, with the agreement of engines and its simulation."""
+    failed = list(design.failed)
+    if not trial.judged:
+        failed.append("engines")
+    if not failed and not trial.simulated:
+        failed.append(UNKNOWN)
+    return failed
 
 
 def _estimates(study: Setup, trial: Trial, *, has_times: bool) -> dict[str, Estimate | None]:

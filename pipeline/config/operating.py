@@ -260,12 +260,7 @@ def replaced_keys(settings: Mapping[str, Any], tables: Mapping[str, Any]) -> lis
     """
     setting_keys = {key for key, value in settings.items() if value is not None}
     file_keys = [key for key in _dotted_keys(tables) if key not in setting_keys]
-    void_keys = set()
-    for first, second in ALTERNATIVE_KEYS:
-        if first in setting_keys:
-            void_keys.add(second)
-        if second in setting_keys:
-            void_keys.add(first)
+    void_keys = _alternatives(setting_keys)
     prefix = "operating."
     operating = {
         key.removeprefix(prefix): settings[key] for key in setting_keys if key.startswith(prefix)
@@ -275,6 +270,12 @@ def replaced_keys(settings: Mapping[str, Any], tables: Mapping[str, Any]) -> lis
         point_keys = {key for key in file_keys if key.startswith(prefix)}
         void_keys |= point_keys - statement_keys
     return [key for key in file_keys if key in void_keys]
+
+
+def _alternatives(keys: set[str]) -> set[str]:
+    """List the keys that state a quantity of ``keys`` in another way."""
+    alternatives = {second for first, second in ALTERNATIVE_KEYS if first in keys}
+    return alternatives | {first for first, second in ALTERNATIVE_KEYS if second in keys}
 
 
 def _dotted_keys(tables: Mapping[str, Any]) -> Iterator[str]:

@@ -285,10 +285,11 @@ def ring_settings(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str
     factor = max(MAX_RING_SHARE, largest / old_inertia) * new_inertia / largest
     if factor >= 1.0:
         return {}
-    return {
-        key: [factor * end for end in ring] if isinstance(ring, list) else factor * ring
-        for key, ring in rings.items()
-    }
+    settings_of_ring = {}
+    for key, ring in rings.items():
+        is_range = isinstance(ring, list)
+        settings_of_ring[key] = [factor * end for end in ring] if is_range else factor * ring
+    return settings_of_ring
 
 
 def _is_number(value: Any) -> bool:
