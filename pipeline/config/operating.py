@@ -293,7 +293,7 @@ def nominal_operation(points: Sequence[OperatingPoint]) -> dict[str, float]:
     return {MISMATCH: round(mean / RPM, SET_POINT_DECIMALS), FORCE: 1.0, RISE: 1.0}
 
 
-def operated_points(
+def points_of_design(
     points: Sequence[OperatingPoint], actuation: Actuation, params: Mapping[str, float]
 ) -> tuple[OperatingPoint, ...]:
     """Return the operating points of a design; keys that are absent change nothing.
@@ -404,7 +404,7 @@ def _replace_fields(part: str, value: Any, fields: Fields) -> Any:
     return replace(value, **changes)
 
 
-def keys_changed(effect: Effect, values: Mapping[str, float], base: Setting) -> set[str]:
+def effect_keys(effect: Effect, values: Mapping[str, float], base: Setting) -> set[str]:
     """List the dotted keys of a study that an effect sets, ``mechanism.delay_s`` for instance.
 
     ``mismatch`` and ``angles``, which are no keys, are listed too. The place at which displacement

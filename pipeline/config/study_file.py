@@ -23,7 +23,7 @@ from dogshape.pipeline.config.operating import (
     OPERATED,
     Actuation,
     nominal_operation,
-    operated_points,
+    points_of_design,
     replaced_keys,
     with_mechanism,
 )
@@ -87,7 +87,7 @@ class Setup:
         operation = {key: params[key] for key in OPERATED if key in params}
         if not operation:
             return self
-        points = operated_points(self.points, self.actuation, operation)
+        points = points_of_design(self.points, self.actuation, operation)
         limits = _limits(self.file, self.clutch, points)
         return replace(self, points=points, limits=limits, operation=operation)
 

@@ -232,12 +232,12 @@ def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> Non
 def _clashing_keys(data: Data, effects: Sequence[Effect], clutch: Clutch) -> list[str]:
     """List the dotted keys of a study that some effects set too."""
     registered = registry.load()
-    effect_keys = {key for effect in effects for key in touched_keys(clutch, effect)}
+    keys_of_effects = {key for effect in effects for key in touched_keys(clutch, effect)}
     keys = set()
     for table in ("mechanism", "contact"):
-        keys |= {f"{table}.{key}" for key in data.get(table, {})} & effect_keys
+        keys |= {f"{table}.{key}" for key in data.get(table, {})} & keys_of_effects
     for name in data.get("effects", {}):
-        if touched_keys(clutch, registered[name]) & effect_keys:
+        if touched_keys(clutch, registered[name]) & keys_of_effects:
             keys.add(f"effects.{name}")
     return sorted(keys)
 

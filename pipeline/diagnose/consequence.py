@@ -210,7 +210,9 @@ def simulate_consequence(
         for index, setting in enumerate(settings):
             blocks.append(even_block(setting.clutch, setting.point, ANGLES, (seed, index)))
     rows = iter(run(blocks))
-    timed = [_timed(study, settings, [next(rows) for _ in settings]) for settings in all_settings]
+    timed = [
+        _time_design(study, settings, [next(rows) for _ in settings]) for settings in all_settings
+    ]
     timed_without = _pool_hangs(timed[: len(designs)])
     timed_with = _pool_hangs(timed[len(designs) :])
     candidates = []
@@ -241,7 +243,7 @@ def _pool_hangs(timed: Sequence[tuple[Expectation, Check]]) -> list[tuple[Expect
     return [(expectation.under(priors), check) for expectation, check in timed]
 
 
-def _timed(
+def _time_design(
     study: Setup, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
 ) -> tuple[Expectation, Check]:
     """Compute the expected time of a design and its landing check of the smallest margin.

@@ -8,7 +8,7 @@ from itertools import product
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.pipeline.config.operating import PROBE, keys_changed
+from dogshape.pipeline.config.operating import PROBE, effect_keys
 from dogshape.pipeline.config.schema import FORMAT
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
@@ -129,7 +129,7 @@ def touched_keys(clutch: Clutch, effect: Effect) -> set[str]:
     for share in PROBE_SHARES:
         with suppress(DogshapeError):  # values that no bench has
             values = {parameter.name: parameter.at(share) for parameter in effect.parameters}
-            keys |= keys_changed(effect, values, base)
+            keys |= effect_keys(effect, values, base)
     return keys
 
 

@@ -81,7 +81,7 @@ class Executor:
         the journal cannot be written.
         """
         self._count_finished(blocks)
-        missing_blocks = self._unfinished(blocks)
+        missing_blocks = self._missing_blocks(blocks)
         self._started += sum(len(block.angles) for block in missing_blocks)
         for rows in self._simulate(missing_blocks):
             self.journal.rows.update((row["key"], row) for row in rows)
@@ -114,7 +114,7 @@ class Executor:
         self.journal.drop(self.journal.rows.keys() - set(kept_keys))
         self._counted &= set(kept_keys)
 
-    def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
+    def _missing_blocks(self, blocks: Sequence[Block]) -> list[Block]:
         """Reduce blocks to the shifts that the journal lacks, without repeated shifts."""
         missing_blocks = []
         covered_keys = set(self.journal.rows)
@@ -156,7 +156,7 @@ class Executor:
                         "they do when memory runs out; finished shifts are kept, so run the "
                         "command again with fewer --jobs"
                     ) from error
-            blocks = self._unfinished(blocks)
+            blocks = self._missing_blocks(blocks)
 
     def _suits_threads(self, blocks: Sequence[Block]) -> bool:
         """Decide whether threads are faster: for few shifts of the compiled engine."""
