@@ -271,7 +271,8 @@ def ring_settings(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str
     key = "sliding.inertia_kgm2"
     old_inertia = data.get("sliding", {}).get("inertia_kgm2")
     new_inertia = settings.get(key)
-    if not _is_number(old_inertia) or not _is_number(new_inertia):
+    numbers = (int, float)
+    if not isinstance(old_inertia, numbers) or not isinstance(new_inertia, numbers):
         return {}
     if not 0 < new_inertia < old_inertia:
         return {}
@@ -279,7 +280,7 @@ def ring_settings(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str
     ends = []
     for ring in rings.values():
         ends += ring if isinstance(ring, list) else [ring]
-    if not ends or not all(_is_number(end) and end > 0.0 for end in ends):
+    if not ends or not all(isinstance(end, numbers) and end > 0.0 for end in ends):
         return {}
     largest = max(ends)
     factor = max(MAX_RING_SHARE, largest / old_inertia) * new_inertia / largest
@@ -290,10 +291,6 @@ def ring_settings(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str
         is_range = isinstance(ring, list)
         settings_of_ring[key] = [factor * end for end in ring] if is_range else factor * ring
     return settings_of_ring
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float))
 
 
 def _ring_values(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
