@@ -20,7 +20,13 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import diagnose
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.pipeline.diagnose.bank import Bank, series_key
-from dogshape.pipeline.diagnose.bank_diagnosis import BANK, BROUGHT, TIMES, Means, shifts_of
+from dogshape.pipeline.diagnose.bank_diagnosis import (
+    BANK,
+    BUNDLED_BANK,
+    TIMES,
+    BankOptions,
+    shifts_of,
+)
 from dogshape.sim.effects import load
 from dogshape.sim.files import write_whole
 from dogshape.sim.statistics.blocks import Block
@@ -37,9 +43,9 @@ def main() -> None:
     parser.add_argument("--bank", type=Path, default=BANK)
     parser.add_argument("--jobs", type=int, default=0)
     arguments = parser.parse_args()
-    options = Means(bank=arguments.bank, jobs=arguments.jobs, progress=ProgressBar())
+    options = BankOptions(bank=arguments.bank, jobs=arguments.jobs, progress=ProgressBar())
     used_keys = list[str]()
-    bank = Bank((BROUGHT, arguments.bank / TIMES))
+    bank = Bank((BUNDLED_BANK, arguments.bank / TIMES))
 
     def run(blocks: Sequence[Block]) -> list[list[Record]]:
         used_keys.extend(map(series_key, blocks))
@@ -51,8 +57,8 @@ def main() -> None:
         bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))
         diagnose(bench, build_models(bench, load(None), settings, run), settings)
     rows = [json.dumps(bank.series[key]) + "\n" for key in dict.fromkeys(used_keys)]
-    write_whole(BROUGHT, "".join(rows))
-    print(f"{BROUGHT}: {len(rows)} series")
+    write_whole(BUNDLED_BANK, "".join(rows))
+    print(f"{BUNDLED_BANK}: {len(rows)} series")
 
 
 if __name__ == "__main__":

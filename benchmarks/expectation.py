@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.common import paper_study
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
-from dogshape.pipeline.simulate.evaluation import expect_to, expectation_of
+from dogshape.pipeline.simulate.evaluation import expect_to_precision, expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block, engage
@@ -121,7 +121,7 @@ def print_program(study: Setup) -> None:
     start = time.process_time()
     with WorkCounter(ProgressBar(), 1) as progress:
         executor = scratch_executor(1, progress.advance)
-        expectation, _, _ = expect_to(study, study.points, PRECISION, executor, progress)
+        expectation, _, _ = expect_to_precision(study, study.points, PRECISION, executor, progress)
     cpu = time.process_time() - start
     time_s = f"{expectation.mean * 1e3:.2f} +- {expectation.standard_error * 1e3:.2f} ms"
     print(
@@ -143,7 +143,10 @@ def print_coverage(study: Setup, dense: Dense) -> None:
         )
         table = dense.copy_unused()
         with WorkCounter(SILENT, 1) as progress:
-            runs.append(expect_to(seeded_study, study.points, PRECISION, table, progress)[0])
+            expectation, _, _ = expect_to_precision(
+                seeded_study, study.points, PRECISION, table, progress
+            )
+            runs.append(expectation)
         cpu.append(sum(table.cpu[key] for key in table.used))
     print(
         f"  {np.mean([r.shifts for r in runs]):.0f} shifts of Drake, {np.mean(cpu):.1f} s CPU; "

@@ -17,7 +17,7 @@ import argparse
 from benchmarks.contact_sets import Designs, designs_of
 from dogshape.check import Strength, check_strength
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.executor import Where
+from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.strength.checks import smallest_margin
 
@@ -50,7 +50,7 @@ def check_design(design: dict[str, float], keys: Keys, jobs: int) -> Strength:
     """Return all checks of a design, keys in edge units, with its landing."""
     shape = {f"dog.{name}": value for name, value in design.items()}
     study = load_study("mq200_paper", {**shape, **keys, "solver.engine": "planar"})
-    return check_strength(study, Where(jobs))
+    return check_strength(study, RunOptions(jobs))
 
 
 def summary_line(strength: Strength) -> str:

@@ -73,7 +73,7 @@ Run = dict[str, Any]  #: ``asked``, and ``steps`` with ``cpu`` in s, ``designs``
 
 def problem(*overrides: str) -> Setup:
     """Return the study that all samplers search."""
-    return load_study("mq200_paper", [*PROBLEM, *overrides]).working
+    return load_study("mq200_paper", [*PROBLEM, *overrides]).search_setup
 
 
 class AllowedGP(GPSampler):

@@ -31,7 +31,7 @@ import psutil
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
 from dogshape.pipeline.search.sampler import Space
 from dogshape.pipeline.search.search import _tell, next_round, open_search, run
 from dogshape.pipeline.simulate.design import design_of
@@ -66,7 +66,7 @@ def cpu() -> float:
 
 def study_of(*settings: str) -> Setup:
     """Return the default study in the compiled engine."""
-    return load_study("mq200", settings).working
+    return load_study("mq200", settings).search_setup
 
 
 def print_table(title: str, sizes: Sequence[int], cost: Callable[[int], float], unit: str) -> None:
@@ -145,7 +145,7 @@ def measure_fit(designs: int) -> float:
 def measure_bank(points: int) -> float:
     """Measure the bank of a bench with a number of operating points, without shifts, s."""
     bench = load_bench("mq200_adams")
-    options = Means()
+    options = BankOptions()
     cells = tuple(bench.cells[k % len(bench.cells)] for k in range(points))
     bench = replace(bench, clutch=bench.clutch.with_engine("planar"), cells=cells)
     stand_in = synthetic_executor(study_of())

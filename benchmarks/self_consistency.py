@@ -33,7 +33,7 @@ from dogshape.diagnosis.prediction.model import Model, Prediction
 from dogshape.diagnosis.prediction.moments import mask_late
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
-from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, models_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BANK, BankOptions, models_of
 from dogshape.sim.effects import load
 from dogshape.validation.blind.score import share
 
@@ -77,7 +77,7 @@ def load_world(bank: Path = BANK) -> tuple[Bench, Model]:
     bench = load_bench("mq200_adams")
     cells = tuple(cell for cell in bench.cells if cell.n)[::2]
     bench = replace(bench, cells=cells, record=RECORD, clutch=bench.clutch.with_engine("planar"))
-    return bench, models_of(bench, load(), Means(bank=bank))["sleeve"]
+    return bench, models_of(bench, load(), BankOptions(bank=bank))["sleeve"]
 
 
 @cache

@@ -95,7 +95,7 @@ def print_validation(clutch: str, jobs: int) -> None:
     fill(study, folder, jobs, None, SILENT)
     stored = train(folder)
     v = stored.validation
-    best = simulated_data(study.working, folder.simulated, "best_references")
+    best = simulated_data(study.search_setup, folder.simulated, "best_references")
     print(
         f"{clutch:<10}{len(stored.surrogate.data):8d}{v.rmse_s * 1e3:9.2f}"
         f"{v.bias_s * 1e3:+9.2f}{v.noise_s * 1e3:9.2f}  {v.q2:.3f}{v.coverage_95:9.0%}"

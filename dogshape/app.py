@@ -38,7 +38,7 @@ from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import PLACE
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.pipeline.train.training_rows import own_surrogate
+from dogshape.pipeline.train.training_rows import matching_surrogate
 from dogshape.running import receiver
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.texts import is_plain
@@ -182,7 +182,7 @@ def open_desk(
     roots = [Path(folder)] if folder else [bundled_root() / study.name, default_out(config)]
     if surrogate is None and folder is not None and StudyFolder(roots[0]).surrogate.is_file():
         surrogate = StudyFolder(roots[0]).surrogate
-    stored, path = own_surrogate(config, surrogate) or (None, None)
+    stored, path = matching_surrogate(config, surrogate) or (None, None)
     for one in map(StudyFolder, roots):
         if one.result.is_file() and set(config.shape_keys) == set(config.variables):
             read = one.stored_result()

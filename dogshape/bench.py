@@ -14,7 +14,7 @@ from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, percent, tabulate
 from dogshape.pipeline.reports.text import time_text
-from dogshape.pipeline.simulate.executor import Where
+from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import InputError
@@ -132,6 +132,6 @@ def validate(
     shifts = len(data.cells) * count
     propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
     asked = data.name, clutch_record(data.clutch), angles
-    where = Where(jobs, None, keep, receiver(progress))
+    where = RunOptions(jobs, None, keep, receiver(progress))
     with where.executor("validate", asked, shifts + propagated + repeated(shifts)) as (run, _):
         return Comparison(compare(data, run.run, chosen, checked=True))

@@ -40,7 +40,7 @@ from dogshape.pipeline.store.result_records import (
     hang_keys,
     not_judged_row,
 )
-from dogshape.pipeline.train.training_rows import own_surrogate, study_mix
+from dogshape.pipeline.train.training_rows import matching_surrogate, study_mix
 from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.strength.checks import smallest_margin
@@ -56,7 +56,7 @@ from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.store import Validation
 
 if TYPE_CHECKING:
-    from dogshape.pipeline.simulate.executor import Where
+    from dogshape.pipeline.simulate.executor import RunOptions
 
 
 @dataclass(frozen=True, repr=False)
@@ -423,7 +423,7 @@ def check_design(
 
 def _guess(config: Setup, mix: Mix, named: str | Path | None) -> Guess | None:
     """Ask the surrogate of the study's physics about its own design."""
-    if (found := own_surrogate(config, named)) is None:
+    if (found := matching_surrogate(config, named)) is None:
         return None
     stored, path = found
     model, own = stored.surrogate, config.prototype
@@ -521,11 +521,11 @@ class Strength(Checked):
         }
 
 
-def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Strength:
+def check_strength(config: Setup, where: RunOptions, *, simulate: bool = True) -> Strength:
     """Check the strength of a study's design as ``Study.strength`` does."""
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
 
-    config = config.working
+    config = config.search_setup
     settings = config.file.expectation
     shifts = len(config.points) * settings.angles if simulate else 0
     measured = None

@@ -40,8 +40,13 @@ from dogshape.pipeline.reports.text import (
     time_text,
 )
 from dogshape.pipeline.simulate.design import SIMULATED
-from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of, with_torques
-from dogshape.pipeline.simulate.executor import Where
+from dogshape.pipeline.simulate.evaluation import (
+    FIRST_ANGLES,
+    expect_to_precision,
+    expectation_of,
+    with_torques,
+)
+from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.result_records import (
     ExpectedTime,
     LimitRow,
@@ -193,10 +198,10 @@ class Expectation(Result):
 
 
 def simulate_mean(
-    config: Setup, where: Where, place: Place, angles: Angles, precision: float | None = None
+    config: Setup, where: RunOptions, place: Place, angles: Angles, precision: float | None = None
 ) -> Expectation:
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
-    config = config.working
+    config = config.search_setup
     clutch, settings = config.clutch, config.file.expectation
     if place[2] is not None and place[1] is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
@@ -210,10 +215,10 @@ def simulate_mean(
     shifts += repeated(shifts) + len(settings.limit_torques_Nm or ()) * shifts
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
-        shifts = FIRST * len(points)
+        shifts = FIRST_ANGLES * len(points)
     with where.executor("expect", asked, shifts) as (executor, counter):
         if precision is not None:
-            mean, blocks, rows = expect_to(config, points, precision, executor, counter)
+            mean, blocks, rows = expect_to_precision(config, points, precision, executor, counter)
         else:
             rows = executor.run(blocks)
             mean = expectation_of(config, points, rows, even=isinstance(given, int))
@@ -323,7 +328,7 @@ def expect_draws(
     means = []
     with WorkCounter(receiver(progress), len(studies), unit="draws") as counter:
         for one in studies:
-            means.append(simulate_mean(one, Where(jobs), EVERYWHERE, angles))
+            means.append(simulate_mean(one, RunOptions(jobs), EVERYWHERE, angles))
             counter.advance(1)
     times = np.array([mean.time_s for mean in means], dtype=float)
     errors = np.array([mean.standard_error_s for mean in means])

@@ -20,12 +20,12 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import calibrated_study, gap_update
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
-    Means,
-    diagnosed,
-    points_from,
-    predicted_field,
+    BankOptions,
+    diagnose_bench,
+    load_points,
+    predict_field,
 )
-from dogshape.pipeline.diagnose.consequence import Consequence, price_of, studied
+from dogshape.pipeline.diagnose.consequence import Consequence, compute_consequence, load_candidates
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of
@@ -133,10 +133,10 @@ def _means(
     jobs: int,
     progress: Progress | bool,
     **settings: Any,
-) -> Means:
-    """Make the means of a diagnosis from the arguments of a verb, and other fields of ``Means``."""
+) -> BankOptions:
+    """Build the options of a diagnosis from the arguments of a verb."""
     folder = None if effects is None else Path(effects)
-    return Means(Path(bank or BANK), folder, jobs, receiver(progress), **settings)
+    return BankOptions(Path(bank or BANK), folder, jobs, receiver(progress), **settings)
 
 
 def diagnose(
@@ -178,16 +178,16 @@ def diagnose(
         gap_update.require_no_updates(folder)
         _require_no_study(folder)
     if study is not None:
-        studied(study)  # refuses a study without a result before the long work
+        load_candidates(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
-        found, where, price = diagnosed(given, means), "not written, for lack of --out", None
+        found, where, price = diagnose_bench(given, means), "not written, for lack of --out", None
         if folder is not None:
             where = f"written to {gap_page.publish(found, folder)}"
             gap_update.keep_data(given, folder, means.effects)
         if study is not None:
             words = f"The report is {where}; next: simulation of the study's designs"
             listener.say(f"{headline_of(found.verdict, found.effects)}. {words}")
-            price = price_of(found, study, means, folder or means.bank)
+            price = compute_consequence(found, study, means, folder or means.bank)
             if folder is not None:
                 gap_page.publish(found, folder, price)
     return Diagnosis(found, price, folder)
@@ -262,15 +262,15 @@ def update_diagnosis(
         before and now differ by the readings alone.
     """
     place = Path(folder)
-    asked = gap_update.asked_of(place)
+    asked = gap_update.read_request(place)
     with writing(place):
-        bench, sheet = gap_update.joined(place, Path(new), asked)
+        bench, sheet = gap_update.join_readings(place, Path(new), asked)
         require_shifts(bench, times=True)
         count = len(asked.joined)
-        before = gap_update.before_of(place, count)
+        before = gap_update.keep_previous(place, count)
         effects = asked.effects if effects is None else effects
         means = _means(bank, effects, jobs, progress, engine=before["engine"])
-        found = diagnosed(bench, means)
+        found = diagnose_bench(bench, means)
         record = gap_update.update_record(before, found, sheet, count)
         gap_page.publish(found, place, history=gap_update.add_update(place, record, count))
         gap_update.settle_data(place)
@@ -387,14 +387,14 @@ def plan_shifts(
     if file is not None and file.exists():
         raise StorageError(f"--out is {file}, which is there already; name another file")
     require_targets({"--out": file})
-    bench = points_from(where)
+    bench = load_points(where)
     if points is not None and not 1 <= points <= len(bench.cells):
         raise InputError(
             f"number of operating points is {points}, but {bench.name} has {len(bench.cells)}; "
             f"give 1 to {len(bench.cells)}"
         )
     means = _means(bank, effects, jobs, progress)
-    plan = shift_plan(predicted_field(bench, means), shifts, seed, points)
+    plan = shift_plan(predict_field(bench, means), shifts, seed, points)
     if file is not None:
         todo = [bench.cells[place].point for place, count in plan.order for _ in range(count)]
         rows = [(rounded(p.mismatch / RPM), rounded(p.profile.force), p.profile.rise, 1)

@@ -128,10 +128,10 @@ class Study:
         progress : True for a bar in terminal or notebook, or a ``Progress`` of one's own.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
-        from dogshape.pipeline.simulate.executor import Where  # noqa: PLC0415
+        from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
         place = mismatch_rpm, force_N, force_rise_s
-        where = Where(jobs, cluster, keep, receiver(progress))
+        where = RunOptions(jobs, cluster, keep, receiver(progress))
         return simulate_mean(self.config, where, place, angles, precision)
 
     def search(
@@ -161,12 +161,12 @@ class Study:
         """
         from dogshape.pipeline.simulate.executor import end_workers  # noqa: PLC0415
         from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
-        from dogshape.pipeline.study import Run, run_study  # noqa: PLC0415
+        from dogshape.pipeline.study import StudyOptions, run_study  # noqa: PLC0415
         from dogshape.study_result import StudyResult  # noqa: PLC0415
 
         begun = sum(os.times()[:4])
         folder = StudyFolder(default_out(self.config) if out is None else Path(out))
-        how = Run(folder, jobs, storage, resume, cluster, report, receiver(progress))
+        how = StudyOptions(folder, jobs, storage, resume, cluster, report, receiver(progress))
         record, page = run_study(self.config, how), folder.report if report else None
         end_workers()
         return StudyResult(self.config, folder.root, record, page, sum(os.times()[:4]) - begun)
@@ -233,9 +233,9 @@ class Study:
         as in ``expect``. Example: ``study.strength(simulate=False)``
         """
         from dogshape.check import check_strength  # noqa: PLC0415
-        from dogshape.pipeline.simulate.executor import Where  # noqa: PLC0415
+        from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
-        where = Where(jobs, None, keep, receiver(progress))
+        where = RunOptions(jobs, None, keep, receiver(progress))
         return check_strength(self.config, where, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "", **block: str) -> Path:

@@ -11,7 +11,7 @@ Say = Callable[[str], None]  #: takes a sentence for people
 
 
 class Progress:
-    """Receiver of the progress of long work; this one ignores it."""
+    """Receiver of the progress of long work; the base ignores it."""
 
     def update(self, count: WorkCounter) -> None:
         """Take the count, each time that it changes."""
@@ -26,39 +26,68 @@ SILENT = Progress()
 class WorkCounter:
     """Counter of finished work that informs a progress; a context manager that reports the end.
 
-    ``done`` of ``total`` are finished, an upper bound if ``at_most``, ``known`` of them by an
-    earlier run; ``unit`` is a plural. ``ended`` is the work finished or not. On Ctrl-C it names the
-    folder of finished shifts and the way to go on, ``kept``.
+    Parameters
+    ----------
+    progress
+        Receiver of the counts.
+    total
+        Number of work units to expect, an upper bound if ``at_most``.
+    at_most
+        Whether the total is an upper bound.
+    unit
+        Name of the work units, in the plural.
+    resumption
+        Folder of finished shifts and the way to go on, for a message after Ctrl-C.
+
+    Attributes
+    ----------
+    done, known
+        Numbers of finished units, and of these by an earlier run.
+    ended
+        Whether the work ended, finished or not.
+
     """
 
     def __init__(
-        self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts",
-        kept: str = "",
-    ) -> None:  # fmt: skip
-        self._progress, self._kept, self.done, self.known = progress, kept, 0, 0
-        self.total, self.at_most, self.unit, self.ended = total, most, unit, False
+        self,
+        progress: Progress,
+        total: int,
+        *,
+        at_most: bool = False,
+        unit: str = "shifts",
+        resumption: str = "",
+    ) -> None:
+        self._progress = progress
+        self._resumption = resumption
+        self.total = total
+        self.at_most = at_most
+        self.unit = unit
+        self.done = 0
+        self.known = 0
+        self.ended = False
 
     def __enter__(self) -> WorkCounter:
         self._progress.update(self)
         return self
 
     def __exit__(self, _kind: object, error: object, _trace: object) -> None:
-        if self._kept and isinstance(error, KeyboardInterrupt):
-            self.say(f"finished shifts are kept in {self._kept}")
+        if self._resumption and isinstance(error, KeyboardInterrupt):
+            self.say(f"finished shifts are kept in {self._resumption}")
         self.ended = True
         self._progress.update(self)
 
     def advance(self, count: int, known: int = 0) -> None:
-        """Count ``count`` more as done, ``known`` of them by an earlier run; raise the total."""
-        self.done, self.known = self.done + count, self.known + known
+        """Count units as done, ``known`` of them by an earlier run; raise the total if needed."""
+        self.done += count
+        self.known += known
         self.total = max(self.total, self.done)
         self._progress.update(self)
 
-    def rest(self, count: int) -> None:
-        """Expect ``count`` more than those that are done."""
+    def expect_more(self, count: int) -> None:
+        """Set the total to ``count`` more units than are done."""
         self.total = self.done + count
         self._progress.update(self)
 
     def say(self, line: str) -> None:
-        """Hand on a sentence for the user."""
+        """Pass a sentence to the user."""
         self._progress.say(line)

@@ -1,8 +1,8 @@
 """Results: record, table, frame, schema and reference page follow from one declaration.
 
 A ``Record`` declares each key once (``key``): its meaning and unit, and for people the head of its
-column, the scale from the stored to the shown value and the format. A ``Table`` is what console and
-pages print alike. ``Result`` is the base of the public ones: text as on the command line, record
+column, the scale from the stored to the printed value and the format. Console and pages print the
+same ``Table``. ``Result`` is the base of the public results: text as on the command line, record
 and table.
 """
 
@@ -12,7 +12,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, zip_longest
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from pydantic import BaseModel, Field
@@ -28,23 +28,43 @@ if TYPE_CHECKING:
 else:  # they take half a second to load, which a quick answer does not need
     Frame = Figure = Any
 
-SHARE = "share"  #: unit of what lies between 0 and 1
+SHARE = "share"  #: unit of quantities between 0 and 1
 MINUS = "\N{MINUS SIGN}"
 
 
 def key(
-    meaning: str, unit: str = "", default: Any = ..., *, head: str = "", scale: float = 1.0,
-    form: str = ".4g", late: bool = False,
-) -> Any:  # fmt: skip
-    """Declare a key of a record; required without a default, unless earlier versions lack it.
+    meaning: str,
+    unit: str = "",
+    default: Any = ...,
+    *,
+    head: str = "",
+    scale: float = 1.0,
+    form: str = ".4g",
+    late: bool = False,
+) -> Any:
+    """Declare a key of a record; required without a default.
 
-    ``head`` is that of its column, in which a number is shown ``scale`` times as large, by the
-    format ``form``.
+    Parameters
+    ----------
+    meaning, unit
+        Of the value, for schema and reference page.
+    default
+        Value of an absent key.
+    head
+        Head of its column in a table; none is printed without it.
+    scale
+        Factor from the stored to the printed number.
+    form
+        Format of the printed number.
+    late
+        Whether earlier versions lack the key; its default then is None.
+
     """
     if late:
-        meaning, default = f"{meaning}; absent in earlier versions", None
-    shown: dict[str, Any] = {"unit": unit, "head": head, "scale": scale, "form": form}
-    return Field(default, description=meaning, json_schema_extra=shown)
+        meaning = f"{meaning}; absent in earlier versions"
+        default = None
+    look: dict[str, Any] = {"unit": unit, "head": head, "scale": scale, "form": form}
+    return Field(default, description=meaning, json_schema_extra=look)
 
 
 @dataclass(frozen=True)
@@ -55,7 +75,7 @@ class Table:
     rows: Sequence[Sequence[str]]
     #: look of a row by its place, ``best``, ``prototype`` or ``group`` (a row of one cell)
     looks: Mapping[int, str] = field(default_factory=dict)
-    words: Sequence[int] = ()  #: columns of text, beside the first one
+    words: Sequence[int] = ()  #: columns of text, besides the first
     note: str = ""
 
 
@@ -69,30 +89,36 @@ class Record(Section):
     """A result, or a row of one; unknown keys are refused."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the record as JSON takes it; keys that were not given are absent."""
+        """Return the record as JSON takes it, without keys that were not set."""
         return self.model_dump(exclude_unset=True)
 
     def cell(self, name: str) -> str:
-        """Print the value of a key as its column has it; a dash where it has none."""
-        value, shown = getattr(self, name), look_of(type(self), name)
+        """Print the value of a key in the format of its column; None as a dash."""
+        value = getattr(self, name)
+        look = look_of(type(self), name)
         if isinstance(value, bool):
             return "yes" if value else "no"
         if isinstance(value, str):
             return value
         if value is None or math.isnan(value):
             return "-"
-        scaled = value if shown["scale"] == 1.0 else shown["scale"] * value
-        return f"{scaled:{shown['form']}}".replace("-", MINUS).replace("%", " %")
+        scaled = value if look["scale"] == 1.0 else look["scale"] * value
+        return f"{scaled:{look['form']}}".replace("-", MINUS).replace("%", " %")
 
 
 def percent(margin: float) -> str:
     """Print a margin in percent, with decimals where it is small."""
-    digits = 0 if not 5e-5 <= abs(margin) < 0.05 else 1 if abs(margin) >= 0.001 else 2
+    size = abs(margin)
+    digits = 0
+    if 0.001 <= size < 0.05:
+        digits = 1
+    elif 5e-5 <= size < 0.001:
+        digits = 2
     return f"{100 * margin:z.{digits}f} %".replace("-", MINUS)
 
 
 def look_of(kind: type[BaseModel], name: str) -> dict[str, Any]:
-    """Give unit, head, scale and format of a key."""
+    """Return unit, head, scale and format of a key."""
     return cast(dict[str, Any], kind.model_fields[name].json_schema_extra)
 
 
@@ -104,41 +130,43 @@ def tabulate(kind: type[Record], rows: Sequence[Record], *names: str) -> Table:
 
 
 def frame_of(rows: Sequence[Record | dict[str, Any]]) -> pd.DataFrame:
-    """Give records, or rows of values by their keys, as a frame, a column for each key."""
+    """Build a frame of records, or of rows of values by key, with a column for each key."""
     import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
 
     return pd.DataFrame([row.to_dict() if isinstance(row, Record) else row for row in rows])
 
 
 def number_or_none(value: float | None) -> float | None:
-    """Return a number that JSON can hold: None where there is none."""
+    """Return a number that JSON can hold: None for None, NaN and infinity."""
     return value if value is not None and math.isfinite(value) else None
 
 
 class Result(ABC):
-    """Answer to a problem, which it carries; frozen, so that it stays what was computed."""
+    """Answer to a problem, with the problem; frozen."""
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """Give the record that the command line prints with ``--json``, fit for JSON."""
+        """Return the record that the command line prints with ``--json``, fit for JSON."""
 
     @abstractmethod
     def to_frame(self) -> Frame:
-        """Give the result as a table, columns named with their units."""
+        """Return the result as a table, columns named with their units."""
 
     @abstractmethod
     def to_parts(self) -> list[str | Table]:
-        """Give the sentences and tables that ``print`` and the command line show."""
+        """Return the sentences and tables that ``print`` and the command line show."""
 
     def __repr__(self) -> str:
         return "\n".join(line for part in self.to_parts() for line in _lines(part))
 
 
 def _lines(part: str | Table) -> list[str]:
+    """Format a sentence or a table as lines of text, columns aligned."""
     if isinstance(part, str):
         return [part]
-    split = (zip_longest(*(cell.split("\n") for cell in row), fillvalue="") for row in part.rows)
-    rows = [part.heads, *chain.from_iterable(split)]
+    rows: list[Sequence[str]] = [part.heads]
+    for row in part.rows:
+        rows += zip_longest(*(cell.split("\n") for cell in row), fillvalue="")
     cells = [row for row in rows if len(row) == len(part.heads)]  # a group has one cell
     widths = [max(map(len, column)) for column in zip_longest(*cells, fillvalue="")]
     return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

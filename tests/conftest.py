@@ -17,7 +17,7 @@ from dogshape.pipeline.__main__ import main
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.progress import Progress, WorkCounter
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.study import Run
+from dogshape.pipeline.study import StudyOptions
 from dogshape.sim.clutch_tables import dog_fields
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
@@ -98,9 +98,11 @@ def small_study() -> Setup:
     return load_study("mq200_paper", SMALL)
 
 
-def search_run(folder: Path, jobs: int = 0, storage: str | None = None, **options: Any) -> Run:
+def search_run(
+    folder: Path, jobs: int = 0, storage: str | None = None, **options: Any
+) -> StudyOptions:
     """Return a run of a study in a folder, without a report."""
-    return Run(StudyFolder(folder), jobs, storage, report=False, **options)
+    return StudyOptions(StudyFolder(folder), jobs, storage, report=False, **options)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ a setting, and no two may change the same one.
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -47,17 +48,20 @@ from dogshape.sim.versions import bundled_root
 
 #: Quantities of an operating point, each with its weights in a grid.
 AXES = {"mismatch_rpm": "mismatch_weight", "force_N": "force_weight"}
-SAMPLES = 24  #: points that are drawn where the study does not say
-DECIMALS = {"drawn": 3, "set-point": 6}  #: of drawn speeds and forces, and of the own set-point
-#: Keys that state one quantity in two ways.
-SAME = (
+DEFAULT_SAMPLES = 24  #: points of a draw without ``samples``
+DRAW_DECIMALS = 3  #: of drawn speeds, 1/min, and forces, N
+SET_POINT_DECIMALS = 6  #: of the set-point of a study, 1/min
+#: Pairs of keys that state one quantity.
+ALTERNATIVE_KEYS = (
     ("dog.backlash_mm", "dog.backlash_deg"),
     ("load.accuracy", "load.pitch_sd_um"),
     ("wear.rate_mm3_Nm", "wear.crest_loss_mm"),
 )
-TABLE = "duty_cycles.toml"  #: beside the bundled studies
-MISMATCH, FORCE, RISE = "mismatch_set_rpm", "force_factor", "rise_factor"
-OPERATED = (MISMATCH, FORCE, RISE)  #: keys of ``[variables]`` that are none of the dog
+POINT_SETS = "duty_cycles.toml"  #: beside the bundled studies
+MISMATCH = "mismatch_set_rpm"
+FORCE = "force_factor"
+RISE = "rise_factor"
+OPERATED = (MISMATCH, FORCE, RISE)  #: keys of ``[variables]`` for the operation
 
 
 Numbers = Annotated[list[float], or_one(int, float), Field(min_length=1)]
@@ -92,25 +96,35 @@ class Actuation:
 
     @property
     def table(self) -> RiseTable:
-        """Rise time by the final force at the sleeve, before the loss."""
+        """Rise time, s, by the final force at the sleeve before the loss, N."""
         forces = tuple(self.factor * force for force in self.nominal.forces)
-        return RiseTable(forces, tuple(self.rise_factor * rise for rise in self.nominal.rises))
+        rises = tuple(self.rise_factor * rise for rise in self.nominal.rises)
+        return RiseTable(forces, rises)
 
     def profile(self, force: float, rise: float | None = None, other_way: str = "") -> ForceProfile:
-        """Compute the force at the sleeve, N, from a nominal final ``force`` in N.
+        """Compute the force at the sleeve from a nominal final force.
 
-        A nominal ``rise`` in s overrides the table; ``other_way`` is what a user may do beside
-        extending it where it lacks the force.
+        Parameters
+        ----------
+        force
+            Nominal final force, N.
+        rise
+            Nominal rise time, s; by default that of the table.
+        other_way
+            Remedy for a force outside the table, besides an extension of the table.
+
         """
         if rise is None:
             rise = self.nominal.profile(force, other_way).rise
-        return self._shaped(self.factor * ForceProfile(force, rise).force, self.rise_factor * rise)
+        final_force = self.factor * ForceProfile(force, rise).force
+        return self._sleeve_profile(final_force, self.rise_factor * rise)
 
     def at_sleeve(self, force: float) -> ForceProfile:
-        """Return the profile of a final ``force`` at the sleeve before the loss, N."""
-        return self._shaped(force, self.table.profile(force).rise)
+        """Return the force profile with a final ``force`` at the sleeve before the loss, N."""
+        return self._sleeve_profile(force, self.table.profile(force).rise)
 
-    def _shaped(self, force: float, rise: float) -> ForceProfile:
+    def _sleeve_profile(self, force: float, rise: float) -> ForceProfile:
+        """Add lag, delay and loss to a final force, N, and a rise time, s, at the sleeve."""
         return ForceProfile(force, rise, lag=self.lag, delay=self.delay, loss=self.loss)
 
 
@@ -142,131 +156,185 @@ class OperatingSection(Section):
     seed: Annotated[int, Field(ge=0)] | None = later()
 
     def operating_points(self, profile: Profiles) -> tuple[OperatingPoint, ...]:
-        """Return the operating points; mistakes raise InputError."""
+        """Build the operating points; InputError for a mistake."""
         rows = self.rows()
-        (place, count), *_ = Counter(row[:2] for row in rows).most_common(1)
+        places = Counter((mismatch, force) for mismatch, force, _ in rows)
+        (mismatch, force), count = places.most_common(1)[0]
         if count > 1:
-            fault = f"[operating] has {place[0]:.6g} 1/min with {place[1]:.6g} N {count} times"
+            fault = f"[operating] has {mismatch:.6g} 1/min with {force:.6g} N {count} times"
             raise InputError(f"{fault}; give it once with the sum of the weights")
-        return tuple(OperatingPoint(m * RPM, profile(force), w) for m, force, w in rows)
+        return tuple(
+            OperatingPoint(mismatch * RPM, profile(force), weight)
+            for mismatch, force, weight in rows
+        )
 
     def rows(self) -> Sequence[tuple[float, float, float]]:
-        """Return mismatch in 1/min, nominal force in N and weight of each operating point."""
-        names = [name for name in AXES if isinstance(getattr(self, name), Distribution)]
-        beside, keys = _statement({name: value for name, value in self if value is not None})
-        for name, value in self:
-            if value is not None and name not in keys:
-                out, also = (name, "") if len(keys) > 1 else (keys[0], (
-                    ", or set operating.mismatch_rpm and operating.force_N, which replace it"
-                ))  # fmt: skip
-                raise InputError(
-                    f"operating.{name} cannot stand beside {beside}; remove one of the two "
-                    f"(--set operating.{out}=){also}"
-                )
+        """Return mismatch, 1/min, nominal force, N, and weight of each operating point."""
+        self._require_single_statement()
         if self.set is not None:
-            known = read_toml(bundled_root() / TABLE)
-            require_known("operating.set", self.set, "a set of points", known)
-            return [(float(m), float(f), float(w)) for m, f, w in known[self.set]["rows"]]
+            point_sets = read_toml(bundled_root() / POINT_SETS)
+            require_known("operating.set", self.set, "a set of points", point_sets)
+            rows = point_sets[self.set]["rows"]
+            return [
+                (float(mismatch), float(force), float(weight)) for mismatch, force, weight in rows
+            ]
         if self.points is not None:
-            return [(p.mismatch_rpm, p.force_N, p.weight) for p in self.points]
+            return [(point.mismatch_rpm, point.force_N, point.weight) for point in self.points]
+        drawn_axes = self._drawn_axes()
         seed = 1 if self.seed is None else self.seed
-        shares = iter(sobol_shares(self.samples or SAMPLES, len(names), seed).T if names else ())
-        speeds, forces = (self._axis(name, shares) for name in AXES)
-        if len(names) == len(AXES):
-            return [(m, f, 1.0) for (m, _), (f, _) in zip(speeds, forces, strict=True)]
-        return [(speed, force, v * w) for speed, v in speeds for force, w in forces]
+        count = self.samples or DEFAULT_SAMPLES
+        shares = iter(sobol_shares(count, len(drawn_axes), seed).T if drawn_axes else ())
+        speeds = self._axis("mismatch_rpm", shares)
+        forces = self._axis("force_N", shares)
+        if len(drawn_axes) == len(AXES):
+            pairs = zip(speeds, forces, strict=True)
+            return [(speed, force, 1.0) for (speed, _), (force, _) in pairs]
+        return [
+            (speed, force, speed_weight * force_weight)
+            for (speed, speed_weight), (force, force_weight) in itertools.product(speeds, forces)
+        ]
+
+    def _drawn_axes(self) -> list[str]:
+        """List the quantities of ``AXES`` that are distributions."""
+        return [name for name in AXES if isinstance(getattr(self, name), Distribution)]
+
+    def _require_single_statement(self) -> None:
+        """Raise InputError where keys state the points in two ways."""
+        statement, keys = _statement({name: value for name, value in self if value is not None})
+        for name, value in self:
+            if value is None or name in keys:
+                continue
+            surplus_key = name
+            alternative = ""
+            if len(keys) == 1:
+                surplus_key = keys[0]
+                alternative = (
+                    ", or set operating.mismatch_rpm and operating.force_N, which replace it"
+                )
+            raise InputError(
+                f"operating.{name} cannot stand beside {statement}; remove one of the two "
+                f"(--set operating.{surplus_key}=){alternative}"
+            )
 
     def _axis(self, name: str, shares: Iterator[Array]) -> list[tuple[float, float]]:
-        """Return the values of an axis with their weights, drawn at the next of the shares."""
-        values, key = getattr(self, name), AXES[name]
+        """Return the values of an axis with their weights, drawn at the next of ``shares``."""
+        values = getattr(self, name)
+        weight_key = AXES[name]
         if values is None:
             remedy = "add it, or list the points as [[operating.points]]"
             raise InputError(f"'operating.{name}' is missing; {remedy}")
         if isinstance(values, Distribution):
-            drawn = values.checked(f"operating.{name}").at(next(shares))
-            values = np.round(drawn, DECIMALS["drawn"]).tolist()
-        weights = getattr(self, key) or [1.0] * len(values)
+            draws = values.checked(f"operating.{name}").at(next(shares))
+            values = np.round(draws, DRAW_DECIMALS).tolist()
+        weights = getattr(self, weight_key) or [1.0] * len(values)
         if len(weights) != len(values):
             raise InputError(
-                f"operating.{key} has {len(weights)} and operating.{name} {len(values)} values, "
-                "but each needs its weight; give lists of equal length"
+                f"operating.{weight_key} has {len(weights)} and operating.{name} {len(values)} "
+                "values, but each needs its weight; give lists of equal length"
             )
         return list(zip(values, weights, strict=True))
 
 
 def _statement(operating: Mapping[str, Any]) -> tuple[str, list[str]]:
-    """Name what states the points of ``[operating]``, and list the keys that belong to it."""
-    for alone in ("set", "points"):
-        if alone in operating:
-            return f"operating.{alone}", [alone]
+    """Return the words and the keys of the statement of points in ``[operating]``."""
+    for key in ("set", "points"):
+        if key in operating:
+            return f"operating.{key}", [key]
     if any(isinstance(operating.get(name), Mapping | Distribution) for name in AXES):
         return "a distribution", [*AXES, "samples", "seed"]
     return "lists of values", [*AXES, *AXES.values()]
 
 
 def replaced_keys(settings: Mapping[str, Any], tables: Mapping[str, Any]) -> list[str]:
-    """List the keys of a file's ``tables`` that ``settings`` replace by saying the same otherwise.
+    """List the keys of a file that become void by settings.
 
-    Own points, an own set, or mismatch and force together state all points; one of the two does
-    not. ``settings`` are by dotted key, None takes one out.
+    Settings of points, of a set, or of mismatch and force together replace all points.
+
+    Parameters
+    ----------
+    settings
+        Values by dotted key; None takes a key out.
+    tables
+        Tables of the file.
+
     """
-    given = {key for key, value in settings.items() if value is not None}
-    old = [
-        key
-        for name, table in tables.items()
-        for key in (f"{name}.{one}" for one in (table if isinstance(table, Mapping) else ()))
-        if key not in given
-    ]
-    void = {other for pair in SAME for one, other in (pair, pair[::-1]) if one in given}
-    own = {key.partition(".")[2]: settings[key] for key in given if key.startswith("operating.")}
-    if own.keys() & {"points", "set"} or AXES.keys() <= own.keys():
-        stated = {f"operating.{key}" for key in _statement(own)[1]}
-        void |= {key for key in old if key.startswith("operating.")} - stated
-    return [key for key in old if key in void]
+    setting_keys = {key for key, value in settings.items() if value is not None}
+    file_keys = [key for key in _dotted_keys(tables) if key not in setting_keys]
+    void_keys = _alternatives(setting_keys)
+    prefix = "operating."
+    operating = {
+        key.removeprefix(prefix): settings[key] for key in setting_keys if key.startswith(prefix)
+    }
+    if operating.keys() & {"points", "set"} or AXES.keys() <= operating.keys():
+        statement_keys = {prefix + key for key in _statement(operating)[1]}
+        point_keys = {key for key in file_keys if key.startswith(prefix)}
+        void_keys |= point_keys - statement_keys
+    return [key for key in file_keys if key in void_keys]
 
 
-def own_set_point(points: Sequence[OperatingPoint]) -> dict[str, float]:
-    """Return the keys of ``OPERATED`` as a study has them without any search."""
+def _alternatives(keys: set[str]) -> set[str]:
+    """List the keys that state a quantity of ``keys`` in another way."""
+    alternatives = {second for first, second in ALTERNATIVE_KEYS if first in keys}
+    return alternatives | {first for first, second in ALTERNATIVE_KEYS if second in keys}
+
+
+def _dotted_keys(tables: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the dotted keys within the tables of a file."""
+    for name, table in tables.items():
+        if isinstance(table, Mapping):
+            for key in table:
+                yield f"{name}.{key}"
+
+
+def nominal_operation(points: Sequence[OperatingPoint]) -> dict[str, float]:
+    """Return the values of ``OPERATED`` that leave the points of a study unchanged."""
     weight = sum(point.weight for point in points)
     mean = sum(point.weight * point.mismatch for point in points) / weight
-    return {MISMATCH: round(mean / RPM, DECIMALS["set-point"]), FORCE: 1.0, RISE: 1.0}
+    return {MISMATCH: round(mean / RPM, SET_POINT_DECIMALS), FORCE: 1.0, RISE: 1.0}
 
 
-def operated_points(
+def points_of_design(
     points: Sequence[OperatingPoint], actuation: Actuation, params: Mapping[str, float]
 ) -> tuple[OperatingPoint, ...]:
     """Return the operating points of a design; keys that are absent change nothing.
 
     Raises InputError for a force that ``[actuation]`` has no rise time for.
     """
-    own = own_set_point(points)[MISMATCH]  # rounded alike, so that a study's own moves nothing
-    move = (params.get(MISMATCH, own) - own) * RPM
-    force, rise = params.get(FORCE, 1.0), params.get(RISE, 1.0)
-    found = []
+    # The nominal set-point is rounded as the searched one, so that the study's own moves nothing.
+    nominal_mismatch = nominal_operation(points)[MISMATCH]
+    mismatch_change = (params.get(MISMATCH, nominal_mismatch) - nominal_mismatch) * RPM
+    force_factor = params.get(FORCE, 1.0)
+    rise_factor = params.get(RISE, 1.0)
+    design_points = []
     for point in points:
         profile = point.profile
-        if force != 1.0:
-            profile = actuation.at_sleeve(profile.force * force)
-        if rise != 1.0:
-            profile = replace(profile, rise=profile.rise * rise)
-        found.append(replace(point, mismatch=point.mismatch + move, profile=profile))
-    return tuple(found)
+        if force_factor != 1.0:
+            profile = actuation.at_sleeve(profile.force * force_factor)
+        if rise_factor != 1.0:
+            profile = replace(profile, rise=profile.rise * rise_factor)
+        mismatch = point.mismatch + mismatch_change
+        design_points.append(replace(point, mismatch=mismatch, profile=profile))
+    return tuple(design_points)
 
 
-#: Where effects show what they change; a factor of a power of two is exact.
+#: Operating point at which effects are compared; a factor of a power of two is exact.
 PROBE = OperatingPoint(1.0, ForceProfile(1024.0, 0.125))
 Fields = dict[str, Any]  #: of a setting, by table and name
 #: Keys of ``[mechanism]`` by the field of the shift force that they set.
-ACTUATION = {name: one.key for name, one in ranges_of(Actuation).items()}
+ACTUATION_KEYS = {name: limits.key for name, limits in ranges_of(Actuation).items()}
+
+
+def _study_keys(part: str, table: str, kind: type) -> dict[str, str]:
+    """Map the fields of a part of a setting to dotted keys of a study."""
+    return {f"{part}.{name}": f"{table}.{limits.key}" for name, limits in ranges_of(kind).items()}
+
+
 #: Keys of a study by the field of a setting that they set, as far as an effect may set it.
-KEYS = {"rings.sliding_inertia": "sliding.inertia_kgm2"} | {
-    f"{part}.{name}": f"{table}.{one.key}"
-    for part, table, kind in (
-        ("contact", "contact", ContactSet),
-        ("mechanism", "mechanism", Mechanism),
-        ("actuation", "mechanism", Actuation),
-    )
-    for name, one in ranges_of(kind).items()
+STUDY_KEYS = {
+    "rings.sliding_inertia": "sliding.inertia_kgm2",
+    **_study_keys("contact", "contact", ContactSet),
+    **_study_keys("mechanism", "mechanism", Mechanism),
+    **_study_keys("actuation", "mechanism", Actuation),
 }
 
 
@@ -277,79 +345,122 @@ def with_mechanism(
     effects: Mapping[str, Any] | None,
     contact: Mapping[str, float],
 ) -> tuple[Clutch, Actuation]:
-    """Return clutch and shift force of a study with its mechanism and its effects.
+    """Add the mechanism and the effects of a study to its clutch and shift force.
 
-    ``section`` and ``effects`` are those of the file, ``contact`` the SI fields that it gives
-    beside a contact set. Raises InputError or EffectError for a name that is unknown, a value out
-    of range, or two that set the same.
+    Parameters
+    ----------
+    clutch, actuation
+        Values without mechanism and effects.
+    section, effects
+        ``[mechanism]`` and ``[effects]`` of the file.
+    contact
+        SI fields that the file gives besides a contact set.
+
+    Raises
+    ------
+    InputError, EffectError
+        For a name that is unknown, a value out of range, or two settings of one field.
+
     """
     section = section or MechanismSection()
-    mechanism, given = section.mechanism(clutch.dog), section.given
-    own: Fields = {f"contact.{name}": value for name, value in contact.items()}
-    own |= {f"mechanism.{n}": v for n, v in vars(mechanism).items() if v != getattr(NOTHING, n)}
-    own |= {f"actuation.{name}": given[key] for name, key in ACTUATION.items() if key in given}
-    sources = {name: KEYS[name] for name in own}
-    for effect, found in _of_effects(effects or {}, Setting(clutch, PROBE)):
-        for name in found:
-            if name in own:
-                fault = f"{sources[name]} and {effect} both set {KEYS[name]}"
+    fields = _section_fields(section, clutch, contact)
+    sources = {name: STUDY_KEYS[name] for name in fields}
+    for effect, changes in _effect_changes(effects or {}, Setting(clutch, PROBE)):
+        for name in changes:
+            if name in fields:
+                fault = f"{sources[name]} and {effect} both set {STUDY_KEYS[name]}"
                 raise InputError(f"{fault}; leave out one of them")
-        own |= found
-        sources |= dict.fromkeys(found, effect)
-
-    def changed(part: str, before: Any) -> Any:
-        names = {name: name.removeprefix(f"{part}.") for name in own}
-        return replace(before, **{new: own[name] for name, new in names.items() if new != name})
-
-    parts = {one: changed(one, getattr(clutch, one)) for one in ("contact", "mechanism", "rings")}
-    return replace(clutch, **parts), changed("actuation", actuation)
+        fields |= changes
+        sources |= dict.fromkeys(changes, effect)
+    parts = {
+        name: _replace_fields(name, getattr(clutch, name), fields)
+        for name in ("contact", "mechanism", "rings")
+    }
+    return replace(clutch, **parts), _replace_fields("actuation", actuation, fields)
 
 
-def keys_changed(effect: Effect, values: Mapping[str, float], base: Setting) -> set[str]:
-    """List the keys of a study that an effect stands for, as ``mechanism.delay_s``.
+def _section_fields(
+    section: MechanismSection, clutch: Clutch, contact: Mapping[str, float]
+) -> Fields:
+    """Collect the fields that ``[contact]`` and ``[mechanism]`` set."""
+    fields: Fields = {f"contact.{name}": value for name, value in contact.items()}
+    for name, value in vars(section.mechanism(clutch.dog)).items():
+        if value != getattr(NOTHING, name):
+            fields[f"mechanism.{name}"] = value
+    for name, key in ACTUATION_KEYS.items():
+        if key in section.given:
+            fields[f"actuation.{name}"] = section.given[key]
+    return fields
 
-    Among them are ``mismatch`` and ``angles``, which no key gives. Where the displacement is read
-    is no part of a study.
+
+def _replace_fields(part: str, value: Any, fields: Fields) -> Any:
+    """Replace the fields of one part of a setting, ``contact`` for instance."""
+    prefix = f"{part}."
+    changes = {
+        name.removeprefix(prefix): change
+        for name, change in fields.items()
+        if name.startswith(prefix)
+    }
+    return replace(value, **changes)
+
+
+def effect_keys(effect: Effect, values: Mapping[str, float], base: Setting) -> set[str]:
+    """List the dotted keys of a study that an effect sets, ``mechanism.delay_s`` for instance.
+
+    ``mismatch`` and ``angles``, which are no keys, are listed too. The place at which displacement
+    is read is not: it is no part of a study.
     """
-    changed = _difference(base, effect.apply(base, values))
-    return {KEYS.get(name, name) for name in changed if name != "sensor"}
+    changes = _difference(base, effect.apply(base, values))
+    return {STUDY_KEYS.get(name, name) for name in changes if name != "sensor"}
 
 
-def _of_effects(given: Mapping[str, Any], base: Setting) -> Iterator[tuple[str, Fields]]:
-    """Yield what each effect of ``[effects]`` changes; one that no study takes is refused."""
-    known = registry.load() if given else {}
-    for name, value in given.items():
-        if name not in known:
-            raise InputError(f"'effects.{name}' is not a known effect; {did_you_mean(name, known)}")
-        if value is False and not known[name].parameters:
+def _effect_changes(table: Mapping[str, Any], base: Setting) -> Iterator[tuple[str, Fields]]:
+    """Yield the key of each effect in ``[effects]`` and the fields that it changes.
+
+    InputError for an effect that is unknown or changes what no study takes.
+    """
+    effects = registry.load() if table else {}
+    for name, value in table.items():
+        if name not in effects:
+            raise InputError(
+                f"'effects.{name}' is not a known effect; {did_you_mean(name, effects)}"
+            )
+        effect = effects[name]
+        if value is False and not effect.parameters:
             continue
-        values = _values(known[name], value)
+        values = _parameter_values(effect, value)
         try:
-            changed = known[name].apply(base, values)
+            setting = effect.apply(base, values)
         except DogshapeError as error:
             raise type(error)(f"effects.{name}: {error}") from error
-        found = _difference(base, changed)
-        for field in found:
-            if field not in KEYS:
+        changes = _difference(base, setting)
+        for field in changes:
+            if field not in STUDY_KEYS:
                 raise InputError(
                     f"effects.{name} changes {field}, which no study takes from an effect; give "
                     "the true dog in [dog], the true mismatch in [operating], or leave it out"
                 )
-        yield f"effects.{name}", found
+        yield f"effects.{name}", changes
 
 
-def _difference(before: Setting, after: Setting) -> Fields:
-    """Return the fields of a setting that differ from those of another."""
-    old, new = _flat(before), _flat(after)
-    return {name: value for name, value in new.items() if value != old[name]}
-
-
-def _flat(setting: Setting) -> Fields:
-    """Return all fields of a setting by table and name."""
-    profile, clutch = setting.point.profile, vars(setting.clutch)
-    tables = {name: vars(clutch[name]) for name in ("dog", "rings", "contact", "mechanism")}
+def _difference(base: Setting, changed: Setting) -> Fields:
+    """Return the fields of a changed setting that differ from ``base``."""
+    base_fields = _flat_fields(base)
     return {
-        **{f"{n}.{field}": value for n, part in tables.items() for field, value in part.items()},
+        name: value for name, value in _flat_fields(changed).items() if value != base_fields[name]
+    }
+
+
+def _flat_fields(setting: Setting) -> Fields:
+    """Return all fields of a setting by part and name, ``contact.stiffness`` for instance."""
+    profile = setting.point.profile
+    clutch = vars(setting.clutch)
+    parts = ("dog", "rings", "contact", "mechanism")
+    fields: Fields = {}
+    for part in parts:
+        fields |= {f"{part}.{name}": value for name, value in vars(clutch[part]).items()}
+    return {
+        **fields,
         "actuation.factor": profile.force / PROBE.profile.force,
         "actuation.loss": profile.loss,
         "actuation.rise_factor": profile.rise / PROBE.profile.rise,
@@ -358,18 +469,26 @@ def _flat(setting: Setting) -> Fields:
         "mismatch": setting.point.mismatch,
         "angles": (setting.concentration, setting.centre),
         "sensor": setting.sensor,
-        "rest": {name: value for name, value in clutch.items() if name not in tables},
+        "rest": {name: value for name, value in clutch.items() if name not in parts},
     }
 
 
-def _values(effect: Effect, given: Any) -> dict[str, float]:
-    """Return the values of an effect's parameters; a single one may stand alone."""
+def _parameter_values(effect: Effect, value: Any) -> dict[str, float]:
+    """Return the parameters of an effect by name from its value in a study file.
+
+    ``value`` is a table, a number for a single parameter, or true for none.
+    """
     names = [parameter.name for parameter in effect.parameters]
-    table = {names[0]: given} if len(names) == 1 and not isinstance(given, dict) else given
-    if not names and given is True:
+    if not names and value is True:
         return {}
-    if names and isinstance(table, dict) and {*map(type, table.values())} <= {int, float}:
-        return {name: float(value) for name, value in table.items()}
-    middles = ", ".join(f"{one.name} = {one.at(0.5):.3g}" for one in effect.parameters)
-    must = f"numbers, as {{{middles}}}" if names else "true or false"
-    raise InputError(f"effects.{effect.name} is {given!r}, but it must be {must}; correct it")
+    is_single = len(names) == 1 and not isinstance(value, dict)
+    table = {names[0]: value} if is_single else value
+    if names and isinstance(table, dict):
+        kinds = {type(number) for number in table.values()}
+        if kinds <= {int, float}:
+            return {name: float(number) for name, number in table.items()}
+    middles = ", ".join(
+        f"{parameter.name} = {parameter.at(0.5):.3g}" for parameter in effect.parameters
+    )
+    rule = f"numbers, as {{{middles}}}" if names else "true or false"
+    raise InputError(f"effects.{effect.name} is {value!r}, but it must be {rule}; correct it")

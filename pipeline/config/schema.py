@@ -53,7 +53,7 @@ from dogshape.sim.units import RPM, from_si, unit_of
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 #: Fields that strike and mechanism share.
-PARTS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
+SHARED_FIELDS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
 ROUNDING = 1e-9  #: share by which a nominal value may lie outside its range
 #: Fields of ``LoadCase`` that came later.
 LOAD_LATE = ("coast_share", "run_out", "tilt", "pull_out_share", "wear_angle")
@@ -69,13 +69,16 @@ Ends = Annotated[
 
 
 def ranged(low: float, high: float, default: Any = None, *, late: bool = False) -> Any:
-    """Declare a key that no value of ``sim`` checks: its range, default, and if it came later."""
+    """Declare a key by its range and default, where no value of ``sim`` checks it.
+
+    ``late`` marks a key of a later version: at its default it is no part of a file's hash.
+    """
     excluded = (lambda value: value == default) if late else None
     return Field(default, exclude_if=excluded, json_schema_extra={"range": [low, high]})
 
 
 class ContactSection(keys_of(ContactSet, contact_set, late=("face_friction",))):  # type: ignore[misc]
-    """A named contact set and what is to differ from it."""
+    """Name of a contact set, and values that override it."""
 
     set: str = "lubricated_steel"
 
@@ -89,7 +92,7 @@ class AlternatingSection(Section):
 
 
 class ShiftSection(Section):
-    """When a shift is done or given up, what a retry costs, and how far a rebound goes."""
+    """End, time-out, retry cost and rebound limit of a shift."""
 
     timeout_s: float = ranged(1e-3, 60.0, 1.0)
     retraction_s: float = ranged(0.0, 60.0, 0.2)
@@ -99,7 +102,7 @@ class ShiftSection(Section):
 
 
 class UncertainSection(Section):
-    """Factors that differ from shift to shift; absent ones are one."""
+    """Distributions of factors that vary from shift to shift; an absent factor is 1."""
 
     friction_factor: Distribution | None = None
     force_factor: Distribution | None = None
@@ -139,78 +142,102 @@ class LoadSection(keys_of(LoadCase, late=LOAD_LATE)):  # type: ignore[misc]
     release_by_itself: bool = later(True)
     faces_release: bool = later(True)
 
-    def case(self, **more: Any) -> LoadCase:
-        """Build the load case with fields that follow from the clutch; InputError for mistakes."""
+    def case(self, **clutch_fields: Any) -> LoadCase:
+        """Build the load case; InputError for mistakes.
+
+        ``clutch_fields`` are fields that follow from the clutch; keys of the section win.
+        """
         spectrum = tuple((share, cycles) for share, cycles in self.spectrum or ())
-        given = self.si("spectrum", "axial_vibration_m_s2")
-        return LoadCase(**{**more, **given}, spectrum=spectrum)
+        section_fields = self.si("spectrum", "axial_vibration_m_s2")
+        return LoadCase(**{**clutch_fields, **section_fields}, spectrum=spectrum)
 
 
 class StrikeSection(
     keys_of(  # type: ignore[misc]
-        Strike, leave=("sliding_inertia", "output_inertia"),
-        late=("ring_inertia", "input_stiffness", "wheel_inertia"), kind_of_number=Ends,
+        Strike,
+        leave=("sliding_inertia", "output_inertia"),
+        late=("ring_inertia", "input_stiffness", "wheel_inertia"),
+        kind_of_number=Ends,
     )
-):  # fmt: skip
+):
     """Flank strike of the strength checks (``sim.strength.strike``); absent, it is not judged."""
 
     mismatch_rpm: Numbers | None = later()
 
     def _with_mechanism(self, mechanism: Mechanism) -> dict[str, Any]:
-        """Return the keys that are given, and those of the mechanism for the others.
+        """Complete the keys of the section by the mechanism, edge units.
 
         Ring, wheel, shafts and play of ``[mechanism]`` are nominal: a value or range of this
         section that leaves them out raises InputError.
         """
-        given = self.model_dump(exclude={"mismatch_rpm"}, exclude_none=True)
-        for name in PARTS:
-            key, key_there = ranges_of(Strike)[name].key, ranges_of(Mechanism)[name].key
-            nominal, own = from_si(key_there, getattr(mechanism, name)), given.get(key)
+        values = self.model_dump(exclude={"mismatch_rpm"}, exclude_none=True)
+        for name in SHARED_FIELDS:
+            key = ranges_of(Strike)[name].key
+            mechanism_key = ranges_of(Mechanism)[name].key
+            nominal = from_si(mechanism_key, getattr(mechanism, name))
             if nominal == 0.0:
                 continue
-            if own in (None, 0.0):
-                given[key] = nominal
-                continue
-            low, high = own if isinstance(own, list) else (own, own)
-            if not low * (1.0 - ROUNDING) <= nominal <= high * (1.0 + ROUNDING):
-                said = f"[{low:.6g}, {high:.6g}]" if isinstance(own, list) else f"{own:.6g}"
-                rule = f"strike.{key} = {said} is to hold it, one value in times and loads"
-                remedy = f"correct one of them, or leave out strike.{key}"
-                quantity, unit = f"mechanism.{key_there}", unit_of(key)
-                raise InputError(refusal(quantity, nominal, unit, rule, remedy))
+            if values.get(key) in (None, 0.0):
+                values[key] = nominal
+            else:
+                _require_within(key, values[key], mechanism_key, nominal)
         for name in ("ring_inertia", "input_stiffness"):
             key = ranges_of(Strike)[name].key
-            if key not in given:
+            if key not in values:
                 raise InputError(
                     f"'strike.{key}' is missing; add it, or mechanism.{key}, which shifts are "
                     "simulated with too"
                 )
-        return given
+        return values
 
     def at_ends(self, clutch: Clutch, points: Sequence[OperatingPoint]) -> Iterator[Strike]:
-        """Build the strike at the ends of all ranges together, or the one that the keys give.
+        """Yield the strike at each combination of range ends; just one without ranges.
 
-        What the section leaves out is that of ``[mechanism]``. It has the mismatches of the points
-        where it gives none of its own.
+        Keys that it lacks are those of ``[mechanism]``, its mismatches those of the points.
         """
-        given, rings = self._with_mechanism(clutch.mechanism), clutch.rings
-        if ("wheel_inertia_kgm2" in given) != ("output_stiffness_Nm_rad" in given):
+        rings = clutch.rings
+        values = self._with_mechanism(clutch.mechanism)
+        if ("wheel_inertia_kgm2" in values) != ("output_stiffness_Nm_rad" in values):
             fault = "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together"
             raise InputError(f"{fault}; give both, or none for a rigid output side")
-        whole = {"sliding_inertia": rings.sliding_inertia, "output_inertia": rings.output_inertia}
-        own = self.mismatch_rpm
-        speeds = [p.mismatch for p in points] if own is None else [v * RPM for v in own]
-        rigid = {"wheel_inertia": rings.output_inertia}
-        ranges = [key for key, value in given.items() if isinstance(value, list)]
-        for ends in itertools.product(*(given[key] for key in ranges)):
-            taken = dict(zip(ranges, ends, strict=True))
-            words = ", ".join(f"{key} = {end:g}" for key, end in taken.items())
-            values = rigid | whole | si_fields(given | taken)
-            yield Strike(**values, mismatch=tuple(speeds), ends=words)
+        if self.mismatch_rpm is None:
+            speeds = [point.mismatch for point in points]
+        else:
+            speeds = [speed * RPM for speed in self.mismatch_rpm]
+        inertias = {
+            "wheel_inertia": rings.output_inertia,  # of a rigid output side, unless a key gives it
+            "sliding_inertia": rings.sliding_inertia,
+            "output_inertia": rings.output_inertia,
+        }
+        range_keys = [key for key, value in values.items() if isinstance(value, list)]
+        for ends in itertools.product(*(values[key] for key in range_keys)):
+            end_values = dict(zip(range_keys, ends, strict=True))
+            words = ", ".join(f"{key} = {end:g}" for key, end in end_values.items())
+            fields = inertias | si_fields(values | end_values)
+            yield Strike(**fields, mismatch=tuple(speeds), ends=words)
+
+
+def _require_within(
+    key: str, value: float | list[float], mechanism_key: str, nominal: float
+) -> None:
+    """Raise InputError unless a value or range of ``[strike]`` contains the nominal value."""
+    low, high = value if isinstance(value, list) else (value, value)
+    if low * (1.0 - ROUNDING) <= nominal <= high * (1.0 + ROUNDING):
+        return
+    text = f"[{low:.6g}, {high:.6g}]" if isinstance(value, list) else f"{value:.6g}"
+    raise InputError(
+        refusal(
+            f"mechanism.{mechanism_key}",
+            nominal,
+            unit_of(key),
+            rule=f"strike.{key} = {text} is to hold it, one value in times and loads",
+            remedy=f"correct one of them, or leave out strike.{key}",
+        )
+    )
 
 
 class MaterialSection(keys_of(Material, material_of)):  # type: ignore[misc]
-    """A named material set (``sim.strength.materials``) and what is to differ from it."""
+    """Name of a material set (``sim.strength.materials``), and values that override it."""
 
     set: str = "16MnCr5"
 
@@ -228,7 +255,7 @@ class WearSection(keys_of(Wear)):  # type: ignore[misc]
 
 
 class VariablesSection(Section):
-    """Search ranges ``[low, high]``; what is absent stays as in ``[dog]`` and ``[operating]``.
+    """Search ranges ``[low, high]``; absent keys keep the values of ``[dog]`` and ``[operating]``.
 
     ``mismatch_set_rpm`` is the mean that the speed control aims at, ``force_factor`` and
     ``rise_factor`` scale the shift force and its rise time (``pipeline.config.operating``).
@@ -249,14 +276,15 @@ class VariablesSection(Section):
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Ranges of the searched keys, edge units; InputError for mistakes."""
-        found = {k: (low, high) for k, (low, high) in self.model_dump(exclude_none=True).items()}
-        for key, (low, high) in found.items():
+        ranges = {}
+        for key, (low, high) in self.model_dump(exclude_none=True).items():
             if not low < high:
                 raise InputError(
                     f"variables.{key} is [{low:.6g}, {high:.6g}], but the first must be below the "
                     "second; exchange them, or leave the key out to keep the dog's own value"
                 )
-        return found
+            ranges[key] = (low, high)
+        return ranges
 
 
 class SearchSection(Section):
@@ -299,11 +327,16 @@ class SolverSection(keys_of(Solver, solver_for, late=("max_steps", "time_limit")
         time for them and is off its limit by percents (``docs/simulation.md``). The law IMPACT and
         a friction of faces are the compiled engine's alone.
         """
-        plain = solver_for(contact, mechanism, drive)
-        forced = mechanism.has_forces or drive.has_torques
-        hard = contact.compiled_only or (forced and plain.scheme == "cenic")
-        scheme, engine = self.scheme or plain.scheme, self.engine or ("planar" if hard else "drake")
-        accuracy = accuracy_of(scheme, forced=forced) if scheme in SCHEMES else plain.accuracy
+        default = solver_for(contact, mechanism, drive)
+        has_forces = mechanism.has_forces or drive.has_torques
+        scheme = self.scheme or default.scheme
+        engine = self.engine
+        if not engine:
+            needs_planar = contact.compiled_only or (has_forces and default.scheme == "cenic")
+            engine = "planar" if needs_planar else "drake"
+        accuracy = default.accuracy
+        if scheme in SCHEMES:
+            accuracy = accuracy_of(scheme, forced=has_forces)
         require_engine(contact, engine)
         if engine == "planar":
             accuracy = PLANAR_ACCURACY
@@ -356,22 +389,26 @@ class StudyFile(Section):
     def require_ranges(self) -> None:
         """Raise InputError for a value beyond the range that its key declares."""
         for table, section in self:
-            varied = section is self.variables
-            remedy = "narrow the range" if varied else "check the value and its unit"
-            for name, declared in getattr(type(section), "model_fields", {}).items():
-                given = getattr(section, name)
-                if given is None or not declared.json_schema_extra:
+            is_search = section is self.variables
+            remedy = "narrow the range" if is_search else "check the value and its unit"
+            for name, declaration in getattr(type(section), "model_fields", {}).items():
+                value = getattr(section, name)
+                if value is None or not declaration.json_schema_extra:
                     continue
-                low, high = declared.json_schema_extra["range"]
-                more = f": {SCOPE}" if varied and name.endswith("_deg") else ""
-                for value in given if isinstance(given, list) else [given]:
-                    require_between(f"{table}.{name}", value, low, high, remedy + more)
+                low, high = declaration.json_schema_extra["range"]
+                scope = f": {SCOPE}" if is_search and name.endswith("_deg") else ""
+                for number in value if isinstance(value, list) else [value]:
+                    require_between(f"{table}.{name}", number, low, high, remedy + scope)
 
 
 def keys_like(stem: str) -> list[str]:
-    """Return at most three keys of the study file that begin with a word: ``dog.chamfer_deg``."""
+    """List at most three keys of the study file that begin with a word: ``dog.chamfer_deg``."""
     if len(stem) < 3:
         return []
-    sections = {name: section_in(one.annotation) for name, one in StudyFile.model_fields.items()}
-    found = [f"{name}.{key}" for name, one in sections.items() if one for key in one.model_fields]
-    return [key for key in found if key.partition(".")[2].lower().startswith(stem)][:3]
+    keys = []
+    for table, field in StudyFile.model_fields.items():
+        section = section_in(field.annotation)
+        for key in section.model_fields if section else ():
+            if key.lower().startswith(stem):
+                keys.append(f"{table}.{key}")
+    return keys[:3]

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from dogshape.pipeline.config.operating import (
-    ACTUATION,
+    ACTUATION_KEYS,
     FORCE,
     OPERATED,
     Actuation,
-    operated_points,
-    own_set_point,
+    nominal_operation,
+    points_of_design,
     replaced_keys,
     with_mechanism,
 )
@@ -53,7 +53,7 @@ from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
 #: Share of the entry play that may pass in a fall (judged): at 0.7 flat dogs rebound, at 0.8 skip.
-SURE = 0.5
+MAX_PASSED_PLAY = 0.5
 #: Angles of an operating point from which Drake's mean has an error.
 MIN_CONFIRM_ANGLES = 3
 #: Searched keys of the dog in the bundled studies, and all that a study may search.
@@ -63,21 +63,16 @@ SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm")
 
 @dataclass(frozen=True)
 class Setup:
-    """Values that a study file stands for: what is built, how it is operated and what is searched.
-
-    ``variables`` maps each searched key of the dog to its range, in edge units; ``clutch`` has
-    the mechanism and what effects make of the contact, ``actuation`` the way of the shift force;
-    ``uncertainty`` is None where nothing but the relative angle is uncertain. ``operation`` has the
-    searched keys of the operation, of the study as one design is operated; empty otherwise.
-    """
+    """Values of ``sim`` built from a study file: clutch, operation, limits and search ranges."""
 
     file: StudyFile
-    clutch: Clutch
+    clutch: Clutch  #: with its mechanism and the effects of the study
     limits: Limits
     points: tuple[OperatingPoint, ...]
-    variables: dict[str, tuple[float, float]]
-    actuation: Actuation
-    uncertainty: Uncertainty | None = None
+    variables: dict[str, tuple[float, float]]  #: ranges of the searched keys, edge units
+    actuation: Actuation  #: course of the shift force
+    uncertainty: Uncertainty | None = None  #: None if just the relative angle is uncertain
+    #: searched keys of the operation of one design (``with_operation``); empty for the study's own
     operation: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -87,44 +82,44 @@ class Setup:
 
     @property
     def shape_keys(self) -> tuple[str, ...]:
-        """The searched keys of the dog; the others say how it is operated."""
+        """Searched keys of the dog; the operation has its own."""
         return tuple(key for key in self.variables if key not in OPERATED)
 
-    def operated(self, params: Mapping[str, float]) -> Setup:
-        """Return the study as a design is operated: its own points, and limits that follow."""
-        given = {key: params[key] for key in OPERATED if key in params}
-        if not given:
+    def with_operation(self, params: Mapping[str, float]) -> Setup:
+        """Return the study with the operating points of a design and the limits that follow."""
+        operation = {key: params[key] for key in OPERATED if key in params}
+        if not operation:
             return self
-        points = operated_points(self.points, self.actuation, given)
+        points = points_of_design(self.points, self.actuation, operation)
         limits = _limits(self.file, self.clutch, points)
-        return replace(self, points=points, limits=limits, operation=given)
+        return replace(self, points=points, limits=limits, operation=operation)
 
     @property
-    def working(self) -> Setup:
-        """The study in the engine of its means: compiled, unless ``solver.engine`` is given."""
+    def search_setup(self) -> Setup:
+        """Study in the engine that a search uses: compiled, unless ``solver.engine`` is given."""
         return self if self.file.solver.engine is not None else self.in_engine("planar")
 
     @property
-    def judging(self) -> Setup | None:
-        """The study in Drake, which judges the compiled engine.
+    def reference_setup(self) -> Setup | None:
+        """Study in Drake, the reference of the compiled engine.
 
         None where Drake does all of the work, or has no scheme or law for it (``SolverSection``).
         """
-        if self.unjudged or self.file.solver.engine == "drake":
+        if self.engine_gap or self.file.solver.engine == "drake":
             return None
         return self.in_engine("drake")
 
     @property
-    def unjudged(self) -> str:
-        """Why Drake cannot judge the compiled engine, in words; empty where it can or does all."""
-        clutch, contact = self.clutch, self.clutch.contact
+    def engine_gap(self) -> str:
+        """Reason why Drake cannot repeat the shifts of the compiled engine; empty where it can."""
+        contact = self.clutch.contact
         if self.file.solver.engine == "drake":
             return ""
         if contact.face_friction is not None:
             return "Drake's dogs have one friction, and contact.face_friction is given"
         if contact.impact is not None:
             return "Drake has no law IMPACT"
-        if clutch.has_forces and clutch.solver.scheme == "cenic":
+        if self.clutch.has_forces and self.clutch.solver.scheme == "cenic":
             return "Drake's scheme cenic cannot follow the forces of mechanism or drive"
         return ""
 
@@ -136,35 +131,36 @@ class Setup:
 
     @property
     def retraction(self) -> float:
-        """Time to pull back before a retry, s, and the dead time of that."""
+        """Time from a failed shift to its retry, dead time included, s."""
         return self.file.shift.retraction_s + self.actuation.delay
 
     @property
     def retry_text(self) -> str:
         """Cost of a failed attempt, with the keys that decide it."""
         cost = self.clutch.timeout + self.retraction
-        late = " and mechanism.delay_s" if self.actuation.delay else ""
-        return f"each costs shift.timeout_s and shift.retraction_s{late}, {cost:.4g} s"
+        delay_key = " and mechanism.delay_s" if self.actuation.delay else ""
+        return f"each costs shift.timeout_s and shift.retraction_s{delay_key}, {cost:.4g} s"
 
     @property
     def set_point(self) -> SetPoint:
-        """Set-point that frees blocked shifts; one without amplitude frees none."""
-        own, late = self.file.shift.alternating, self.actuation.delay
-        known = own and SetPoint(own.amplitude_rpm * RPM, own.period_s, own.after_s + late)
-        return known or SetPoint()
+        """Set-point that frees blocked shifts; the default has no amplitude and frees none."""
+        section = self.file.shift.alternating
+        if section is None:
+            return SetPoint()
+        start = section.after_s + self.actuation.delay
+        return SetPoint(section.amplitude_rpm * RPM, section.period_s, start)
 
     @property
     def forces(self) -> list[float]:
-        """Shift forces of the operating points at the sleeve, each once, N."""
+        """Distinct shift forces of the operating points at the sleeve, N."""
         return list(dict.fromkeys(point.profile.force for point in self.points))
 
     @property
     def operating_text(self) -> str:
         """The operating points in words."""
-        every = ([point.mismatch / RPM for point in self.points], self.forces)
-        ends = (dict.fromkeys((f"{min(one):g}", f"{max(one):g}")) for one in every)
-        speed, force = map(" to ".join, ends)
-        return f"{len(self.points)} with {speed} 1/min, {force} N at the sleeve"
+        speeds = _range_text([point.mismatch / RPM for point in self.points])
+        forces = _range_text(self.forces)
+        return f"{len(self.points)} with {speeds} 1/min, {forces} N at the sleeve"
 
     @property
     def shafts_text(self) -> str:
@@ -173,14 +169,20 @@ class Setup:
 
     @property
     def mechanism(self) -> Record:
-        """Values of the shift mechanism, keys as in ``[mechanism]``; empty where there is none."""
-        own = self.clutch.mechanism.record.items()
-        found = {key.removeprefix("mechanism_"): value for key, value in own}
-        here, none = (vars(one) for one in (self.actuation, Actuation(self.actuation.nominal)))
-        return found | {k: here[name] for name, k in ACTUATION.items() if here[name] != none[name]}
+        """Values of the shift mechanism by the keys of ``[mechanism]``; empty without mechanism."""
+        record = {
+            key.removeprefix("mechanism_"): value
+            for key, value in self.clutch.mechanism.record.items()
+        }
+        ideal = Actuation(self.actuation.nominal)
+        for name, key in ACTUATION_KEYS.items():
+            value = getattr(self.actuation, name)
+            if value != getattr(ideal, name):
+                record[key] = value
+        return record
 
     def dog_with(self, params: dict[str, float]) -> Dog:
-        """Return the study's dog with other values of its keys, edge units; others count nothing.
+        """Return the study's dog with other values, edge units; keys of the operation are ignored.
 
         Raises InputError or GeometryError where there is no such dog.
         """
@@ -192,21 +194,21 @@ class Setup:
         stiffness = self.file.driveline.stiffness_Nm_rad
         return None if stiffness is None else torque_peak(shift.clutch, shift.trace, stiffness)
 
-    def named(self, values: Iterable[float]) -> dict[str, float]:
-        """Return values of the searched keys by name, the count as a whole number."""
+    def params_of(self, values: Iterable[float]) -> dict[str, float]:
+        """Map the searched keys to values, edge units (d,), the count as a whole number."""
         pairs = zip(self.variables, values, strict=True)
-        return {key: round(v) if key == "count" else float(v) for key, v in pairs}
+        return {key: round(value) if key == "count" else float(value) for key, value in pairs}
 
     def rows(self, designs: Iterable[Mapping[str, Any]]) -> Array:
-        """Return designs by name as rows in edge units, (m, d); ``named`` goes the other way."""
+        """Stack designs as rows in edge units, (n, d), the inverse of ``params_of``."""
         rows = [[design[key] for key in self.variables] for design in designs]
         return np.array(rows, dtype=float).reshape(-1, len(self.variables))
 
     @property
     def prototype(self) -> dict[str, float]:
-        """The searched keys at the study's own dog, edge units."""
-        section = {**DEFAULTS, **self.file.dog.model_dump(), **own_set_point(self.points)}
-        return {key: section[key] for key in self.variables}
+        """Values of the searched keys of the study's own dog, edge units."""
+        values = {**DEFAULTS, **self.file.dog.model_dump(), **nominal_operation(self.points)}
+        return {key: values[key] for key in self.variables}
 
     @property
     def physics(self) -> Record:
@@ -214,22 +216,31 @@ class Setup:
 
         The rise of the force belongs to it: it follows from the final force by a table.
         """
-        force, table = self.points[0].profile.record, self.actuation.table
-        late = {k: v for k, v in force.items() if k not in ("force_N", "force_rise_s")}
-        unsure = uncertain_record(self.uncertainty.source) if self.uncertainty else {}
-        record = {**clutch_record(self.clutch), **late, **unsure}
+        rises = self.actuation.table
+        record = clutch_record(self.clutch)
+        for key, value in self.points[0].profile.record.items():
+            if key not in ("force_N", "force_rise_s"):
+                record[key] = value
+        if self.uncertainty:
+            record = {**record, **uncertain_record(self.uncertainty.source)}
         fixed = {key: value for key, value in record.items() if key not in self.shape_keys}
-        return {**fixed, "rise_force_N": list(table.forces), "rise_s": list(table.rises)}
+        return {**fixed, "rise_force_N": list(rises.forces), "rise_s": list(rises.rises)}
 
     @property
     def physics_hash(self) -> str:
-        """Content key of ``physics``: results may be compared only where it is equal."""
+        """Content key of ``physics``; results of equal keys are comparable."""
         return content_key(self.physics)
 
     @property
     def config_hash(self) -> str:
         """Content key of the whole study file."""
         return content_key(self.file.model_dump())
+
+
+def _range_text(values: Sequence[float]) -> str:
+    """Name the smallest and the largest of some values, once if they are equal."""
+    ends = dict.fromkeys((f"{min(values):g}", f"{max(values):g}"))
+    return " to ".join(ends)
 
 
 #: ``KEY=VALUE``, or values by dotted keys, of a study file.
@@ -248,51 +259,68 @@ def load_study(where: str | Path, overrides: Settings = None) -> Setup:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
     settings = settings_of(overrides)
-    return _overridden(data, settings, f"{path}{' with --set' if settings else ''}")
+    return _build_with_settings(data, settings, f"{path}{' with --set' if settings else ''}")
 
 
 def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
-    """Build a study again with values by dotted keys, None to take a key out; InputError."""
+    """Build a study with other values by dotted keys, None to take a key out.
+
+    Raises InputError as ``load_study``.
+    """
     data = study.file.model_dump(exclude_none=True)
-    return _overridden(data, settings, f"the study {study.name}")
+    return _build_with_settings(data, settings, f"the study {study.name}")
 
 
+#: Largest share of the sliding side's inertia that a ring has where the side shrinks (judged).
+MAX_RING_SHARE = 0.5
 #: Keys of the ring that is a part of the sliding side.
-HALF = 0.5  #: largest share of its side that a ring has where the side is made smaller (judged)
 RING_KEYS = ("mechanism.ring_inertia_kgm2", "strike.ring_inertia_kgm2")
 
 
 def ring_settings(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the inertias of the ring that shrink with a smaller ``sliding.inertia_kgm2``.
+    """Return settings of the ring's inertia that follow from a smaller ``sliding.inertia_kgm2``.
 
     The ring is at most half of its side, or the share that it has in the file; nominal value and
-    range shrink alike. What ``settings`` give stays.
+    range shrink by one factor. Keys of ``settings`` are left out.
     """
     key = "sliding.inertia_kgm2"
-    before, after = data.get("sliding", {}).get("inertia_kgm2"), settings.get(key)
+    old_inertia = data.get("sliding", {}).get("inertia_kgm2")
+    new_inertia = settings.get(key)
     numbers = (int, float)
-    if not isinstance(before, numbers) or not isinstance(after, numbers) or not 0 < after < before:
+    if not isinstance(old_inertia, numbers) or not isinstance(new_inertia, numbers):
         return {}
-    rings = dict[str, Any]()
-    for ring in RING_KEYS:
-        table, _, name = ring.partition(".")
-        given = (data.get(table) or {}).get(name)
-        if given is not None and ring not in settings and table not in settings:
-            rings[ring] = given
-    ends = [end for ring in rings.values() for end in (ring if isinstance(ring, list) else [ring])]
+    if not 0 < new_inertia < old_inertia:
+        return {}
+    rings = _ring_values(data, settings)
+    ends = []
+    for ring in rings.values():
+        ends += ring if isinstance(ring, list) else [ring]
     if not ends or not all(isinstance(end, numbers) and end > 0.0 for end in ends):
         return {}
     largest = max(ends)
-    share = max(HALF, largest / before) * after / largest
-    if share >= 1.0:
+    factor = max(MAX_RING_SHARE, largest / old_inertia) * new_inertia / largest
+    if factor >= 1.0:
         return {}
-    return {
-        key: [share * end for end in ring] if isinstance(ring, list) else share * ring
-        for key, ring in rings.items()
-    }
+    settings_of_ring = {}
+    for key, ring in rings.items():
+        is_range = isinstance(ring, list)
+        settings_of_ring[key] = [factor * end for end in ring] if is_range else factor * ring
+    return settings_of_ring
 
 
-def _overridden(data: dict[str, Any], settings: Mapping[str, Any], source: str) -> Setup:
+def _ring_values(data: dict[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of ``RING_KEYS`` in a file that ``settings`` do not replace."""
+    rings = {}
+    for key in RING_KEYS:
+        table, _, name = key.partition(".")
+        value = (data.get(table) or {}).get(name)
+        if value is not None and key not in settings and table not in settings:
+            rings[key] = value
+    return rings
+
+
+def _build_with_settings(data: dict[str, Any], settings: Mapping[str, Any], source: str) -> Setup:
+    """Change the tables of a study file by settings, and build the study."""
     settings = {**ring_settings(data, settings), **settings}
     for key, value in settings.items():
         override(data, key, value)
@@ -302,7 +330,7 @@ def _overridden(data: dict[str, Any], settings: Mapping[str, Any], source: str) 
 
 
 def find_study(where: str | Path) -> Path:
-    """Return the study file that ``where`` names."""
+    """Return the path of a study file from its path, its folder or a bundled name."""
     path = Path(where)
     if path.is_dir():
         path = path / "study.toml"
@@ -322,32 +350,34 @@ def bundled_studies() -> list[str]:
     return sorted(file.parent.name for file in bundled_root().glob("*/study.toml"))
 
 
-def settings_of(given: Settings) -> dict[str, Any]:
-    """Return settings as values by dotted keys."""
-    return dict(given.items() if isinstance(given, Mapping) else map(pair_of, given or ()))
+def settings_of(settings: Settings) -> dict[str, Any]:
+    """Convert settings to values by dotted keys."""
+    if isinstance(settings, Mapping):
+        return dict(settings)
+    return dict(pair_of(text) for text in settings or ())
 
 
 def pair_of(text: str) -> tuple[str, Any]:
-    """Read ``KEY=VALUE``, the value as TOML or else as text; None for no value."""
+    """Read key and value of ``KEY=VALUE``, the value as TOML or else as text; None for no value."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise InputError(f"--set {text} is not KEY=VALUE; write for instance dog.chamfer_deg=14")
     try:
-        read = tomllib.loads(f"v = {value}")
+        table = tomllib.loads(f"v = {value}")
     except tomllib.TOMLDecodeError:
-        read = {"v": value.strip() or None}
-    if set(read) != {"v"}:
+        table = {"v": value.strip() or None}
+    if set(table) != {"v"}:
         raise InputError(f"--set {key.strip()} holds more than one value; give one --set a key")
-    return key.strip(), read["v"]
+    return key.strip(), table["v"]
 
 
 def override(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key of a study file's tables; None takes it out."""
-    table, last = place_of(data, key)
+    """Set a dotted key of a study file's tables in place; None takes it out."""
+    table, name = place_of(data, key)
     if value is not None:
-        table[last] = value
-    elif last in table:
-        del table[last]
+        table[name] = value
+    elif name in table:
+        del table[name]
     else:
         raise InputError(f"the study has no key {key} to take out; check the key, or leave it out")
 
@@ -358,7 +388,8 @@ def build_study(file: StudyFile) -> Setup:
         fault = f"format is {file.format}, but this version reads format {FORMAT}"
         raise InputError(f"{fault}; convert the file or use the version that wrote it")
     _require_parts(file)
-    contact, shift = file.contact.value, file.shift
+    contact = file.contact.value
+    shift = file.shift
     clutch = Clutch(
         dog=file.dog.value,
         rings=rings(file.sliding, file.output),
@@ -372,18 +403,23 @@ def build_study(file: StudyFile) -> Setup:
     _require_confirmation(file)
     _require_limit_torques(file)
     rises = RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
-    parts = file.mechanism, file.effects, file.contact.si()
-    clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
+    clutch, actuation = with_mechanism(
+        clutch,
+        Actuation(rises),
+        file.mechanism,
+        effects=file.effects,
+        contact=file.contact.si(),
+    )
     clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism, clutch.drive))
     points = file.operating.operating_points(actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
-    _require_slow(file, clutch, min(point.profile.force for point in points))
-    unsure = _uncertainty(file, clutch, points, actuation.table)
+    _require_fall(file, clutch, min(point.profile.force for point in points))
+    uncertainty = _uncertainty(file, clutch, points, table=actuation.table)
     limits = _limits(file, clutch, points)
     variables = file.variables.ranges
     for point, factor in itertools.product(points, variables.get(FORCE, ())):
         actuation.table.profile(factor * point.profile.force, f", or narrow variables.{FORCE}")
-    return Setup(file, clutch, limits, points, variables, actuation, unsure)
+    return Setup(file, clutch, limits, points, variables, actuation, uncertainty)
 
 
 def _require_confirmation(file: StudyFile) -> None:
@@ -408,19 +444,28 @@ def _require_limit_torques(file: StudyFile) -> None:
 
 def _require_parts(file: StudyFile) -> None:
     """Raise the faults of all sections at once, as far as these build by themselves."""
-    faults = dict[str, DogshapeError]()  # each once: what wears has a dog too
     sections = (
-        *(file.dog, file.drive, file.material, file.manufacturing, file.tolerance, file.contact),
+        file.dog,
+        file.drive,
+        file.material,
+        file.manufacturing,
+        file.tolerance,
+        file.contact,
     )
-    parts: tuple[Callable[[], Any], ...] = (
-        partial(rings, file.sliding, file.output), file.require_ranges,
+    builders: tuple[Callable[[], Any], ...] = (
+        partial(rings, file.sliding, file.output),
+        file.require_ranges,
         partial(RiseTable, tuple(file.actuation.force_N), tuple(file.actuation.rise_s)),
-        file.operating.rows, file.load.case, *(partial(getattr, one, "value") for one in sections),
-        partial(wear_of, file), partial(getattr, file.variables, "ranges"),
-    )  # fmt: skip
-    for part in parts:
+        file.operating.rows,
+        file.load.case,
+        *(partial(getattr, section, "value") for section in sections),
+        partial(wear_of, file),
+        partial(getattr, file.variables, "ranges"),
+    )
+    faults = dict[str, DogshapeError]()  # by message: wear builds the dog a second time
+    for build in builders:
         try:
-            part()
+            build()
         except DogshapeError as error:
             faults[str(error)] = error
     if len(faults) > 1:
@@ -432,39 +477,28 @@ def _require_parts(file: StudyFile) -> None:
 def _uncertainty(
     file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint], table: RiseTable
 ) -> Uncertainty | None:
-    """Read the uncertain quantities, None without any; their ends must be shifts that exist."""
-    given = file.uncertain or ()
-    found = tuple((name, one.checked(f"uncertain.{name}")) for name, one in given if one)
-    if not found:
+    """Build the uncertain quantities, or None; shifts must exist at both ends of each."""
+    quantities = tuple(
+        (name, distribution.checked(f"uncertain.{name}"))
+        for name, distribution in file.uncertain or ()
+        if distribution
+    )
+    if not quantities:
         return None
-    unsure = Uncertainty(found, table)
+    uncertainty = Uncertainty(quantities, table)
     for end in (0, 1):
-        friction, _, inertia, dissipation = (unsure.bounds(name)[end] for name in FACTORS)
+        friction, _, inertia, dissipation = (uncertainty.bounds(name)[end] for name in FACTORS)
         Variant(friction, 1.0, inertia, 0.1, (), dissipation).clutch(clutch)
-    low, high = unsure.bounds("force_factor")
+    low, high = uncertainty.bounds("force_factor")
     forces = [point.profile.force for point in points]
     for force in (low * min(forces), high * max(forces)):
         table.profile(force, ", or narrow uncertain.force_factor")
-    return unsure
+    return uncertainty
 
 
 def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
-    """Return the limits; what the study leaves open of actuator and strike follows from points."""
-    mechanism, shaken = clutch.mechanism, file.load.axial_vibration_m_s2
-    more: dict[str, Any] = {
-        "vibration_force": shaken * (file.sliding.mass_kg + mechanism.added_mass)
-    }
-    if file.contact.set == ContactSection().set:  # published sets are softer than steel
-        more["contact_stiffness"] = clutch.contact.stiffness
-    if clutch.contact.face_friction is not None:
-        more["face_friction"] = clutch.contact.face_friction
-    if mechanism.spline_friction > 0.0:
-        more |= {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
-    if mechanism.spline_friction > 0.0 or not file.load.release_by_itself:
-        more["pull_out_force_limit"] = min(point.profile.force for point in points)
-    if mechanism.detent > 0.0 and mechanism.detent_seat > 0.0:
-        more["separating_force_limit"] = mechanism.detent
-    load = file.load.case(**more)
+    """Build the limits of the checks; open values of load and strike follow from the points."""
+    load = file.load.case(**_clutch_loads(file, clutch, points))
     load.require_spline()
     return Limits(
         load=load,
@@ -476,26 +510,55 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
     )
 
 
-def _require_slow(file: StudyFile, clutch: Clutch, force: float) -> None:
-    """Raise InputError where a ring that ``force`` in N pushes is not sure to fall into a slot."""
-    own, dog = file.shift.alternating, clutch.dog
+def _clutch_loads(
+    file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]
+) -> dict[str, Any]:
+    """Return the fields of the load case that follow from clutch and operating points."""
+    mechanism = clutch.mechanism
+    has_spline_friction = mechanism.spline_friction > 0.0
+    vibrating_mass = file.sliding.mass_kg + mechanism.added_mass
+    fields: dict[str, Any] = {"vibration_force": file.load.axial_vibration_m_s2 * vibrating_mass}
+    if file.contact.set == ContactSection().set:  # published sets are softer than steel
+        fields["contact_stiffness"] = clutch.contact.stiffness
+    if clutch.contact.face_friction is not None:
+        fields["face_friction"] = clutch.contact.face_friction
+    if has_spline_friction:
+        fields["spline_friction"] = mechanism.spline_friction
+        fields["spline_radius"] = mechanism.spline_radius
+    if has_spline_friction or not file.load.release_by_itself:
+        fields["pull_out_force_limit"] = min(point.profile.force for point in points)
+    if mechanism.detent > 0.0 and mechanism.detent_seat > 0.0:
+        fields["separating_force_limit"] = mechanism.detent
+    return fields
+
+
+def _require_fall(file: StudyFile, clutch: Clutch, force: float) -> None:
+    """Raise InputError where the set-point may carry the dogs past a slot during the fall.
+
+    ``force`` is the least shift force, N.
+    """
+    alternating = file.shift.alternating
+    dog = clutch.dog
     mass = clutch.rings.mass + clutch.mechanism.added_mass
-    fall = math.sqrt(2.0 * mass * dog.height / force)
-    most = SURE * dog.entry_play / dog.mean_radius / fall / RPM
-    if own is not None and own.amplitude_rpm > most:
+    fall_time = math.sqrt(2.0 * mass * dog.height / force)
+    max_speed = MAX_PASSED_PLAY * dog.entry_play / dog.mean_radius / fall_time / RPM
+    if alternating is not None and alternating.amplitude_rpm > max_speed:
         rule = (
             f"{force:.6g} N push the ring {dog.height / MM:.4g} mm into a slot in "
-            f"{1e3 * fall:.3g} ms, and more than {most:.4g} 1/min may throw it out again"
+            f"{1e3 * fall_time:.3g} ms, and more than {max_speed:.4g} 1/min may throw it out again"
         )
         key = "shift.alternating.amplitude_rpm"
-        raise InputError(refusal(key, own.amplitude_rpm, "1/min", rule, "lower it"))
+        raise InputError(
+            refusal(key, alternating.amplitude_rpm, "1/min", rule=rule, remedy="lower it")
+        )
 
 
 def wear_of(file: StudyFile) -> Wear | None:
-    """Build what wears the dogs; None for a study that does not say. InputError for mistakes."""
-    wear: Wear | None = None if file.wear is None else file.wear.value
-    if wear is not None:
-        wear.edges(file.dog.value, 1.0)
+    """Build the wear model, None without ``[wear]``; InputError for mistakes."""
+    if file.wear is None:
+        return None
+    wear: Wear = file.wear.value
+    wear.edges(file.dog.value, 1.0)  # refuses edges sharper than those of the dog
     return wear
 
 
@@ -506,15 +569,15 @@ def require_variables(study: Setup) -> None:
         raise InputError(f"[variables] is empty, so there is nothing to search; give one of {keys}")
 
 
-#: Mismatch in 1/min, nominal force in N and, None for the study's own, rise time in s of one
-#: operating point; None for all of a study's.
+#: Mismatch, 1/min, nominal force, N, and rise time, s, of one operating point. The rise time None
+#: is that of the study; mismatch and force None stand for all points of the study.
 Place = tuple[float | None, float | None, float | None]
 EVERYWHERE: Place = (None, None, None)
 OWN_RISE = ", or give --force-rise-s"  #: remedy for a force that the study's table lacks
 
 
 def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[OperatingPoint, ...]:
-    """Return the one operating point that is asked for, or all of the study's.
+    """Return the operating point at ``place``, or all of the study's.
 
     ``other_way`` is the verb's remedy for a force without rise time.
     """

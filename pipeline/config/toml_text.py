@@ -16,42 +16,52 @@ from tomlkit.items import Comment, Item, Null, Table
 from dogshape.sim.errors import InputError
 from dogshape.sim.texts import place_of
 
-WIDE = 86  #: characters of a line of comment
+COMMENT_WIDTH = 86  #: characters of a line of comment
 SOURCE = "source:"
 
 
 def toml_value(value: Any, *, lines: bool = False) -> str:
-    """Write a value in one line, with ``lines`` each of several tables in its own; None is left."""
+    """Write a value as TOML in one line, with ``lines`` a line for each table of a list."""
     return _item(value, lines=lines).as_string()
 
 
 def toml_text(data: Mapping[str, Any], comments: Mapping[str, Sequence[str]]) -> str:
-    """Write a file of tables, those within tables in one line, with comments.
+    """Write a TOML file of tables with comments, without keys of value None.
 
     ``comments`` are sentences by the dotted key that they stand before, ``""`` for the top.
     """
-    tables = {key: value for key, value in data.items() if isinstance(value, Mapping)}
-    text = []
-    for name, table in {"": {k: v for k, v in data.items() if k not in tables}, **tables}.items():
-        text += [*_remarks(comments.get(name, ())), *([f"[{name}]"] if name else [])]
+    tables: dict[str, Mapping[str, Any]] = {
+        "": {key: value for key, value in data.items() if not isinstance(value, Mapping)}
+    }
+    tables |= {name: table for name, table in data.items() if isinstance(table, Mapping)}
+    lines = []
+    for name, table in tables.items():
+        lines += _comment_lines(comments.get(name, ()))
+        if name:
+            lines.append(f"[{name}]")
         for key, value in table.items():
             if value is not None:
-                text += _remarks(comments.get(f"{name}.{key}", ()))
-                text.append(f"{tomlkit.key(key).as_string()} = {toml_value(value, lines=True)}")
-        text.append("")
-    return "\n".join(text)
+                lines += _comment_lines(comments.get(f"{name}.{key}", ()))
+                lines.append(f"{tomlkit.key(key).as_string()} = {toml_value(value, lines=True)}")
+        lines.append("")
+    return "\n".join(lines)
 
 
-def _remarks(sentences: Sequence[str]) -> list[str]:
+def _comment_lines(sentences: Sequence[str]) -> list[str]:
     """Break sentences into lines of comment; no word is cut."""
-    unbroken = {"break_long_words": False, "break_on_hyphens": False}
-    return [f"# {line}" for one in sentences for line in textwrap.wrap(one, WIDE, **unbroken)]  # type: ignore[arg-type]
+    lines = []
+    for sentence in sentences:
+        lines += textwrap.wrap(
+            sentence, COMMENT_WIDTH, break_long_words=False, break_on_hyphens=False
+        )
+    return [f"# {line}" for line in lines]
 
 
 def _item(value: Any, *, lines: bool) -> Any:
+    """Convert a value to an item of tomlkit, tables to inline ones."""
     if isinstance(value, (list, tuple)):
         array = tomlkit.array()
-        array.extend(_item(one, lines=False) for one in value)
+        array.extend(_item(element, lines=False) for element in value)
         return array.multiline(lines and isinstance(next(iter(value), None), Mapping))
     if isinstance(value, Mapping):
         inline = tomlkit.inline_table()
@@ -65,50 +75,74 @@ def with_values(
 ) -> str:
     """Replace values of a TOML text by their dotted keys, and add those that are missing.
 
-    None takes a key out; a mapping replaces a table. With ``comments``, by dotted key, a replaced
-    value and its table have the comment that is given there, or none: their own may be about the
-    old value. Raises InputError for a key below a value, or one to take out that is not there.
+    Parameters
+    ----------
+    text
+        TOML text.
+    values
+        Values by dotted key. None takes a key out; a mapping replaces a table.
+    comments
+        Comments of replaced values and their tables by dotted key; values without one lose
+        theirs, which may be about the old value. By default only sources are dropped.
+
+    Raises
+    ------
+    InputError
+        For a key below a value, or one to take out that is not there.
+
     """
     document = tomlkit.parse(text)
     for key, value in values.items():
         table, name = place_of(document, key)
-        there = table.get(name)
+        old_value = table.get(name)
         if value is None and name not in table:
             raise InputError(f"there is no key {key} to take out; check the key, or leave it out")
         if value is None:
             table.remove(name)
-        elif there != value:
-            whole = isinstance(value, Mapping) and ("." not in key or isinstance(there, Table))
-            item = tomlkit.item(dict(value)) if whole else _item(value, lines=True)
-            _put(table, name, item)
+        elif old_value != value:
+            is_table = "." not in key or isinstance(old_value, Table)
+            if isinstance(value, Mapping) and is_table:
+                table[name] = tomlkit.item(dict(value))
+            else:
+                table[name] = _item(value, lines=True)
             _renew_comment(table[name], key, comments)
             _drop_sources_before(table, name)
-        if there != value:
+        if old_value != value:
             _renew_comment(table, key.rpartition(".")[0], comments)
     return tomlkit.dumps(document).rstrip("\n") + "\n"
 
 
 def sources_of(text: str) -> dict[str, str]:
-    """List where values of a TOML text are from, by dotted key: its own comment or its table's."""
-    found = {}
+    """List the sources of the values of a TOML text by dotted key, empty for none.
+
+    A source is in the comment of a value, else in that of its table.
+    """
+    sources = {}
     for name, table in tomlkit.parse(text).items():
-        for key in table if isinstance(table, Table) else ():
-            comments = [one.trivia.comment for one in (table.value.item(key), table)]
-            sources = (comment.partition(SOURCE)[2].strip() for comment in comments)
-            found[f"{name}.{key}"] = next(filter(None, sources), "")
-    return found
+        if not isinstance(table, Table):
+            continue
+        table_source = _source(table)
+        for key in table:
+            sources[f"{name}.{key}"] = _source(table.value.item(key)) or table_source
+    return sources
+
+
+def _source(item: Any) -> str:
+    """Return the source that the comment of an item names, or an empty text."""
+    comment: str = item.trivia.comment
+    return comment.partition(SOURCE)[2].strip()
 
 
 def meanings_of(text: str) -> dict[str, str]:
     """List the comments of values and tables of a TOML text by dotted key, without sources."""
-    found = {}
+    meanings = {}
     for name, table in tomlkit.parse(text).items():
         if isinstance(table, Table):
             items = {name: table} | {f"{name}.{key}": table.value.item(key) for key in table}
             for key, item in items.items():
                 _drop_source(item)
-                found[key] = item.trivia.comment if isinstance(item, Item) else ""
-    return {key: comment for key, comment in found.items() if comment}
+                meanings[key] = item.trivia.comment if isinstance(item, Item) else ""
+    return {key: comment for key, comment in meanings.items() if comment}
 
 
 def _put(table: Any, name: str, item: Any) -> None:
@@ -124,7 +158,7 @@ def _put(table: Any, name: str, item: Any) -> None:
 
 
 def _renew_comment(item: Any, key: str, comments: Mapping[str, str] | None) -> None:
-    """Take the source from a comment, or with ``comments`` replace it by that of the key."""
+    """Replace the comment of an item from ``comments``; if None, just drop its source."""
     if comments is None:
         _drop_source(item)
     elif isinstance(item, Item):
@@ -134,20 +168,23 @@ def _renew_comment(item: Any, key: str, comments: Mapping[str, str] | None) -> N
 
 
 def _drop_sources_before(table: Any, name: str) -> None:
-    """Take away the lines of comment before a key that say where its value is from."""
+    """Remove the lines of comment before a key that name the source of its value."""
     if not isinstance(table, Table):
         return
     body = table.value.body
-    place = next(k for k, (key, _) in enumerate(body) if key is not None and key.key == name)
-    while place and isinstance(body[place - 1][1], Comment):
-        place -= 1
-        if not body[place][1].trivia.comment.lstrip("# ").startswith(SOURCE):
+    index = next(i for i, (key, _) in enumerate(body) if key is not None and key.key == name)
+    while index and isinstance(body[index - 1][1], Comment):
+        index -= 1
+        if not body[index][1].trivia.comment.lstrip("# ").startswith(SOURCE):
             return
-        body[place] = (None, Null())
+        body[index] = (None, Null())
 
 
 def _drop_source(item: Any) -> None:
+    """Remove the source from the comment of an item."""
     if isinstance(item, Item) and SOURCE in item.trivia.comment:
-        kept = item.trivia.comment.partition(SOURCE)[0].rstrip(" ;")
-        item.trivia.comment = kept if kept != "#" else ""
-        item.trivia.comment_ws = item.trivia.comment_ws if kept != "#" else ""
+        comment = item.trivia.comment.partition(SOURCE)[0].rstrip(" ;")
+        if comment == "#":
+            comment = ""
+            item.trivia.comment_ws = ""
+        item.trivia.comment = comment

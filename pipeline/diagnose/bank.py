@@ -16,13 +16,13 @@ from dogshape.sim.statistics.blocks import Block, Runner
 from dogshape.sim.statistics.shift_records import Record, content_key, unfinished
 from dogshape.sim.versions import engine
 
-TICK = 1e-5  #: s, in which times are kept
-LATE = -1  #: stands for a shift that did not engage
+TICK = 1e-5  #: resolution of stored times, s
+NOT_ENGAGED = -1  #: ticks of a shift that did not engage
 
 
 @dataclass
 class Bank:
-    """Files of series, read in turn where they exist; the last one is written."""
+    """Stored series of shifts by key, from files in turn; new series go to the last file."""
 
     paths: Sequence[Path]
     series: dict[str, Record] = field(default_factory=dict)
@@ -32,61 +32,94 @@ class Bank:
         self.read()
 
     def read(self) -> None:
-        """Read what other runs may have written; StorageError for a line that is no series."""
-        for path in filter(Path.exists, self.paths):
-            if (size := path.stat().st_size) != self._sizes.get(path):
-                rows = read_lines(path, lambda s: (s["key"], len(s["t"])), "a series of shifts")
+        """Read the files that have changed; StorageError for a line that is no series."""
+        for path in self.paths:
+            if not path.exists():
+                continue
+            size = path.stat().st_size
+            if size != self._sizes.get(path):
+                rows = read_lines(path, _require_series, "a series of shifts")
                 self.series.update((row["key"], row) for row in rows)
                 self._sizes[path] = size
 
     def missing(self, blocks: Iterable[Block]) -> list[Block]:
-        """List the blocks that no file has, each series once."""
-        found = {series_key(block): block for block in blocks}
-        return [block for key, block in found.items() if key not in self.series]
+        """List the blocks that no file has, one for each series."""
+        blocks_by_key = {series_key(block): block for block in blocks}
+        return [block for key, block in blocks_by_key.items() if key not in self.series]
 
     def times(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
-        """Return the shifts of blocks; what no file has is simulated by ``run`` and written.
+        """Return the shifts of blocks; simulate missing series by ``run`` and write them.
 
         A series that the clock cut short is simulated again the next time.
         """
         keys = [series_key(block) for block in blocks]
-        left = {k: b for k, b in zip(keys, blocks, strict=True) if k not in self.series}
-        done = run(list(left.values())) if left else []
-        fresh = {key: _kept(key, rows) for key, rows in zip(left, done, strict=True)}
-        self.series |= fresh
-        pairs = zip(fresh.values(), done, strict=True)
-        if whole := [row for row, rows in pairs if not any(map(unfinished, rows))]:
-            append(self.paths[-1], *whole)
-            sync(self.paths[-1])  # before the shifts leave their journal
-            self._sizes[self.paths[-1]] = self.paths[-1].stat().st_size
-        return [_rows(self.series[key]) for key in keys]
+        missing = {
+            key: block for key, block in zip(keys, blocks, strict=True) if key not in self.series
+        }
+        simulated = run(list(missing.values())) if missing else []
+        finished_series = []
+        for key, rows in zip(missing, simulated, strict=True):
+            series = _series_record(key, rows)
+            self.series[key] = series
+            if not any(map(unfinished, rows)):
+                finished_series.append(series)
+        if finished_series:
+            path = self.paths[-1]
+            append(path, *finished_series)
+            sync(path)  # before the shifts leave their journal
+            self._sizes[path] = path.stat().st_size
+        return [_shift_records(self.series[key]) for key in keys]
+
+
+def _require_series(row: Record) -> None:
+    """Raise KeyError or TypeError unless a row is a series."""
+    for key in ("key", "t"):
+        len(row[key])
 
 
 def series_key(block: Block) -> str:
-    """Return the key of a block: its angles are even, so the first and their number are enough."""
+    """Hash the inputs of a block; of its even angles the first and their number."""
     return content_key({"first": block.first_key, "n": len(block.angles), **engine()})
 
 
-def _kept(key: str, rows: Sequence[Record]) -> Record:
-    """Return the line of a series; None failed to integrate, ``LATE`` did not engage."""
-
-    def ticks(row: Record, time: float | None) -> int | None:
-        if row["outcome"] == Outcome.DIVERGED.value:
-            return None
-        return LATE if time is None else round(time / TICK)
-
-    kept: Record = {"key": key, "t": [ticks(row, row["shift_time_s"]) for row in rows]}
-    there = [ticks(row, row.get("actuator_time_s", row["shift_time_s"])) for row in rows]
-    return kept if there == kept["t"] else {**kept, "actuator": there}
+def _series_record(key: str, rows: Sequence[Record]) -> Record:
+    """Convert the shifts of a series to its line, with times of the actuator if they differ."""
+    series: Record = {"key": key, "t": [_ticks(row, row["shift_time_s"]) for row in rows]}
+    actuator_ticks = [_ticks(row, row.get("actuator_time_s", row["shift_time_s"])) for row in rows]
+    if actuator_ticks != series["t"]:
+        series["actuator"] = actuator_ticks
+    return series
 
 
-def _rows(kept: Record) -> list[Record]:
-    times: list[int | None] = kept["t"]
-    found: list[Record] = []
-    for pair in zip(times, kept.get("actuator", times), strict=True):
-        sleeve, actuator = (None if t in (None, LATE) else t * TICK for t in pair)
-        outcome = Outcome.TIMED_OUT if sleeve is None else Outcome.ENGAGED
-        outcome = Outcome.DIVERGED if pair[0] is None else outcome
-        times_s = {"shift_time_s": sleeve, "actuator_time_s": actuator}
-        found.append({"outcome": outcome.value, **times_s})
-    return found
+def _ticks(row: Record, time: float | None) -> int | None:
+    """Convert a time of a shift, s, to ticks; None for a failed integration."""
+    if row["outcome"] == Outcome.DIVERGED.value:
+        return None
+    return NOT_ENGAGED if time is None else round(time / TICK)
+
+
+def _shift_records(series: Record) -> list[Record]:
+    """Convert the line of a series to shifts with outcome and times, s."""
+    sleeve_ticks: list[int | None] = series["t"]
+    actuator_ticks: list[int | None] = series.get("actuator", sleeve_ticks)
+    records: list[Record] = []
+    for sleeve, actuator in zip(sleeve_ticks, actuator_ticks, strict=True):
+        outcome = Outcome.ENGAGED
+        if sleeve is None:
+            outcome = Outcome.DIVERGED
+        elif sleeve == NOT_ENGAGED:
+            outcome = Outcome.TIMED_OUT
+        record = {
+            "outcome": outcome.value,
+            "shift_time_s": _seconds(sleeve),
+            "actuator_time_s": _seconds(actuator),
+        }
+        records.append(record)
+    return records
+
+
+def _seconds(ticks: int | None) -> float | None:
+    """Convert ticks to s; None for a shift without a time."""
+    if ticks is None or ticks == NOT_ENGAGED:
+        return None
+    return ticks * TICK

@@ -47,15 +47,16 @@ from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.versions import bundled_root
 
-BANK = Path(user_cache_dir("dogshape", appauthor=False)) / "bank"  #: where none is named
-TIMES, SHIFTS = "bank.jsonl", "shifts.jsonl"
-PATIENCE = 3600.0  #: s, for other diagnoses that simulate
-BROUGHT = bundled_root() / "bench" / TIMES  #: file of the bank that the package brings
+BANK = Path(user_cache_dir("dogshape", appauthor=False)) / "bank"  #: default folder of banks
+TIMES = "bank.jsonl"  #: file of a bank
+SHIFTS = "shifts.jsonl"  #: file of finished shifts of an unfinished bank
+LOCK_TIMEOUT_S = 3600.0  #: time to wait for another diagnosis that simulates, s
+BUNDLED_BANK = bundled_root() / "bench" / TIMES  #: file of the package's bank
 
 
 @dataclass(frozen=True)
-class Means:
-    """Means of a diagnosis: banks, effects and workers."""
+class BankOptions:
+    """Bank, effects and workers of a diagnosis."""
 
     bank: Path = BANK  #: folder of banks
     effects: Path | None = None  #: folder of the user's own effects
@@ -65,100 +66,122 @@ class Means:
     settings: Settings = USUAL
 
 
-def diagnosed(bench: Bench, means: Means) -> Diagnosis:
+def diagnose_bench(bench: Bench, options: BankOptions) -> Diagnosis:
     """Diagnose a data set; simulate the shifts that no bank has.
 
     DataError where no shift has a time, EffectError for an effect that cannot be run.
     """
     require_shifts(bench, times=True)
-    effects = load(means.effects)
+    effects = load(options.effects)
     require_terms(bench, effects)
     measured_facts(bench, effects)  # refuses a wrong one before the long work
-    _require_working(effects, bench, means)
-    bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
-    found = diagnose(bench, models_of(bench, effects, means), means.settings)
-    return replace(found, tests=rank_tests(found))
+    _require_working(effects, bench, options)
+    bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))
+    models = models_of(bench, effects, options)
+    diagnosis = diagnose(bench, models, options.settings)
+    return replace(diagnosis, tests=rank_tests(diagnosis))
 
 
-def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
+def models_of(
+    bench: Bench, effects: Mapping[str, Effect], options: BankOptions
+) -> dict[str, Model]:
     """Build the predictions of a data set, by the place where displacement may be read."""
-    notes, known = list[str](), Bank((BROUGHT, means.bank / TIMES))
-    run = partial(shifts_of, means=means, notes=notes, known=known)
-    return build_models(bench, effects, means.settings, run)
+    bank = Bank((BUNDLED_BANK, options.bank / TIMES))
+    run = partial(shifts_of, options=options, messages=[], bank=bank)
+    return build_models(bench, effects, options.settings, run)
 
 
 def shifts_of(
-    blocks: Sequence[Block], means: Means, notes: list[str], known: Bank
+    blocks: Sequence[Block], options: BankOptions, messages: list[str], bank: Bank
 ) -> list[list[Record]]:
-    """Take ``known`` shifts; simulate and keep what no file has; ``notes`` were said before."""
-    if not known.missing(blocks):
-        return known.times(blocks, lambda _: [])
-    with writing(means.bank, PATIENCE, means.progress.say):
-        known.read()  # another run may have written since
-        lacking = known.missing(blocks)
-        journal = ShiftJournal(means.bank / SHIFTS)
-        left = sum(len(block.angles) for block in lacking)
-        if not notes:
-            notes.append(f"the bank of this clutch lacks {left} shifts; they are simulated once "
-                         f"and kept in {means.bank} for this and later diagnoses")  # fmt: skip
-            means.progress.say(notes[0])
-        kept = f"{means.bank}; the same command goes on from there"
-        with WorkCounter(means.progress, left, kept=kept) as counter:
-            rows = known.times(blocks, Executor(journal, means.jobs, counter.advance).run)
-        journal.say_unfinished(means.progress.say)
+    """Return the shifts of blocks from a bank; simulate and store missing series.
+
+    ``messages`` collects the first message on missing shifts, so that it appears once.
+    """
+    if not bank.missing(blocks):
+        return bank.times(blocks, lambda _: [])
+    progress = options.progress
+    with writing(options.bank, LOCK_TIMEOUT_S, progress.say):
+        bank.read()  # another run may have written since
+        missing = bank.missing(blocks)
+        journal = ShiftJournal(options.bank / SHIFTS)
+        count = sum(len(block.angles) for block in missing)
+        if not messages:
+            messages.append(
+                f"the bank of this clutch lacks {count} shifts; they are simulated once "
+                f"and kept in {options.bank} for this and later diagnoses"
+            )
+            progress.say(messages[0])
+        resumption = f"{options.bank}; the same command goes on from there"
+        with WorkCounter(progress, count, resumption=resumption) as counter:
+            executor = Executor(journal, options.jobs, counter.advance)
+            rows = bank.times(blocks, executor.run)
+        journal.say_unfinished(progress.say)
         with suppress(StorageError):  # the file of banks has them
-            journal.drop({key for block in lacking for key in block.keys})
+            journal.drop({key for block in missing for key in block.keys})
         return rows
 
 
-def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) -> None:
+def _require_working(effects: Mapping[str, Effect], bench: Bench, options: BankOptions) -> None:
     """Raise EffectError, with its file, for an effect of the user's that cannot be run."""
-    own = own_files(means.effects) if means.effects else {}
-    if means.effects and not own:
-        means.progress.say(
-            f"{means.effects} has no effect: no file NAME.py without an underscore before it"
+    paths = own_files(options.effects) if options.effects else {}
+    if options.effects and not paths:
+        options.progress.say(
+            f"{options.effects} has no effect: no file NAME.py without an underscore before it"
         )
     base = Setting(bench.clutch, bench.cells[0].point)
-    for name, path in own.items():
+    for name, path in paths.items():
         try:
             effects[name].require_working(base)
-            neutral = effects[name].neutral(base)
-            if neutral and effects[name].apply(base, neutral) != base:
-                given = ", ".join(f"{key} = {value:g}" for key, value in neutral.items())
-                raise EffectError(
-                    f"with its neutral values ({given}) the effect {name} changes the clutch or "
-                    "its shift, but neutral values have to change nothing; correct neutral="
-                )
+            _require_neutral(name, effects[name], base)
         except EffectError as error:
             raise EffectError(f"{path}: {error}") from error
 
 
-def points_from(where: str | Path) -> Bench:
-    """Read the operating points and the clutch of a data set, or of a study; times do not matter.
+def _require_neutral(name: str, effect: Effect, base: Setting) -> None:
+    """Raise EffectError for an effect that changes a setting at its neutral values."""
+    neutral = effect.neutral(base)
+    if neutral and effect.apply(base, neutral) != base:
+        values = ", ".join(f"{key} = {value:g}" for key, value in neutral.items())
+        raise EffectError(
+            f"with its neutral values ({values}) the effect {name} changes the clutch or "
+            "its shift, but neutral values have to change nothing; correct neutral="
+        )
 
-    Raises InputError or DataError where there is neither, or it cannot be read.
+
+def load_points(place: str | Path) -> Bench:
+    """Read the clutch and the operating points of a data set or a study, without times.
+
+    ``place`` is a folder, a study file or a bundled name. Raises InputError or DataError where
+    there is neither, or it cannot be read.
     """
-    path = Path(where)
-    if (path / "bench.toml").is_file() or str(where) in bundled_benches():
-        return load_bench(where)
-    if path.is_file() or (path / "study.toml").is_file() or str(where) in bundled_studies():
-        study = load_study(where)
-        rows = [Reading(k, point, 1, None, None) for k, point in enumerate(study.points, start=2)]
+    path = Path(place)
+    if (path / "bench.toml").is_file() or str(place) in bundled_benches():
+        return load_bench(place)
+    if path.is_file() or (path / "study.toml").is_file() or str(place) in bundled_studies():
+        study = load_study(place)
+        readings = [
+            Reading(row, point, 1, None, None) for row, point in enumerate(study.points, start=2)
+        ]
         return Bench(
-            name=study.name, source=f"study {where}", clutch=study.clutch, cells=gather(rows),
+            name=study.name,
+            source=f"study {place}",
+            clutch=study.clutch,
+            cells=gather(readings),
             record=BenchRecord(displacement_at="sleeve"),
-        )  # fmt: skip
+        )
     names = ", ".join([*bundled_benches(), *bundled_studies()])
     raise InputError(
-        f"there is no data set and no study at {where}: give a folder with bench.toml and "
+        f"there is no data set and no study at {place}: give a folder with bench.toml and "
         f"shifts.csv, a study file, or a bundled name ({names})"
     )
 
 
-def predicted_field(bench: Bench, means: Means) -> Field:
-    """Predict the effects at the operating points of a bench; simulates what no bank has."""
-    bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
-    model = next(iter(models_of(bench, load(means.effects), means).values()))
-    # A drift of the data set is none of the shifts that are planned.
-    seen = replace(observe(bench, model), drift=None)
-    return field_of(Likelihood(bench, seen, model, means.settings))
+def predict_field(bench: Bench, options: BankOptions) -> Field:
+    """Predict the effects at the operating points of a bench; simulate missing shifts."""
+    bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))
+    models = models_of(bench, load(options.effects), options)
+    model = next(iter(models.values()))
+    # Shifts that are planned have no part in a drift of the data set.
+    observed = replace(observe(bench, model), drift=None)
+    return field_of(Likelihood(bench, observed, model, options.settings))

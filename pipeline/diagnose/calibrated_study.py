@@ -19,9 +19,9 @@ from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.diagnose.study_keys import (
     Data,
     effect_settings,
+    has_keys_for,
     rounded,
     study_of,
-    takes,
     touched_keys,
 )
 from dogshape.pipeline.store.folder import require_targets
@@ -34,7 +34,7 @@ from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.texts import read_toml
 
 DRAWS = 200  #: of the posterior
-SHOWN = 5  #: hypotheses that an error names
+MAX_LISTED = 5  #: hypotheses that an error names
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class CalibratedStudy:
         write_whole(path, self.text)
 
     def to_dict(self, path: Path) -> Data:
-        """Write the record: files, effects, number of draws, and remarks."""
+        """Return the record of a study in ``path``: files, effects, number of draws, remarks."""
         return {
             "study": str(path),
             "draws": str(draws_beside(path)),
@@ -76,9 +76,9 @@ def require_new_study(path: Path, base: str | None = None) -> None:
     if path.suffix != ".toml":
         raise InputError(f"--write is '{path}', but a study is a TOML file; name it NAME.toml")
     targets = {"--write": path, "draws of --write": draws_beside(path)}
-    for name, one in targets.items():
-        if one.exists():
-            raise StorageError(f"{name} is {one}, which is there already; name another file")
+    for option, target in targets.items():
+        if target.exists():
+            raise StorageError(f"{option} is {target}, which is there already; name another file")
     require_targets(targets)
     load_study("mq200" if base is None else base, {"name": path.stem})
 
@@ -89,81 +89,137 @@ def draws_beside(path: Path) -> Path:
 
 
 def calibrated_study(
-    found: Diagnosis, path: Path, base: str | None, draws: int, causes: Sequence[str] | None
+    diagnosis: Diagnosis, path: Path, base: str | None, draws: int, causes: Sequence[str] | None
 ) -> CalibratedStudy:
-    """Put the effects of a diagnosis into a study, as ``dogshape.Diagnosis.calibrated`` writes it.
+    """Add the effects of a diagnosis to a study, as ``dogshape.Diagnosis.calibrated`` writes it.
 
-    ``causes`` has those of the verdict. Raises InputError, with the remedy, where no effect is
-    named, a study takes none, or ``causes`` has no fit.
+    Parameters
+    ----------
+    diagnosis
+        Diagnosis of a bench.
+    path
+        File of the study, which gives its name.
+    base
+        Study to add the effects to; by default one of the bench's clutch.
+    draws
+        Number of draws from the posterior.
+    causes
+        Names of the effects, by default those of the most probable hypothesis. They contain the
+        causes of the verdict.
+
+    Raises
+    ------
+    InputError
+        Where no effect is named, a study takes none, or ``causes`` has no fit.
+
     """
-    hypothesis = _chosen(found, path, causes)
-    fit, effects, bench = found.fits[hypothesis], found.effects, found.bench
+    hypothesis = _choose_hypothesis(diagnosis, path, causes)
+    fit = diagnosis.fits[hypothesis]
+    bench = diagnosis.bench
     data = study_of(bench, path.stem) if base is None else read_toml(find_study(base))
     data["name"] = path.stem
-    given = build_study(validate(StudyFile, data, str(path)))
-    taken = [effects[n] for n in hypothesis if takes(given.clutch, effects[n])]
-    remarks = [
-        f"{effects[n].plain} ({n}) is left out: "
-        + ("it belongs to the stand" if n in registry.load() else "set its keys of [mechanism]")
-        for n in hypothesis
-        if effects[n] not in taken
-    ]
-    if not taken:
+    base_study = build_study(validate(StudyFile, data, str(path)))
+    effects, remarks = _split_effects(diagnosis, hypothesis, base_study.clutch)
+    if not effects:
         raise InputError(
             f"--write is '{path}', but a study has no key for the cause "
-            f"({hypothesis_name(hypothesis, effects)}); {'; '.join(remarks)}"
+            f"({hypothesis_name(hypothesis, diagnosis.effects)}); {'; '.join(remarks)}"
         )
 
-    def keyed(numbers: Array) -> Data:
+    def settings_at(values: Array) -> Data:
         """Write values (p,) of the hypothesis as dotted keys of the study."""
-        row = Data()
-        for effect in taken:
-            mine = map(rounded, numbers[fit.space.columns(effect.name)].tolist())
+        settings = Data()
+        for effect in effects:
+            numbers = map(rounded, values[fit.space.columns(effect.name)].tolist())
             names = [parameter.name for parameter in effect.parameters]
-            row |= effect_settings(given.clutch, effect, dict(zip(names, mine, strict=True)))
-        return row
+            parameters = dict(zip(names, numbers, strict=True))
+            settings |= effect_settings(base_study.clutch, effect, parameters)
+        return settings
 
-    replaced = _clashing(data, taken, given.clutch)
-    remarks += [f"{key} of the study is replaced by that of the bench" for key in replaced]
-    for key, value in (*dict.fromkeys(replaced).items(), *keyed(fit.values.mean(axis=0)).items()):
+    replaced_keys = _clashing_keys(data, effects, base_study.clutch)
+    remarks += [f"{key} of the study is replaced by that of the bench" for key in replaced_keys]
+    for key in replaced_keys:
+        override(data, key, None)
+    for key, value in settings_at(fit.values.mean(axis=0)).items():
         override(data, key, value)
-    friction = [
-        f"{one.static_friction:g} and {one.dynamic_friction:g}"
-        for one in (bench.clutch.contact, given.clutch.contact)
+    remarks += _friction_remarks(bench.clutch, base_study.clutch)
+    comments = _comments(
+        diagnosis, hypothesis, base, remarks=remarks, draws_file=draws_beside(path).name
+    )
+    text = toml_text(data, comments)
+    indices = np.random.default_rng(1).integers(len(fit.values), size=draws).tolist()
+    rows = [
+        {"draw": number, **settings_at(fit.values[index])}
+        for number, index in enumerate(indices, start=1)
     ]
-    if friction[0] != friction[1]:
-        remarks.append(f"friction of the bench is {friction[0]}, that of the study {friction[1]}")
-    text = toml_text(data, _comments(found, hypothesis, base, remarks, draws_beside(path).name))
-    places = np.random.default_rng(1).integers(len(fit.values), size=draws).tolist()
-    rows = [{"draw": k, **keyed(fit.values[place])} for k, place in enumerate(places, start=1)]
     return CalibratedStudy(
-        build_study(validate(StudyFile, tomllib.loads(text), str(path))), text, hypothesis,
-        found.posterior.get(hypothesis, 0.0), tuple(rows), tuple(remarks),
-    )  # fmt: skip
+        study=build_study(validate(StudyFile, tomllib.loads(text), str(path))),
+        text=text,
+        hypothesis=hypothesis,
+        probability=diagnosis.posterior.get(hypothesis, 0.0),
+        draws=tuple(rows),
+        remarks=tuple(remarks),
+    )
 
 
-def _chosen(found: Diagnosis, path: Path, causes: Sequence[str] | None) -> Hypothesis:
+def _split_effects(
+    diagnosis: Diagnosis, hypothesis: Hypothesis, clutch: Clutch
+) -> tuple[list[Effect], list[str]]:
+    """List the effects that a study has keys for, and a remark on each other effect."""
+    effects = []
+    remarks = []
+    for name in hypothesis:
+        effect = diagnosis.effects[name]
+        if has_keys_for(clutch, effect):
+            effects.append(effect)
+            continue
+        reason = "set its keys of [mechanism]"
+        if name in registry.load():
+            reason = "it belongs to the stand"
+        remarks.append(f"{effect.plain} ({name}) is left out: {reason}")
+    return effects, remarks
+
+
+def _friction_remarks(bench_clutch: Clutch, study_clutch: Clutch) -> list[str]:
+    """List a remark where bench and study differ in friction."""
+    bench_friction, study_friction = (
+        f"{clutch.contact.static_friction:g} and {clutch.contact.dynamic_friction:g}"
+        for clutch in (bench_clutch, study_clutch)
+    )
+    if bench_friction == study_friction:
+        return []
+    return [f"friction of the bench is {bench_friction}, that of the study {study_friction}"]
+
+
+def _choose_hypothesis(
+    diagnosis: Diagnosis, path: Path, causes: Sequence[str] | None
+) -> Hypothesis:
     """Find the hypothesis of ``causes``, or the most probable one; InputError where none fits."""
-    named = set(found.verdict.causes)
-    there = [h for h in found.posterior if h and h in found.fits and named <= set(h)]
+    verdict = diagnosis.verdict
+    verdict_causes = set(verdict.causes)
+    candidates = [
+        h for h in diagnosis.posterior if h and h in diagnosis.fits and verdict_causes <= set(h)
+    ]
     if causes is not None:
-        require_effects(causes, found.effects)
-        if (hypothesis := tuple(sorted(causes))) in there:
+        require_effects(causes, diagnosis.effects)
+        hypothesis = tuple(sorted(causes))
+        if hypothesis in candidates:
             return hypothesis
-        likely = "; ".join(", ".join(h) for h in there[:SHOWN])
+        examples = "; ".join(", ".join(h) for h in candidates[:MAX_LISTED])
         raise InputError(
             f"--causes is '{', '.join(causes)}', but just these have less than 0.1 % or lack a "
-            f"part of the cause ({', '.join(sorted(named)) or 'none'}); name one of: {likely}"
+            f"part of the cause ({', '.join(sorted(verdict_causes)) or 'none'}); name one of: "
+            f"{examples}"
         )
-    if named:
-        return there[0]
+    if verdict_causes:
+        return candidates[0]
     remedy = "take the study as it is"
-    if found.verdict.kind != "none":
-        first = found.tests[0].name if found.tests else "more shifts"
-        remedy = f"make the next test ({first}) and diagnose again"
+    if verdict.kind != "none":
+        test = diagnosis.tests[0].name if diagnosis.tests else "more shifts"
+        remedy = f"make the next test ({test}) and diagnose again"
     raise InputError(
-        f"--write is '{path}', but the diagnosis of {found.bench.name} names no effect "
-        f"({headline_of(found.verdict, found.effects)}); {remedy}"
+        f"--write is '{path}', but the diagnosis of {diagnosis.bench.name} names no effect "
+        f"({headline_of(verdict, diagnosis.effects)}); {remedy}"
     )
 
 
@@ -173,35 +229,48 @@ def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> Non
         require_known("--causes", name, "an effect", effects)
 
 
-def _clashing(data: Data, taken: Sequence[Effect], clutch: Clutch) -> list[str]:
-    """List the keys of a study that set the same as some effects."""
-    known = registry.load()
-    touched = {key for effect in taken for key in touched_keys(clutch, effect)}
-    given = [f"{table}.{key}" for table in ("mechanism", "contact") for key in data.get(table, {})]
-    own = {name: touched_keys(clutch, known[name]) for name in data.get("effects", {})}
-    again = [f"effects.{name}" for name, keys in own.items() if keys & touched]
-    return sorted([*touched.intersection(given), *again])
+def _clashing_keys(data: Data, effects: Sequence[Effect], clutch: Clutch) -> list[str]:
+    """List the dotted keys of a study that some effects set too."""
+    registered = registry.load()
+    keys_of_effects = {key for effect in effects for key in touched_keys(clutch, effect)}
+    keys = set()
+    for table in ("mechanism", "contact"):
+        keys |= {f"{table}.{key}" for key in data.get(table, {})} & keys_of_effects
+    for name in data.get("effects", {}):
+        if touched_keys(clutch, registered[name]) & keys_of_effects:
+            keys.add(f"effects.{name}")
+    return sorted(keys)
 
 
 def _comments(
-    found: Diagnosis, hypothesis: Hypothesis, base: str | None, remarks: Sequence[str], table: str
+    diagnosis: Diagnosis,
+    hypothesis: Hypothesis,
+    base: str | None,
+    *,
+    remarks: Sequence[str],
+    draws_file: str,
 ) -> dict[str, list[str]]:
+    """Write the comments of the study file by dotted key, ``""`` for the top."""
     source = "clutch and operating points of the bench" if base is None else f"the study {base}"
+    bench = diagnosis.bench.name
+    probability = chance(diagnosis.posterior.get(hypothesis, 0.0))
     comments = {
         "": [
-            f"Calibrated study: {source} with the cause from the diagnosis of {found.bench.name}.",
-            f"{headline_of(found.verdict, found.effects)}.",
-            f"Just these effects have {chance(found.posterior.get(hypothesis, 0.0))}.",
+            f"Calibrated study: {source} with the cause from the diagnosis of {bench}.",
+            f"{headline_of(diagnosis.verdict, diagnosis.effects)}.",
+            f"Just these effects have {probability}.",
             *(f"{remark[0].upper()}{remark[1:]}." for remark in remarks),
-            f"Values are posterior means, intervals hold 90 %; {table} has draws of these effects.",
+            "Values are posterior means, intervals hold 90 %; "
+            f"{draws_file} has draws of these effects.",
         ]
     }
-    sizes = found.fits[hypothesis].intervals
+    intervals = diagnosis.fits[hypothesis].intervals
     for name in hypothesis:
-        size = "; ".join(
-            describe_parameter(p.name, sizes[p.name]) for p in found.effects[name].parameters
-        )
-        part = "part of the cause" if name in found.verdict.causes else "open"
-        share = chance(found.inclusion.get(name, 0.0))
-        comments[f"effects.{name}"] = [f"{size}; {part} ({share})."]
+        sizes = [
+            describe_parameter(parameter.name, intervals[parameter.name])
+            for parameter in diagnosis.effects[name].parameters
+        ]
+        part = "part of the cause" if name in diagnosis.verdict.causes else "open"
+        inclusion = chance(diagnosis.inclusion.get(name, 0.0))
+        comments[f"effects.{name}"] = [f"{'; '.join(sizes)}; {part} ({inclusion})."]
     return comments

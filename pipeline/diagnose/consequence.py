@@ -2,8 +2,8 @@
 
 Designs of a study are simulated without and with the cause at the same relative angles, which the
 search did not use. The cost of ignoring the cause is the time of the chosen design less that of the
-best design, both with it. Only designs of the search without the cause are compared, so the cost
-may be larger. Designs whose dogs do not withstand the landings with the cause are not best.
+best design, both with the cause. Only designs of the search without the cause are compared, so the
+cost may be larger. Designs whose dogs do not withstand the landings with the cause are not best.
 """
 
 from __future__ import annotations
@@ -11,21 +11,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
 from dogshape.pipeline.simulate.evaluation import (
     NEW_ANGLES,
     Params,
     expectation_of,
     landings_over,
 )
-from dogshape.pipeline.simulate.executor import Where
+from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError, InputError
@@ -40,7 +39,7 @@ from dogshape.sim.versions import bundled_root
 
 ANGLES = 6  #: of each design at each operating point
 DESIGNS = 6  #: of the search, the fastest
-LEAST = 0.01  #: probability from which a cause is simulated with a study's designs
+MIN_PROBABILITY = 0.01  #: of a cause that is simulated with a study's designs
 #: Effects of the stand: its sense of rotation, and how often it meets each relative angle.
 OF_STAND = {REVERSED, "relative_angle"}
 
@@ -49,7 +48,7 @@ Cause = Mapping[str, Values]  #: values of the parameters of each effect
 
 @dataclass(frozen=True)
 class Candidate:
-    """A design with its times without and with the cause, and its worst landing with it."""
+    """Design with its times without and with the cause, and its worst landing with the cause."""
 
     name: str
     params: Params
@@ -57,14 +56,28 @@ class Candidate:
     with_effect: Expectation
     landing: Check
 
+    @property
+    def record(self) -> dict[str, Any]:
+        """Record as JSON takes it; times in s."""
+        return {
+            "name": self.name,
+            **self.params,
+            "without_s": self.without.mean,
+            "without_standard_error_s": self.without.standard_error,
+            "with_s": self.with_effect.mean,
+            "with_standard_error_s": self.with_effect.standard_error,
+            "with_landing_margin": self.landing.margin,
+            "with_landing_check": self.landing.name,
+        }
+
 
 @dataclass(frozen=True)
 class Consequence:
-    """Consequence of a cause; of the candidates the second is the choice of the study."""
+    """Consequence of a cause for the choice of a design."""
 
-    study: str
+    study: str  #: its name
     cause: Cause
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]  #: the prototype, the study's choice, and others
 
     @property
     def chosen(self) -> Candidate:
@@ -74,8 +87,8 @@ class Consequence:
     @property
     def best(self) -> Candidate:
         """Fastest candidate with the cause, of those that withstand its landings, if any do."""
-        lasting = [one for one in self.candidates if one.landing.passed]
-        return min(lasting or self.candidates, key=lambda one: one.with_effect.mean)
+        lasting = [candidate for candidate in self.candidates if candidate.landing.passed]
+        return min(lasting or self.candidates, key=lambda candidate: candidate.with_effect.mean)
 
     @property
     def regret(self) -> float:
@@ -84,143 +97,196 @@ class Consequence:
 
     @property
     def standard_error(self) -> float:
-        """Standard error of the regret, s; angles that both share are not counted on."""
-        both = self.chosen.with_effect, self.best.with_effect
-        return math.hypot(*(one.standard_error for one in both)) if both[0] is not both[1] else 0.0
+        """Standard error of the regret, s, as if both designs had different angles."""
+        chosen, best = self.chosen.with_effect, self.best.with_effect
+        if chosen is best:
+            return 0.0
+        return math.hypot(chosen.standard_error, best.standard_error)
 
     @property
     def sentence(self) -> str:
         """Consequence in words: the choice, its cost, and designs that fail at landings."""
-        chosen, best = self.chosen, self.best
-        cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
-        more = f"; the chosen {chosen.name} costs {cost}" if chosen.landing.passed else ""
-        moved = f"With the cause {best.name} is best{more}."
-        said = f"The chosen design stays the best ({best.name})." if chosen is best else moved
-        fail = [one.name for one in self.candidates if not one.landing.passed]
-        return f"{said} Landings with the cause overload {', '.join(fail)}." if fail else said
+        chosen = self.chosen
+        best = self.best
+        if chosen is best:
+            text = f"The chosen design stays the best ({best.name})."
+        elif chosen.landing.passed:
+            cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
+            text = f"With the cause {best.name} is best; the chosen {chosen.name} costs {cost}."
+        else:
+            text = f"With the cause {best.name} is best."
+        failing = [candidate.name for candidate in self.candidates if not candidate.landing.passed]
+        if failing:
+            text += f" Landings with the cause overload {', '.join(failing)}."
+        return text
 
     @property
     def record(self) -> dict[str, Any]:
         """Record as JSON takes it."""
+        values = [value for parameters in self.cause.values() for value in parameters.values()]
         return {
             "study": self.study,
             "effects": list(self.cause),
-            "values": [value for values in self.cause.values() for value in values.values()],
-            "candidates": [
-                {"name": one.name, **one.params, "without_s": one.without.mean,
-                 "without_standard_error_s": one.without.standard_error,
-                 "with_s": one.with_effect.mean,
-                 "with_standard_error_s": one.with_effect.standard_error,
-                 "with_landing_margin": one.landing.margin,
-                 "with_landing_check": one.landing.name}
-                for one in self.candidates
-            ],
-            "best_without": self.chosen.name, "best_with": self.best.name,
-            "regret_s": self.regret, "regret_standard_error_s": self.standard_error,
+            "values": values,
+            "candidates": [candidate.record for candidate in self.candidates],
+            "best_without": self.chosen.name,
+            "best_with": self.best.name,
+            "regret_s": self.regret,
+            "regret_standard_error_s": self.standard_error,
             "sentence": self.sentence,
-        }  # fmt: skip
+        }
 
 
-def studied(where: str | Path) -> tuple[Setup, dict[str, Params]]:
+def load_candidates(place: str | Path) -> tuple[Setup, dict[str, Params]]:
     """Read a study or a folder of results, and its prototype and fastest feasible designs.
 
     The chosen design comes first after the prototype; designs that failed at new angles are left
     out. Raises DataError where no result is kept, StorageError where it is damaged.
     """
-    folder = StudyFolder(Path(where))
-    if folder.manifest.is_file():
-        study, folders = folder.stored_study(), [folder]
-        remedy = f"run 'dogshape study' with --resume and --out {where}"
+    result_folder = StudyFolder(Path(place))
+    if result_folder.manifest.is_file():
+        study = result_folder.stored_study()
+        folders = [result_folder]
+        remedy = f"run 'dogshape study' with --resume and --out {place}"
     else:
-        study = load_study(where)
+        study = load_study(place)
         folders = [StudyFolder(default_out(study)), StudyFolder(bundled_root() / study.name)]
-        remedy = f"run 'dogshape study {where}' first, or name the folder of its results"
-    for one in folders:
-        if one.result.is_file():
-            return study, _designs(study, one.stored_result())
+        remedy = f"run 'dogshape study {place}' first, or name the folder of its results"
+    for folder in folders:
+        if folder.result.is_file():
+            return study, _designs(study, folder.stored_result())
     raise DataError(f"there is no result of the study {study.name} in {folders[0].root}; {remedy}")
 
 
 def _designs(study: Setup, result: Mapping[str, Any]) -> dict[str, Params]:
+    """Select the prototype and the fastest designs of a result by name, the choice first."""
     confirmation = result["confirmation"] or {"chosen": None, "designs": []}
-    designs, chosen = confirmation["designs"], confirmation["chosen"]
-    failed = {one["trial"] for one in designs if not all(c["passed"] for c in one["checks"])}
-    rows = [row for row in result["trials"] if row["feasible"] and not row["prototype"]]
-    rows = [row for row in rows if row["trial"] not in failed]
-    rows.sort(key=lambda row: (row["trial"] != chosen, row["expected_shift_time_s"]))
-    return {"prototype": study.prototype} | {
-        f"design {row['trial']}": {key: row[key] for key in study.variables}
-        for row in rows[:DESIGNS]
-    }
+    chosen = confirmation["chosen"]
+    failed_trials = set()
+    for design in confirmation["designs"]:
+        if not all(check["passed"] for check in design["checks"]):
+            failed_trials.add(design["trial"])
+    trials = [
+        trial
+        for trial in result["trials"]
+        if trial["feasible"] and not trial["prototype"] and trial["trial"] not in failed_trials
+    ]
+    trials.sort(key=lambda trial: (trial["trial"] != chosen, trial["expected_shift_time_s"]))
+    designs = {"prototype": study.prototype}
+    for trial in trials[:DESIGNS]:
+        designs[f"design {trial['trial']}"] = {key: trial[key] for key in study.variables}
+    return designs
 
 
-def consequence(
+def simulate_consequence(
     study: Setup,
     designs: Mapping[str, Params],
     cause: Cause,
     effects: Mapping[str, Effect],
     run: Runner,
 ) -> Consequence:
-    """Simulate designs without and with a cause; InputError for values of no bench."""
-    seed, every = study.file.expectation.seed + 3 * NEW_ANGLES, list[list[Setting]]()
-    for acting, params in product(({}, cause), designs.values()):
-        clutch = replace(study.clutch, dog=study.dog_with(params))
-        settings = [Setting(clutch, point) for point in study.points]
-        for name, values in acting.items():
-            settings = [effects[name].apply(setting, values) for setting in settings]
-        every.append(settings)
-    rows = iter(run([
-        even_block(setting.clutch, setting.point, ANGLES, (seed, k))
-        for settings in every
-        for k, setting in enumerate(settings)
-    ]))  # fmt: skip
-    found = [_timed(study, settings, [next(rows) for _ in settings]) for settings in every]
-    before, after = (_pooled(group) for group in (found[: len(designs)], found[len(designs) :]))
-    pairs = zip(designs.items(), before, after, strict=True)
-    return Consequence(study.name, cause, tuple(
-        Candidate(name, params, without, with_effect, landing)
-        for (name, params), (without, _), (with_effect, landing) in pairs
-    ))  # fmt: skip
+    """Simulate designs without and with a cause; InputError for values that no bench has.
+
+    Parameters
+    ----------
+    study
+        Study of the designs.
+    designs
+        Searched keys by name; the first is the prototype, the second the study's choice.
+    cause
+        Parameters of each effect of the cause.
+    effects
+        Effects by name.
+    run
+        Simulates blocks of shifts.
+
+    """
+    settings_without = [_settings(study, params, {}, effects) for params in designs.values()]
+    settings_with = [_settings(study, params, cause, effects) for params in designs.values()]
+    all_settings = [*settings_without, *settings_with]
+    seed = study.file.expectation.seed + 3 * NEW_ANGLES
+    blocks = []
+    for settings in all_settings:
+        for index, setting in enumerate(settings):
+            blocks.append(even_block(setting.clutch, setting.point, ANGLES, (seed, index)))
+    rows = iter(run(blocks))
+    timed = [
+        _time_design(study, settings, [next(rows) for _ in settings]) for settings in all_settings
+    ]
+    timed_without = _pool_hangs(timed[: len(designs)])
+    timed_with = _pool_hangs(timed[len(designs) :])
+    candidates = []
+    for (name, params), (without, _), (with_effect, landing) in zip(
+        designs.items(), timed_without, timed_with, strict=True
+    ):
+        candidates.append(Candidate(name, params, without, with_effect, landing))
+    return Consequence(study.name, cause, tuple(candidates))
 
 
-def _pooled(timed: Sequence[tuple[Expectation, Check]]) -> list[tuple[Expectation, Check]]:
+def _settings(
+    study: Setup, params: Params, cause: Cause, effects: Mapping[str, Effect]
+) -> list[Setting]:
+    """Build the setting of a design with a cause at each operating point of a study."""
+    clutch = replace(study.clutch, dog=study.dog_with(params))
+    settings = [Setting(clutch, point) for point in study.points]
+    for name, values in cause.items():
+        settings = [effects[name].apply(setting, values) for setting in settings]
+    return settings
+
+
+def _pool_hangs(timed: Sequence[tuple[Expectation, Check]]) -> list[tuple[Expectation, Check]]:
     """Estimate times by a prior of hangs that is fitted to all designs."""
-    priors = pool([[(p.hangs, p.n) for p in expectation.points] for expectation, _ in timed])
+    hangs = []
+    for expectation, _ in timed:
+        hangs.append([(point.hangs, point.n) for point in expectation.points])
+    priors = pool(hangs)
     return [(expectation.under(priors), check) for expectation, check in timed]
 
 
-def _timed(
+def _time_design(
     study: Setup, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
 ) -> tuple[Expectation, Check]:
-    """Compute a design's expected time, and the check of its landings that has the least margin."""
-    timed = [
-        [row | {"shift_time_s": setting.time_of(row)} for row in mine]
-        for setting, mine in zip(settings, rows, strict=True)
-    ]
-    own = replace(study, clutch=settings[0].clutch)
-    found = expectation_of(own, [setting.point for setting in settings], timed)
-    demand = landings_over(found, rows).demand(own.clutch.dog, study.limits)
-    return found, min(demand_checks(demand, study.limits), key=lambda one: one.margin)
+    """Compute the expected time of a design and its landing check of the smallest margin.
+
+    ``settings`` and ``rows``, its shifts, are by operating point.
+    """
+    timed_rows = []
+    for setting, shifts in zip(settings, rows, strict=True):
+        timed_rows.append([shift | {"shift_time_s": setting.time_of(shift)} for shift in shifts])
+    design_study = replace(study, clutch=settings[0].clutch)
+    points = [setting.point for setting in settings]
+    expectation = expectation_of(design_study, points, timed_rows)
+    demand = landings_over(expectation, rows).demand(design_study.clutch.dog, study.limits)
+    landing = min(demand_checks(demand, study.limits), key=lambda check: check.margin)
+    return expectation, landing
 
 
-def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Consequence:
+def compute_consequence(
+    diagnosis: Diagnosis, study: str, options: BankOptions, folder: Path
+) -> Consequence:
     """Compute the consequence of the most probable cause for the best designs of a study.
 
     Effects have the means of their parameters; those ``OF_STAND`` do not count. Unfinished
     simulations stay in ``folder``. Raises InputError where no effect is probable.
     """
-    cause = next((h for h in found.posterior if h != UNKNOWN and set(h) - OF_STAND), None)
-    if cause is None or found.posterior[cause] < LEAST:
+    posterior = diagnosis.posterior
+    cause = next((h for h in posterior if h != UNKNOWN and set(h) - OF_STAND), None)
+    if cause is None or posterior[cause] < MIN_PROBABILITY:
         raise InputError(
-            f"--study is '{study}', but the diagnosis of {found.bench.name} has no effect above "
-            f"{100 * LEAST:.0f} %; leave --study out"
+            f"--study is '{study}', but the diagnosis of {diagnosis.bench.name} has no effect "
+            f"above {100 * MIN_PROBABILITY:.0f} %; leave --study out"
         )
-    given, designs = studied(study)
-    values = {
-        name: {p.name: found.fits[cause].intervals[p.name].mean for p in effect.parameters}
-        for name, effect in found.effects.items()
-        if name in cause and name not in OF_STAND
-    }
-    where, shifts = Where(means.jobs, None, folder, means.progress), 2 * ANGLES * len(given.points)
-    with where.executor("so-what", (given.config_hash,), shifts * len(designs)) as (executor, _):
-        return consequence(given, designs, values, found.effects, executor.run)
+    setup, designs = load_candidates(study)
+    intervals = diagnosis.fits[cause].intervals
+    values = {}
+    for name, effect in diagnosis.effects.items():
+        if name in cause and name not in OF_STAND:
+            values[name] = {
+                parameter.name: intervals[parameter.name].mean for parameter in effect.parameters
+            }
+    run_options = RunOptions(options.jobs, None, folder, options.progress)
+    shift_count = 2 * ANGLES * len(setup.points) * len(designs)
+    with run_options.executor("so-what", (setup.config_hash,), shift_count) as (executor, _):
+        return simulate_consequence(
+            setup, designs, values, effects=diagnosis.effects, run=executor.run
+        )

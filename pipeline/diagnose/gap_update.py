@@ -33,138 +33,205 @@ from dogshape.sim.files import write_whole
 from dogshape.sim.raw_sheet import file_of
 from dogshape.sim.texts import read_table
 
-DATA, JOINING, BEFORE, ASKED = "data", "joining", "data.before", "asked.json"
-UPDATES, RECORD, TABLE = "updates.json", "gap.json", "cells.csv"
-COPIED = 8  #: equal rows in a row, from which on they are copies
-DIFFERENT = 5  #: of these that differ from each other: a stand may repeat few values
-SHOWN = 0.001  #: probability from which a hypothesis is in the record of an update
-MOST_ODDS = 1e5  #: largest odds that are said
+DATA = "data"
+JOINING = "joining"
+PREVIOUS_DATA = "data.before"
+REQUEST = "asked.json"
+UPDATES = "updates.json"
+RECORD = "gap.json"
+TABLE = "cells.csv"
+COPY_LENGTH = 8  #: successive rows equal to rows of the bench, which then are copies
+MIN_DISTINCT = 5  #: distinct rows in a copy: a stand may repeat few values
+MIN_PROBABILITY = 0.001  #: of a hypothesis in the record of an update
+MAX_ODDS = 1e5  #: largest odds in a sentence
 Record = dict[str, Any]  #: gap.json
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Request of a diagnosis beside its data, and digests of the files that joined since."""
+class Request:
+    """Request of a diagnosis besides its data; its fields are the keys of ``asked.json``."""
 
     corrections: Sequence[str]
-    effects: str | None
-    joined: Sequence[str]
+    effects: str | None  #: folder of the user's own effects
+    joined: Sequence[str]  #: digests of the files of earlier updates
 
     def write(self, folder: Path) -> None:
         """Write to the folder of the data."""
-        write_whole(folder / ASKED, json.dumps(vars(self), indent=1) + "\n")
+        write_whole(folder / REQUEST, json.dumps(vars(self), indent=1) + "\n")
 
 
 def settle_data(folder: Path) -> None:
-    """Give joined data the place of the earlier ones; a stop between leaves ``BEFORE``."""
-    data, before = folder / DATA, folder / BEFORE
-    shutil.rmtree(before, ignore_errors=True)
+    """Replace the data of a diagnosis by joined data; a stop leaves ``PREVIOUS_DATA``."""
+    data = folder / DATA
+    previous_data = folder / PREVIOUS_DATA
+    shutil.rmtree(previous_data, ignore_errors=True)
     if data.is_dir():
-        os.replace(data, before)
+        os.replace(data, previous_data)
     os.replace(folder / JOINING, data)
-    shutil.rmtree(before, ignore_errors=True)
+    shutil.rmtree(previous_data, ignore_errors=True)
 
 
 def keep_data(bench: Bench, folder: Path, effects: Path | None) -> None:
     """Copy the data set of a diagnosis into its folder; a set that was made in memory has none."""
     if bench.folder is None:
         return
-    fresh = folder / JOINING
-    shutil.rmtree(fresh, ignore_errors=True)
-    traces = [r.trace.path.relative_to(bench.folder) for r in bench.readings if r.trace is not None]
-    for name in (Path("bench.toml"), Path("shifts.csv"), *traces):
-        _copy(bench.folder / name, fresh / name)
-    Asked(bench.corrections, None if effects is None else str(effects.resolve()), ()).write(fresh)
+    target = folder / JOINING
+    shutil.rmtree(target, ignore_errors=True)
+    names = [Path("bench.toml"), Path("shifts.csv")]
+    for reading in bench.readings:
+        if reading.trace is not None:
+            names.append(reading.trace.path.relative_to(bench.folder))
+    for name in names:
+        _copy(bench.folder / name, target / name)
+    effects_folder = None if effects is None else str(effects.resolve())
+    Request(bench.corrections, effects_folder, ()).write(target)
     settle_data(folder)
 
 
-def asked_of(folder: Path) -> Asked:
-    """Read the request of the diagnosis in a folder; StorageError where it has no whole data."""
+def read_request(folder: Path) -> Request:
+    """Read the request of the diagnosis in a folder; StorageError where its data are missing."""
     data = folder / DATA
-    if not data.is_dir() and (folder / BEFORE).is_dir():
-        os.replace(folder / BEFORE, data)  # stopped between two names
-    path = data / ASKED
+    if not data.is_dir() and (folder / PREVIOUS_DATA).is_dir():
+        os.replace(folder / PREVIOUS_DATA, data)  # an update was stopped between two names
+    path = data / REQUEST
     if not path.is_file():
         raise StorageError(
             f"{folder} holds no diagnosis with its data; make it with: dogshape gap BENCH_DIR "
             f"--out {folder}"
         )
-    return _json(path, lambda found: Asked(**found))
+    return _read_json(path, lambda content: Request(**content))
 
 
-def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
-    """Join new readings to the data of a diagnosis: the data set, not yet settled, and these alone.
+def join_readings(folder: Path, new: Path, request: Request) -> tuple[Bench, Sheet]:
+    """Join new readings to the data of a diagnosis in its folder; ``settle_data`` is to follow.
 
-    ``new`` has the columns and units of ``shifts.csv``; the corrections of the data set apply.
-    Raises DataError for a table that is wrong, has slips of units, has joined before, repeats rows,
-    or has set values that are nearly those of the bench.
+    Parameters
+    ----------
+    folder
+        Folder of the diagnosis.
+    new
+        Table with the columns and units of ``shifts.csv``.
+    request
+        Request of the diagnosis; its corrections apply to the new readings too.
+
+    Returns
+    -------
+    bench
+        Data set with the new readings.
+    sheet
+        New readings alone.
+
+    Raises
+    ------
+    DataError
+        For a table that is wrong, has slips of units, has joined before, repeats rows, or has set
+        values that are nearly those of the bench.
+
     """
+    digest = _new_digest(new, request)
+    data = folder / DATA
+    target = folder / JOINING
+    stand = load_stand(data / "bench.toml")
+    sheet, corrections = corrected_sheet(stand, new, request.corrections)
+    bench_sheet, _ = corrected_sheet(stand, data / "shifts.csv", request.corrections)
+    joint_sheet = replace(sheet, rows=(*bench_sheet.rows, *sheet.rows))
+    for examined_sheet in (sheet, joint_sheet):
+        remedy = "write them as the data set of the diagnosis has them"
+        require_no_slip(str(new), examine(stand, examined_sheet, corrections), remedy)
+    readings_of(stand, sheet, corrections)
+    _require_no_copies(bench_sheet, sheet)
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.copytree(data, target)
+    traces = Path("traces") / f"update-{len(request.joined) + 1}"
+    bench_table = _read_frame(data / "shifts.csv")
+    new_table = _read_frame(new)
+    for name in filter(None, new_table["trace"]):
+        _copy(new.parent / name, target / traces / name)
+    new_table["trace"] = [name and (traces / name).as_posix() for name in new_table["trace"]]
+    write_whole(target / "shifts.csv", _joint_text(bench_table, new_table))
+    replace(request, joined=(*request.joined, digest)).write(target)
+    return load_bench(target, request.corrections), sheet
+
+
+def _new_digest(new: Path, request: Request) -> str:
+    """Compute the digest of a table; DataError if unreadable or joined before."""
     try:
         digest = hashlib.sha256(file_of(new).read_bytes()).hexdigest()[:16]
     except OSError as error:
         rule = "name a table with the columns of shifts.csv"
         raise DataError(f"{new} cannot be read ({error.strerror}); {rule}") from error
-    if digest in asked.joined:
-        place = asked.joined.index(digest) + 1
+    if digest in request.joined:
+        number = request.joined.index(digest) + 1
         raise DataError(
-            f"{new} joined this diagnosis already (update {place}), and copies would count as "
+            f"{new} joined this diagnosis already (update {number}), and copies would count as "
             "shifts of their own; give new readings"
         )
-    data, target = folder / DATA, folder / JOINING
-    stand = load_stand(data / "bench.toml")
-    sheet, corrections = corrected_sheet(stand, new, asked.corrections)
-    held, _ = corrected_sheet(stand, data / "shifts.csv", asked.corrections)
-    for one in (sheet, replace(sheet, rows=(*held.rows, *sheet.rows))):
-        remedy = "write them as the data set of the diagnosis has them"
-        require_no_slip(str(new), examine(stand, one, corrections), remedy)
-    readings_of(stand, sheet, corrections)
-    _require_no_copies(held, sheet)
-    shutil.rmtree(target, ignore_errors=True)
-    shutil.copytree(data, target)
-    own = Path("traces") / f"update-{len(asked.joined) + 1}"
-    before, added = (
-        pd.DataFrame([cells for _, cells in table.rows], columns=[*table.head])
-        .reindex(columns=[*COLUMNS], fill_value="")
-        for table in (read_table(path, NUMERIC, COLUMNS) for path in (data / "shifts.csv", new))
-    )  # fmt: skip
-    for name in filter(None, added["trace"]):
-        _copy(new.parent / name, target / own / name)
-    added["trace"] = [name and (own / name).as_posix() for name in added["trace"]]
-    # New rows stand behind the series; where only some rows say their place, none does.
-    if last := max(map(float, filter(None, before["order"])), default=0.0):
-        added["order"] = [place and f"{last + float(place):.9g}" for place in added["order"]]
-    rows = pd.concat([before, added])
-    timed = rows[rows["shift_time_s"] != ""]
-    lacking = [name for name in ("order", "timestamp") if (timed[name] == "").any()]
-    text = rows.assign(**dict.fromkeys(lacking, "")).to_csv(index=False, lineterminator="\n")
-    write_whole(target / "shifts.csv", text)
-    replace(asked, joined=(*asked.joined, digest)).write(target)
-    return load_bench(target, asked.corrections), sheet
+    return digest
+
+
+def _read_frame(path: Path) -> pd.DataFrame:
+    """Read a table of shifts as text with all columns of ``shifts.csv``, empty if missing."""
+    table = read_table(path, NUMERIC, COLUMNS)
+    frame = pd.DataFrame([cells for _, cells in table.rows], columns=[*table.head])
+    return frame.reindex(columns=[*COLUMNS], fill_value="")
+
+
+def _joint_text(bench_table: pd.DataFrame, new_table: pd.DataFrame) -> str:
+    """Write the rows of a bench and new rows, which follow in the series, as a table.
+
+    An order or timestamp that some timed rows lack is left out of all rows.
+    """
+    last_order = max(map(float, filter(None, bench_table["order"])), default=0.0)
+    if last_order:
+        new_table = new_table.assign(
+            order=[order and f"{last_order + float(order):.9g}" for order in new_table["order"]]
+        )
+    rows = pd.concat([bench_table, new_table])
+    timed_rows = rows[rows["shift_time_s"] != ""]
+    incomplete = [name for name in ("order", "timestamp") if (timed_rows[name] == "").any()]
+    return rows.assign(**dict.fromkeys(incomplete, "")).to_csv(index=False, lineterminator="\n")
 
 
 def _copy(source: Path, target: Path) -> None:
+    """Copy a file; make its folder."""
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(source, target)
 
 
-def _require_no_copies(held: Sheet, new: Sheet) -> None:
-    """Raise DataError where a mean, or some rows in a row, are rows of the bench."""
-    stamped = all(row.timestamp is not None for one in (held, new) for row in one.rows)
-    ours, theirs = (
-        [(row.mismatch, row.force, row.rise, row.n, row.time, row.sd, stamped and row.timestamp)
-         for row in one.rows]
-        for one in (held, new)
-    )  # fmt: skip
-    known = {tuple(ours[k : k + COPIED]) for k in range(len(ours) - COPIED + 1)}
-    for k, row in enumerate(new.rows):
-        run = tuple(theirs[k : k + COPIED])
-        copied = run in known and len(set(run)) >= DIFFERENT
-        if copied or (row.n > 1 and row.time and theirs[k] in ours):
+def _require_no_copies(bench_sheet: Sheet, new_sheet: Sheet) -> None:
+    """Raise DataError where a mean, or some successive rows, are rows of the bench."""
+    is_stamped = all(row.timestamp is not None for row in (*bench_sheet.rows, *new_sheet.rows))
+
+    def values(sheet: Sheet) -> list[tuple[Any, ...]]:
+        return [
+            (
+                row.mismatch,
+                row.force,
+                row.rise,
+                row.n,
+                row.time,
+                row.sd,
+                is_stamped and row.timestamp,
+            )
+            for row in sheet.rows
+        ]
+
+    bench_values = values(bench_sheet)
+    new_values = values(new_sheet)
+    bench_runs = {
+        tuple(bench_values[start : start + COPY_LENGTH])
+        for start in range(len(bench_values) - COPY_LENGTH + 1)
+    }
+    for index, row in enumerate(new_sheet.rows):
+        run = tuple(new_values[index : index + COPY_LENGTH])
+        is_copied_run = run in bench_runs and len(set(run)) >= MIN_DISTINCT
+        is_copied_mean = row.n > 1 and row.time and new_values[index] in bench_values
+        if is_copied_run or is_copied_mean:
             raise DataError(
-                f"{new.path}: rows from row {row.row} on repeat rows of the bench, and copies "
-                "would count as shifts of their own; leave them out (a timestamp in each row of "
-                "bench and table distinguishes shifts with equal times)"
+                f"{new_sheet.path}: rows from row {row.row} on repeat rows of the bench, and "
+                "copies would count as shifts of their own; leave them out (a timestamp in each "
+                "row of bench and table distinguishes shifts with equal times)"
             )
 
 
@@ -177,29 +244,34 @@ def require_no_updates(folder: Path) -> None:
         )
 
 
-def before_of(folder: Path, count: int) -> Record:
-    """Read the diagnosis before an update; it is kept under the number of earlier updates."""
+def keep_previous(folder: Path, count: int) -> Record:
+    """Copy the record of the diagnosis before an update to a numbered file, and return it.
+
+    ``count`` is the number of earlier updates.
+    """
     for name in (TABLE, RECORD):
-        kept = folder / name.replace(".", f"-{count}.")
-        if not kept.is_file():
+        copy = folder / name.replace(".", f"-{count}.")
+        if not copy.is_file():
             if not (folder / name).is_file():
                 raise StorageError(
                     f"{folder / name}, the record of the diagnosis, is missing; diagnose the data "
                     "set again with --out"
                 )
-            write_whole(kept, (folder / name).read_bytes())
-    return _json(kept, dict)
+            write_whole(copy, (folder / name).read_bytes())
+    return _read_json(copy, dict)
 
 
 def add_update(folder: Path, record: Record, count: int) -> dict[str, str]:
-    """Write an update after the first ``count`` ones; give the sentence of each by its name."""
+    """Write an update after the first ``count`` ones; return the sentence of each by its name."""
     path = folder / UPDATES
-    updates = [*(_json(path, list)[:count] if path.is_file() else []), record]
+    updates = _read_json(path, list)[:count] if path.is_file() else []
+    updates.append(record)
     write_whole(path, json.dumps(updates, indent=1, allow_nan=False) + "\n")
-    return {f"update {one['update']}": one["sentence"] for one in updates}
+    return {f"update {update['update']}": update["sentence"] for update in updates}
 
 
-def _json(path: Path, kind: Callable[[Any], T]) -> T:
+def _read_json(path: Path, kind: Callable[[Any], T]) -> T:
+    """Read a JSON file, and convert it by ``kind``; StorageError for a damaged file."""
     try:
         return kind(json.loads(path.read_text(encoding="utf-8")))
     except (ValueError, KeyError, TypeError, RecursionError) as error:
@@ -208,49 +280,79 @@ def _json(path: Path, kind: Callable[[Any], T]) -> T:
         ) from error
 
 
-def update_record(before: Record, found: Diagnosis, new: Sheet, count: int) -> Record:
+def update_record(before: Record, diagnosis: Diagnosis, new: Sheet, count: int) -> Record:
     """Compare a diagnosis with the record before new readings, made after ``count`` updates."""
-    after = found.to_dict()
+    after = diagnosis.to_dict()
     return {
         "update": count + 1,
         "file": new.path.name,
         "rows": len(new.rows),
         "shifts": sum(row.n for row in new.rows),
-        "before": _state(before, found.effects),
-        "after": _state(after, found.effects),
-        "sentence": sentence(before, after, found.effects),
+        "before": _state(before, diagnosis.effects),
+        "after": _state(after, diagnosis.effects),
+        "sentence": sentence(before, after, diagnosis.effects),
     }
 
 
 def _state(record: Record, effects: Mapping[str, Effect]) -> Record:
-    kind, causes = record["verdict"], record["causes"]
-    said = headline_of(Verdict(kind, causes, [*map(tuple, record["credible_set"])]), effects)
-    likely = {" + ".join(h) or "none": p for h, p in _chances(record).items() if p >= SHOWN}
-    return {"verdict": kind, "causes": causes, "headline": said, "probabilities": likely}
+    """Summarise the record of a diagnosis: verdict, causes and probable hypotheses."""
+    kind = record["verdict"]
+    causes = record["causes"]
+    verdict = Verdict(kind, causes, [*map(tuple, record["credible_set"])])
+    probabilities = {}
+    for hypothesis, probability in _probabilities(record).items():
+        if probability >= MIN_PROBABILITY:
+            probabilities[" + ".join(hypothesis) or "none"] = probability
+    return {
+        "verdict": kind,
+        "causes": causes,
+        "headline": headline_of(verdict, effects),
+        "probabilities": probabilities,
+    }
 
 
-def _chances(record: Record, key: str = "probability") -> dict[Hypothesis, float]:
-    return {tuple(one["effects"]): one[key] for one in record["hypotheses"]}
+def _probabilities(record: Record, key: str = "probability") -> dict[Hypothesis, float]:
+    """Return a probability of each hypothesis of a record, by its key."""
+    return {tuple(entry["effects"]): entry[key] for entry in record["hypotheses"]}
 
 
 def sentence(before: Record, after: Record, effects: Mapping[str, Effect]) -> str:
     """State the change of the leading hypothesis, and the Bayes factor of the new readings."""
-    old, new = _chances(before), _chances(after)
-    first, now = next(iter(old)), next(iter(new))
-    rival = first if first != now else next((h for h in old if h not in (now, UNKNOWN)), now)
-    sides = [
+    old = _probabilities(before)
+    new = _probabilities(after)
+    old_first = next(iter(old))
+    new_first = next(iter(new))
+    answers = [
         f"{hypothesis_name(h, effects)} "
         f"({chance(old.get(h, 0.0))} before, {chance(new.get(h, 0.0))} now)"
-        for h in dict.fromkeys((first, now))
+        for h in dict.fromkeys((old_first, new_first))
     ]
-    moved = f"The answer {'stays' if first == now else 'moves from'} {' to '.join(sides)}"
-    evidence = [_chances(record, "evidence_probability") for record in (after, before)]
-    mine, theirs = ([one.get(h, 0.0) for one in evidence] for h in (now, rival))
-    if now == rival or UNKNOWN in (now, rival) or min(*mine, *theirs) <= 0.0:
-        return f"{moved}."
-    odds = mine[0] / theirs[0] * theirs[1] / mine[1]
-    better, worse = (
-        hypothesis_name(h, effects) for h in ((now, rival) if odds >= 1.0 else (rival, now))
+    verb = "stays" if old_first == new_first else "moves from"
+    change = f"The answer {verb} {' to '.join(answers)}"
+    rival = old_first
+    if old_first == new_first:
+        rival = next((h for h in old if h not in (new_first, UNKNOWN)), new_first)
+    if rival == new_first or UNKNOWN in (new_first, rival):
+        return f"{change}."
+    odds = _bayes_factor(before, after, new_first, rival=rival)
+    if odds is None:
+        return f"{change}."
+    better, worse = (new_first, rival) if odds >= 1.0 else (rival, new_first)
+    odds = round(min(max(odds, 1.0 / odds), MAX_ODDS), 1)
+    return (
+        f"{change}; the new shifts alone are {odds:g} : 1 for {hypothesis_name(better, effects)} "
+        f"against {hypothesis_name(worse, effects)}."
     )
-    odds = round(min(max(odds, 1.0 / odds), MOST_ODDS), 1)
-    return f"{moved}; the new shifts alone are {odds:g} : 1 for {better} against {worse}."
+
+
+def _bayes_factor(
+    before: Record, after: Record, hypothesis: Hypothesis, rival: Hypothesis
+) -> float | None:
+    """Compute the Bayes factor of the new readings for a hypothesis; None without evidence."""
+    old = _probabilities(before, "evidence_probability")
+    new = _probabilities(after, "evidence_probability")
+    new_evidence, old_evidence = new.get(hypothesis, 0.0), old.get(hypothesis, 0.0)
+    new_rival, old_rival = new.get(rival, 0.0), old.get(rival, 0.0)
+    if min(new_evidence, old_evidence, new_rival, old_rival) <= 0.0:
+        return None
+    return new_evidence / new_rival * old_rival / old_evidence

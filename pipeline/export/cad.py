@@ -2,8 +2,8 @@
 
 Planes and cylinders of one pitch are joined to an open shell that reaches a little beyond inner and
 outer radius; a sector of a plain ring is split with it, and the part below is repeated about the
-axis and sewn. So the kernel (Open CASCADE, through build123d) never has to make a fillet, the one
-operation of it that fails for small lands. build123d is an optional extra and slow to import.
+axis and sewn. So the kernel (Open CASCADE, through build123d) never has to make a fillet, its one
+operation that fails for small lands. build123d is an optional extra and slow to import.
 """
 
 from __future__ import annotations
@@ -26,14 +26,17 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Corner, Lines, Vertices, rotation
 from dogshape.sim.units import MM
 
-BEYOND = 0.02e-3  #: how far the shell reaches beyond the annulus, m; less than a land
-STEP = math.radians(1.0)  #: of the polygons that end its planes there
+SHELL_MARGIN = 0.02e-3  #: reach of the shell beyond the annulus, m; less than a land
+FLOOR_MARGIN = 0.01  #: reach of the floors beyond the cut, rad
+POLYGON_STEP = math.radians(1.0)  #: of the polygons that end the planes of the shell, rad
+CORNER_LINES = 8  #: lines that sample a rounded corner
+CUT_TOLERANCE = 1e-9  #: angle within which a face lies in a cut, rad
 #: A fixed time in the header: the same rings give the same file.
-TIME = "2000-01-01T00:00:00"
+HEADER_TIME = "2000-01-01T00:00:00"
 
 
 def load_cad() -> Any:
-    """Import build123d when it is first needed; an InputError says how to install it."""
+    """Import build123d, an optional extra; InputError with the way to install it."""
     try:
         return import_module("build123d")
     except ImportError as error:
@@ -43,78 +46,110 @@ def load_cad() -> Any:
 
 
 def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
-    """Write both rings as they stand before the shift to a STEP file in mm.
+    """Write both rings in neutral to a STEP file in mm.
 
     Two solids, ``sliding ring`` and ``output ring``, on the z axis with their crests an
     axial gap apart; dogs face slots, so that an axial move alone leads to full depth.
     The gap is between the sharp crests: with a chamfer, rounded ones stand a little lower.
 
-    ``root_radius`` is that of fillets and rounded tips, ``body`` the thickness of either ring below
-    the floors of its slots, m. InputError without build123d; GeometryError where fillets or
-    roundings do not fit, or the body has no thickness.
+    Parameters
+    ----------
+    dog
+        Dog of both rings.
+    root_radius
+        Radius of fillets and rounded tips, m.
+    body
+        Thickness of either ring below the floors of its slots, m.
+    path
+        File to write.
+
+    Raises
+    ------
+    InputError
+        Without build123d.
+    GeometryError
+        Where fillets or roundings do not fit, or the body has no thickness.
+
     """
     cad = load_cad()
-    ring = ring_solid(dog, root_radius, body)
+    sliding_ring = ring_solid(dog, root_radius, body)
     # Transformed, not moved: a moved copy would share the name of the first ring.
-    other = ring.rotate(cad.Axis.X, 180.0, transform=True)
-    other = other.rotate(cad.Axis.Z, math.degrees(0.5 * dog.pitch_angle), transform=True)
-    other = other.translate((0.0, 0.0, dog.travel / MM), transform=True)
-    ring.label, other.label = "sliding ring", "output ring"
-    pair = cad.Compound(label="dog clutch", children=[ring, other])
-    written = io.BytesIO()
-    cad.export_step(pair, written, timestamp=TIME)
-    # Parts are numbered from 1; the kernel goes on counting from file to file.
-    count, pattern = itertools.count(1), rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'"
-    text = re.sub(pattern, lambda found: b"%b%d'" % (found[1], next(count)), written.getvalue())
+    output_ring = sliding_ring.rotate(cad.Axis.X, 180.0, transform=True)
+    half_pitch = math.degrees(0.5 * dog.pitch_angle)
+    output_ring = output_ring.rotate(cad.Axis.Z, half_pitch, transform=True)
+    output_ring = output_ring.translate((0.0, 0.0, dog.travel / MM), transform=True)
+    sliding_ring.label = "sliding ring"
+    output_ring.label = "output ring"
+    pair = cad.Compound(label="dog clutch", children=[sliding_ring, output_ring])
+    buffer = io.BytesIO()
+    cad.export_step(pair, buffer, timestamp=HEADER_TIME)
     with naming(path):
-        path.write_bytes(text)
+        path.write_bytes(_number_parts(buffer.getvalue()))
+
+
+def _number_parts(content: bytes) -> bytes:
+    """Number the parts of a STEP file from 1; the kernel goes on counting from file to file."""
+    numbers = itertools.count(1)
+    pattern = rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'"
+    return re.sub(pattern, lambda match: b"%b%d'" % (match[1], next(numbers)), content)
 
 
 def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
-    """Return one ring in its own frame (``sim.shift.mesh``) as a build123d solid in mm."""
+    """Build one ring in its own frame (``sim.shift.mesh``) as a build123d solid in mm.
+
+    Parameters and errors are those of ``write_step``.
+    """
     require_room(dog, root_radius)
-    cad, corners = load_cad(), dog_corners(dog, root_radius)
-    # The radial plane through the slot's floor, mid at the inner radius where that is narrowest,
-    # stays on it all the way out.
-    here = corners[-1].lines(1)[-1:].at(dog.inner_radius)[0]
-    there = corners[0].lines(1)[:1].turned(dog.pitch_angle).at(dog.inner_radius)[0]
-    x, y, _ = here / math.hypot(*here[:2]) + there / math.hypot(*there[:2])
-    stop = math.atan2(y, x)
-    shell = cad.Shell(_toothed_side(cad, dog, corners, stop))
-    halves = _sector(cad, dog, body, stop).split(shell, keep=cad.Keep.ALL)
+    cad = load_cad()
+    corners = dog_corners(dog, root_radius)
+    cut_angle = _floor_angle(dog, corners)
+    shell = cad.Shell(_toothed_side(cad, dog, corners, cut_angle=cut_angle))
+    halves = _sector(cad, dog, body, cut_angle=cut_angle).split(shell, keep=cad.Keep.ALL)
     pitch = min(halves, key=lambda half: half.center().Z)
     faces = []
-    for face in pitch.faces():  # but those of the cuts
+    for face in pitch.faces():
         angle = math.atan2(face.center().Y, face.center().X)
-        if abs(math.remainder(angle - stop, dog.pitch_angle)) > 1e-9:
+        is_cut = abs(math.remainder(angle - cut_angle, dog.pitch_angle)) <= CUT_TOLERANCE
+        if not is_cut:
             faces.append(face)
-    turns = [math.degrees(index * dog.pitch_angle) for index in range(dog.count)]
-    turned = [face.rotate(cad.Axis.Z, turn) for turn in turns for face in faces]
-    return cad.Solid(cad.Shell(turned)).clean()
+    ring_faces = []
+    for index in range(dog.count):
+        turn = math.degrees(index * dog.pitch_angle)
+        ring_faces += [face.rotate(cad.Axis.Z, turn) for face in faces]
+    return cad.Solid(cad.Shell(ring_faces)).clean()
 
 
-def _toothed_side(cad: Any, dog: Dog, corners: Sequence[Corner], stop: float) -> list[Any]:
-    """Return the faces of one pitch, floor to floor, a little larger than the annulus."""
-    level = np.array([[0.0, 0.0, -0.5 * dog.height]])
-    # The floors reach a little beyond the cut as well.
-    angles = (stop - dog.pitch_angle - 0.01, stop + 0.01)
-    rays = [Lines(level, rotation(angle)[:, :1].T) for angle in angles]
-    first, last = (_Edge(ray, *(ray.at(radius)[0] for radius in _beyond(dog))) for ray in rays)
-    edges, faces = [first], []
+def _floor_angle(dog: Dog, corners: Sequence[Corner]) -> float:
+    """Compute the angle of the radial plane through the middle of the slot's floor, rad.
+
+    The middle is that at the inner radius, where the floor is narrowest: the plane stays on the
+    floor all the way out.
+    """
+    begin = corners[-1].lines(1)[-1:].at(dog.inner_radius)[0]
+    end = corners[0].lines(1)[:1].turned(dog.pitch_angle).at(dog.inner_radius)[0]
+    x, y, _ = begin / math.hypot(*begin[:2]) + end / math.hypot(*end[:2])
+    return math.atan2(y, x)
+
+
+def _toothed_side(cad: Any, dog: Dog, corners: Sequence[Corner], cut_angle: float) -> list[Any]:
+    """Build the faces of one pitch, floor to floor, a little larger than the annulus."""
+    floor = np.array([[0.0, 0.0, -0.5 * dog.height]])
+    radii = _shell_radii(dog)
+    floor_edges = []
+    for angle in (cut_angle - dog.pitch_angle - FLOOR_MARGIN, cut_angle + FLOOR_MARGIN):
+        ray = Lines(floor, rotation(angle)[:, :1].T)
+        inner, outer = (ray.at(radius)[0] for radius in radii)
+        floor_edges.append(_Edge(ray, inner, outer))
+    first_edge, last_edge = floor_edges
+    previous_edge = first_edge
+    faces = []
     for corner in corners:
-        lines = corner.lines(8)
-        # Cut at right angles to the corner's axis, beyond the annulus.
-        cuts = [(lines.at(radius) - corner.axis) @ corner.direction for radius in _beyond(dog)]
-        ways = (float(cuts[0].min()), float(cuts[1].max()))
-        begin, end = (
-            _Edge(line, *(line.points[0] + way * line.directions[0] for way in ways))
-            for line in (lines[:1], lines[-1:])
-        )
-        faces.append(_plane(cad, dog, edges[-1], begin))
+        begin, end = _corner_edges(corner, radii)
+        faces.append(_plane(cad, dog, previous_edge, begin))
         if corner.radius:
             faces.append(_cylinder(cad, corner, begin, end))
-        edges.append(end)
-    return [*faces, _plane(cad, dog, edges[-1], last)]
+        previous_edge = end
+    return [*faces, _plane(cad, dog, previous_edge, last_edge)]
 
 
 class _Edge(NamedTuple):
@@ -125,43 +160,75 @@ class _Edge(NamedTuple):
     outer: Vertices
 
 
-def _beyond(dog: Dog) -> tuple[float, float]:
-    return dog.inner_radius - BEYOND, dog.outer_radius + BEYOND
+def _corner_edges(corner: Corner, radii: tuple[float, float]) -> tuple[_Edge, _Edge]:
+    """Return the two edges of a rounded corner, cut at right angles to its axis.
+
+    The cuts lie beyond the ``radii`` of the shell, m.
+    """
+    lines = corner.lines(CORNER_LINES)
+    inner_radius, outer_radius = radii
+    inner_cuts = (lines.at(inner_radius) - corner.axis) @ corner.direction
+    outer_cuts = (lines.at(outer_radius) - corner.axis) @ corner.direction
+    inner_way = float(inner_cuts.min())
+    outer_way = float(outer_cuts.max())
+    begin, end = (
+        _Edge(
+            line,
+            line.points[0] + inner_way * line.directions[0],
+            line.points[0] + outer_way * line.directions[0],
+        )
+        for line in (lines[:1], lines[-1:])
+    )
+    return begin, end
 
 
-def _plane(cad: Any, dog: Dog, here: _Edge, there: _Edge) -> Any:
-    """Return the plane face between two edges; many points keep its ends off the annulus."""
-    ends = _beyond(dog)
-    lines = between(here.line, there.line, ends, STEP)
-    inner, outer = ([*lines.at(radius)] if len(lines.points) else [] for radius in ends)
-    points = [here.inner, *inner, there.inner, there.outer, *outer[::-1], here.outer]
+def _shell_radii(dog: Dog) -> tuple[float, float]:
+    """Return inner and outer radius of the shell, m."""
+    return dog.inner_radius - SHELL_MARGIN, dog.outer_radius + SHELL_MARGIN
+
+
+def _plane(cad: Any, dog: Dog, begin: _Edge, end: _Edge) -> Any:
+    """Build the plane face between two edges; many points keep its ends off the annulus."""
+    inner_radius, outer_radius = _shell_radii(dog)
+    lines = between(begin.line, end.line, (inner_radius, outer_radius), POLYGON_STEP)
+    inner = [*lines.at(inner_radius)] if len(lines.points) else []
+    outer = [*lines.at(outer_radius)] if len(lines.points) else []
+    points = [begin.inner, *inner, end.inner, end.outer, *outer[::-1], begin.outer]
     return cad.Face(cad.Wire.make_polygon([_mm(point) for point in points], close=True))
 
 
 def _cylinder(cad: Any, corner: Corner, begin: _Edge, end: _Edge) -> Any:
-    """Return the cylinder of a corner: an arc across its axis, drawn along it."""
+    """Build the cylinder of a corner: an arc across its axis, extruded along it."""
     middle = corner.radius * corner.normals(np.array([0.5]))[0]
-    along = begin.inner - corner.axis
-    centre = corner.axis + (along @ corner.direction) * corner.direction
+    offset = begin.inner - corner.axis
+    centre = corner.axis + (offset @ corner.direction) * corner.direction
     arc = cad.Edge.make_three_point_arc(_mm(begin.inner), _mm(centre + middle), _mm(end.inner))
     return cad.Face.extrude(arc, _mm(begin.outer - begin.inner))
 
 
-def _sector(cad: Any, dog: Dog, body: float, stop: float) -> Any:
-    """Return one pitch of a plain ring that ends above the crests."""
-    bottom, top = -0.5 * dog.height - body, 0.5 * dog.height + 1.0 * MM
-    angles = (stop - dog.pitch_angle, stop - 0.5 * dog.pitch_angle, stop)
-    rims = [
-        [_mm(np.array([r * math.cos(a), r * math.sin(a), bottom])) for a in angles]
-        for r in (dog.inner_radius, dog.outer_radius)
-    ]
-    (a, _, b), (c, _, d) = rims
-    arcs = [cad.Edge.make_three_point_arc(*rim) for rim in rims]
-    sides = [cad.Edge.make_line(a, c), cad.Edge.make_line(b, d)]
-    outline = cad.Face(cad.Wire([arcs[0], sides[0], arcs[1], sides[1]]))
+def _sector(cad: Any, dog: Dog, body: float, cut_angle: float) -> Any:
+    """Build one pitch of a plain ring that ends above the crests."""
+    bottom = -0.5 * dog.height - body
+    top = 0.5 * dog.height + 1.0 * MM
+    angles = (cut_angle - dog.pitch_angle, cut_angle - 0.5 * dog.pitch_angle, cut_angle)
+
+    def rim(radius: float) -> list[tuple[float, float, float]]:
+        return [
+            _mm(np.array([radius * math.cos(angle), radius * math.sin(angle), bottom]))
+            for angle in angles
+        ]
+
+    inner_rim = rim(dog.inner_radius)
+    outer_rim = rim(dog.outer_radius)
+    inner_arc = cad.Edge.make_three_point_arc(*inner_rim)
+    outer_arc = cad.Edge.make_three_point_arc(*outer_rim)
+    begin_side = cad.Edge.make_line(inner_rim[0], outer_rim[0])
+    end_side = cad.Edge.make_line(inner_rim[-1], outer_rim[-1])
+    outline = cad.Face(cad.Wire([inner_arc, begin_side, outer_arc, end_side]))
     return cad.Solid.extrude(outline, cad.Vector(0.0, 0.0, (top - bottom) / MM))
 
 
 def _mm(point: Vertices) -> tuple[float, float, float]:
+    """Convert a point (3,) from m to mm."""
     x, y, z = point / MM
     return float(x), float(y), float(z)

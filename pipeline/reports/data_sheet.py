@@ -112,7 +112,7 @@ class NamedDesign:
         if self.row is None:
             return self.study
         dog = self.study.dog_with({key: self.row[key] for key in self.study.variables})
-        own = self.study.operated(self.row)
+        own = self.study.with_operation(self.row)
         return replace(own, clutch=replace(own.clutch, dog=dog))
 
     @property
@@ -124,7 +124,7 @@ class NamedDesign:
 def _with_prototype(study: Setup, row: Row) -> Setup:
     """Build a study again with a design of its search as prototype, operated as the design is."""
     dog = {f"dog.{key}": row[key] for key in study.shape_keys}
-    return replace_keys(study, dog).operated(row)
+    return replace_keys(study, dog).with_operation(row)
 
 
 def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -> NamedDesign:
@@ -178,7 +178,8 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
         raise InputError(f"{fault}; it has the designs 0 (prototype) to {max(rows, default=0)}")
     name, row = f"{where}#{row['trial']}", rows[row["trial"]]
     if row[SIMULATED] is None and confirmation_of(result, row) is None:
-        return NamedDesign(name, _with_prototype(study, row))
+        own = replace_keys(study, {f"dog.{key}": row[key] for key in study.shape_keys})
+        return NamedDesign(name, own.with_operation(row))
     return NamedDesign(name, study, result, row)
 
 
@@ -273,7 +274,7 @@ def searched_verdict(study: Setup, params: Values, row: Row, confirmed: Row | No
     if confirmed is not None and confirmed.get("verdict"):
         return dict(confirmed["verdict"])
     margins = [Margin(name, margin) for name, margin in margins_of(row, confirmed).items()]
-    own = study.operated(params)
+    own = study.with_operation(params)
     return verdict_of(own, own.dog_with(dict(params)), margins).to_dict()
 
 

@@ -50,7 +50,7 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
     """
     stored = ShiftJournal(folder.shifts).rows.values()
     # Those that are kept are of Drake, where it judges.
-    clutch, found = (study.judging or study.working).clutch, list[Replay]()
+    clutch, found = (study.reference_setup or study.search_setup).clutch, list[Replay]()
 
     def lateness(shift: Record) -> tuple[float, bool, str]:
         time = math.inf if shift["shift_time_s"] is None else shift["shift_time_s"]
@@ -79,7 +79,7 @@ def write_replays(folder: StudyFolder, study: Setup, wanted: Sequence[Replay], s
     for number, one in enumerate(missing, start=1):
         say(f"animation {number} of {len(missing)}: {one.design}, {one.kind} shift, {one.words}")
         try:
-            _write(study.judging or study.working, one.shift, folder.root / one.path)
+            _write(study.reference_setup or study.search_setup, one.shift, folder.root / one.path)
         except (DogshapeError, RuntimeError, ValueError, OSError) as error:
             say(f"no page of this shift: {error}")
 

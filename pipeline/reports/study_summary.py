@@ -377,8 +377,8 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         if found is not None:
             words = minus(EngineAgreement(**found).text)
             yield name, words if found["agrees"] else Bad(words)
-        elif study.unjudged:
-            yield name, f"not made: {study.unjudged}"
+        elif study.engine_gap:
+            yield name, f"not made: {study.engine_gap}"
 
 
 def chosen_verdict(study: Setup, result: Row, side: str = "best") -> VerdictRow:

@@ -187,7 +187,7 @@ def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
 
     def dogs_at(places: Array) -> Dog:
         if len(places) == 1:  # numbers take half the time of arrays of one
-            return study.dog_with(study.named(designs[places[0]]))
+            return study.dog_with(study.params_of(designs[places[0]]))
         return dogs_of(study, shape, designs[places][:, of_shape])
 
     def stacked(own: Setup, places: Array) -> Array:
@@ -200,7 +200,7 @@ def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
         for place in np.flatnonzero(np.broadcast_to(possible, len(designs))).tolist():
             groups.setdefault(tuple(designs[place, ~of_shape].tolist()), []).append(place)
         for group in groups.values():
-            places, own = np.array(group), study.operated(study.named(designs[group[0]]))
+            places, own = np.array(group), study.with_operation(study.params_of(designs[group[0]]))
             bare = replace(own.limits, tolerances=own.limits.tolerances.without_sizes())
             rows[places] = stacked(replace(own, limits=bare), places)
             # What breaks two limits can be the best under none of the cases.

@@ -32,14 +32,14 @@ from dogshape.pipeline.simulate.design import (
     SIMULATED,
     design_of,
     judged_design,
-    leading,
+    leading_objective,
     objectives_of,
     values_of,
 )
 from dogshape.pipeline.simulate.evaluation import (
     NEW_ANGLES,
+    Evaluation,
     Params,
-    Simulated,
     design_blocks,
     evaluate,
     expectation_of,
@@ -71,7 +71,7 @@ FLIPS = 0.01
 MEAN = 0.01  #: difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %
 SURE = 3.0  #: standard errors from which a difference of the engines counts
 Estimates = dict[str, dict[str, float]]  #: value and standard error of objectives, by name
-Found = Mapping[int, Simulated]  #: designs at new angles, by trial
+Found = Mapping[int, Evaluation]  #: designs at new angles, by trial
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> li
     params = [trial.params for trial in trials]
     found = evaluate(study, params, _executor(study, executors), angles, _seed(study))
     forget_designs(study, executors.search, angles, _seed(study))
-    sound = [(trial, one) for trial, one in zip(trials, found, strict=True) if one.known]
+    sound = [(trial, one) for trial, one in zip(trials, found, strict=True) if one.is_complete]
     counts = [trial.counts for trial in searched.simulated if trial.times]
     counts += [[(p.hangs, p.n) for p in one.expectation.points] for _, one in sound]
     priors = pool(counts) if counts else ()
@@ -207,8 +207,8 @@ def shortfall(searched: SearchState, trial: Trial) -> float:
 
 
 def _confirmed_front(
-    searched: SearchState, found: dict[int, Simulated], executors: Executors, say: Say
-) -> tuple[SearchState, dict[int, Simulated]]:
+    searched: SearchState, found: dict[int, Evaluation], executors: Executors, say: Say
+) -> tuple[SearchState, dict[int, Evaluation]]:
     """Confirm the front, and what comes onto it, up to ``search.confirm_designs`` in all.
 
     ``found`` are the designs at new angles so far. Give the state at these, and all of them.
@@ -231,8 +231,8 @@ def _own_trial(state: SearchState) -> Trial | None:
 
 
 def _renewed_state(
-    searched: SearchState, found: Mapping[int, Simulated]
-) -> tuple[SearchState, dict[int, Simulated]]:
+    searched: SearchState, found: Mapping[int, Evaluation]
+) -> tuple[SearchState, dict[int, Evaluation]]:
     """Fit the prior of hangs to search and new angles; give the state and designs under it."""
     counts, none = [], [(0, 0)] * len(searched.study.points)
     for trial in searched.simulated:
@@ -254,7 +254,7 @@ def contested_designs(state: SearchState, found: Found) -> list[int]:
     another objective leads.
     """
     front = [trial for trial in state.feasible if trial.number in found]
-    if leading(state.study).name != SIMULATED or len(front) < 2:
+    if leading_objective(state.study).name != SIMULATED or len(front) < 2:
         return []
     best, *others = sorted(front, key=state.leading_loss)
     first, contested = found[best.number].expectation, list[int]()
@@ -288,11 +288,11 @@ def _denser(
     *,
     angles: int,
     executors: Executors,
-) -> dict[int, Simulated]:
+) -> dict[int, Evaluation]:
     """Simulate designs at more angles of some operating points; landings stay as they were."""
-    base, executor, denser = new_angles(study), _executor(study, executors), dict[int, Simulated]()
+    base, executor, denser = new_angles(study), _executor(study, executors), dict[int, Evaluation]()
     for trial in trials:
-        own = study.operated(trial.params)
+        own = study.with_operation(trial.params)
         every = design_blocks(study, trial.params, angles, _seed(study), base)
         blocks = [every[place] for place in places]
         rows = executor.run(blocks)
@@ -308,7 +308,7 @@ def _denser(
     return denser
 
 
-def _renewed(study: Setup, trial: Trial, one: Simulated) -> Trial:
+def _renewed(study: Setup, trial: Trial, one: Evaluation) -> Trial:
     """Replace the values of a trial by those of new angles, and add its rows there."""
     values = {name: estimate.value for name, estimate in one.estimates.items()}
     return replace(
@@ -323,24 +323,24 @@ def _renewed(study: Setup, trial: Trial, one: Simulated) -> Trial:
     )
 
 
-def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -> list[Simulated]:
+def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -> list[Evaluation]:
     """Simulate designs at new angles, and again in Drake at some of them.
 
     InputError where the shifts of a design say nothing of some objective.
     """
     many, executor, designs = new_angles(study), _executor(study, executors), [*named.values()]
     found = evaluate(study, designs, executor, many, _seed(study))
-    if unknown := [name for name, one in zip(named, found, strict=True) if not one.known]:
+    if unknown := [name for name, one in zip(named, found, strict=True) if not one.is_complete]:
         raise InputError(
             f"every shift of {' and '.join(unknown)} at new angles failed, so what they strike "
             "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
             "or without the objective peak_impact_force_N"
         )
     blocks = [block for params in designs for block in _thinned(study, params)]
-    if study.judging is None:
+    if study.reference_setup is None:
         executors.kept.run(blocks)  # for the single shifts of the report
     else:
-        pairs = _pairs(blocks, study.judging.clutch, executor, executors.kept)
+        pairs = _pairs(blocks, study.reference_setup.clutch, executor, executors.kept)
         size = len(pairs) // len(found)  # as many of each design
         found = [
             replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
@@ -366,7 +366,7 @@ def _thinned(study: Setup, params: Params) -> list[Block]:
 
 
 def _record(
-    searched: SearchState, state: SearchState, own: Simulated, found: Found, executors: Executors
+    searched: SearchState, state: SearchState, own: Evaluation, found: Found, executors: Executors
 ) -> dict[str, Any]:
     """Record the confirmation of designs, by trial in the search's order.
 
@@ -379,13 +379,13 @@ def _record(
     searched_ones = [number for number in found if not trials[number].prototype]
     chosen = next(iter([*front, *searched_ones, *found]))
     params, same = trials[chosen].params, trials[chosen].prototype
-    executor, both = _executor(study, executors), list[Simulated]()
+    executor, both = _executor(study, executors), list[Evaluation]()
     for design, one in ((study.prototype, own), (params, found[chosen])):
         blocks = _thinned(study, design)  # repeated, some of the shifts tell the numerical error
         error = numerical_error(blocks, executor.run(blocks), executor.run)
         expectation = replace(one.expectation, numerical_error=error)
         blocks = design_blocks(study, design, new_angles(study), _seed(study))
-        expectation = with_torques(study.operated(design), expectation, blocks, executor.run)
+        expectation = with_torques(study.with_operation(design), expectation, blocks, executor.run)
         both.append(replace(one, expectation=expectation))
     old, new = both
     return {
@@ -438,9 +438,9 @@ def _other_shapes(state: SearchState, params: Params, executors: Executors) -> l
     return found
 
 
-def _beside_search(searched: SearchState, trial: Trial, found: Simulated) -> dict[str, Any]:
+def _beside_search(searched: SearchState, trial: Trial, found: Evaluation) -> dict[str, Any]:
     """Record the leading objective by the search, and how far that is off."""
-    name = leading(searched.study).name
+    name = leading_objective(searched.study).name
     old, new = (trial.estimates or {})[name], found.estimates[name]
     both = math.hypot(old.standard_error, new.standard_error)
     off = (new.value - old.value) / both if both else 0.0
@@ -467,7 +467,7 @@ def _gain(study: Setup, before: Estimates, after: Estimates) -> dict[str, Any]:
     }
 
 
-def _estimates(found: Simulated) -> Estimates:
+def _estimates(found: Evaluation) -> Estimates:
     """Record the simulated objectives that a design has: no time where too few shifts engage."""
     return {
         name: vars(one)
@@ -476,7 +476,7 @@ def _estimates(found: Simulated) -> Estimates:
     }
 
 
-def _confirmed(study: Setup, params: Params, one: Simulated) -> dict[str, Any]:
+def _confirmed(study: Setup, params: Params, one: Evaluation) -> dict[str, Any]:
     design, verdict = judged_design(study, design_of(study, params, one.measured))
     return {
         **ExpectedTime.of(one.expectation).to_dict(),
@@ -529,9 +529,9 @@ def audit(
 
     None where Drake does not judge.
     """
-    settings, judge = study.file.expectation, study.judging
-    if study.unjudged:
-        say(f"no confirmation by Drake and no audit: {study.unjudged}")
+    settings, judge = study.file.expectation, study.reference_setup
+    if study.engine_gap:
+        say(f"no confirmation by Drake and no audit: {study.engine_gap}")
     if judge is None or not shifts or not designs:
         return None
     say(f"auditing {shifts} shifts of the search in Drake")

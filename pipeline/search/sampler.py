@@ -31,13 +31,13 @@ from dogshape.pipeline.simulate.design import (
     SUMMARIES,
     Design,
     design_of,
+    explain_infeasible,
     limits_of,
+    mark_worthy,
     nearest_filling,
-    none_passes,
     objectives_of,
     simulated_limits,
     values_of,
-    which_pass,
 )
 from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.train.training_rows import with_rows
@@ -155,7 +155,7 @@ class Guide:
 
     def allowed(self, params: Sequence[Params]) -> Mask:
         """Mark designs that pass every check that needs no simulation, (m,)."""
-        return which_pass(self.study, params)
+        return mark_worthy(self.study, params)
 
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
@@ -256,7 +256,7 @@ class Pool:
         self.refusal = ""
         if not self._drawn[0]:
             study = guide.study
-            self.refusal = none_passes(study, TRIES * wide)
+            self.refusal = explain_infeasible(study, TRIES * wide)
             nearest = nearest_filling(study)[: study.file.search.trials]
             self._drawn = [[design.params for design, _ in nearest]]
 

@@ -35,14 +35,14 @@ from dogshape.pipeline.search.state import (
 from dogshape.pipeline.simulate.design import (
     Design,
     design_of,
-    leading,
+    leading_objective,
     objectives_of,
     simulated_limits,
     values_of,
 )
 from dogshape.pipeline.simulate.evaluation import (
     TIME_ESTIMATORS,
-    Simulated,
+    Evaluation,
     evaluate,
     forget_designs,
 )
@@ -154,10 +154,10 @@ def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) 
     forget_designs(study, executor, settings.angles, settings.seed)
 
 
-def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | None) -> None:
+def _tell(search: Search, given: FrozenTrial, design: Design, one: Evaluation | None) -> None:
     """Write a design into the storage and end its trial there."""
     study, trial = search.study, optuna.Trial(search.optuna, given._trial_id)
-    found = one if one is not None and one.known else None
+    found = one if one is not None and one.is_complete else None
     landed = design_of(study, design.params, found.measured) if found else design
     estimates = {} if found is None else {n: e.value for n, e in found.estimates.items()}
     if search.sharing is not None:
@@ -175,7 +175,7 @@ def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | N
 
 
 def _status(state: SearchState) -> str:
-    best, one = state.best, leading(state.study)
+    best, one = state.best, leading_objective(state.study)
     text = f"{len(state.trials)} of {state.study.file.search.trials} designs"
     if best is not None and best.estimates is not None:
         known = best.estimates[one.name]

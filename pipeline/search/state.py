@@ -12,16 +12,16 @@ from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import (
+    CheckInputs,
     Design,
-    Measured,
     design_of,
-    leading,
+    leading_objective,
     objectives_of,
 )
 from dogshape.pipeline.simulate.evaluation import (
+    Evaluation,
     Params,
-    Simulated,
-    limited_by,
+    replace_limited,
     time_estimates,
 )
 from dogshape.pipeline.train.training_rows import row_record
@@ -64,7 +64,7 @@ class Trial:
     values: tuple[float, ...]
     prototype: bool = False
     estimates: Mapping[str, Estimate] | None = None
-    measured: Measured | None = None
+    measured: CheckInputs | None = None
     rows: Sequence[Sequence[float | None]] = field(default=(), repr=False)
     shifts: int = 0
     failed: Mapping[str, int] = field(default_factory=dict)
@@ -91,7 +91,7 @@ class Trial:
         return np.array(losses), np.array(errors)
 
 
-def simulation_record(found: Simulated) -> dict[str, Any]:
+def simulation_record(found: Evaluation) -> dict[str, Any]:
     """Record the simulation of a design as the storage keeps it."""
     measured = found.measured
     return {
@@ -112,7 +112,9 @@ def trial_of(frozen: FrozenTrial) -> Trial:
     if known := attrs.get(SIMULATION):
         found = {
             "estimates": {name: Estimate(*pair) for name, pair in known["estimates"].items()},
-            "measured": Measured(Demand(*known["demand_Pa"]), known["limited"], known["engaged"]),
+            "measured": CheckInputs(
+                Demand(*known["demand_Pa"]), known["limited"], known["engaged"]
+            ),
             **{name: known[name] for name in ("rows", "shifts")},
             **{k: [PointTimes(*point) for point in known.get(k, ())] for k in TIMES},
         }
@@ -164,7 +166,7 @@ def under_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Tri
     )
     return replace(
         trial, estimates={**trial.estimates, **times}, values=values,
-        measured=limited_by(trial.measured, times),
+        measured=replace_limited(trial.measured, times),
     )  # fmt: skip
 
 
@@ -226,7 +228,7 @@ class SearchState:
 
     def leading_loss(self, trial: Trial) -> float:
         """Give the leading objective of a simulated trial, to be minimised."""
-        place = objectives_of(self.study).index(leading(self.study))
+        place = objectives_of(self.study).index(leading_objective(self.study))
         return float(self.losses[trial.number][place])
 
     def renew(self, trials: Iterable[Trial]) -> SearchState:

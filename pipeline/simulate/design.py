@@ -40,8 +40,9 @@ from dogshape.sim.units import MM, suffix_of, to_si
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
 
-SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
-WORST, STATISTICAL = "smallest_margin_worst", "smallest_margin_statistical"
+SIMULATED = "expected_shift_time_s"  #: estimated from every simulation, an objective or not
+WORST = "smallest_margin_worst"
+STATISTICAL = "smallest_margin_statistical"
 #: Quantities that sum up margins within tolerances, with the way in which effects are added.
 WITHIN: dict[str, Kind] = {WORST: "worst_case", STATISTICAL: "root_sum_square"}
 #: Words for these ways.
@@ -49,8 +50,8 @@ WITHIN_WORDS = {WORST: "at worst-case tolerances", STATISTICAL: "at statistical 
 #: Quantities that sum up other checks: a limit on one of them is no check of its own.
 SUMMARIES = (*WITHIN, "smallest_margin", "utilisation")
 KINDS: tuple[Kind, ...] = ("worst_case", "root_sum_square")
-FILLING = 512  #: designs that fill the ranges
-MAX_NAMED = 3  #: failed checks that are named
+FILLING_DESIGNS = 512  #: designs that fill the ranges to explain why none is feasible
+MAX_NAMED = 3  #: failed checks that a message names
 Bounds = Sequence[tuple["Objective", float]]  #: upper ones where less is better
 REFERRED = "slower_than_reference_s"  #: needs the shifts of the study's own dog too
 ENGAGEMENT = RULES["engagement"]
@@ -58,16 +59,13 @@ ENGAGEMENT = RULES["engagement"]
 
 @dataclass(frozen=True)
 class Design:
-    """Searched keys in edge units with what follows; ``refusal`` is why there is no ``dog``.
+    """Design with its dog and its checks."""
 
-    ``landings`` are those of its simulated shifts, None before that.
-    """
-
-    params: dict[str, float]
-    dog: Dog | None
+    params: dict[str, float]  #: searched keys, edge units
+    dog: Dog | None  #: None where the shape is impossible
     checks: tuple[Check, ...]
-    refusal: str
-    landings: Landings | None = None
+    refusal: str  #: reason why there is no dog, or empty
+    landings: Landings | None = None  #: of its simulated shifts
 
     @property
     def feasible(self) -> bool:
@@ -82,7 +80,7 @@ class Design:
         """Constraint values by name, feasible at or below zero."""
         if self.dog is None:
             return {"geometry": 1.0}
-        return {"geometry": -1.0, **{c.name: -c.margin for c in self.checks}}
+        return {"geometry": -1.0, **{check.name: -check.margin for check in self.checks}}
 
     @property
     def failed(self) -> list[str]:
@@ -91,57 +89,60 @@ class Design:
 
     @property
     def faults(self) -> list[Check]:
-        """Checks that fail, but for those that sum up others."""
+        """Checks that fail, without those that sum up others."""
         return [check for check in self.checks if not (check.passed or check.rule.summary)]
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Simulated values that the checks of a design are judged by.
-
-    ``limited`` are those that ``search.limits`` bounds, by name, ``engaged`` the least share of the
-    shifts that engage, of any operating point. ``landings``, which the demand is from, are not
-    stored.
-    """
+class CheckInputs:
+    """Simulated values that the checks of a design judge."""
 
     demand: Demand
-    limited: Mapping[str, float] = field(default_factory=dict)
-    engaged: float = 1.0
+    limited: Mapping[str, float] = field(default_factory=dict)  #: bounded quantities by name
+    engaged: float = 1.0  #: least share of shifts that engage at an operating point
+    #: landings behind ``demand``; not stored
     landings: Landings | None = field(default=None, compare=False, repr=False)
 
 
-def design_of(study: Setup, params: dict[str, float], measured: Measured | None = None) -> Design:
-    """Work out a design, not feasible where the shape is impossible.
+def design_of(
+    study: Setup, params: dict[str, float], measured: CheckInputs | None = None
+) -> Design:
+    """Build the dog of a design and check it; not feasible where the shape is impossible.
 
-    ``measured`` is what was simulated of it, None before that.
+    ``measured`` are its simulated values, None before a simulation.
     """
-    study = study.operated(params)
+    study = study.with_operation(params)
     try:
         dog = study.dog_with(params)
     except GeometryError as error:
         return Design(params, None, (), str(error))
-    known = {} if measured is None else measured.limited
-    design = check_dog(study, params, dog, limits_of(study), known)
+    limited = {} if measured is None else measured.limited
+    design = check_dog(study, params, dog, limits=limits_of(study), limited=limited)
     if measured is None:
         return design
-    engaged = Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED)
-    landed = demand_checks(measured.demand, study.limits)
-    checks = (*design.checks, *landed, engaged)
+    engagement_check = Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED)
+    landing_checks = demand_checks(measured.demand, study.limits)
+    checks = (*design.checks, *landing_checks, engagement_check)
     return replace(design, checks=checks, landings=measured.landings)
 
 
 def judged_design(study: Setup, design: Design) -> tuple[Design, Verdict]:
-    """Judge a design: the intervals of its landing, and its verdict."""
-    if (dog := design.dog) is None:
+    """Add the intervals of the landing checks to a design, and return it with its verdict."""
+    if design.dog is None:
         return design, NO_DOG
-    own, landings, checks = study.operated(design.params), design.landings, design.checks
+    dog = design.dog
+    study = study.with_operation(design.params)
+    landings = design.landings
+    checks = design.checks
     if landings is not None:
-        demand, interval = landings.demand(dog, own.limits), landings.interval(dog, own.limits)
-        landed = {check.name: check for check in demand_checks(demand, own.limits, interval)}
-        checks = tuple(landed.get(check.name, check) for check in checks)
-    return replace(design, checks=checks), verdict_of(
-        own, dog, list(map(Margin.of, checks)), landings
-    )
+        demand = landings.demand(dog, study.limits)
+        interval = landings.interval(dog, study.limits)
+        landing_checks = {
+            check.name: check for check in demand_checks(demand, study.limits, interval)
+        }
+        checks = tuple(landing_checks.get(check.name, check) for check in checks)
+    verdict = verdict_of(study, dog, [Margin.of(check) for check in checks], landings)
+    return replace(design, checks=checks), verdict
 
 
 def verdict_of(
@@ -149,18 +150,21 @@ def verdict_of(
 ) -> Verdict:
     """Judge a dog of a study by its margins, and find the assumptions that they depend on.
 
-    Without ``landings`` the margins of a landing do not move with any assumption.
+    Without ``landings`` the margins of a landing do not depend on any assumption.
     """
-    contact, limits = study.clutch.contact, study.limits
-    moved = {check.name for check in strength_checks(dog, limits)} | OBJECTIVES.keys()
+    contact = study.clutch.contact
+    limits = study.limits
+    variable_names = {check.name for check in strength_checks(dog, limits)} | OBJECTIVES.keys()
     if landings is not None:
-        moved |= {name for name, rule in RULES.items() if rule.group == "impact"}
-    fixed = {margin.name: margin.value for margin in margins if margin.name not in moved}
+        variable_names |= {name for name, rule in RULES.items() if rule.group == "impact"}
+    fixed_margins = {
+        margin.name: margin.value for margin in margins if margin.name not in variable_names
+    }
     assumptions = hinges(
         dog,
         limits,
         landings,
-        fixed,
+        fixed_margins,
         contact_stiffness=contact.stiffness if contact.impact is None else None,
         mechanism=study.clutch.mechanism,
         given=keys_given(study),
@@ -170,47 +174,69 @@ def verdict_of(
 
 
 def keys_given(study: Setup) -> set[str]:
-    """List the keys of toothing and strike that the file of a study gives."""
+    """List the dotted keys of ``[mechanism]`` and ``[strike]`` that the file of a study sets."""
     sections = {"mechanism": study.file.mechanism, "strike": study.file.strike}
-    return {
-        f"{name}.{key}"
-        for name, section in sections.items() if section is not None
-        for key, value in section.model_dump(exclude_none=True).items() if value != 0.0
-    }  # fmt: skip
+    keys = set()
+    for table, section in sections.items():
+        if section is not None:
+            values = section.model_dump(exclude_none=True)
+            keys |= {f"{table}.{key}" for key, value in values.items() if value != 0.0}
+    return keys
 
 
 def check_dog(
-    study: Setup, params: dict[str, float], dog: Dog, limits: Bounds, known: Mapping[str, float]
+    study: Setup,
+    params: dict[str, float],
+    dog: Dog,
+    limits: Bounds,
+    limited: Mapping[str, float],
 ) -> Design:
-    """Check a dog, or ``Dogs``, before landings; limits on values not known are left out."""
-    bare = Design(params, dog, strength_checks(dog, study.limits), "")
-    checks = list(bare.checks)
+    """Check a dog, or ``Dogs``, before landings.
+
+    Parameters
+    ----------
+    study, params, dog
+        Study with the operation of the design, searched keys, and dog.
+    limits
+        Bounded quantities; those that are neither exact nor in ``limited`` are left out.
+    limited
+        Simulated values of bounded quantities by name.
+
+    """
+    design = Design(params, dog, strength_checks(dog, study.limits), "")
+    checks = list(design.checks)
     for quantity, limit in limits:
-        exact = quantity.exact and quantity.exact(study, bare, dog)
-        if (value := known.get(quantity.name, exact)) is not None:
+        value = limited.get(quantity.name)
+        if value is None and quantity.exact:
+            value = quantity.exact(study, design, dog)
+        if value is not None:
             checks.append(Check(quantity.rule, value, limit))
-    return replace(bare, checks=tuple(checks))
+    return replace(design, checks=tuple(checks))
 
 
 def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
     """Decide whether a design passes every check that needs no simulation, cheap ones first."""
     try:
-        fit = keeps_limits(study.dog_with(params), study.operated(params).limits)
+        dog = study.dog_with(params)
+        passes_cheap_checks = keeps_limits(dog, study.with_operation(params).limits)
     except GeometryError:
         return False
-    return fit and design_of(study, params).feasible
+    return passes_cheap_checks and design_of(study, params).feasible
 
 
 def dogs_of(study: Setup, names: Sequence[str], x: Array) -> Dogs:
-    """Give designs (n, d) in edge units as dogs, what is not named from the study's dog."""
-    own = {f.name: getattr(study.clutch.dog, f.name) for f in fields(Dog)}
-    return Dogs(**(own | si_fields(dict(zip(names, x.T, strict=True)))))
+    """Build the dogs of designs ``x`` in edge units, (n, d), other keys from the study's dog."""
+    dog_keys = [dog_field.name for dog_field in fields(Dog)]
+    nominal = {name: getattr(study.clutch.dog, name) for name in dog_keys}
+    columns = dict(zip(names, x.T, strict=True))
+    return Dogs(**(nominal | si_fields(columns)))
 
 
-def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
-    """Mark the designs that are ``worth_simulating``, (n,): together where limits are alike.
+def mark_worthy(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
+    """Return which designs are ``worth_simulating``, (n,).
 
-    Within tolerances the checks of one design take as long as those of a hundred.
+    Designs of one operation are checked together: within tolerances the checks of one design
+    take as long as those of a hundred.
     """
     names = tuple(study.variables)
     if study.shape_keys != names:
@@ -220,26 +246,24 @@ def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
         passed = np.ones(len(x), dtype=bool) & dogs_of(study, names, x).possible
         for limits in ([], limits_of(study)):  # margins within tolerances take longest
             if passed.any():
-                one = check_dog(study, {}, dogs_of(study, names, x[passed]), limits, {})
-                passed[passed] = reduce(and_, (check.passed for check in one.checks))
+                dogs = dogs_of(study, names, x[passed])
+                design = check_dog(study, {}, dogs, limits=limits, limited={})
+                passed[passed] = reduce(and_, (check.passed for check in design.checks))
     return passed
 
 
 @dataclass(frozen=True)
 class Objective:
-    """Something to minimise, or to maximise: label and unit for reports.
-
-    ``exact`` gives its value from shape and checks; None where it is simulated
-    (``pipeline.simulate.evaluation``). No value lies beyond ``least`` and ``most``.
-    """
+    """Quantity to minimise or maximise, with label and unit for reports."""
 
     name: str
     label: str
     unit: str
+    #: value from shape and checks; None where it is simulated (``pipeline.simulate.evaluation``)
     exact: Callable[[Setup, Design, Dog], float] | None = None
     maximise: bool = False
-    least: float = 0.0
-    most: float = math.inf
+    low: float = 0.0  #: smallest possible value
+    high: float = math.inf  #: largest possible value
 
     @property
     def simulated(self) -> bool:
@@ -253,40 +277,50 @@ class Objective:
 
     @property
     def rule(self) -> Rule:
-        """Question of the check that a limit on this quantity is."""
-        key = f"search.limits.{self.name}"
-        how = "estimate from the design's shifts" if self.simulated else "from shape and checks"
-        said = "the study's own limit"
-        unit, at_most, summary = self.unit, not self.maximise, self.name in SUMMARIES
-        return Rule(self.name, "goal", self.label, how, said, unit, key, at_most, summary)
+        """Rule of the check that a limit on this quantity is."""
+        formula = "from shape and checks"
+        if self.simulated:
+            formula = "estimate from the design's shifts"
+        return Rule(
+            name=self.name,
+            group="goal",
+            meaning=self.label,
+            formula=formula,
+            source="the study's own limit",
+            unit=self.unit,
+            key=f"search.limits.{self.name}",
+            at_most=not self.maximise,
+            summary=self.name in SUMMARIES,
+        )
 
 
-#: Losses of a design, which each round of a search asks for again; not of candidates.
-_losses = lru_cache(maxsize=2**12)(margin_losses)
+#: Losses of margins of a design, which each round of a search needs again; not of candidates.
+_cached_losses = lru_cache(maxsize=2**12)(margin_losses)
 
 
 def margins_within(study: Setup, design: Design, kind: Kind = "worst_case") -> dict[str, float]:
-    """Compute each check's margin within the tolerances; the landing has none."""
-    if design.dog is None:
+    """Compute each check's margin within the tolerances by name; the landing has none."""
+    dog = design.dog
+    if dog is None:
         return {}
-    found = margin_losses if isinstance(design.dog, Dogs) else _losses
-    spreads = found(design.dog, study.limits)
+    losses_of = margin_losses if isinstance(dog, Dogs) else _cached_losses
+    losses = losses_of(dog, study.limits)
     margins = {
-        check.name: check.margin - getattr(spreads[check.name], kind)
+        check.name: check.margin - getattr(losses[check.name], kind)
         for check in design.checks
-        if check.name in spreads
+        if check.name in losses
     }
-    judged = within_tolerances(design.dog, study.limits, kind)
-    return margins | {check.name: check.margin for check in judged}
+    tolerance_checks = within_tolerances(dog, study.limits, kind)
+    return margins | {check.name: check.margin for check in tolerance_checks}
 
 
 def weakest_within(study: Setup, design: Design, kind: Kind = "worst_case") -> tuple[str, float]:
-    """Return the check with the smallest margin within the tolerances, and that margin."""
+    """Return the name of the check with the smallest margin within tolerances, and the margin."""
     return min(margins_within(study, design, kind).items(), key=lambda pair: pair[1])
 
 
-def _smallest(kind: Kind) -> Callable[[Setup, Design, Dog], float]:
-    """Return the smallest margin within the tolerances as a function of a design."""
+def _smallest_within(kind: Kind) -> Callable[[Setup, Design, Dog], float]:
+    """Return a function that computes the smallest margin within tolerances of a design."""
     return lambda study, design, _dog: smallest(*margins_within(study, design, kind).values())
 
 
@@ -297,105 +331,185 @@ OBJECTIVES = {
         Objective(SIMULATED, "expected shift time", "s"),
         Objective("shift_time_quantile_s", "quantile of the shift time", "s"),
         Objective("worst_shift_time_s", "expected shift time at the slowest operating point", "s"),
-        Objective(REFERRED, "time lost on the reference at the worst operating point", "s",
-                  least=-math.inf),
-        Objective("first_try_share", "share engaged in time at the first try", "", maximise=True,
-                  most=1.0),
+        Objective(
+            REFERRED,
+            "time lost on the reference at the worst operating point",
+            "s",
+            low=-math.inf,
+        ),
+        Objective(
+            "first_try_share", "share engaged in time at the first try", "", maximise=True, high=1.0
+        ),
         Objective("peak_impact_force_N", "mean peak impact force", "N"),
         Objective("peak_axial_force_N", "mean peak axial force", "N"),
         Objective("strike_torque_Nm", "mean peak torque of a strike", "N m"),
         Objective("impact_impulse_Ns", "mean hardest impulse", "N s"),
         Objective("impact_energy_J", "mean energy taken by the contact", "J"),
-        Objective("smallest_margin", "smallest margin", "", maximise=True, least=-math.inf,
-                  most=1.0),
+        Objective("smallest_margin", "smallest margin", "", maximise=True, low=-math.inf, high=1.0),
         *(
-            Objective(name, f"smallest margin {WITHIN_WORDS[name]}", "", _smallest(kind),
-                      maximise=True, least=-math.inf, most=1.0)
+            Objective(
+                name,
+                f"smallest margin {WITHIN_WORDS[name]}",
+                "",
+                _smallest_within(kind),
+                maximise=True,
+                low=-math.inf,
+                high=1.0,
+            )
             for name, kind in WITHIN.items()
         ),
-        Objective("axial_length_mm", "axial length, root to root", "mm",
-                  lambda _study, _design, dog: dog.axial_length / MM),
-        Objective("backlash_mm", "backlash at the mean radius", "mm",
-                  lambda _study, _design, dog: dog.backlash / MM, least=-math.inf),
-        Objective("retention_force_N", "axial force that pulls in without friction", "N",
-                  lambda study, _design, dog: retention_force(dog, study.limits.load),
-                  maximise=True, least=-math.inf),
-        Objective("utilisation", "utilisation of the most loaded check", "",
-                  lambda _study, design, _dog: largest(*(c.utilisation for c in design.checks))),
+        Objective(
+            "axial_length_mm",
+            "axial length, root to root",
+            "mm",
+            lambda _study, _design, dog: dog.axial_length / MM,
+        ),
+        Objective(
+            "backlash_mm",
+            "backlash at the mean radius",
+            "mm",
+            lambda _study, _design, dog: dog.backlash / MM,
+            low=-math.inf,
+        ),
+        Objective(
+            "retention_force_N",
+            "axial force that pulls in without friction",
+            "N",
+            lambda study, _design, dog: retention_force(dog, study.limits.load),
+            maximise=True,
+            low=-math.inf,
+        ),
+        Objective(
+            "utilisation",
+            "utilisation of the most loaded check",
+            "",
+            lambda _study, design, _dog: largest(*(c.utilisation for c in design.checks)),
+        ),
     ]
-}  # fmt: skip
+}
 
 
 def objectives_of(study: Setup) -> list[Objective]:
-    """Return the study's objectives; an unknown name raises InputError."""
+    """List the study's objectives; InputError for an unknown name, or none to simulate."""
     names = study.file.search.objectives
     for name in names:
         require_known("search.objectives", name, "an objective", OBJECTIVES)
     if len(set(names)) != len(names):
         raise InputError("search.objectives names an objective twice; remove one of the two")
-    found = [OBJECTIVES[name] for name in names]
-    if not any(objective.simulated for objective in found):
+    objectives = [OBJECTIVES[name] for name in names]
+    if not any(objective.simulated for objective in objectives):
         fault = "search.objectives has none that needs a simulation, which a search is for"
-        remedy = f"add one of {', '.join(o.name for o in OBJECTIVES.values() if o.simulated)}"
-        raise InputError(f"{fault}; {remedy}")
-    return found
+        simulated = [name for name, objective in OBJECTIVES.items() if objective.simulated]
+        raise InputError(f"{fault}; add one of {', '.join(simulated)}")
+    return objectives
 
 
 def limits_of(study: Setup) -> list[tuple[Objective, float]]:
-    """Return the quantities that the study bounds with their bounds, upper ones if less is better.
+    """List the quantities that the study bounds with their bounds.
 
-    InputError for an unknown name, and for a bound that no design can keep.
+    A bound is an upper one, unless the quantity is maximised. InputError for an unknown name, and
+    for a bound that no design can keep.
     """
-    found = []
+    limits = []
     for name, limit in (study.file.search.limits or {}).items():
         require_known("search.limits", name, "a quantity of a study", OBJECTIVES)
-        one, rule = OBJECTIVES[name], ""
-        if not math.isfinite(limit):
-            rule = "it must be finite"
-        elif one.maximise and limit > one.most:
-            rule = f"no {one.label} is above {one.most:g}"
-        elif not one.maximise and limit <= one.least:
-            rule = f"every {one.label} is above {one.least:g}"
+        objective = OBJECTIVES[name]
+        rule = _broken_bound(objective, limit)
         if rule:
             remedy = "give another or take it out"
-            raise InputError(refusal(f"search.limits.{name}", limit, one.unit, rule, remedy))
-        found.append((one, limit))
-    return found
+            raise InputError(
+                refusal(f"search.limits.{name}", limit, objective.unit, rule=rule, remedy=remedy)
+            )
+        limits.append((objective, limit))
+    return limits
+
+
+def _broken_bound(objective: Objective, limit: float) -> str:
+    """Name the rule that a bound on a quantity breaks, or an empty text."""
+    if not math.isfinite(limit):
+        return "it must be finite"
+    if objective.maximise and limit > objective.high:
+        return f"no {objective.label} is above {objective.high:g}"
+    if not objective.maximise and limit <= objective.low:
+        return f"every {objective.label} is above {objective.low:g}"
+    return ""
 
 
 def simulated_limits(study: Setup) -> list[str]:
-    """Return the names of the bounded quantities that a simulation has to say."""
+    """List the names of the bounded quantities that need a simulation."""
     return [quantity.name for quantity, _ in limits_of(study) if quantity.simulated]
 
 
-def leading(study: Setup) -> Objective:
+def leading_objective(study: Setup) -> Objective:
     """Return the objective that decides which design is best: the first simulated one."""
     return next(objective for objective in objectives_of(study) if objective.simulated)
 
 
 def exact_values(study: Setup, design: Design) -> dict[str, float]:
-    """Return the objectives that need no simulation, by name."""
-    if (dog := design.dog) is None:
+    """Compute the objectives that need no simulation by name; none without a dog."""
+    dog = design.dog
+    if dog is None:
         return {}
-    own = study.operated(design.params)
-    return {o.name: o.exact(own, design, dog) for o in objectives_of(study) if o.exact}
+    study = study.with_operation(design.params)
+    return {
+        objective.name: objective.exact(study, design, dog)
+        for objective in objectives_of(study)
+        if objective.exact
+    }
 
 
-def values_of(study: Setup, design: Design, found: dict[str, float] | None = None) -> list[float]:
-    """Return all objective values in the study's order, unknown ones infinitely bad."""
-    known = {**exact_values(study, design), **(found or {})}
-    return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
+def values_of(
+    study: Setup, design: Design, simulated: dict[str, float] | None = None
+) -> list[float]:
+    """List all objective values in the study's order, missing ones infinitely bad.
+
+    ``simulated`` are values of simulated objectives by name.
+    """
+    values = {**exact_values(study, design), **(simulated or {})}
+    return [
+        values.get(objective.name, objective.sign * math.inf) for objective in objectives_of(study)
+    ]
 
 
 def failing_words(margins: Sequence[Mapping[str, float]]) -> str:
-    """Count the designs that fail each check, with the nearest of them; empty where none fails."""
-    failing = Counter(name for row in margins for name, margin in row.items() if margin < 0.0)
-    said = []
-    for name, count in failing.most_common(MAX_NAMED):
-        short = -max(row[name] for row in margins if row.get(name, 0.0) < 0.0)
-        said.append(f"{count} of {len(margins)} fail {_words(name)}, the nearest of them by "
-                    f"{100.0 * short:.3g} %")  # fmt: skip
-    return "; ".join(said)
+    """Count the designs that fail each check, with the least failure; empty where none fails.
+
+    ``margins`` are those of each design by check.
+    """
+    failures = Counter[str]()
+    for row in margins:
+        failures.update(name for name, margin in row.items() if margin < 0.0)
+    clauses = []
+    for name, count in failures.most_common(MAX_NAMED):
+        shortfall = -max(row[name] for row in margins if row.get(name, 0.0) < 0.0)
+        clauses.append(
+            f"{count} of {len(margins)} fail {_words(name)}, the nearest of them by "
+            f"{100.0 * shortfall:.3g} %"
+        )
+    return "; ".join(clauses)
+
+
+def explain_infeasible(study: Setup, drawn: int) -> str:
+    """Explain which checks fail in a study of which none of ``drawn`` designs is feasible.
+
+    The checks are those of designs that fill the search ranges.
+    """
+    fault = f"none of {drawn} designs drawn from the search ranges"
+    designs = nearest_filling(study)
+    if not designs:
+        return f"{fault} passes every check: no dog has such a shape; widen [variables]"
+    bounds = [name for name in WITHIN if name in (study.file.search.limits or {})]
+    tolerances = f" {WITHIN_WORDS[bounds[0]]}" if bounds else ""
+    nearest, margins = designs[0]
+    name = min(margins, key=lambda check: margins[check])
+    place = ", ".join(f"{key} {value:.4g}" for key, value in nearest.params.items())
+    remedy = next(check.remedy for check in nearest.checks if check.name == name)
+    all_margins = [margins for _, margins in designs]
+    return (
+        f"{fault} passes every check{tolerances}. Of those that fill the ranges "
+        f"{failing_words(all_margins)}. Nearest is {place}: {_words(name)} fails "
+        f"by {100.0 * -margins[name]:.3g} %. Widen [variables], or {remedy}"
+    )
 
 
 def nearest_filling(study: Setup) -> list[tuple[Design, dict[str, float]]]:
@@ -404,37 +518,21 @@ def nearest_filling(study: Setup) -> list[tuple[Design, dict[str, float]]]:
     Margins are those before a simulation; shapes that no dog can have are left out.
     """
     low, high = np.array(list(study.variables.values()), dtype=float).T
-    made = list[tuple[Design, dict[str, float]]]()
-    for row in sobol_shares(FILLING, len(low), study.file.search.seed):
-        one = design_of(study, study.named(low + row * (high - low)))
-        margins = {check.name: check.margin for check in one.checks}
-        for name in WITHIN.keys() & margins.keys():
+    designs = []
+    for shares in sobol_shares(FILLING_DESIGNS, len(low), study.file.search.seed):
+        design = design_of(study, study.params_of(low + shares * (high - low)))
+        margins = {check.name: check.margin for check in design.checks}
+        design_study = study.with_operation(design.params)
+        for name in WITHIN.keys() & margins.keys():  # the margins that it sums up say more
             del margins[name]
-            margins |= margins_within(study.operated(one.params), one, WITHIN[name])
-        made += [(one, margins)] if margins else []
-    return sorted(made, key=lambda one: -min(one[1].values()))
-
-
-def none_passes(study: Setup, drawn: int) -> str:
-    """Explain which checks designs that fill the ranges fail where none of those drawn passes."""
-    whose = f"none of {drawn} designs drawn from the search ranges"
-    made = nearest_filling(study)
-    if not made:
-        return f"{whose} passes every check: no dog has such a shape; widen [variables]"
-    bounded = [name for name in WITHIN if name in (study.file.search.limits or {})]
-    worst = f" {WITHIN_WORDS[bounded[0]]}" if bounded else ""
-    nearest, margins = made[0]
-    name = min(margins, key=lambda one: margins[one])
-    at = ", ".join(f"{key} {value:.4g}" for key, value in nearest.params.items())
-    remedy = next(check.remedy for check in nearest.checks if check.name == name)
-    return (
-        f"{whose} passes every check{worst}. Of those that fill the ranges "
-        f"{failing_words([margins for _, margins in made])}. Nearest is {at}: {_words(name)} fails "
-        f"by {100.0 * -margins[name]:.3g} %. Widen [variables], or {remedy}"
-    )
+            margins |= margins_within(design_study, design, WITHIN[name])
+        if margins:
+            designs.append((design, margins))
+    return sorted(designs, key=lambda pair: -min(pair[1].values()))
 
 
 def _words(name: str) -> str:
+    """Write the name of a check with blanks and without its unit."""
     return name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
@@ -447,20 +545,29 @@ class ToleranceTime(Record):
 
 
 def checks_within(study: Setup, design: Design) -> list[dict[str, Any]]:
-    """Return every check as a record, with its margins within the tolerances."""
-    within = {f"margin_{kind}": margins_within(study, design, kind) for kind in KINDS}
-    return [
-        check_record(c) | {key: number_or_none(left.get(c.name)) for key, left in within.items()}
-        for c in design.checks
-    ]
+    """Record every check of a design, with its margins within the tolerances."""
+    margins = {kind: margins_within(study, design, kind) for kind in KINDS}
+    records = []
+    for check in design.checks:
+        record = check_record(check)
+        for kind in KINDS:
+            record[f"margin_{kind}"] = number_or_none(margins[kind].get(check.name))
+        records.append(record)
+    return records
 
 
 def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
-    """Return the smallest margin and its check in the worst case, and by root sum of squares."""
-    own, known = study.operated(design.params), design.dog is not None
-    found = {kind: weakest_within(own, design, kind) if known else (None, None) for kind in KINDS}
-    margins = {f"margin_{kind}": number_or_none(margin) for kind, (_, margin) in found.items()}
-    return {**margins, **{f"weakest_check_{kind}": name for kind, (name, _) in found.items()}}
+    """Record the smallest margin and its check in the worst case and by root sum of squares."""
+    study = study.with_operation(design.params)
+    margins: dict[str, float | None] = {}
+    checks: dict[str, str | None] = {}
+    for kind in KINDS:
+        name, margin = None, None
+        if design.dog is not None:
+            name, margin = weakest_within(study, design, kind)
+        margins[f"margin_{kind}"] = number_or_none(margin)
+        checks[f"weakest_check_{kind}"] = name
+    return {**margins, **checks}
 
 
 def tolerance_time(
@@ -471,22 +578,35 @@ def tolerance_time(
     Slopes are those of the surrogate; the axial gap adds free flight, in closed form. Diameters
     scale speed and width alike, and the root radius is not simulated: neither counts.
     """
-    tolerances = study.limits.tolerances.dimensions
-    moves = {}
+    tolerances = study.limits.tolerances
+    changes = {}
     for variable in surrogate.data.variables:
         name = variable.removesuffix(suffix_of(variable))
-        if name in tolerances:
-            step = tolerances[name] / to_si(variable, 1.0)
-            designs = [{**params, variable: params[variable] + move} for move in (-step, step)]
-            below, above = surrogate.medians(study.rows(designs), mix)
-            moves[name] = 0.5 * float(above - below)
-    if gap := tolerances.get("axial_gap"):
-        own, mass = study.clutch.dog.axial_gap, study.clutch.rings.mass
-        mass, ends = mass + study.clutch.mechanism.added_mass, (own + gap, max(0.0, own - gap))
-        profiles = map(study.actuation.at_sleeve, mix.points[:, 1].tolist())
-        times = np.array([[one.free_flight_time(end, mass) for end in ends] for one in profiles])
-        moves["axial_gap"] = 0.5 * float(mix.weights @ (times[:, 0] - times[:, 1]))
-    share = study.limits.tolerances.statistical_share
-    spread = Spread(moves, sum(abs(move) for move in moves.values()), share)
-    within = {f"{kind}_s": getattr(spread, kind) for kind in KINDS}
-    return ToleranceTime(**within, by_dimension_s=moves)
+        if name in tolerances.dimensions:
+            step = tolerances.dimensions[name] / to_si(variable, 1.0)
+            ends = [{**params, variable: params[variable] + change} for change in (-step, step)]
+            low_time, high_time = surrogate.medians(study.rows(ends), mix)
+            changes[name] = 0.5 * float(high_time - low_time)
+    gap_tolerance = tolerances.dimensions.get("axial_gap")
+    if gap_tolerance:
+        changes["axial_gap"] = _gap_time(study, mix, gap_tolerance)
+    worst_case = sum(abs(change) for change in changes.values())
+    spread = Spread(changes, worst_case, tolerances.statistical_share)
+    return ToleranceTime(
+        worst_case_s=spread.worst_case,
+        root_sum_square_s=spread.root_sum_square,
+        by_dimension_s=changes,
+    )
+
+
+def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
+    """Compute half the change of free flight between the ends of the axial gap, s."""
+    gap = study.clutch.dog.axial_gap
+    mass = study.clutch.rings.mass + study.clutch.mechanism.added_mass
+    ends = (gap + tolerance, max(0.0, gap - tolerance))
+    times = []
+    for force in mix.points[:, 1].tolist():
+        profile = study.actuation.at_sleeve(force)
+        times.append([profile.free_flight_time(end, mass) for end in ends])
+    flights = np.array(times)
+    return 0.5 * float(mix.weights @ (flights[:, 0] - flights[:, 1]))

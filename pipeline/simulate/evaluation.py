@@ -1,8 +1,8 @@
-"""From a design to what is simulated of it: blocks out, expectation and measured checks back.
+"""Evaluation of designs by simulation: blocks of shifts, expectation, objectives and checks.
 
 ``docs/studies.md`` defines the simulated objectives (``ESTIMATORS``) and their errors. Forces are
 those of the whole ring, means over one step of the integration, of rigid rings on the stiffness of
-the dogs. A shift that does not engage counts with what it struck; one whose integration failed is
+the dogs. A shift that does not engage counts with its loads; one whose integration failed is
 left out. Where all failed an objective is NaN: the design counts as not simulated. The smallest
 margin has the landing's, an extreme, so its standard error is zero.
 """
@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.simulate.design import (
     REFERRED,
     SIMULATED,
-    Measured,
+    CheckInputs,
     objectives_of,
     simulated_limits,
 )
@@ -71,7 +71,7 @@ Rows = Sequence[Sequence[Shift]]  #: shifts by operating point
 
 
 @dataclass(frozen=True)
-class Shifts:
+class DesignShifts:
     """All shifts of a design by operating point."""
 
     study: Setup
@@ -81,57 +81,65 @@ class Shifts:
     rows: Rows
 
     def mean(self, value: Callable[[Shift], float]) -> Estimate:
-        """Compute the mean over the mix of what each shift that did not fail has."""
-        failed = Outcome.DIVERGED.value
-        values = [[value(row) for row in mine if row["outcome"] != failed] for mine in self.rows]
-        return mean_over([one.point.weight for one in self.expectation.points], values)
+        """Compute the mean of a value over the mix, without shifts whose integration failed."""
+        diverged = Outcome.DIVERGED.value
+        values = []
+        for shifts in self.rows:
+            values.append([value(shift) for shift in shifts if shift["outcome"] != diverged])
+        return mean_over([point.point.weight for point in self.expectation.points], values)
 
 
-SURELY = 2.0  #: standard errors of a difference that count for a design
+LOSS_SIGMAS = 2.0  #: standard errors by which a loss of time is reduced, in a design's favour
 
 
-def _slower(expectation: Expectation, reference: Expectation | None) -> Estimate:
-    """Compute the largest loss of an operating point that the shifts show for sure.
+def _largest_loss(expectation: Expectation, reference: Expectation | None) -> Estimate:
+    """Estimate the largest loss of time on the reference at an operating point, s.
 
-    The largest of many differences as they are would be that of their errors.
+    Each loss is reduced by its error: the largest of many differences would be that of their
+    errors.
     """
     assert reference is not None  # ``evaluate`` simulates it for this
     losses = []
-    for one, other in zip(expectation.points, reference.points, strict=True):
-        errors = one.standard_error, other.standard_error  # not known of a few shifts
-        error = math.hypot(*errors) if all(map(math.isfinite, errors)) else 0.0
-        losses.append(Estimate(one.mean - other.mean - SURELY * error, error))
+    for point, reference_point in zip(expectation.points, reference.points, strict=True):
+        errors = (point.standard_error, reference_point.standard_error)
+        is_defined = all(map(math.isfinite, errors))  # few shifts have no error
+        error = math.hypot(*errors) if is_defined else 0.0
+        loss = point.mean - reference_point.mean - LOSS_SIGMAS * error
+        losses.append(Estimate(loss, error))
     return max(losses, key=lambda loss: loss.value)
 
 
-def _first_try(shifts: Shifts) -> Estimate:
-    """Estimate the share of the shifts that engage in time, by its posterior."""
-    within = shifts.study.file.search.within_s or shifts.study.clutch.timeout
+def _first_try_share(shifts: DesignShifts) -> Estimate:
+    """Estimate the share of shifts that engage in time at the first try, by its posterior."""
+    limit = shifts.study.file.search.within_s or shifts.study.clutch.timeout
     counts = []
     for rows in shifts.rows:
-        sound = [row for row in rows if row["outcome"] != Outcome.DIVERGED.value]
-        late = sum((row["shift_time_s"] or math.inf) > within for row in sound)
-        counts.append((late, len(sound)))
-    weights = [one.point.weight for one in shifts.expectation.points]
+        sound_rows = [row for row in rows if row["outcome"] != Outcome.DIVERGED.value]
+        late_count = sum((row["shift_time_s"] or math.inf) > limit for row in sound_rows)
+        counts.append((late_count, len(sound_rows)))
+    weights = [point.point.weight for point in shifts.expectation.points]
     return share_over(weights, counts)
 
 
-def _slowest(expectation: Expectation, _: Expectation | None) -> Estimate:
+def _slowest_time(expectation: Expectation, _: Expectation | None) -> Estimate:
+    """Estimate the time at the slowest operating point, s."""
     slowest = max(expectation.points, key=lambda point: point.mean)
     return Estimate(slowest.mean, slowest.standard_error)
 
 
-#: What each objective is worked out by that the prior of the probability of a hang changes.
+#: Estimators of the objectives that depend on the prior of the probability of a hang.
 TIME_ESTIMATORS: dict[str, Callable[[Expectation, Expectation | None], Estimate]] = {
     SIMULATED: lambda expectation, _: Estimate(expectation.mean, expectation.standard_error),
-    "worst_shift_time_s": _slowest,
-    REFERRED: _slower,
+    "worst_shift_time_s": _slowest_time,
+    REFERRED: _largest_loss,
 }
 
-#: What each other simulated objective is worked out by.
-ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
-    "shift_time_quantile_s": lambda s: s.expectation.quantiles[s.study.file.search.quantile],
-    "first_try_share": _first_try,
+#: Estimators of the other simulated objectives.
+ESTIMATORS: dict[str, Callable[[DesignShifts], Estimate]] = {
+    "shift_time_quantile_s": lambda shifts: shifts.expectation.quantiles[
+        shifts.study.file.search.quantile
+    ],
+    "first_try_share": _first_try_share,
     "peak_axial_force_N": lambda shifts: shifts.mean(lambda row: row["peak_axial_force_N"]),
     "strike_torque_Nm": lambda shifts: shifts.mean(
         lambda row: shifts.dog.mean_radius * row["peak_tangential_force_N"]
@@ -145,10 +153,10 @@ ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
 }
 
 
-def estimated(study: Setup) -> list[str]:
-    """Return the names of what the shifts of a design are to say, each once."""
-    named = [objective.name for objective in objectives_of(study) if objective.simulated]
-    return list(dict.fromkeys([SIMULATED, *named, *simulated_limits(study)]))
+def estimated_quantities(study: Setup) -> list[str]:
+    """List the quantities to estimate from a design's shifts."""
+    objectives = [objective.name for objective in objectives_of(study) if objective.simulated]
+    return list(dict.fromkeys([SIMULATED, *objectives, *simulated_limits(study)]))
 
 
 NEW_ANGLES = 7919  #: added to the seed of the search for relative angles that it did not use
@@ -157,47 +165,50 @@ Params = dict[str, float]  #: searched keys of a design, edge units
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """Expectation and loads from the shifts of a design.
-
-    ``failed`` shifts are by reason, ``agreement`` is with Drake where it simulated some too.
-    """
+class Evaluation:
+    """Expectation and loads from the shifts of a design."""
 
     expectation: Expectation
-    measured: Measured
-    rows: Array
-    estimates: dict[str, Estimate]
-    shifts: int
-    failed: Mapping[str, int] = field(default_factory=dict)
-    agreement: EngineAgreement | None = None
-    reference: Expectation | None = None  #: of the study's own dog, where an objective asks for it
+    measured: CheckInputs
+    rows: Array  #: data for the surrogate, a row for each operating point
+    estimates: dict[str, Estimate]  #: by the names of ``estimated_quantities``
+    shifts: int  #: number of shifts
+    failed: Mapping[str, int] = field(default_factory=dict)  #: failed integrations by reason
+    agreement: EngineAgreement | None = None  #: with Drake, where it repeated some shifts
+    reference: Expectation | None = None  #: of the study's own dog, where an objective needs it
 
-    def under(self, priors: Sequence[HangPrior]) -> Simulated:
-        """Return the same by other priors of the probability of a hang, one for each point."""
+    def under(self, priors: Sequence[HangPrior]) -> Evaluation:
+        """Replace the priors of the probability of a hang, one for each operating point."""
         expectation = self.expectation.under(priors)
         reference = self.reference and self.reference.under(priors)
         times = time_estimates(self.estimates, expectation, reference)
         return replace(
-            self, expectation=expectation, reference=reference, estimates=self.estimates | times,
-            measured=limited_by(self.measured, times),
-        )  # fmt: skip
+            self,
+            expectation=expectation,
+            reference=reference,
+            estimates=self.estimates | times,
+            measured=replace_limited(self.measured, times),
+        )
 
     @property
-    def known(self) -> bool:
-        """Whether the shifts say every simulated objective: not where all of them failed."""
+    def is_complete(self) -> bool:
+        """Whether every estimate is finite; none is where all shifts failed."""
         return all(math.isfinite(estimate.value) for estimate in self.estimates.values())
 
 
 def time_estimates(
     names: Iterable[str], expectation: Expectation, reference: Expectation | None
 ) -> dict[str, Estimate]:
-    """Estimate those of the named objectives that depend on the probability of a hang."""
-    pairs = ((name, TIME_ESTIMATORS.get(name)) for name in names)
-    return {name: estimator(expectation, reference) for name, estimator in pairs if estimator}
+    """Estimate the named objectives of ``TIME_ESTIMATORS``; others are ignored."""
+    return {
+        name: TIME_ESTIMATORS[name](expectation, reference)
+        for name in names
+        if name in TIME_ESTIMATORS
+    }
 
 
-def limited_by(measured: Measured, estimates: Mapping[str, Estimate]) -> Measured:
-    """Replace the values that limits judge by those of estimates."""
+def replace_limited(measured: CheckInputs, estimates: Mapping[str, Estimate]) -> CheckInputs:
+    """Replace the values of limited quantities by new estimates."""
     limited = {
         name: estimates[name].value if name in estimates else value
         for name, value in measured.limited.items()
@@ -208,109 +219,147 @@ def limited_by(measured: Measured, estimates: Mapping[str, Estimate]) -> Measure
 def design_blocks(
     study: Setup, params: Params, angles: int, seed: int, base: int | None = None
 ) -> list[Block]:
-    """Return the shifts of a design at even angles, a block for each of its operating points.
+    """Build the shifts of a design at even angles, a block for each of its operating points.
 
     ``base`` as for ``even_phases``.
     """
-    own, clutch = study.operated(params), replace(study.clutch, dog=study.dog_with(params))
-    return even_blocks(clutch, own.points, angles, seed, base, uncertainty=study.uncertainty)
+    points = study.with_operation(params).points
+    clutch = replace(study.clutch, dog=study.dog_with(params))
+    return even_blocks(clutch, points, angles, seed, base, uncertainty=study.uncertainty)
 
 
 def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
-    """Return the shifts of the study's own dog; none where no objective or limit refers to it."""
-    if REFERRED not in estimated(study):
+    """Build the shifts of the study's own dog; none if no objective or limit refers to it."""
+    if REFERRED not in estimated_quantities(study):
         return []
-    return _reference(study.clutch, study.points, angles, seed, uncertainty=study.uncertainty)
+    return _cached_even_blocks(
+        study.clutch, study.points, angles, seed, uncertainty=study.uncertainty
+    )
 
 
-_reference = lru_cache(maxsize=2)(even_blocks)  # all rounds have it, with its keys
+_cached_even_blocks = lru_cache(maxsize=2)(even_blocks)  # the reference of all rounds
 
 
 def forget_designs(study: Setup, executor: Executor, angles: int, seed: int) -> None:
-    """Drop the shifts of designs, but those of the reference, which others are compared with."""
-    executor.forget({key for block in reference_blocks(study, angles, seed) for key in block.keys})
+    """Drop the shifts of all designs but the reference from the journal."""
+    keys = set()
+    for block in reference_blocks(study, angles, seed):
+        keys.update(block.keys)
+    executor.forget(keys)
 
 
 def evaluate(
     study: Setup, designs: Sequence[Params], executor: Executor, angles: int, seed: int
-) -> list[Simulated]:
-    """Simulate designs side by side, ``angles`` at every operating point, and evaluate them."""
-    groups = [design_blocks(study, params, angles, seed) for params in designs]
-    referred = reference_blocks(study, angles, seed)
-    rows = iter(executor.run([block for group in (*groups, referred) for block in group]))
-    found = [list(islice(rows, len(group))) for group in groups]
-    beside = expectation_of(study, study.points, list(rows)) if referred else None
-    pairs = zip(designs, found, strict=True)
-    return [_simulated(study, params, mine, beside) for params, mine in pairs]
+) -> list[Evaluation]:
+    """Simulate designs at ``angles`` even angles of every operating point, and evaluate them."""
+    design_groups = [design_blocks(study, params, angles, seed) for params in designs]
+    reference_group = reference_blocks(study, angles, seed)
+    blocks = list(chain(*design_groups, reference_group))
+    rows = iter(executor.run(blocks))
+    design_rows = [list(islice(rows, len(group))) for group in design_groups]
+    reference = None
+    if reference_group:
+        reference = expectation_of(study, study.points, list(rows))
+    return [
+        _evaluation(study, params, rows_of_design, reference)
+        for params, rows_of_design in zip(designs, design_rows, strict=True)
+    ]
 
 
-def _simulated(nominal: Setup, params: Params, rows: Rows, beside: Expectation | None) -> Simulated:
-    study, dog = nominal.operated(params), nominal.dog_with(params)
+def _evaluation(
+    nominal: Setup, params: Params, rows: Rows, reference: Expectation | None
+) -> Evaluation:
+    """Evaluate the shifts of a design by operating point; ``nominal`` is the study itself."""
+    study = nominal.with_operation(params)
+    dog = nominal.dog_with(params)
     expectation = expectation_of(study, study.points, rows, dog=dog)
     landings = landings_over(expectation, rows)
     demand = landings.demand(dog, study.limits)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
-    simulated = Shifts(study, dog, checks, expectation, rows)
-    names = estimated(study)
-    estimates = {name: ESTIMATORS[name](simulated) for name in names if name in ESTIMATORS}
-    estimates |= time_estimates(names, expectation, beside)
+    design_shifts = DesignShifts(study, dog, checks, expectation, rows)
+    names = estimated_quantities(study)
+    estimates = {name: ESTIMATORS[name](design_shifts) for name in names if name in ESTIMATORS}
+    estimates |= time_estimates(names, expectation, reference)
     estimates = {name: estimates[name] for name in names}
     # Shifts whose integration failed say nothing of engagement.
-    share = min((p.timed for p in expectation.points if p.n), default=1.0)
-    shifts = [shift for mine in rows for shift in mine]
-    limited = {k: estimates[k].value for k in simulated_limits(study)}
-    measured = Measured(demand, limited, share, landings)
-    x = rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows))
-    failed = failures(shifts)
-    return Simulated(expectation, measured, x, estimates, len(shifts), failed, reference=beside)
+    engaged_share = min((point.timed for point in expectation.points if point.n), default=1.0)
+    limited = {name: estimates[name].value for name in simulated_limits(study)}
+    shifts = list(chain(*rows))
+    searched_shifts = _searched_records(nominal, study.operation, rows)
+    return Evaluation(
+        expectation=expectation,
+        measured=CheckInputs(demand, limited, engaged_share, landings),
+        rows=rows_of(tuple(study.variables), searched_shifts),
+        estimates=estimates,
+        shifts=len(shifts),
+        failed=failures(shifts),
+        reference=reference,
+    )
 
 
 def failures(shifts: Iterable[Shift]) -> dict[str, int]:
-    """Count the shifts whose integration failed, by the reason; they have no time."""
-    failed = [row for row in shifts if row["outcome"] == Outcome.DIVERGED.value]
-    reasons = (str(row.get("reason", MESSAGES[Outcome.DIVERGED])) for row in failed)
+    """Count the shifts whose integration failed by the reason; they have no time."""
+    diverged = [shift for shift in shifts if shift["outcome"] == Outcome.DIVERGED.value]
+    reasons = (str(shift.get("reason", MESSAGES[Outcome.DIVERGED])) for shift in diverged)
     return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
-def _as_searched(study: Setup, operation: Mapping[str, float], rows: Rows) -> list[Shift]:
-    """Rewrite shifts as the search sees them: operation is a variable, points are the study's."""
-    known = {**study.prototype, **operation}
-    own = {key: known[key] for key in study.variables if key in OPERATED}
-    return [
-        {**shift, "mismatch_rpm": point.mismatch / RPM, **point.profile.record, **own}
-        for point, mine in zip(study.points, rows, strict=True)
-        for shift in mine
-    ]
+def _searched_records(study: Setup, operation: Mapping[str, float], rows: Rows) -> list[Shift]:
+    """Describe shifts by the study's points and the searched keys of the operation.
+
+    The search knows the operation of a design as variables, not as points of its own.
+    """
+    values = {**study.prototype, **operation}
+    operation_keys = {key: values[key] for key in study.variables if key in OPERATED}
+    records = []
+    for point, shifts in zip(study.points, rows, strict=True):
+        place = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record, **operation_keys}
+        records += [{**shift, **place} for shift in shifts]
+    return records
 
 
 def landings_over(expectation: Expectation, rows: Rows) -> Landings:
     """Collect the landings of shifts by operating point, with their weights."""
-    loads = [landing_of(row) for mine in rows for row in mine]
-    pairs = zip(expectation.points, rows, strict=True)
-    weights = [found.point.weight / len(mine) for found, mine in pairs for _ in mine]
+    loads = [landing_of(shift) for shift in chain(*rows)]
+    weights = list[float]()
+    for point, shifts in zip(expectation.points, rows, strict=True):
+        weights += [point.point.weight / len(shifts)] * len(shifts)
     return Landings(np.array(loads), np.array(weights))
 
 
 def expectation_of(
     study: Setup, points: Points, rows: Rows, even: bool = True, dog: Dog | None = None
 ) -> Expectation:
-    """Return the expectation over points from the records of each, with its quantiles.
+    """Compute the expectation over points, with quantiles, from the records of each.
 
-    ``dog`` is that of the shifts, by default the study's own.
+    ``even`` says that the angles are even; ``dog`` is that of the shifts, by default the study's.
     """
     clutch = replace(study.clutch, dog=dog or study.clutch.dog)
-    lost, found, shifts = (study.clutch.timeout, study.retraction), [], []
-    for point, mine in zip(points, rows, strict=True):
-        shifts.append(study.set_point.freed([result_of(row) for row in mine]))
-        one = expect_point(point, shifts[-1], *lost, even=even)
-        found.append(replace(
-            one, by_angle=entries_by_angle(mine), first_window=first_windows(mine),
-            direct_share=direct_share(clutch, point),
-        ))  # fmt: skip
-    weights, levels = [point.weight for point in points], (study.file.search.quantile, RARE)
-    quantiles = {share: time_quantile(weights, shifts, share, *lost) for share in levels}
-    first_window = study.file.expectation.first_window_share
-    return replace(expect(found), quantiles=quantiles, first_window_share=first_window)
+    timeout = study.clutch.timeout
+    retraction = study.retraction
+    point_shifts = []
+    point_expectations = []
+    for point, records in zip(points, rows, strict=True):
+        shifts = study.set_point.freed([result_of(record) for record in records])
+        point_shifts.append(shifts)
+        point_expectations.append(
+            replace(
+                expect_point(point, shifts, timeout, retraction, even=even),
+                by_angle=entries_by_angle(records),
+                first_window=first_windows(records),
+                direct_share=direct_share(clutch, point),
+            )
+        )
+    weights = [point.weight for point in points]
+    quantiles = {
+        share: time_quantile(weights, point_shifts, share, timeout, retraction)
+        for share in (study.file.search.quantile, RARE_SHARE)
+    }
+    return replace(
+        expect(point_expectations),
+        quantiles=quantiles,
+        first_window_share=study.file.expectation.first_window_share,
+    )
 
 
 def with_torques(
@@ -324,47 +373,56 @@ def with_torques(
     ``run`` simulates blocks; ``blocks`` are those that the expectation is of.
     """
     settings = study.file.expectation
+    dog = blocks[0].clutch.dog
+    operating_points = [point.point for point in expectation.points]
     by_torque: dict[float, tuple[PointExpectation, ...]] = {}
     for torque in settings.limit_torques_Nm or ():
-        loaded = [
+        loaded_blocks = [
             replace(block, clutch=block.clutch.loaded(settings.limit_torque_side, torque))
             for block in blocks
         ]
-        points = [one.point for one in expectation.points]
-        dog = blocks[0].clutch.dog
-        by_torque[torque] = expectation_of(study, points, run(loaded), dog=dog).points
+        rows = run(loaded_blocks)
+        by_torque[torque] = expectation_of(study, operating_points, rows, dog=dog).points
     return replace(expectation, by_torque=by_torque)
 
 
-RARE = 0.999  #: of the shifts over a life, the quantile beside that of ``search.quantile``
-FIRST = 6  #: angles of the first round
-ENOUGH = 24  #: shifts from which a standard error is believed
-MOST = 96  #: angles of the last round
+RARE_SHARE = 0.999  #: of the shifts over a life, the quantile besides ``search.quantile``
+FIRST_ANGLES = 6  #: angles of the first round
+MIN_SHIFTS = 24  #: shifts from which a standard error counts
+MAX_ANGLES = 96  #: angles of the last round
 
 
-def expect_to(
+def expect_to_precision(
     study: Setup, points: Points, precision: float, executor: Executor, progress: WorkCounter
 ) -> tuple[Expectation, list[Block], list[list[Shift]]]:
     """Double the even angles until the expectation over points has a relative standard error.
 
-    The last round is returned, with its shifts; at the most angles it may be less precise.
+    Returns the expectation, blocks and records of the last round, which may be less precise
+    where it has ``MAX_ANGLES``.
     """
-    count, seed, unsure = FIRST, study.file.expectation.seed, study.uncertainty
+    angles = FIRST_ANGLES
+    seed = study.file.expectation.seed
     while True:
-        blocks = even_blocks(study.clutch, points, count, seed, FIRST, uncertainty=unsure)
+        blocks = even_blocks(
+            study.clutch, points, angles, seed, FIRST_ANGLES, uncertainty=study.uncertainty
+        )
         rows = executor.run(blocks)
-        found = expectation_of(study, points, rows)
-        share, shifts = found.relative_error, len(points) * count
-        silent = any(p.mean_engaged is None for p in found.points)
-        late = share > precision and count >= MOST
-        if silent:
+        expectation = expectation_of(study, points, rows)
+        error = expectation.relative_error
+        shift_count = len(points) * angles
+        is_precise = error <= precision
+        is_silent = any(point.mean_engaged is None for point in expectation.points)
+        is_last = error > precision and angles >= MAX_ANGLES
+        if is_silent:
             progress.say("nothing engages at some operating point: no precision can be reached")
-        if silent or late or (share <= precision and shifts >= ENOUGH):
-            return found, blocks, rows
-        few = ", from too few to trust" if share <= precision else ""
-        progress.say(f"error {100 * share:.2g} % from {shifts} shifts{few}; twice the angles")
-        count *= 2
-        progress.rest(shifts)
+        if is_silent or is_last or (is_precise and shift_count >= MIN_SHIFTS):
+            return expectation, blocks, rows
+        doubt = ", from too few to trust" if is_precise else ""
+        progress.say(
+            f"error {100 * error:.2g} % from {shift_count} shifts{doubt}; twice the angles"
+        )
+        angles *= 2
+        progress.expect_more(shift_count)
 
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life
@@ -395,58 +453,102 @@ def life_of(
 ) -> list[LifeStage]:
     """Simulate a design over its life, at each of ``STAGES`` and at new angles.
 
-    ``priors`` are those of hangs by operating point.
-    Wear by a rate follows the energy of the stage before. GeometryError where no worn dog can be.
+    Wear by a rate follows the energy of the stage before.
+
+    Parameters
+    ----------
+    study, params, wear
+        Study, searched keys of the design, and wear model.
+    executor
+        Runs the shifts.
+    priors
+        Of the probability of a hang, one for each operating point.
+
+    Raises
+    ------
+    GeometryError
+        Where no worn dog can be.
+
     """
-    own, new = study.operated(params), study.dog_with(dict(params))
-    settings, unsure = study.file.expectation, study.uncertainty
-    loss, found = 0.0, list[LifeStage]()
-    for stage in STAGES:
-        if found:
-            friction = study.clutch.contact.face_dynamic_friction
-            shifts = (stage - found[-1].life) * study.limits.load.shifts
-            loss += wear.loss(worn(new, loss), found[-1].energy_J, friction, shifts)
+    design_study = study.with_operation(params)
+    new_dog = study.dog_with(dict(params))
+    stages = list[LifeStage]()
+    crest_loss = 0.0
+    for life in STAGES:
+        if stages:
+            crest_loss += _loss_since(
+                stages[-1], life, wear, dog=worn(new_dog, crest_loss), study=study
+            )
         if wear.crest_loss is not None:
-            loss = stage * wear.crest_loss
-        dog = replace(worn(new, loss) if loss else new, edge_radius=wear.edges(new, stage))
-        clutch, seed = replace(own.clutch, dog=dog), settings.seed + NEW_ANGLES
-        blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
-        rows = executor.run(blocks)
-        expectation = expectation_of(own, own.points, rows, dog=dog)
-        if priors:
-            expectation = expectation.under(priors)
-        demand = landings_over(expectation, rows).demand(dog, own.limits)
-        checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
+            crest_loss = life * wear.crest_loss
+        dog = worn(new_dog, crest_loss) if crest_loss else new_dog
+        dog = replace(dog, edge_radius=wear.edges(new_dog, life))
+        expectation, rows = _expect_worn(design_study, dog, executor, priors)
+        demand = landings_over(expectation, rows).demand(dog, design_study.limits)
+        checks = (
+            *life_checks(design_study, new_dog, dog),
+            *demand_checks(demand, design_study.limits),
+        )
         weakest = smallest_margin(checks)
-        energy = ESTIMATORS["impact_energy_J"](Shifts(own, dog, checks, expectation, rows))
-        found.append(LifeStage(
-            life=stage,
-            crest_loss_mm=loss / MM,
-            edge_radius_mm=dog.edge_radius / MM,
-            chamfer_deg=dog.chamfer / DEG,
-            expected_shift_time_s=expectation.mean,
-            standard_error_s=expectation.standard_error,
-            engaged=expectation.engaged,
-            energy_J=energy.value,
-            smallest_margin=weakest.margin,
-            weakest_check=weakest.name,
-            margins={check.name: check.margin for check in checks},
-        ))  # fmt: skip
-    return found
+        design_shifts = DesignShifts(design_study, dog, checks, expectation, rows)
+        energy = ESTIMATORS["impact_energy_J"](design_shifts)
+        stages.append(
+            LifeStage(
+                life=life,
+                crest_loss_mm=crest_loss / MM,
+                edge_radius_mm=dog.edge_radius / MM,
+                chamfer_deg=dog.chamfer / DEG,
+                expected_shift_time_s=expectation.mean,
+                standard_error_s=expectation.standard_error,
+                engaged=expectation.engaged,
+                energy_J=energy.value,
+                smallest_margin=weakest.margin,
+                weakest_check=weakest.name,
+                margins={check.name: check.margin for check in checks},
+            )
+        )
+    return stages
 
 
-def life_checks(study: Setup, new: Dog, dog: Dog) -> tuple[Check, ...]:
-    """Return the closed-form checks of a worn ``dog`` that was ``new``, without manufacture.
+def _loss_since(stage: LifeStage, life: float, wear: Wear, *, dog: Dog, study: Setup) -> float:
+    """Compute the height that the crest of a worn dog loses from a stage to ``life``, m."""
+    friction = study.clutch.contact.face_dynamic_friction
+    shift_count = (life - stage.life) * study.limits.load.shifts
+    return wear.loss(dog, stage.energy_J, friction, shift_count)
+
+
+def _expect_worn(
+    study: Setup, dog: Dog, executor: Executor, priors: Sequence[HangPrior] | None
+) -> tuple[Expectation, list[list[Shift]]]:
+    """Simulate a worn dog at new angles; return its expectation and records."""
+    settings = study.file.expectation
+    clutch = replace(study.clutch, dog=dog)
+    blocks = even_blocks(
+        clutch,
+        study.points,
+        settings.angles,
+        settings.seed + NEW_ANGLES,
+        uncertainty=study.uncertainty,
+    )
+    rows = executor.run(blocks)
+    expectation = expectation_of(study, study.points, rows, dog=dog)
+    if priors:
+        expectation = expectation.under(priors)
+    return expectation, rows
+
+
+def life_checks(study: Setup, new_dog: Dog, dog: Dog) -> tuple[Check, ...]:
+    """Compute the closed-form checks of a worn dog, without manufacture.
 
     A load counts as the worse of worn and new, and contact is a share of the new height.
     """
-    fresh = {check.name: check for check in strength_checks(new, study.limits)}
-    found = []
+    new_checks = {check.name: check for check in strength_checks(new_dog, study.limits)}
+    checks = []
     for check in strength_checks(dog, study.limits):
         if check.rule.group == "load":
-            found.append(min(check, fresh[check.name], key=lambda one: one.margin))
+            checks.append(min(check, new_checks[check.name], key=lambda check: check.margin))
         elif check.name == "contact_ratio":
-            found.append(replace(check, value=check.value * dog.height / new.height))
+            checks.append(replace(check, value=check.value * dog.height / new_dog.height))
         elif check.rule.group != "make":
-            found.append(check)
-    return tuple(found)
+            checks.append(check)
+    return tuple(checks)

@@ -1,4 +1,4 @@
-"""Running blocks of shifts on all cores or a cluster, never simulating a finished shift again.
+"""Execution of blocks of shifts on all cores or a cluster, without finished shifts.
 
 On this machine workers write the journal themselves, so a kill of the parent loses nothing
 that was finished. Workers of a cluster hand their records back, and the parent writes them.
@@ -17,7 +17,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -35,24 +35,27 @@ from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions
 
-Advance = Callable[[int, int], None]  #: gets the shifts just finished, and those known before
-UNSEEN: Advance = WorkCounter(SILENT, 0).advance  #: reports no progress
+Advance = Callable[
+    [int, int], None
+]  #: takes numbers of shifts: finished, and of them by earlier runs
+NO_PROGRESS: Advance = WorkCounter(SILENT, 0).advance
 
-PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
-MANY = 100  #: blocks that a cluster is sent at once
-LOOK = 1.0  #: s between looks whether the parent is alive
-LEAK = int(1.5e9)  #: bytes by which a worker may grow
-FEW = 3000  #: compiled shifts that threads end sooner than processes, which start slowly
-TRIES = 3  #: times that workers may die one after the other without a shift finished
+CLUSTER_TIMEOUT_S = 10.0  #: time to wait for a cluster and for its first worker, s
+CLUSTER_BATCH = 100  #: blocks that a cluster is sent at once
+PARENT_CHECK_S = 1.0  #: time between checks that the parent is alive, s
+MAX_GROWTH_BYTES = int(1.5e9)  #: memory by which a worker may grow, bytes
+MAX_THREAD_SHIFTS = 3000  #: compiled shifts up to which threads beat processes, which start slowly
+MAX_DEATHS = 3  #: deaths of workers in succession without a finished shift
+DASK_PACKAGES = ("distributed", "concurrent")  #: packages whose errors mean a lost cluster
 
 # The pool replaces a worker that has grown by plants and compiled code, and loses nothing by it.
 warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
 
-_one_at_a_time = threading.Lock()  #: a process has one plant, and a cluster's worker has threads
+_plant_lock = threading.Lock()  #: a process has one plant, and a cluster's worker has threads
 
 
 def workers_of(jobs: int) -> int:
-    """Return the number of worker processes; 0 asks for one a core."""
+    """Return the number of worker processes; 0 means one for each core."""
     return jobs or os.cpu_count() or 1
 
 
@@ -66,102 +69,126 @@ class Executor:
 
     journal: ShiftJournal
     jobs: int = 0
-    progress: Advance = UNSEEN
+    progress: Advance = NO_PROGRESS
     cluster: str | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
-    _asked: int = field(default=0, init=False, repr=False)
+    _started: int = field(default=0, init=False, repr=False)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
-        """Return the records of every block, in the order of its angles.
+        """Return the records of every block, in the order of its angles; simulate missing ones.
 
         WorkerError where workers die again and again or the cluster is lost, StorageError where
         the journal cannot be written.
         """
-        asked = {key for block in blocks for key in block.keys}
-        known = [key for key in asked - self._counted if key in self.journal.rows]
-        self._counted |= asked
-        if known:
-            self.progress(len(known), len(known))
-        left = self._unfinished(blocks)
-        self._asked += sum(len(block.angles) for block in left)
-        jobs = min(workers_of(self.jobs), len(left))
-        if left and self.cluster is not None:
-            found = self._on_cluster(left, self.cluster)
-        elif jobs > 1:
-            found = self._on_cores(left, jobs)
-        else:
-            found = (_work(block, self.journal.path) for block in left)
-        for rows in found:
+        self._count_finished(blocks)
+        missing_blocks = self._missing_blocks(blocks)
+        self._started += sum(len(block.angles) for block in missing_blocks)
+        for rows in self._simulate(missing_blocks):
             self.journal.rows.update((row["key"], row) for row in rows)
             self.progress(len(rows), 0)
-        if left:  # once: the disk takes longer for a block than its shifts
+        if missing_blocks:  # once: the disk takes longer for a block than its shifts
             self.journal.sync()
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
-    def forget(self, kept: Collection[str] = ()) -> None:
-        """Drop the shifts of the journal, but those ``kept`` by their keys: results have them."""
-        self.journal.drop(self.journal.rows.keys() - set(kept))
-        self._counted &= set(kept)
+    def _count_finished(self, blocks: Sequence[Block]) -> None:
+        """Report the finished shifts of blocks to the progress, each shift in one run only."""
+        keys = {key for block in blocks for key in block.keys}
+        finished_keys = [key for key in keys - self._counted if key in self.journal.rows]
+        self._counted |= keys
+        if finished_keys:
+            self.progress(len(finished_keys), len(finished_keys))
 
-    def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
-        """Reduce blocks to the shifts that are not finished, each once."""
-        left, taken = [], set(self.journal.rows)
+    def _simulate(self, blocks: list[Block]) -> Iterator[list[Record]]:
+        """Yield the records of finished blocks, from cluster, cores or this process."""
+        jobs = min(workers_of(self.jobs), len(blocks))
+        if blocks and self.cluster is not None:
+            yield from self._on_cluster(blocks, self.cluster)
+        elif jobs > 1:
+            yield from self._on_cores(blocks, jobs)
+        else:
+            for block in blocks:
+                yield _simulate_block(block, self.journal.path)
+
+    def forget(self, kept_keys: Collection[str] = ()) -> None:
+        """Drop the shifts of the journal except some keys; their results are stored elsewhere."""
+        self.journal.drop(self.journal.rows.keys() - set(kept_keys))
+        self._counted &= set(kept_keys)
+
+    def _missing_blocks(self, blocks: Sequence[Block]) -> list[Block]:
+        """Reduce blocks to the shifts that the journal lacks, without repeated shifts."""
+        missing_blocks = []
+        covered_keys = set(self.journal.rows)
         for block in blocks:
-            keys = {key: place for place, key in enumerate(block.keys)}
-            places = [place for key, place in keys.items() if key not in taken]
-            taken.update(keys)
-            if places:  # a whole block keeps the keys that it has worked out
-                left.append(block if len(places) == len(block.keys) else block.only(places))
-        return left
+            indices_by_key = {key: index for index, key in enumerate(block.keys)}
+            indices = [index for key, index in indices_by_key.items() if key not in covered_keys]
+            covered_keys.update(indices_by_key)
+            if not indices:
+                continue
+            is_untouched = len(indices) == len(block.keys)  # such a block keeps its computed keys
+            missing_blocks.append(block if is_untouched else block.only(indices))
+        return missing_blocks
 
     def _on_cores(self, blocks: list[Block], jobs: int) -> Iterator[list[Record]]:
-        """Yield the records of blocks as they finish; what a dead worker left goes to others."""
-        tries = TRIES
+        """Yield the records of finished blocks; repeat the blocks of a worker that died."""
+        remaining_tries = MAX_DEATHS
         while blocks:
-            known = len(self.journal.rows)
-            few = self._asked < FEW and all(b.clutch.solver.engine == "planar" for b in blocks)
-            work, how = (_work, {}) if few else (_work_alone, {"inner_max_num_threads": 1})
+            finished_count = len(self.journal.rows)
+            backend = "loky"
+            options = {"inner_max_num_threads": 1}
+            simulate = _simulate_in_worker
+            if self._suits_threads(blocks):
+                backend = "threading"
+                options = {}
+                simulate = _simulate_block
             try:
-                with parallel_config("threading" if few else "loky", **how):
+                with parallel_config(backend, **options):
                     pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-                yield from pool(delayed(work)(block, self.journal.path) for block in blocks)
+                yield from pool(delayed(simulate)(block, self.journal.path) for block in blocks)
             except TerminatedWorkerError as error:
                 yield self.journal.read_new()
-                tries = tries - 1 if len(self.journal.rows) == known else TRIES
-                if not tries:
+                if len(self.journal.rows) == finished_count:
+                    remaining_tries -= 1
+                else:
+                    remaining_tries = MAX_DEATHS
+                if not remaining_tries:
                     raise WorkerError(
-                        f"worker processes died {TRIES} times without finishing a shift, as they "
-                        "do when memory runs out; finished shifts are kept, so run the command "
-                        "again with fewer --jobs"
+                        f"worker processes died {MAX_DEATHS} times without finishing a shift, as "
+                        "they do when memory runs out; finished shifts are kept, so run the "
+                        "command again with fewer --jobs"
                     ) from error
-            blocks = self._unfinished(blocks)
+            blocks = self._missing_blocks(blocks)
+
+    def _suits_threads(self, blocks: Sequence[Block]) -> bool:
+        """Decide whether threads are faster: for few shifts of the compiled engine."""
+        is_compiled = all(block.clutch.solver.engine == "planar" for block in blocks)
+        return self._started < MAX_THREAD_SHIFTS and is_compiled
 
     def _on_cluster(self, blocks: list[Block], address: str) -> Iterator[list[Record]]:
-        """Yield the records of blocks as a cluster hands them back, written."""
+        """Yield the records of blocks as a cluster returns them, after they are written."""
         from distributed import as_completed  # noqa: PLC0415  an extra, and slow to load
 
         client = connect(address)
         try:
-            left = client.map(_work_away, blocks, pure=False, batch_size=MANY)
+            futures = client.map(_simulate_remotely, blocks, pure=False, batch_size=CLUSTER_BATCH)
             try:
-                for future in as_completed(left, loop=client.loop):  # type: ignore[no-untyped-call]
+                for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
                     rows = future.result()
-                    _require_same(address, rows[0], "a worker")
+                    _require_same_versions(address, rows[0], "a worker")
                     append(self.journal.path, *rows)
                     yield rows
             finally:
-                client.cancel(left)
+                client.cancel(futures)
         except Exception as error:
-            of_dask = type(error).__module__.partition(".")[0] in ("distributed", "concurrent")
-            if not of_dask and not isinstance(error, TimeoutError):
+            package = type(error).__module__.partition(".")[0]
+            if package not in DASK_PACKAGES and not isinstance(error, TimeoutError):
                 raise
             fault = f"the cluster {address} was lost ({type(error).__name__})"
             remedy = "shifts that came back are kept, so mend it and run the command again"
             raise WorkerError(f"{fault}; {remedy}") from error
 
 
-def _work(block: Block, path: Path) -> list[Record]:
-    """Simulate a block; the journal has each of its shifts as soon as it is finished."""
+def _simulate_block(block: Block, path: Path) -> list[Record]:
+    """Simulate a block, and append each finished shift to the journal at once."""
     rows = []
     for row in run_block(block):
         append(path, row)
@@ -169,13 +196,13 @@ def _work(block: Block, path: Path) -> list[Record]:
     return rows
 
 
-def _work_alone(block: Block, path: Path) -> list[Record]:
-    """Work in a process of its own, no longer than its parent; Ctrl-C is the parent's business."""
+def _simulate_in_worker(block: Block, path: Path) -> list[Record]:
+    """Simulate a block in a worker process, which ignores Ctrl-C and ends with its parent."""
     _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # A worker that grows by more is taken to leak and ends; both engines take 0.4 GB of code.
-    process_executor._MAX_MEMORY_LEAK_SIZE = LEAK
-    return _work(block, path)
+    process_executor._MAX_MEMORY_LEAK_SIZE = MAX_GROWTH_BYTES
+    return _simulate_block(block, path)
 
 
 @cache
@@ -183,29 +210,29 @@ def _end_with_parent() -> None:
     """End this process soon after its parent: a process whose parent was killed has another one."""
     parent = os.getppid()
 
-    def look() -> None:
+    def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(LOOK)
+            time.sleep(PARENT_CHECK_S)
         os._exit(1)
 
-    threading.Thread(target=look, name="parent", daemon=True).start()
+    threading.Thread(target=watch, name="parent", daemon=True).start()
 
 
 def end_workers() -> None:
-    """End this process's workers: their processor time counts as its own only then."""
+    """End this process's workers; their processor time counts as its own after that."""
     get_reusable_executor().shutdown()
 
 
-def _work_away(block: Block) -> list[Record]:
-    """Work on another machine, whose process may have several threads."""
-    with _one_at_a_time:
+def _simulate_remotely(block: Block) -> list[Record]:
+    """Simulate a block on another machine, whose process may have several threads."""
+    with _plant_lock:
         return list(run_block(block))
 
 
 def scratch_executor(
-    jobs: int = 0, progress: Advance = UNSEEN, cluster: str | None = None
+    jobs: int = 0, progress: Advance = NO_PROGRESS, cluster: str | None = None
 ) -> Executor:
-    """Return an executor whose journal is a temporary file, gone when the program ends."""
+    """Make an executor whose journal is a temporary file, removed when the program ends."""
     folder = tempfile.mkdtemp(prefix="dogshape-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)
@@ -215,7 +242,7 @@ _clients: dict[str, Any] = {}  #: of Dask clusters, by address
 
 
 def connect(address: str | None) -> Any:
-    """Return the client of a Dask cluster, one for each address; None where none is asked for.
+    """Return the client of a Dask cluster, one for each address; None without address.
 
     InputError where nothing answers, WorkerError where a worker has other versions.
     """
@@ -223,6 +250,21 @@ def connect(address: str | None) -> Any:
         return None
     if address in _clients and _clients[address].status == "running":
         return _clients[address]
+    client = _connect_client(address)
+    try:
+        worker_versions = client.run(versions, on_error="return")
+    except Exception as error:  # what a worker raises does not always find its way here
+        fault = f"the workers of the cluster {address} do not answer ({type(error).__name__})"
+        remedy = "install the same versions of Dogshape, Drake and Dask on all of them"
+        raise WorkerError(f"{fault}; {remedy}") from error
+    for worker, programs in worker_versions.items():
+        _require_same_versions(address, programs, f"the worker {worker}")
+    _clients[address] = client
+    return client
+
+
+def _connect_client(address: str) -> Any:
+    """Connect to a Dask cluster that has workers; InputError."""
     try:
         from distributed import Client  # noqa: PLC0415  an extra, and slow to load
     except ImportError as error:
@@ -231,93 +273,116 @@ def connect(address: str | None) -> Any:
         ) from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
-        client.wait_for_workers(1, timeout=PATIENCE)
+        client = Client(address, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+        client.wait_for_workers(1, timeout=CLUSTER_TIMEOUT_S)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(
             f"there is no Dask cluster with workers at {address} ({type(error).__name__} within "
-            f"{PATIENCE:.0f} s); give the address of its scheduler, for instance "
+            f"{CLUSTER_TIMEOUT_S:.0f} s); give the address of its scheduler, for instance "
             "tcp://scheduler:8786, and start workers"
         ) from error
-    try:
-        found = client.run(versions, on_error="return")
-    except Exception as error:  # what a worker raises does not always find its way here
-        fault = f"the workers of the cluster {address} do not answer ({type(error).__name__})"
-        remedy = "install the same versions of Dogshape, Drake and Dask on all of them"
-        raise WorkerError(f"{fault}; {remedy}") from error
-    for where, theirs in found.items():
-        _require_same(address, theirs, f"the worker {where}")
-    _clients[address] = client
     return client
 
 
-def _require_same(address: str, found: Any, who: str) -> None:
-    """Raise WorkerError unless what a worker says of its programs is what is here."""
-    mine = versions()
-    if not isinstance(found, dict):
-        fault = f"{who} of the cluster {address} does not have Dogshape ({type(found).__name__})"
-        remedy = f"install dogshape {mine['dogshape']} with drake {mine['drake']} there"
+def _require_same_versions(address: str, programs: Any, worker: str) -> None:
+    """Raise WorkerError if a worker has other versions than this process.
+
+    ``programs`` are its versions by name, or an exception of a worker without Dogshape.
+    """
+    local_programs = versions()
+    if not isinstance(programs, dict):
+        fault = (
+            f"{worker} of the cluster {address} does not have Dogshape ({type(programs).__name__})"
+        )
+        remedy = (
+            f"install dogshape {local_programs['dogshape']} with drake {local_programs['drake']} "
+            "there"
+        )
         raise WorkerError(f"{fault}; {remedy}")
     for name in engine():
-        if found[name] != mine[name]:
+        if programs[name] != local_programs[name]:
             raise WorkerError(
-                f"{who} of the cluster {address} has {name} {found[name]}, but here it is "
-                f"{mine[name]}, and their shifts must not be mixed; install the same on both"
+                f"{worker} of the cluster {address} has {name} {programs[name]}, but here it is "
+                f"{local_programs[name]}, and their shifts must not be mixed; install the same on "
+                "both"
             )
 
 
-SHIFTS = Path("results") / "shifts"  #: folder of unfinished commands that have none of their own
+SHIFTS = Path("results") / "shifts"  #: default folder for the shifts of stopped commands
 
 
 @dataclass(frozen=True)
-class Where:
-    """Where shifts run, and where finished ones are kept until all of the work is done.
+class RunOptions:
+    """Workers of a run, and the folder of its finished shifts until all of it is done."""
 
-    ``jobs`` is 0 for one worker a core, ``cluster`` the address of a Dask scheduler, ``keep`` the
-    folder in which a run that was stopped leaves its finished shifts.
-    """
-
-    jobs: int = 0
-    cluster: str | None = None
-    keep: str | Path | None = None
+    jobs: int = 0  #: worker processes, 0 for one a core
+    cluster: str | None = None  #: address of a Dask scheduler
+    keep: str | Path | None = None  #: folder for the finished shifts of a run that is stopped
     progress: Progress = SILENT
 
     @contextmanager
     def executor(
-        self, name: str, asked: Sequence[Any], shifts: int
+        self, name: str, inputs: Sequence[Any], shifts: int
     ) -> Iterator[tuple[Executor, WorkCounter]]:
-        """Give what simulates the shifts of one question, and the counter that it counts into.
+        """Yield an executor and its work counter.
 
-        A folder that cannot be written, or is in use, gets a line, and nothing is kept.
+        The shifts of a run that is stopped stay in the folder of ``keep`` that belongs to ``name``
+        and ``inputs``; the same run goes on from there. A folder that cannot be written, or is in
+        use, gives a message, and nothing stays.
+
+        Parameters
+        ----------
+        name
+            Beginning of the folder's name.
+        inputs
+            All inputs of the run, fit for JSON.
+        shifts
+            Number of shifts to expect.
+
         """
         connect(self.cluster)
-        # The same folder for the same question.
-        key = content_key({"asked": asked, **engine()})
+        key = content_key({"asked": inputs, **engine()})
         folder = None if self.keep is None else Path(self.keep) / f"{name}-{key[:10]}"
-        with WorkCounter(self.progress, shifts) as counter, ExitStack() as held:
-            try:
-                held.enter_context(writing(folder) if folder else nullcontext())
-            except StorageError as error:
-                reason, folder = str(error).partition(";")[0], None
-                counter.say(f"{reason}: should this run be stopped, its finished shifts are lost")
+        with WorkCounter(self.progress, shifts) as counter, ExitStack() as locks:
+            if folder is not None:
+                try:
+                    locks.enter_context(writing(folder))
+                except StorageError as error:
+                    reason = str(error).partition(";")[0]
+                    folder = None
+                    counter.say(
+                        f"{reason}: should this run be stopped, its finished shifts are lost"
+                    )
             if folder is None:
                 yield scratch_executor(self.jobs, counter.advance, self.cluster), counter
                 return
-            journal, left = ShiftJournal(folder / "shifts.jsonl"), 1
-            try:
-                yield Executor(journal, self.jobs, counter.advance, self.cluster), counter
-                journal.say_unfinished(counter.say)
-                left = 0
-            except BaseException as error:
-                journal.read_new()
-                left = len(journal.rows)
-                if left and isinstance(error, KeyboardInterrupt):
-                    kept = f"{left} finished shifts are kept in {folder}"
-                    counter.say(f"{kept}; the same command goes on from there")
-                raise
-            finally:
-                if not left:
-                    shutil.rmtree(folder, ignore_errors=True)
-                    with suppress(OSError):  # those of all commands, unless something is there
-                        for path in (SHIFTS, SHIFTS.parent) if folder.parent == SHIFTS else ():
-                            path.rmdir()
+            journal = ShiftJournal(folder / "shifts.jsonl")
+            executor = Executor(journal, self.jobs, counter.advance, self.cluster)
+            with _remove_if_finished(folder, journal, counter):
+                yield executor, counter
+
+
+@contextmanager
+def _remove_if_finished(
+    folder: Path, journal: ShiftJournal, counter: WorkCounter
+) -> Iterator[None]:
+    """Remove the folder of a run that ends without an error, or without a finished shift."""
+    remaining_shifts = 1
+    try:
+        yield
+        journal.say_unfinished(counter.say)
+        remaining_shifts = 0
+    except BaseException as error:
+        journal.read_new()
+        remaining_shifts = len(journal.rows)
+        if remaining_shifts and isinstance(error, KeyboardInterrupt):
+            message = f"{remaining_shifts} finished shifts are kept in {folder}"
+            counter.say(f"{message}; the same command goes on from there")
+        raise
+    finally:
+        if not remaining_shifts:
+            shutil.rmtree(folder, ignore_errors=True)
+            if folder.parent == SHIFTS:
+                with suppress(OSError):  # other commands may have folders there
+                    SHIFTS.rmdir()
+                    SHIFTS.parent.rmdir()

@@ -17,13 +17,13 @@ from dogshape.sim.strength.dog_strength import outside_fit, strength_checks
 from dogshape.sim.strength.materials import DENSITY, STATIC_CYCLES
 from dogshape.sim.units import DEG, MM
 
-IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
-RADIANS = 0.55  #: deg below which an angle may be in radians; no dog has 32 deg and more
+#: Utilisation of the dogs below which a torque may be in kN m; it usually is a third to one.
+MIN_UTILISATION = 0.01
+MAX_RADIAN_DEG = 0.55  #: deg below which an angle may be in radians; no dog has 32 deg and more
 PITCH_ERROR = 5e-5  #: m that pitch errors of both rings take; some 0.03 in class 6 of ISO 1328-1
-#: Least and largest mass over that of a steel ring of the dogs' size, inertia over the ring's,
-#: inertia of the other side over that, with words. The prototype has 9, 58 and 60, a truck some
-#: 10, 50 and 10,000.
-USUAL = {
+#: Usual ratios of a value to a reference, smallest and largest, with the reference in words. The
+#: prototype has 9, 58 and 60, a truck some 10, 50 and 10,000.
+USUAL_RATIOS = {
     "sliding.mass_kg": (0.1, 1e3, "a steel ring twice as high as the dogs; is it in kg?"),
     "sliding.inertia_kgm2": (0.1, 1e5, "the ring's mass at the dogs; is it in kg m2?"),
     "output.inertia_kgm2": (1e-3, 2e5, "sliding.inertia_kgm2; is it in kg m2?"),
@@ -31,9 +31,10 @@ USUAL = {
 
 
 def notes_of(study: Setup) -> list[str]:
-    """Return warnings about the study's own dog, of a root outside its formula's fit too."""
+    """List warnings about the study's own dog, also of a root outside its formula's fit."""
     clutch = study.clutch
-    notes = [f"{n}; --fem checks it" for n in outside_fit(clutch.dog, study.limits.root_radius)]
+    root_faults = outside_fit(clutch.dog, study.limits.root_radius)
+    notes = [f"{fault}; --fem checks it" for fault in root_faults]
     if study.limits.strikes and clutch.mechanism.ring_inertia == 0.0:
         notes.append(
             f"times are simulated with {clutch.rings.sliding_inertia:.4g} kg m2 rigid at the "
@@ -44,7 +45,7 @@ def notes_of(study: Setup) -> list[str]:
 
 
 def drag_notes(study: Setup) -> list[str]:
-    """Return a note on drag where the shafts stand, as they do on a stand alone."""
+    """List a warning of drag on shafts at rest, which occurs on a stand only."""
     drag = study.clutch.mechanism.drag_torque
     if drag == 0.0 or study.clutch.drive.turns:
         return []
@@ -56,23 +57,25 @@ def drag_notes(study: Setup) -> list[str]:
 
 
 def slide_notes(study: Setup) -> list[str]:
-    """Return a note on each face whose slide loses more than ``LOSS_LIMIT`` to dissipation.
+    """List a warning for each face whose slide loses more than ``LOSS_LIMIT`` to dissipation.
 
-    Of faces that slide from rest; friction holds the others, and the mismatch alone moves them.
+    Only faces that slide from rest count; friction holds the others, and the mismatch alone
+    moves them.
     """
     contact = study.clutch.contact
     if study.uncertainty is not None:
         factor = study.uncertainty.mean("dissipation_factor")
         contact = replace(contact, dissipation=factor * contact.dissipation)
     clutch = replace(study.clutch, contact=contact)
-    force, notes = max(point.profile.force for point in study.points), list[str]()
+    force = max(point.profile.force for point in study.points)
+    notes = []
     for face in sliding_faces(clutch):
         loss = slide_loss(clutch, force, face)
         if loss <= LOSS_LIMIT or math.tan(face.slope) <= contact.face_dynamic_friction:
             continue
         stiffness = stiffness_for_loss(clutch, force, face, LOSS_LIMIT)
         damping = contact.dissipation * LOSS_LIMIT / loss
-        remedy = f"contact.stiffness_Pa_m = {_rounded_up(stiffness):.2g}"
+        remedy = f"contact.stiffness_Pa_m = {_round_up(stiffness):.2g}"
         if math.isnan(stiffness):
             remedy = f"a contact.dissipation_s_m of {damping:.2g} on the mean"
         notes.append(
@@ -84,7 +87,7 @@ def slide_notes(study: Setup) -> list[str]:
     return list(dict.fromkeys(notes))
 
 
-def _rounded_up(value: float) -> float:
+def _round_up(value: float) -> float:
     """Round a positive number up to two digits; NaN stays."""
     if math.isnan(value):
         return value
@@ -93,60 +96,98 @@ def _rounded_up(value: float) -> float:
 
 
 def slips_of(study: Setup) -> list[str]:
-    """Return questions about units in doubt, and a warning of flanks without play."""
-    dog, rings, notes = study.clutch.dog, study.clutch.rings, list[str]()
-    steady = replace(study.limits, strikes=())
-    loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]
-    if (used := max(check.utilisation for check in loaded)) < IDLE:
-        notes.append(f"the torque uses at most {100 * used:.2g} % of what the dogs bear; "
-                     "is load.torque_Nm in N m?")  # fmt: skip
+    """List questions about units in doubt, and a warning of flanks without play."""
+    return [
+        *_torque_slips(study),
+        *_angle_slips(study.clutch.dog),
+        *_size_slips(study),
+        *_ring_slips(study),
+        *_play_notes(study.clutch.dog),
+    ]
+
+
+def _torque_slips(study: Setup) -> list[str]:
+    """Ask for the unit of a torque that the dogs hardly notice."""
+    static_limits = replace(study.limits, strikes=())
+    checks = strength_checks(study.clutch.dog, static_limits)
+    utilisation = max(check.utilisation for check in checks if check.rule.group == "load")
+    if utilisation < MIN_UTILISATION:
+        return [
+            f"the torque uses at most {100 * utilisation:.2g} % of what the dogs bear; "
+            "is load.torque_Nm in N m?"
+        ]
+    return []
+
+
+def _angle_slips(dog: Dog) -> list[str]:
+    """Ask for the unit of angles that are usual numbers of radians."""
+    notes = []
     for name in ("chamfer", "chamfer_back", "traction", "braking"):
         angle = getattr(dog, name) / DEG
-        if 0.0 < abs(angle) < RADIANS:
-            notes.append(f"dog.{name}_deg is {angle:.4g} deg; is it in degrees? "
-                         f"{angle:.4g} rad are {math.degrees(angle):.3g} deg")  # fmt: skip
-    area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
-    values = rings.mass, rings.sliding_inertia, rings.output_inertia
-    wholes = (
-        DENSITY * area * 2.0 * dog.height,
-        rings.mass * dog.mean_radius**2,
-        rings.sliding_inertia,
-    )
-    for (key, (least, most, words)), one, whole in zip(USUAL.items(), values, wholes, strict=True):
-        if not least <= one / whole <= most:
-            notes.append(f"{key} is {one:.6g}, {one / whole:.3g} times {words}")
-    notes += _ring_slips(study)
-    if (play := dog.passing_play if dog.lean < 0.0 else dog.entry_play) < PITCH_ERROR:
-        notes.append(
-            f"the flanks leave {play / MM:.3g} mm between a tip and the mouth of its "
-            f"slot, and pitch errors take {PITCH_ERROR / MM:.2g} mm: this dog engages in the model "
-            "alone, not when made; give it backlash (dog.backlash_mm)"
-        )
+        if 0.0 < abs(angle) < MAX_RADIAN_DEG:
+            notes.append(
+                f"dog.{name}_deg is {angle:.4g} deg; is it in degrees? "
+                f"{angle:.4g} rad are {math.degrees(angle):.3g} deg"
+            )
     return notes
 
 
+def _size_slips(study: Setup) -> list[str]:
+    """Ask for the unit of mass and inertias that are unusual for the size of the dogs."""
+    dog = study.clutch.dog
+    rings = study.clutch.rings
+    area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
+    values_and_references = {
+        "sliding.mass_kg": (rings.mass, DENSITY * area * 2.0 * dog.height),
+        "sliding.inertia_kgm2": (rings.sliding_inertia, rings.mass * dog.mean_radius**2),
+        "output.inertia_kgm2": (rings.output_inertia, rings.sliding_inertia),
+    }
+    notes = []
+    for key, (value, reference) in values_and_references.items():
+        low, high, words = USUAL_RATIOS[key]
+        ratio = value / reference
+        if not low <= ratio <= high:
+            notes.append(f"{key} is {value:.6g}, {ratio:.3g} times {words}")
+    return notes
+
+
+def _play_notes(dog: Dog) -> list[str]:
+    """Warn of flanks whose play is less than the usual errors of pitch."""
+    play = dog.passing_play if dog.lean < 0.0 else dog.entry_play
+    if play < PITCH_ERROR:
+        return [
+            f"the flanks leave {play / MM:.3g} mm between a tip and the mouth of its "
+            f"slot, and pitch errors take {PITCH_ERROR / MM:.2g} mm: this dog engages in the model "
+            "alone, not when made; give it backlash (dog.backlash_mm)"
+        ]
+    return []
+
+
 def _ring_slips(study: Setup) -> list[str]:
-    """Return questions about toothing, inertia and life that no ring has."""
-    dog, rings, load = study.clutch.dog, study.clutch.rings, study.limits.load
-    mechanism, notes = study.clutch.mechanism, list[str]()
-    toothed = mechanism.spline_friction > 0.0
-    radius = mechanism.spline_radius if toothed else SPLINE * dog.inner_radius
-    if toothed and radius > dog.outer_radius:
+    """Ask for the units of toothing, inertia and life that no ring has."""
+    dog = study.clutch.dog
+    rings = study.clutch.rings
+    load = study.limits.load
+    mechanism = study.clutch.mechanism
+    notes = []
+    is_toothed = mechanism.spline_friction > 0.0
+    radius = mechanism.spline_radius if is_toothed else SPLINE * dog.inner_radius
+    if is_toothed and radius > dog.outer_radius:
         notes.append(
             f"mechanism.spline_radius_mm is {radius / MM:.4g} mm, outside the dogs, whose outer "
             f"radius is {dog.outer_radius / MM:.4g} mm; is it a diameter?"
         )
-    # What slides on a toothing lies around it.
-    least = rings.mass * min(radius, dog.inner_radius) ** 2
+    # A part that slides on a toothing lies around it.
+    min_inertia = rings.mass * min(radius, dog.inner_radius) ** 2
     for key, inertia in (
         ("sliding.inertia_kgm2", rings.sliding_inertia),
         ("mechanism.ring_inertia_kgm2", mechanism.ring_inertia or rings.sliding_inertia),
     ):
-        if inertia < least:
+        if inertia < min_inertia:
             notes.append(
                 f"{key} is {inertia:.3g} kg m2, but a ring of sliding.mass_kg = {rings.mass:.3g} "
-                f"around a toothing of {radius / MM:.3g} mm has at least {least:.3g}; is the mass "
-                "of the fork in it (mechanism.added_mass_kg), or the inertia in another unit?"
+                f"around a toothing of {radius / MM:.3g} mm has at least {min_inertia:.3g}; is the "
+                "mass of the fork in it (mechanism.added_mass_kg), or the inertia in another unit?"
             )
             break
     if load.shifts < STATIC_CYCLES and not load.spectrum:
@@ -157,8 +198,8 @@ def _ring_slips(study: Setup) -> list[str]:
     return notes
 
 
-def folded(dog: Dog, angles: Iterable[float]) -> list[str]:
-    """Return a note on relative angles, deg, that lie more than one pitch off dogs facing dogs."""
+def angle_notes(dog: Dog, angles: Iterable[float]) -> list[str]:
+    """List notes on relative angles, deg, of more than one pitch, which are taken modulo."""
     pitch = dog.pitch_angle / DEG
     return [
         f"a relative angle of {angle:g} deg is taken modulo the pitch of {pitch:g} deg: "

@@ -1,1 +1,1 @@
-"""Keep results on disk: folders, journals, locks, trials, claims, records."""
+"""Store results on disk: folders, journals, locks, trials, claims, records."""

@@ -34,9 +34,15 @@ from dogshape.sim.versions import versions
 MAX_LINE = 1 << 22  #: bytes, longest line of a journal: a shift has less than 4 kB
 MAX_FILE = 1 << 28  #: bytes, largest JSON document: 8000 designs of a search at 33 kB each
 WRITE_AGAIN = "run 'dogshape study' with --resume to write it again"  #: remedy
+#: Settings that a resumed run may change, by table: budgets.
+FREE_SETTINGS = {
+    "search": {"trials", "confirm_designs", "audit_shifts"},
+    "solver": {"time_limit_s"},
+}
+#: Keys that each result of a study has, besides its trials.
+RESULT_KEYS = ("objectives", "best", "front", "confirmation", "surrogate", "versions")
 
-
-_KEY = re.compile(rb'"key": "([^"]*)"')
+_KEY_PATTERN = re.compile(rb'"key": "([^"]*)"')
 
 
 class ShiftJournal:
@@ -48,41 +54,54 @@ class ShiftJournal:
         self.read_new()
 
     def read_new(self) -> list[Record]:
-        """Read what workers wrote and did not hand over; return the rows that are new."""
-        rows = read_lines(self.path, lambda r: (result_of(r), landing_of(r)), "a finished shift")
-        new = {row["key"]: row for row in rows if row["key"] not in self.rows}
-        self.rows.update(new)
-        return list(new.values())
+        """Read the rows that other processes appended, and return them."""
+        rows = read_lines(self.path, _require_shift, "a finished shift")
+        new_rows = {row["key"]: row for row in rows if row["key"] not in self.rows}
+        self.rows.update(new_rows)
+        return list(new_rows.values())
 
     def sync(self) -> None:
-        """Put what is written on the disk; from now on a power cut leaves it."""
+        """Force the file to the disk, so that it survives a power cut."""
         if self.path.exists():
             sync(self.path)
 
     def drop(self, keys: Collection[str]) -> None:
-        """Remove shifts whose results are stored elsewhere; StorageError as ``append``.
+        """Remove shifts by their keys; StorageError as ``append``.
 
         A kill leaves the file before or after, whole; lines of other processes stay.
         """
-        with _alone_in(self.path):
+        with _locked_file(self.path):
             content = self.path.read_bytes()
             lines = content[: content.rfind(b"\n") + 1].splitlines(keepends=True)
-            found = ((line, _KEY.search(line)) for line in lines)  # to parse lines takes far longer
-            left = [line for line, key in found if not (key and key[1].decode() in keys)]
-            write_whole(self.path, b"".join(left))
+            remaining_lines = []
+            for line in lines:
+                match = _KEY_PATTERN.search(line)  # to parse lines takes far longer
+                if match is None or match[1].decode() not in keys:
+                    remaining_lines.append(line)
+            write_whole(self.path, b"".join(remaining_lines))
         self.rows = {key: row for key, row in self.rows.items() if key not in keys}
 
     def say_unfinished(self, say: Say) -> None:
         """Report the number of shifts that the clock ended, if any."""
-        if ended := sum(map(unfinished, self.rows.values())):
+        count = sum(map(unfinished, self.rows.values()))
+        if count:
             say(
-                f"{ended} of the shifts failed at solver.time_limit_s, as on a busy machine; "
+                f"{count} of the shifts failed at solver.time_limit_s, as on a busy machine; "
                 "they are not kept"
             )
 
 
+def _require_shift(row: Record) -> None:
+    """Raise KeyError, TypeError or ValueError unless a row is a finished shift."""
+    result_of(row)
+    landing_of(row)
+
+
 def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Iterator[Record]:
-    """Yield the whole lines of a file; StorageError for one that ``require`` raises at."""
+    """Yield the rows of a file of JSON lines, without an unfinished last line.
+
+    ``require`` raises for a row that is not ``kind``, which raises StorageError.
+    """
     remedy = "remove the line or give another folder"
     with path.open("rb") if path.exists() else BytesIO() as file:
         for number, line in enumerate(iter(lambda: file.readline(MAX_LINE), b""), start=1):
@@ -100,37 +119,39 @@ def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Itera
 
 
 def append(path: Path, *rows: Record) -> None:
-    """Append finished shifts, all of them or none; those that the clock ended are left out.
+    """Append finished shifts, all of them or none, without those that the clock ended.
 
     Raises StorageError where there is no room or no right to write.
     """
-    kept = [row for row in rows if not unfinished(row)]
-    lines = "".join(json.dumps(row, allow_nan=False) + "\n" for row in kept).encode()
-    with _alone_in(path) as descriptor:
+    finished_rows = [row for row in rows if not unfinished(row)]
+    text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in finished_rows)
+    remaining_bytes = text.encode()
+    with _locked_file(path) as descriptor:
         end = os.fstat(descriptor).st_size
         if end and os.pread(descriptor, 1, end - 1) != b"\n":
             end = os.pread(descriptor, end, 0).rfind(b"\n") + 1
             os.ftruncate(descriptor, end)
         try:
-            while lines:  # a disk that fills up takes a part first and then refuses
-                lines = lines[os.write(descriptor, lines) :]
+            while remaining_bytes:  # a disk that fills up takes a part first and then refuses
+                written_count = os.write(descriptor, remaining_bytes)
+                remaining_bytes = remaining_bytes[written_count:]
         except OSError:
             os.ftruncate(descriptor, end)
             raise
 
 
 def sync(path: Path) -> None:
-    """Put what is written to a file on the disk; StorageError as ``append``."""
-    with _alone_in(path) as descriptor:
+    """Force a file to the disk; StorageError as ``append``."""
+    with _locked_file(path) as descriptor:
         os.fsync(descriptor)
         sync_folder(path.parent)
 
 
 @contextmanager
-def _alone_in(path: Path) -> Iterator[int]:
+def _locked_file(path: Path) -> Iterator[int]:
     """Open a file for appending and hold its lock, which ends with the process.
 
-    Who waited while the file was exchanged (``ShiftJournal.drop``) takes the new one.
+    A process that waited while the file was exchanged (``ShiftJournal.drop``) takes the new file.
     """
     try:
         while True:
@@ -158,27 +179,29 @@ class StudyFolder:
         self.manifest = root / "study.json"  # study file as it was run, hashes and versions
         self.trials = root / "trials.log"  # Optuna's journal
         self.running = root / "running.jsonl"  # shifts of designs under way
-        self.shifts = root / "shifts.jsonl"  # shifts of Drake: kept
+        self.shifts = root / "shifts.jsonl"  # shifts of Drake, which stay
         self.result = root / "result.json"  # front, best design, confirmation and audit
-        self.rows = root / "rows.json"  # what the surrogate learns of a search
+        self.rows = root / "rows.json"  # data for the surrogate from a search
         self.surrogate = root / "surrogate.json"  # the surrogate with its data
         self.points = root / "points.csv"  # its data as a table
         self.simulated = root / "simulated.jsonl"  # rows of each design of a fit
-        self.chosen = root / "chosen.json"  # those chosen as likely to be among the best
+        self.chosen = root / "chosen.json"  # designs of a fit that are expected to be best
         self.effects = root / "effects.json"  # effects and indices, for the report
         self.designs = root / "designs.csv"  # every simulated design of the search
         self.report = root / "report.html"
 
     def open(self, study: Setup, resume: bool) -> None:
-        """Start the folder or go on with it; refuse what would mix two studies."""
+        """Start or resume the folder; StorageError if another study is there."""
         if self.manifest.exists():
-            stored = self.stored_study()
+            stored_study = self.stored_study()
             if not resume:
                 remedy = "add --resume to go on with it or choose another --out"
                 raise StorageError(f"{self.root} holds a study already; {remedy}")
-            if apart := differing(comparable(stored.file), comparable(study.file)):
+            differences = differing(comparable(stored_study.file), comparable(study.file))
+            if differences:
+                text = "; ".join(differences)
                 raise StorageError(
-                    f"{self.root} was started with another configuration ({'; '.join(apart)}); "
+                    f"{self.root} was started with another configuration ({text}); "
                     "give the one it was started with, remove that folder, or begin another: by "
                     "--out, of 'fit' by another name of the study"
                 )
@@ -186,18 +209,20 @@ class StudyFolder:
         if any(path.exists() for path in (self.trials, self.shifts, self.simulated)):
             remedy = "choose another --out or remove the folder"
             raise StorageError(f"{self.root} holds results without study.json; {remedy}")
-        write_json(self.manifest, {
+        manifest = {
             "format": FORMAT,
             "study": study.file.model_dump(exclude_none=True),
             "config_hash": study.config_hash,
             "physics_hash": study.physics_hash,
             "versions": versions(),
-        })  # fmt: skip
+        }
+        write_json(self.manifest, manifest)
 
     def stored_study(self) -> Setup:
         """Read the study that the folder was started with; StorageError for a bad manifest."""
-        there = self.manifest.exists()
-        remedy = "start the study in another --out" if there else "run 'dogshape study' first"
+        remedy = "run 'dogshape study' first"
+        if self.manifest.exists():
+            remedy = "start the study in another --out"
         content = read_json(self.manifest, remedy)
         if content.get("format") != FORMAT:
             raise StorageError(
@@ -209,36 +234,44 @@ class StudyFolder:
         return build_study(validate(StudyFile, content["study"], str(self.manifest)))
 
     def stored_result(self) -> dict[str, Any]:
-        """Read what the study found so far; raise StorageError where that is damaged."""
+        """Read ``result.json``; StorageError if the file is missing or damaged."""
         result = read_json(self.result, WRITE_AGAIN)
-        keys = ("objectives", "best", "front", "confirmation", "surrogate", "versions")
-        if not isinstance(result.get("trials"), list) or any(key not in result for key in keys):
+        has_trials = isinstance(result.get("trials"), list)
+        if not has_trials or any(key not in result for key in RESULT_KEYS):
             raise StorageError(f"{self.result} is damaged; {WRITE_AGAIN}")
         return result
 
 
 def comparable(file: StudyFile) -> dict[str, Any]:
-    """Select the settings that must not change between runs: numbers of designs may."""
-    free = {"search": {"trials", "confirm_designs", "audit_shifts"}, "solver": {"time_limit_s"}}
-    return file.model_dump(exclude=free)
+    """Select the settings that must not change between runs of a study, by table and key."""
+    return file.model_dump(exclude=FREE_SETTINGS)
 
 
-def differing(before: Any, now: Any, name: str = "") -> list[str]:
-    """List the differences of two configurations, a key with both of its values each."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        inner = ((key, f"{name}.{key}".lstrip(".")) for key in sorted({*before, *now}))
-        return [one for k, n in inner for one in differing(before.get(k), now.get(k), n)]
-    old, new = ("not given" if v is None else json.dumps(v, default=str) for v in (before, now))
-    return [] if before == now else [f"{name} was {old} and is now {new}"]
+def differing(old: Any, new: Any, name: str = "") -> list[str]:
+    """List the differences of two configurations, a clause for each key with both values."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        differences = []
+        for key in sorted({*old, *new}):
+            inner_name = f"{name}.{key}".lstrip(".")
+            differences += differing(old.get(key), new.get(key), inner_name)
+        return differences
+    if old == new:
+        return []
+    return [f"{name} was {_value_text(old)} and is now {_value_text(new)}"]
+
+
+def _value_text(value: Any) -> str:
+    """Write a value of a configuration for a message."""
+    return "not given" if value is None else json.dumps(value, default=str)
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write a JSON file so that a kill or a power cut leaves the old one or the new one, whole."""
+    """Write a JSON file in one step: a kill or a power cut leaves the old or the new file."""
     write_whole(path, json.dumps(content, indent=1, allow_nan=False))
 
 
 def read_json(path: Path, remedy: str) -> dict[str, Any]:
-    """Read a JSON object; raise StorageError with ``remedy`` where there is none."""
+    """Read a JSON object; StorageError with ``remedy`` if the file is missing or damaged."""
     try:
         if path.stat().st_size > MAX_FILE:
             raise StorageError(f"{path} has more than {MAX_FILE >> 20} MB; {remedy}")
@@ -252,36 +285,46 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
     return content
 
 
-def default_out(given: Setup, part: str = "") -> Path:
-    """Name the folder of a study's results where none is given; ``-space`` that of its fit."""
-    return Path("results") / f"{given.name}{part}"
+def default_out(study: Setup, part: str = "") -> Path:
+    """Return the default folder of a study's results; ``part`` ``-space`` is for its fit."""
+    return Path("results") / f"{study.name}{part}"
 
 
 def require_targets(
     targets: Mapping[str, Path | None], endings: Mapping[str, tuple[str, ...]] | None = None
 ) -> None:
-    """Raise StorageError unless the files that options name can be written; None is not asked for.
+    """Raise StorageError unless all output files can be written; no existing file changes.
 
-    ``endings`` are those that an option's file may have. No file that is there changes.
+    Parameters
+    ----------
+    targets
+        Path by option, None where the option is not given.
+    endings
+        Permitted endings of a path by option, ``.csv`` for instance; any by default.
+
     """
     for option, path in targets.items():
         if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
-            continue  # a device or a pipe is left alone
-        fit = (endings or {}).get(option, (path.suffix.lower(),))
-        fault = ""
-        if path.is_dir():
-            fault = "which is a folder; name a file"
-        elif path.suffix.lower() not in fit:
-            named = path.with_suffix(fit[0])
-            fault = f"but its file must end in {fit[0]}; write for instance {named}"
-        else:
-            try:
-                # A new file is made and removed; the time of one that is there does not change.
-                with path.open("ab") if path.exists() else TemporaryFile(dir=path.parent):
-                    pass
-            except FileNotFoundError:
-                fault = f"but there is no folder {path.parent}; make it or name another file"
-            except OSError as error:
-                fault = f"which cannot be written ({error.strerror}); name another file"
+            continue  # a device or a pipe is taken as it is
+        permitted = (endings or {}).get(option)
+        fault = _target_fault(path, permitted)
         if fault:
             raise StorageError(f"{option} is {path}, {fault}")
+
+
+def _target_fault(path: Path, endings: tuple[str, ...] | None) -> str:
+    """Explain why an output file cannot be written, with the remedy; empty if it can."""
+    if path.is_dir():
+        return "which is a folder; name a file"
+    if endings is not None and path.suffix.lower() not in endings:
+        example = path.with_suffix(endings[0])
+        return f"but its file must end in {endings[0]}; write for instance {example}"
+    try:
+        # A new file is made and removed; the time of an existing file does not change.
+        with path.open("ab") if path.exists() else TemporaryFile(dir=path.parent):
+            pass
+    except FileNotFoundError:
+        return f"but there is no folder {path.parent}; make it or name another file"
+    except OSError as error:
+        return f"which cannot be written ({error.strerror}); name another file"
+    return ""

@@ -51,19 +51,25 @@ class Shiftability(Record):
     )
 
     @classmethod
-    def of(cls, p: PointExpectation) -> Shiftability:
+    def of(cls, result: PointExpectation) -> Shiftability:
         """Record the entries of an operating point."""
-        from scipy.stats import binomtest  # noqa: PLC0415  slow to load
-
-        direct, late, _ = map(sum, zip(*p.by_angle, strict=True))
-        tests = (binomtest(count, p.n) for count in (direct + late, direct))
-        engaged, own = ([*one.proportion_ci(method="wilson")] for one in tests)
+        direct, after_contact, _ = (sum(counts) for counts in zip(*result.by_angle, strict=True))
+        first_window = result.first_window
         return cls(
-            engaged_interval=engaged, direct=direct / p.n, direct_interval=own,
-            direct_closed_form=p.direct_share,
-            first_window=None if p.first_window is None else p.first_window / p.n,
-            by_angle=[list(one) for one in p.by_angle],
-        )  # fmt: skip
+            engaged_interval=_wilson_interval(direct + after_contact, result.n),
+            direct=direct / result.n,
+            direct_interval=_wilson_interval(direct, result.n),
+            direct_closed_form=result.direct_share,
+            first_window=None if first_window is None else first_window / result.n,
+            by_angle=[list(counts) for counts in result.by_angle],
+        )
+
+
+def _wilson_interval(count: int, total: int) -> list[float]:
+    """Compute the ends of Wilson's interval of 95 % of a share."""
+    from scipy.stats import binomtest  # noqa: PLC0415  slow to load
+
+    return [*binomtest(count, total).proportion_ci(method="wilson")]
 
 
 class QuantileRow(Record):
@@ -98,25 +104,39 @@ class PointRow(PlaceRow):
     """An operating point of an expected shift time."""
 
     mean_s: float | None = key(
-        "mean with retries; null if under half engage", "s",
-        head="with retries, ms", scale=1e3, form=".2f",
-    )  # fmt: skip
+        "mean with retries; null if under half engage",
+        "s",
+        head="with retries, ms",
+        scale=1e3,
+        form=".2f",
+    )
     mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
     standard_error_s: float | None = key(
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
     )
     engaged_mean_s: float | None = key(
-        "mean time of the shifts that engage or are freed", "s", late=True,
-        head="engaged mean, ms", scale=1e3, form=".2f",
-    )  # fmt: skip
+        "mean time of the shifts that engage or are freed",
+        "s",
+        late=True,
+        head="engaged mean, ms",
+        scale=1e3,
+        form=".2f",
+    )
     engaged_standard_error_s: float | None = key(
-        "standard error of `engaged_mean_s`", "s", late=True,
-        head="s.e., ms", scale=1e3, form=".2f",
-    )  # fmt: skip
+        "standard error of `engaged_mean_s`",
+        "s",
+        late=True,
+        head="s.e., ms",
+        scale=1e3,
+        form=".2f",
+    )
     hang_probability: float | None = key(
-        "probability that a shift hangs and is tried again", SHARE, late=True,
-        head="hangs", form=".2%",
-    )  # fmt: skip
+        "probability that a shift hangs and is tried again",
+        SHARE,
+        late=True,
+        head="hangs",
+        form=".2%",
+    )
     hang_prior: HangPriorRow | None = key("prior of that probability", late=True)
     sd_s: float = key("standard deviation of the time of a shift", "s", head="sd, ms", **IN_MS)
     engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form="z.0%")
@@ -125,33 +145,38 @@ class PointRow(PlaceRow):
     shiftability: Shiftability | None = key("how shifts enter; null without any", late=True)
 
     @classmethod
-    def of(cls, p: PointExpectation) -> PointRow:
+    def of(cls, result: PointExpectation) -> PointRow:
         """Record an operating point; where too few shifts engage there is no time."""
+        standard_error = result.standard_error if result.engages else None
+        has_entries = result.n and result.by_angle
         return cls(
-            mismatch_rpm=p.point.mismatch / RPM,
-            force_N=p.point.profile.force,
-            mean_s=p.time,
-            mean_engaged_s=p.mean_engaged,
-            standard_error_s=number_or_none(p.standard_error if p.engages else None),
-            engaged_mean_s=None if p.silent else p.engaged_mean,
-            engaged_standard_error_s=None if p.silent else number_or_none(p.engaged_error),
-            hang_probability=p.hang.mean,
-            hang_prior=HangPriorRow.of(p.prior),
-            sd_s=p.sd,
-            engaged=p.engaged,
-            n=p.n,
-            held_dog_on_dog=p.blocked,
-            shiftability=Shiftability.of(p) if p.n and p.by_angle else None,
+            mismatch_rpm=result.point.mismatch / RPM,
+            force_N=result.point.profile.force,
+            mean_s=result.time,
+            mean_engaged_s=result.mean_engaged,
+            standard_error_s=number_or_none(standard_error),
+            engaged_mean_s=None if result.silent else result.engaged_mean,
+            engaged_standard_error_s=(
+                None if result.silent else number_or_none(result.engaged_error)
+            ),
+            hang_probability=result.hang.mean,
+            hang_prior=HangPriorRow.of(result.prior),
+            sd_s=result.sd,
+            engaged=result.engaged,
+            n=result.n,
+            held_dog_on_dog=result.blocked,
+            shiftability=Shiftability.of(result) if has_entries else None,
         )
 
 
 class HangKeys(Record):
-    """Both parts of an expected shift time: mean of engaged shifts, and retries of hangs."""
+    """Terms of an expected shift time: mean of engaged shifts, and retries of hangs."""
 
     engaged_mean_s: float | None = key(
-        "mean time of the shifts that engage at the first try or are freed by a set-point", "s",
+        "mean time of the shifts that engage at the first try or are freed by a set-point",
+        "s",
         late=True,
-    )  # fmt: skip
+    )
     engaged_standard_error_s: float | None = key("its standard error", "s", late=True)
     hang_probability: float | None = key(
         "probability that a shift hangs and is tried again, posterior mean", SHARE, late=True
@@ -162,17 +187,20 @@ class HangKeys(Record):
     retries_error_s: float | None = key("its standard error", "s", late=True)
 
 
-def hang_keys(found: Expectation) -> dict[str, Any]:
-    """Give both parts of an expected time by the keys of ``HangKeys``."""
-    silent, (low, high) = any(p.silent for p in found.points), found.hang_interval
+def hang_keys(expectation: Expectation) -> dict[str, Any]:
+    """Return both terms of an expected time by the keys of ``HangKeys``."""
+    has_silent_point = any(point.silent for point in expectation.points)
+    low, high = expectation.hang_interval
     return {
-        "engaged_mean_s": None if silent else found.engaged_mean,
-        "engaged_standard_error_s": None if silent else number_or_none(found.engaged_error),
-        "hang_probability": found.hang_probability,
+        "engaged_mean_s": None if has_silent_point else expectation.engaged_mean,
+        "engaged_standard_error_s": (
+            None if has_silent_point else number_or_none(expectation.engaged_error)
+        ),
+        "hang_probability": expectation.hang_probability,
         "hang_probability_low": low,
         "hang_probability_high": high,
-        "retries_s": found.retries if found.engages else None,
-        "retries_error_s": found.retries_error if found.engages else None,
+        "retries_s": expectation.retries if expectation.engages else None,
+        "retries_error_s": expectation.retries_error if expectation.engages else None,
     }
 
 
@@ -184,8 +212,9 @@ class LimitRow(Record):
     share: float = key("share that engages", SHARE, head="in the first window", form="z.0%")
     limit_engagement_speed_rpm: float | None = key(
         "median; 0: no tested mismatch reaches the share, null: the largest tested one does",
-        "1/min", head="limit engagement speed, 1/min",
-    )  # fmt: skip
+        "1/min",
+        head="limit engagement speed, 1/min",
+    )
     limit_engagement_speed_low_rpm: float | None = key(
         "end of the 95 % interval; 0 and null as for the median", "1/min"
     )
@@ -194,21 +223,23 @@ class LimitRow(Record):
 
     @classmethod
     def of(cls, limit: SpeedLimit, share: float) -> LimitRow:
-        """Record a limit."""
-        speeds = (limit.speed, limit.low, limit.high)
-        middle, low, high = (number_or_none(speed / RPM) for speed in speeds)
+        """Record a limit engagement speed and the ``share`` that it is of."""
         return cls(
-            sense=limit.sense, force_N=limit.force, share=share, tested_rpm=limit.tested / RPM,
-            limit_engagement_speed_rpm=middle, limit_engagement_speed_low_rpm=low,
-            limit_engagement_speed_high_rpm=high,
-        )  # fmt: skip
+            sense=limit.sense,
+            force_N=limit.force,
+            share=share,
+            limit_engagement_speed_rpm=number_or_none(limit.speed / RPM),
+            limit_engagement_speed_low_rpm=number_or_none(limit.low / RPM),
+            limit_engagement_speed_high_rpm=number_or_none(limit.high / RPM),
+            tested_rpm=limit.tested / RPM,
+        )
 
     def cell(self, name: str) -> str:
-        """Print a value: the limit with its interval, or that it lies over what was tested."""
+        """Print a value, the limit with its interval or as over the tested speeds."""
         if name != "limit_engagement_speed_rpm":
             return super().cell(name)
-        ends = (self.limit_engagement_speed_low_rpm, self.limit_engagement_speed_high_rpm)
-        return _limit_text(self.limit_engagement_speed_rpm, ends, self.tested_rpm)
+        interval = (self.limit_engagement_speed_low_rpm, self.limit_engagement_speed_high_rpm)
+        return _limit_text(self.limit_engagement_speed_rpm, interval, self.tested_rpm)
 
 
 def _limit_text(
@@ -232,8 +263,9 @@ class TorqueLimitRow(Record):
     share: float = key("share that engages", SHARE, head="engages at first try", form="z.0%")
     limit_engagement_torque_Nm: float | None = key(
         "median; 0: the share is not reached without a torque, null: it is with the largest one",
-        "N m", head="limit engagement torque, N m",
-    )  # fmt: skip
+        "N m",
+        head="limit engagement torque, N m",
+    )
     limit_engagement_torque_low_Nm: float | None = key(
         "end of the 95 % interval; 0 and null as for the median", "N m"
     )
@@ -245,10 +277,14 @@ class TorqueLimitRow(Record):
         """Record a limit."""
         middle, low, high = map(number_or_none, (limit.torque, limit.low, limit.high))
         return cls(
-            sense=limit.sense, force_N=limit.force, share=share, tested_Nm=limit.tested,
-            limit_engagement_torque_Nm=middle, limit_engagement_torque_low_Nm=low,
+            sense=limit.sense,
+            force_N=limit.force,
+            share=share,
+            tested_Nm=limit.tested,
+            limit_engagement_torque_Nm=middle,
+            limit_engagement_torque_low_Nm=low,
             limit_engagement_torque_high_Nm=high,
-        )  # fmt: skip
+        )
 
     def cell(self, name: str) -> str:
         """Print a value: the limit with its interval, or that it lies over what was tested."""
@@ -283,37 +319,47 @@ class ExpectedTime(HangKeys):
     )
 
     @classmethod
-    def of(cls, found: Expectation) -> ExpectedTime:
+    def of(cls, expectation: Expectation) -> ExpectedTime:
         """Record an expectation; where too few shifts engage there is no time, nor its error."""
-        none, quantiles = not found.engages, list[QuantileRow]()
-        for share, one in found.quantiles.items():
-            known = not none and (1.0 - share) * found.shifts >= 1.0
-            time, error = (one.value, one.standard_error) if known else (None, None)
-            quantiles.append(QuantileRow(share=share, time_s=time, standard_error_s=error))
+        standard_error = expectation.standard_error if expectation.engages else None
+        numerical_error = expectation.numerical_error if expectation.engages else None
         record = cls(
-            expected_shift_time_s=found.time,
-            standard_error_s=None if none else number_or_none(found.standard_error),
-            numerical_error_s=None if none else number_or_none(found.numerical_error),
-            engages=found.engages,
-            engaged=found.engaged,
-            mean_engaged_s=found.mean_engaged,
-            **hang_keys(found),
-            shifts=found.shifts,
-            not_engaged=found.lost,
-            held_dog_on_dog=found.blocked,
-            quantiles=quantiles,
-            points=[PointRow.of(point) for point in found.points],
+            expected_shift_time_s=expectation.time,
+            standard_error_s=number_or_none(standard_error),
+            numerical_error_s=number_or_none(numerical_error),
+            engages=expectation.engages,
+            engaged=expectation.engaged,
+            mean_engaged_s=expectation.mean_engaged,
+            **hang_keys(expectation),
+            shifts=expectation.shifts,
+            not_engaged=expectation.lost,
+            held_dog_on_dog=expectation.blocked,
+            quantiles=_quantile_rows(expectation),
+            points=[PointRow.of(point) for point in expectation.points],
             engagement_limits=[
-                LimitRow.of(limit, found.first_window_share)
-                for limit in speed_limits(found.points, found.first_window_share)
+                LimitRow.of(limit, expectation.first_window_share)
+                for limit in speed_limits(expectation.points, expectation.first_window_share)
             ],
         )
-        if not found.by_torque:
+        if not expectation.by_torque:
             return record
-        share = found.first_window_share
-        limits = torque_limits(found.points, found.by_torque, share)
+        share = expectation.first_window_share
+        limits = torque_limits(expectation.points, expectation.by_torque, share)
         rows = [TorqueLimitRow.of(limit, share) for limit in limits]
         return record.model_copy(update={"engagement_torque_limits": rows})
+
+
+def _quantile_rows(expectation: Expectation) -> list[QuantileRow]:
+    """Record the quantiles; one with less than one shift beyond it has no time."""
+    rows = []
+    for share, quantile in expectation.quantiles.items():
+        row = QuantileRow(share=share, time_s=None, standard_error_s=None)
+        if expectation.engages and (1.0 - share) * expectation.shifts >= 1.0:
+            row = QuantileRow(
+                share=share, time_s=quantile.value, standard_error_s=quantile.standard_error
+            )
+        rows.append(row)
+    return rows
 
 
 class CheckRow(Record):
@@ -350,8 +396,11 @@ class CheckRow(Record):
     )
     safety: float | None = key(
         "safety factor, upper limit of a stress or force over its value; null for other checks",
-        "1", None, head="S", form=".2f",
-    )  # fmt: skip
+        "1",
+        None,
+        head="S",
+        form=".2f",
+    )
 
     @property
     def unclear(self) -> bool:
@@ -360,51 +409,76 @@ class CheckRow(Record):
         return low < 0.0 <= high
 
     def cell(self, name: str) -> str:
-        """Print a value: the limit with its sense, what fails or is not clear as ``Bad``."""
+        """Print a value, the limit with its sense; a failure or an unclear margin as ``Bad``."""
         if name == "margin_interval":
             return " to ".join(map(percent, self.margin_interval or ())) or "-"
         if self.passed is None:
-            return {"name": self.name, "margin": Bad("not judged"), "limit_key": self.limit_key,
-                    "meaning": self.meaning}.get(name, "-")  # fmt: skip
-        value, margin = getattr(self, name), "margin" in name
-        text = super().cell(name) if not margin or value is None else percent(value)
+            return self._unjudged_cell(name)
+        value = getattr(self, name)
+        if "margin" in name and value is not None:
+            return Bad(percent(value)) if value < 0.0 else percent(value)
+        text = super().cell(name)
         if name == "limit":
-            return f"{'≤' if self.at_most else '≥'} {text}"
-        if name == "passed" and self.unclear:
-            return Bad("not clear")
-        if name == "passed" and not value:
-            return Bad("NO")
-        return Bad(text) if margin and (value or 0.0) < 0.0 else text
+            text = f"{'≤' if self.at_most else '≥'} {text}"
+        elif name == "passed" and (self.unclear or not value):
+            text = Bad("not clear" if self.unclear else "NO")
+        return text
+
+    def _unjudged_cell(self, name: str) -> str:
+        """Print a value of a check without a verdict, or a dash."""
+        if name == "margin":
+            return Bad("not judged")
+        if name in ("name", "limit_key", "meaning"):
+            return str(getattr(self, name))
+        return "-"
 
 
 def check_record(check: Check) -> dict[str, Any]:
-    """Record a check as JSON takes it."""
+    """Convert a check to a record of JSON."""
     rule = check.rule
-    ends: dict[str, Any] = {"ends": check.ends} if check.ends else {}
+    optional: dict[str, Any] = {}
+    if check.ends:
+        optional["ends"] = check.ends
     if check.margin_interval is not None:
-        ends["margin_interval"] = list(check.margin_interval)
+        optional["margin_interval"] = list(check.margin_interval)
     return CheckRow(
-        name=check.name, value=number_or_none(check.value), limit=check.limit, unit=rule.unit,
-        margin=number_or_none(check.margin), passed=check.passed, group=rule.group,
-        at_most=rule.at_most, meaning=rule.meaning, formula=rule.formula, source=rule.source,
-        limit_key=rule.key, safety=safety_factor(rule, check.margin), **ends,
-    ).to_dict()  # fmt: skip
+        name=check.name,
+        value=number_or_none(check.value),
+        limit=check.limit,
+        unit=rule.unit,
+        margin=number_or_none(check.margin),
+        passed=check.passed,
+        group=rule.group,
+        at_most=rule.at_most,
+        meaning=rule.meaning,
+        formula=rule.formula,
+        source=rule.source,
+        limit_key=rule.key,
+        safety=safety_factor(rule, check.margin),
+        **optional,
+    ).to_dict()
 
 
 def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
     """Tabulate checks by group; by default with value, limit, safety factor and margins."""
-    interval = ("margin_interval",) if any(row.margin_interval for row in rows) else ()
-    columns = names or (
-        *("name", "value", "limit", "unit", "safety", "margin"),
-        *(*interval, "margin_root_sum_square", "margin_worst_case", "passed"),
-    )
-    cells, looks = list[Sequence[str]](), dict[int, str]()
+    columns = names or _check_columns(rows)
+    cells = list[Sequence[str]]()
+    looks = dict[int, str]()
     for group, title in GROUPS.items():
-        if members := [row for row in rows if row.group == group]:
+        members = [row for row in rows if row.group == group]
+        if members:
             looks[len(cells)] = "group"
             cells += [[title], *tabulate(CheckRow, members, *columns).rows]
-    words = [k for k, n in enumerate(columns) if n in ("unit", "meaning", "formula", "source")]
+    text_columns = ("unit", "meaning", "formula", "source")
+    words = [index for index, name in enumerate(columns) if name in text_columns]
     return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
+
+
+def _check_columns(rows: Sequence[CheckRow]) -> tuple[str, ...]:
+    """List the default columns of checks; intervals only where a check has one."""
+    values = ("name", "value", "limit", "unit", "safety", "margin")
+    interval = ("margin_interval",) if any(row.margin_interval for row in rows) else ()
+    return (*values, *interval, "margin_root_sum_square", "margin_worst_case", "passed")
 
 
 class HingeRow(Record):
@@ -423,15 +497,15 @@ class HingeRow(Record):
     flips: bool = key("whether the smallest margin changes its sign", head="flips")
 
     def cell(self, name: str) -> str:
-        """Print the ends of a range beside each other; margins below zero as ``Bad``."""
+        """Print a value, the ends of a range in one cell; margins below zero as ``Bad``."""
         if name == "range":
             return f"{' to '.join(map(short, self.range))} {self.unit}".rstrip()
         if name == "smallest_margin":
             text = " to ".join(map(percent, self.smallest_margin))
             return Bad(text) if min(self.smallest_margin) < 0.0 else text
         if name == "weakest_check":
-            words = (one.replace("_", " ") for one in self.weakest_check)
-            return ", ".join(dict.fromkeys(words))
+            checks = (check.replace("_", " ") for check in self.weakest_check)
+            return ", ".join(dict.fromkeys(checks))
         return super().cell(name)
 
 
@@ -442,14 +516,23 @@ class NotJudged(Record):
     key: str = key("key of the study file that judges it")
 
 
-def not_judged_row(one: NotJudged) -> CheckRow:
-    """Give the row of a standard check that nobody judged, with the key that judges it."""
-    standard = next(standard for standard in STANDARD if standard.name == one.check)
+def not_judged_row(missing: NotJudged) -> CheckRow:
+    """Return the row of a standard check that nobody judged, with the key that judges it."""
+    standard = next(standard for standard in STANDARD if standard.name == missing.check)
     return CheckRow(
-        name=one.check, value=None, limit=None, unit="", margin=None, passed=None,
-        group=RULES[standard.rules[0]].group, at_most=True, meaning=standard.reason, formula="",
-        source="", limit_key=one.key,
-    )  # fmt: skip
+        name=missing.check,
+        value=None,
+        limit=None,
+        unit="",
+        margin=None,
+        passed=None,
+        group=RULES[standard.rules[0]].group,
+        at_most=True,
+        meaning=standard.reason,
+        formula="",
+        source="",
+        limit_key=missing.key,
+    )
 
 
 class VerdictRow(Record):
@@ -466,17 +549,26 @@ class VerdictRow(Record):
 def hinge_table(rows: Sequence[HingeRow], *names: str) -> Table:
     """Tabulate the assumptions of a verdict, the strongest first; by default with their sources."""
     names = names or (
-        *("assumption", "value", "range", "smallest_margin", "weakest_check", "flips"),
-        *("status", "source"),
+        "assumption",
+        "value",
+        "range",
+        "smallest_margin",
+        "weakest_check",
+        "flips",
+        "status",
+        "source",
     )
-    words = [place for place, name in enumerate(names)
-             if name in ("weakest_check", "status", "source")]  # fmt: skip
+    text_columns = ("weakest_check", "status", "source")
     note = (
         "Smallest margin at either end of the range of an assumption, the others as given, by the "
         "closed forms; landings scale with the root of the contact's stiffness."
     )
-    return Table(tabulate(HingeRow, (), *names).heads, tabulate(HingeRow, rows, *names).rows, {},
-                 words, note)  # fmt: skip
+    return Table(
+        heads=tabulate(HingeRow, (), *names).heads,
+        rows=tabulate(HingeRow, rows, *names).rows,
+        words=[index for index, name in enumerate(names) if name in text_columns],
+        note=note,
+    )
 
 
 class EngineAgreement(Record):
@@ -514,15 +606,15 @@ class BenchPoint(PlaceRow):
     n: int = key("simulated shifts", head="n", form="d")
 
     @classmethod
-    def of(cls, d: PointGap) -> BenchPoint:
+    def of(cls, gap: PointGap) -> BenchPoint:
         """Record one operating point of a comparison."""
         return cls(
-            mismatch_rpm=d.cell.point.mismatch / RPM,
-            force_N=d.cell.point.profile.force,
-            bench_s=d.cell.time,
-            simulated_s=d.mean,
-            standard_error_s=d.standard_error,
-            z=d.z,
-            engaged=d.engaged,
-            n=d.n,
+            mismatch_rpm=gap.cell.point.mismatch / RPM,
+            force_N=gap.cell.point.profile.force,
+            bench_s=gap.cell.time,
+            simulated_s=gap.mean,
+            standard_error_s=gap.standard_error,
+            z=gap.z,
+            engaged=gap.engaged,
+            n=gap.n,
         )

@@ -2,7 +2,7 @@
 
 A folder belongs to one run, so a trial that is running there was cut off. Runs that share a
 database (``Sharing``) record a heartbeat for each trial that they are at; a trial without one for
-``SILENCE`` fails, and waits under another number with its parameters. One run at a time proposes.
+``SILENCE_S`` fails, and waits under another number with its parameters. One run at a time proposes.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.errors import StorageError
 
 DRIVER = "postgresql+psycopg"  #: of the extra 'machines'
-BEAT, SILENCE = 5, 60  #: s between heartbeats of a trial, and without one until it has failed
-TABLES = -1  #: key of the lock under which tables are made; those of studies are not negative
+HEARTBEAT_S = 5  #: time between heartbeats of a trial, s
+SILENCE_S = 60  #: time without a heartbeat after which a trial has failed, s
+TABLE_LOCK = -1  #: key of the lock under which tables are made; keys of studies are not negative
 #: Parameters of the driver: server and run notice within a minute that the other is gone.
 KEEPALIVE = {
     "connect_timeout": 10,
@@ -62,26 +63,26 @@ class Sharing:
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """Wait for the right to propose, and hold it; it ends with the run, however that ends."""
+        """Wait for the right to propose, and hold it until the block or the run ends."""
         with self._storage.engine.begin() as connection:
             connection.execute(text("SELECT pg_advisory_xact_lock(:n)"), {"n": self._study})
             yield
 
     def add(self, trial_id: int) -> None:
-        """Begin with a trial."""
+        """Record heartbeats of a trial from now on."""
         self._storage.record_heartbeat(trial_id)
         self.trials.add(trial_id)
 
     def _beat(self) -> None:
-        while not self._ended.wait(BEAT):
+        while not self._ended.wait(HEARTBEAT_S):
             for trial_id in list(self.trials):
-                # The run itself says so where the database is lost.
+                # A lost database ends the run itself, with a message.
                 with suppress(SQLAlchemyError, StorageInternalError):
                     self._storage.record_heartbeat(trial_id)
 
 
 def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
-    """Open the storage of a study; StorageError where it cannot be opened."""
+    """Open the storage of a study at an address, or the folder's journal; StorageError."""
     if url is None:
         return _journal(folder.trials)
     address = address_of(url)
@@ -89,12 +90,14 @@ def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
     try:
         # One run at a time makes the tables, which the server refuses to two at once.
         with create_engine(address, **settings).begin() as connection:
-            connection.execute(text("SELECT pg_advisory_xact_lock(:n)"), {"n": TABLES})
+            connection.execute(text("SELECT pg_advisory_xact_lock(:n)"), {"n": TABLE_LOCK})
             return RDBStorage(
-                address.render_as_string(hide_password=False), settings, heartbeat_interval=BEAT,
-                grace_period=SILENCE,
+                address.render_as_string(hide_password=False),
+                settings,
+                heartbeat_interval=HEARTBEAT_S,
+                grace_period=SILENCE_S,
                 heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
-            )  # fmt: skip
+            )
     except ImportError as error:
         name = getattr(error.__cause__, "name", None)
         remedy = "install the extra: pip install -c constraints.txt '.[machines]'"
@@ -121,7 +124,7 @@ def _journal(path: Path) -> BaseStorage:
 
 
 def address_of(url: str) -> URL:
-    """Read the address of a database; StorageError for one that no study is kept in."""
+    """Parse the address of a database; StorageError unless it is of PostgreSQL."""
     try:
         address = make_url(url.replace("postgres://", "postgresql://", 1))
     except ArgumentError as error:
@@ -138,20 +141,21 @@ def address_of(url: str) -> URL:
 
 
 @contextmanager
-def kept(url: str | None, folder: StudyFolder) -> Iterator[None]:
-    """Turn the loss of a database in mid-run into one sentence; name the file that is full."""
+def guard_storage(url: str | None, folder: StudyFolder) -> Iterator[None]:
+    """Turn the loss of a database into a StorageError; name the file in other OSErrors."""
     try:
         yield
     except OSError as error:  # of Optuna's journal where it names no other file
         error.filename = error.filename or str(folder.trials)
         raise
     except (SQLAlchemyError, StorageInternalError) as error:
-        where = "its file" if url is None else address_of(url)
+        place = "its file" if url is None else address_of(url)
         remedy = f"finished shifts are kept in {folder.root}, and --resume goes on when it is back"
-        raise StorageError(f"the storage {where} was lost ({_reason(error)}); {remedy}") from error
+        raise StorageError(f"the storage {place} was lost ({_reason(error)}); {remedy}") from error
 
 
 def _reason(error: BaseException) -> str:
+    """Return the first line of a database error."""
     if isinstance(error, StorageInternalError) and error.__cause__ is not None:
         error = error.__cause__
     return str(getattr(error, "orig", None) or error).strip().split("\n")[0]

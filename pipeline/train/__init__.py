@@ -1,1 +1,1 @@
-"""Simulate what the surrogate learns from, fit it, and find fitted ones."""
+"""Simulate the data of a surrogate, fit it, and find fitted surrogates."""

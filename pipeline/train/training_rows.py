@@ -21,52 +21,62 @@ from dogshape.surrogate.store import MissingError, Stored, load
 
 def with_rows(study: Setup, rows: Array | Sequence[Sequence[float | None]]) -> Dataset:
     """Collect the designs of rows (n, d + 8) that have every operating point of the study."""
+    names = tuple(study.variables)
     low, high = np.array(list(study.variables.values()), dtype=float).T
-    names, mix = tuple(study.variables), study_mix(study)
-    whole = np.array(rows, dtype=float).reshape(-1, len(names) + len(COLUMNS))
-    return Dataset(names, low, high, study.physics, engine(), mix, grid_of(whole, mix))
+    mix = study_mix(study)
+    table = np.array(rows, dtype=float).reshape(-1, len(names) + len(COLUMNS))
+    return Dataset(names, low, high, study.physics, engine(), mix, grid_of(table, mix))
 
 
 def row_record(rows: Array) -> list[list[float | None]]:
-    """Convert rows to lists that JSON can hold: None where a number is missing."""
+    """Convert rows (n, m) to lists for JSON, None where a number is missing."""
     return [[number_or_none(float(value)) for value in row] for row in rows]
 
 
 def study_mix(study: Setup, points: Sequence[OperatingPoint] | None = None) -> Mix:
     """Mix operating points, by default the study's, by their weights, with the time of a retry."""
     points = study.points if points is None else points
-    # The mean rest of faces on half a pitch: a surrogate knows no other.
-    quarter = np.array([0.25 * study.clutch.dog.pitch_angle])
-    freed, lost = study.set_point.passages(quarter)[0], study.clutch.timeout + study.retraction
+    # The mean angle that a set-point has to pass: the surrogate distinguishes no others.
+    quarter_pitch = np.array([0.25 * study.clutch.dog.pitch_angle])
+    freed_time = study.set_point.passages(quarter_pitch)[0]
+    retry_time = study.clutch.timeout + study.retraction
     weights = np.array([point.weight for point in points])
     rows = [(point.mismatch / RPM, point.profile.force) for point in points]
-    return Mix(np.array(rows), weights / weights.sum(), float(np.nan_to_num(freed, nan=lost)))
+    hang_time = float(np.nan_to_num(freed_time, nan=retry_time))
+    return Mix(np.array(rows), weights / weights.sum(), hang_time)
 
 
-def stored_surrogate(study: Setup, named: str | Path | None) -> tuple[Stored, Path]:
-    """Return the surrogate to ask and its file; DataError where there is none.
+def stored_surrogate(study: Setup, file: str | Path | None) -> tuple[Stored, Path]:
+    """Load the surrogate for a study, and return it with its path; DataError if there is none.
 
-    The one that is named; else that of the study's space, the package's of the same physics, that
-    of the study's search, and the package's of the same name, whose differences are named.
+    The first of these: ``file``; the fit of the study's space; the package's with the same
+    physics; that of the study's search; and the package's with the same name, whose differences
+    are listed on use.
     """
-    space, own = (StudyFolder(default_out(study, part)).surrogate for part in ("-space", ""))
-    bundled = bundled_root().glob("*/surrogate.json")
-    for path in sorted(bundled) if named is None and not space.is_file() else ():
-        stored = load(path)
-        if not compare_physics(stored.surrogate.data, study.physics):
-            return stored, path
-    others = (space, own, bundled_root() / study.name / "surrogate.json")
-    path = Path(named or next((path for path in others if path.is_file()), own))
+    space_file = StudyFolder(default_out(study, "-space")).surrogate
+    search_file = StudyFolder(default_out(study)).surrogate
+    if file is None and not space_file.is_file():
+        for path in sorted(bundled_root().glob("*/surrogate.json")):
+            stored = load(path)
+            if not compare_physics(stored.surrogate.data, study.physics):
+                return stored, path
+    candidates = (space_file, search_file, bundled_root() / study.name / "surrogate.json")
+    existing = next((path for path in candidates if path.is_file()), search_file)
+    path = Path(file or existing)
     return load(path), path
 
 
-def own_surrogate(study: Setup, named: str | Path | None) -> tuple[Stored, Path] | None:
-    """Return the same, None where none of the study's physics is there and none is named."""
+def matching_surrogate(study: Setup, file: str | Path | None) -> tuple[Stored, Path] | None:
+    """Load the surrogate as ``stored_surrogate``; None if all have other physics.
+
+    A surrogate that ``file`` names may have other physics.
+    """
     try:
-        stored, path = stored_surrogate(study, named)
+        stored, path = stored_surrogate(study, file)
     except MissingError:
-        if named is not None:
+        if file is not None:
             raise
         return None
-    apart = compare_physics(stored.surrogate.data, study.physics)
-    return None if apart and named is None else (stored, path)
+    if file is None and compare_physics(stored.surrogate.data, study.physics):
+        return None
+    return stored, path

@@ -14,14 +14,14 @@ import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.settings import USUAL
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, diagnose_bench
 
 EVIDENCE = Path(__file__).parents[2] / "docs" / "evidence" / "gap_stand.json"
 
 
 def _diagnosed(folder: Path, seed: int) -> Diagnosis:
     settings = replace(USUAL, seed=seed)
-    return diagnosed(load_bench("mq200_stand"), Means(bank=folder, settings=settings))
+    return diagnose_bench(load_bench("mq200_stand"), BankOptions(bank=folder, settings=settings))
 
 
 @pytest.fixture(scope="module")

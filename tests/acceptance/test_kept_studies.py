@@ -35,10 +35,10 @@ def test_kept_result_is_of_the_study_as_it_is(kept: Kept) -> None:
     study, result, row = kept
     validate(StudyRecord, result, study.name)
     assert result["config_hash"] == study.config_hash
-    assert result["physics_hash"] == study.working.physics_hash
+    assert result["physics_hash"] == study.search_setup.physics_hash
     assert result["objectives"] == list(study.file.search.objectives)
     assert len(result["trials"]) == study.file.search.trials
-    operated = study.working.operated({key: row[key] for key in study.variables})
+    operated = study.search_setup.with_operation({key: row[key] for key in study.variables})
     points = {(round(p.mismatch / RPM, 6), round(p.profile.force, 6)) for p in operated.points}
     confirmed = result["confirmation"]["best"]["points"]
     assert {(round(p["mismatch_rpm"], 6), round(p["force_N"], 6)) for p in confirmed} == points
@@ -60,10 +60,10 @@ def test_kept_times_are_simulated_again(kept: Kept) -> None:
     place = min(range(len(points)), key=lambda k: points[k]["sd_s"] / points[k]["mean_s"])
     seed = study.file.expectation.seed + evaluation.NEW_ANGLES
     params = {key: row[key] for key in study.variables}
-    base, angles = new_angles(study.working), points[place]["n"]  # more where hangs decided
-    block = evaluation.design_blocks(study.working, params, angles, seed, base)[place]
+    base, angles = new_angles(study.search_setup), points[place]["n"]  # more where hangs decided
+    block = evaluation.design_blocks(study.search_setup, params, angles, seed, base)[place]
     rows = scratch_executor(1).run([block])
-    (found,) = evaluation.expectation_of(study.working, [block.point], rows).points
+    (found,) = evaluation.expectation_of(study.search_setup, [block.point], rows).points
     assert found.mean_engaged == pytest.approx(points[place]["mean_engaged_s"], rel=1e-4)
 
 

@@ -15,10 +15,10 @@ from dogshape.pipeline.reports.study_summary import headline
 from dogshape.pipeline.search.confirmation import HANG_ANGLES, contested_designs, deciding_points
 from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.search.state import PointTimes, SearchState, Trial, under_priors
-from dogshape.pipeline.simulate.design import Design, Measured
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Simulated
+from dogshape.pipeline.simulate.design import CheckInputs, Design
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Evaluation
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.study import Run, run_study
+from dogshape.pipeline.study import StudyOptions, run_study
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.trace import OVERLAPS
@@ -83,7 +83,7 @@ def searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Searched:
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)
         study = load_study("mq200_paper", [*SETTINGS, f"search.confirm_designs={budget}"])
         place = tmp_path / f"out{len(list(tmp_path.iterdir()))}"
-        return run_study(study, Run(StudyFolder(place), 1, report=report))
+        return run_study(study, StudyOptions(StudyFolder(place), 1, report=report))
 
     return search
 
@@ -185,9 +185,9 @@ HANG_SHIFTS = 64  #: of each of two operating points
 
 def _at_new_angles(
     state: SearchState, engaged: Sequence[float], hangs: Sequence[int]
-) -> tuple[SearchState, dict[int, Simulated]]:
+) -> tuple[SearchState, dict[int, Evaluation]]:
     """Give designs that engage in such times, and hang so often at the first operating point."""
-    study, found = state.study, dict[int, Simulated]()
+    study, found = state.study, dict[int, Evaluation]()
     trials = list[Trial]()
     for number, (time, hung) in enumerate(zip(engaged, hangs, strict=True)):
         points = []
@@ -197,8 +197,8 @@ def _at_new_angles(
             points.append(expect_point(point, shifts, 1.0, 0.2))
         expectation = expect(points)
         estimates = {TIME: Estimate(expectation.mean, expectation.standard_error)}
-        measured = Measured(Demand())
-        found[number] = Simulated(
+        measured = CheckInputs(Demand())
+        found[number] = Evaluation(
             expectation, measured, np.zeros((0, 13)), estimates, 2 * HANG_SHIFTS
         )
         trials.append(

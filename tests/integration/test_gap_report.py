@@ -151,7 +151,7 @@ def test_a_diagnosis_is_what_the_command_line_prints(
         assert means.engine == "planar"
         return found.inference
 
-    monkeypatch.setattr("dogshape.gap.diagnosed", known)
+    monkeypatch.setattr("dogshape.gap.diagnose_bench", known)
     out = tmp_path / "out"
     said = dogshape("gap", "mq200_adams", "--bank", tmp_path, "--out", out, "--json")
     assert said.status == 0, said.err

@@ -22,8 +22,8 @@ from dogshape.pipeline.search.confirmation import NEAREST
 from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.search import Search, finish_round, next_round, sampler_of
 from dogshape.pipeline.search.state import SIMULATION
-from dogshape.pipeline.simulate.design import Measured, design_of, worth_simulating
-from dogshape.pipeline.simulate.evaluation import Simulated
+from dogshape.pipeline.simulate.design import CheckInputs, design_of, worth_simulating
+from dogshape.pipeline.simulate.evaluation import Evaluation
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.pipeline.study import run_study
@@ -284,11 +284,11 @@ def test_what_another_run_told_leaves_no_trial_running(monkeypatch: pytest.Monke
     search = _opened(load_study("mq200_paper", [*SMALL, "search.batch=3"]))
     study, storage, trials = search.study, search.optuna, next_round(search)
 
-    def evaluated(_: Setup, designs: Sequence[Any], *__: Any) -> list[Simulated]:
+    def evaluated(_: Setup, designs: Sequence[Any], *__: Any) -> list[Evaluation]:
         times = [ShiftResult(Outcome.ENGAGED, 0.1)] * 3
         expectation = expect([expect_point(point, times, 1.0, 0.2) for point in study.points])
         found = {"expected_shift_time_s": Estimate(0.1, 0.001)}
-        one = Simulated(expectation, Measured(Demand()), np.zeros((0, 13)), found, 3)
+        one = Evaluation(expectation, CheckInputs(Demand()), np.zeros((0, 13)), found, 3)
         return [one] * len(designs)
 
     monkeypatch.setattr("dogshape.pipeline.search.search.evaluate", evaluated)

@@ -97,7 +97,7 @@ def test_verdicts_are_those_of_each_design(settings: dict[str, Any]) -> None:
     assert not ridge or "ridge stands on the traction edge" in found["reason"][0]
     for place, row in enumerate(x):
         try:
-            design = design_of(study, study.named(row))
+            design = design_of(study, study.params_of(row))
         except DogshapeError as error:  # values that no dog can have
             design = Design({}, None, (), str(error))
         assert found["real"][place] == (design.dog is not None)

@@ -71,7 +71,7 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float, float]]
 def test_an_audit_simulates_the_same_shifts_in_both_engines(
     small_study: Setup, simulated: list[tuple[str, float, float]]
 ) -> None:
-    study = small_study.working
+    study = small_study.search_setup
     designs, said = [study.prototype, {**study.prototype, "height_mm": 3.5}], list[str]()
     found = audit(study, designs, scratch_executor(1), 8, said.append)
     assert found is not None

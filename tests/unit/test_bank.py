@@ -26,7 +26,7 @@ from dogshape.diagnosis.prediction.simulations import (
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import bank_diagnosis
 from dogshape.pipeline.diagnose.bank import TICK, Bank
-from dogshape.pipeline.diagnose.bank_diagnosis import BROUGHT, TIMES, Means, models_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BUNDLED_BANK, TIMES, BankOptions, models_of
 from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
@@ -118,7 +118,7 @@ def test_the_bundled_bank_has_every_series_of_the_compiled_engine(name: str, pla
     bench = load_bench(name)
     record = bench.record.model_copy(update={"displacement_at": place})
     quick = replace(bench, clutch=bench.clutch.with_engine("planar"), record=record)
-    store = Bank([BROUGHT])
+    store = Bank([BUNDLED_BANK])
     build_models(quick, EFFECTS, USUAL, lambda blocks: store.times(blocks, _never))
 
 
@@ -132,7 +132,7 @@ def _bench(points: int = 1, timeout: float = 1.1) -> Bench:
 
 
 def _model(folder: Path, bench: Bench) -> Model:
-    (found,) = models_of(bench, FEW, Means(folder, jobs=1)).values()
+    (found,) = models_of(bench, FEW, BankOptions(folder, jobs=1)).values()
     return found
 
 

@@ -11,8 +11,8 @@ import pytest
 from dogshape.check import ENGINE_ERROR, check_design
 from dogshape.expectation import EVERYWHERE, simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
-from dogshape.pipeline.simulate.executor import Where
-from dogshape.pipeline.train.training_rows import own_surrogate, stored_surrogate
+from dogshape.pipeline.simulate.executor import RunOptions
+from dogshape.pipeline.train.training_rows import matching_surrogate, stored_surrogate
 from dogshape.surrogate.query import compare_physics
 from dogshape.surrogate.store import MissingError
 from tests.conftest import Call
@@ -43,7 +43,7 @@ def test_a_copy_of_the_study_has_it_by_its_physics(tmp_path: Path) -> None:
     mine = load_study(copy, ["operating.mismatch_rpm=[50]"])
     stored, _ = stored_surrogate(mine, None)
     assert not compare_physics(stored.surrogate.data, mine.physics)
-    assert own_surrogate(load_study(copy, ["sliding.mass_kg=0.4"]), None) is None
+    assert matching_surrogate(load_study(copy, ["sliding.mass_kg=0.4"]), None) is None
 
 
 def test_a_clutch_without_a_surrogate_is_simulated_by_the_compiled_engine(
@@ -60,7 +60,7 @@ def test_a_clutch_without_a_surrogate_is_simulated_by_the_compiled_engine(
     assert missing == ["flank_strike"]  # the landing was simulated
     mean = simulate_mean(
         load_study("mq200_paper", [*few, "solver.engine=planar", "expectation.seed=7"]),
-        Where(jobs=1),
+        RunOptions(jobs=1),
         EVERYWHERE,
         angles=40,
     ).mean

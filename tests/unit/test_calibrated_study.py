@@ -18,8 +18,8 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import toml_text
-from dogshape.pipeline.diagnose.consequence import consequence, studied
-from dogshape.pipeline.diagnose.study_keys import effect_settings, takes
+from dogshape.pipeline.diagnose.consequence import load_candidates, simulate_consequence
+from dogshape.pipeline.diagnose.study_keys import effect_settings, has_keys_for
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
@@ -94,9 +94,9 @@ def test_force_linkage_and_inertia_are_written_as_effects(
     name: str, values: dict[str, float]
 ) -> None:
     plain = load_study("mq200_paper")
-    assert takes(plain.clutch, EFFECTS[name])
+    assert has_keys_for(plain.clutch, EFFECTS[name])
     for other in ("relative_angle", "reversed_mismatch", "mismatch_speed"):
-        assert not takes(plain.clutch, EFFECTS[other])
+        assert not has_keys_for(plain.clutch, EFFECTS[other])
     study = load_study("mq200_paper", effect_settings(plain.clutch, EFFECTS[name], values))
     there = EFFECTS[name].apply(Setting(plain.clutch, plain.points[0]), values)
     assert (study.clutch, study.points[0]) == (there.clutch, there.point)
@@ -134,10 +134,10 @@ def test_where_nothing_fits_nothing_is_written(
 def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
     """A diagnosis of a toy's dead time, or of no effect for the bench ``none``."""
 
-    def diagnosed(bench: str, **_: Any) -> ds.Diagnosis:
+    def diagnose_bench(bench: str, **_: Any) -> ds.Diagnosis:
         return _found(NONE if bench == "none" else DELAY)
 
-    monkeypatch.setattr("dogshape.gap.diagnose", diagnosed)
+    monkeypatch.setattr("dogshape.gap.diagnose", diagnose_bench)
 
 
 @pytest.mark.usefixtures("_toy")
@@ -208,7 +208,9 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     blunt = {**study.prototype, "height_mm": 3.2, "chamfer_deg": 6.0}
     low = {**study.prototype, "height_mm": 3.0, "chamfer_deg": 5.0}
     designs = {"prototype": dict(study.prototype), "flat": flat, "blunt": blunt, "low": low}
-    found = consequence(study, designs, {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run)
+    found = simulate_consequence(
+        study, designs, {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run
+    )
     # Low dogs are the fastest, but land too hard.
     assert min(found.candidates, key=lambda one: one.with_effect.mean).name == "low"
     assert (found.chosen.name, found.best.name) == ("flat", "blunt")
@@ -224,14 +226,14 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
 
 def test_a_design_that_failed_at_the_new_angles_is_left_out(tmp_path: Path) -> None:
     folder = bundled_folder(tmp_path / "mine")
-    _, before = studied(folder.root)
+    _, before = load_candidates(folder.root)
     result = folder.stored_result()
     chosen = result["confirmation"]["chosen"]
     other = next(d for d in result["confirmation"]["designs"] if d["trial"] != chosen)
     assert f"design {other['trial']}" in before
     other["checks"][-1]["passed"] = False
     folder.result.write_text(json.dumps(result), encoding="utf-8")
-    _, after = studied(folder.root)
+    _, after = load_candidates(folder.root)
     assert list(after)[:2] == ["prototype", f"design {chosen}"]
     assert f"design {other['trial']}" not in after
 
@@ -246,8 +248,8 @@ def test_a_folder_of_results_is_a_study(tmp_path: Path, monkeypatch: pytest.Monk
     with pytest.raises(
         DataError, match=r"no result of the study truck in runs/first; run .*--resume"
     ):
-        studied(folder.root)
+        load_candidates(folder.root)
     shutil.copy(bundled_root() / "mq200_paper" / "result.json", folder.result)
-    found, designs = studied(folder.root)
+    found, designs = load_candidates(folder.root)
     assert found.name == "truck"
-    assert designs == studied("mq200_paper")[1]
+    assert designs == load_candidates("mq200_paper")[1]

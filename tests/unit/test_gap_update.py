@@ -39,7 +39,7 @@ def _diagnosed(bench: Bench, _: Any) -> Any:
 
 @pytest.fixture(autouse=True)
 def _by_rule(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dogshape.gap.diagnosed", _diagnosed)
+    monkeypatch.setattr("dogshape.gap.diagnose_bench", _diagnosed)
 
 
 def _table(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.operating import OPERATED, TABLE
+from dogshape.pipeline.config.operating import OPERATED, POINT_SETS
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.sampler import Guide, Space
 from dogshape.pipeline.search.state import Trial, not_dominated
-from dogshape.pipeline.simulate.design import leading
+from dogshape.pipeline.simulate.design import leading_objective
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
@@ -94,7 +94,7 @@ def test_uncertain_shifts_say_what_was_drawn() -> None:
 def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     names = "['smallest_margin', 'axial_length_mm']"
     study = load_study("mq200_paper", [f"search.objectives={names}"])
-    assert leading(study).name == "smallest_margin"
+    assert leading_objective(study).name == "smallest_margin"
     values = (0.2, 8.0), (0.1, 8.0), (0.1, 7.0)
     rows = np.array([Trial(0, {}, pair).losses(study)[0] for pair in values])
     assert rows[0].tolist() == [-0.2, 8.0]
@@ -104,7 +104,7 @@ def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
 
 def test_sets_name_their_points() -> None:
     """Every bundled set serves the bundled studies; that of the paper is the study's grid."""
-    for name, table in read_toml(bundled_root() / TABLE).items():
+    for name, table in read_toml(bundled_root() / POINT_SETS).items():
         assert _points(_listed(f"set='{name}'")) == [pytest.approx(row) for row in table["rows"]]
     grid, named = load_study("mq200_paper"), _listed("set='paper'")
     assert named.points == grid.points
@@ -131,7 +131,7 @@ def _mismatches(study: Setup) -> np.ndarray:
 @pytest.mark.parametrize("target", [-70.0, 0.0, 25.0])
 def test_the_set_point_is_the_mean_and_the_spread_stays(target: float) -> None:
     study = _study()
-    moved = _mismatches(study.operated({"mismatch_set_rpm": target}))
+    moved = _mismatches(study.with_operation({"mismatch_set_rpm": target}))
     assert moved.mean() == pytest.approx(target, abs=1e-5)
     own = _mismatches(study)
     assert moved - moved.mean() == pytest.approx(own - own.mean(), abs=1e-9)
@@ -139,17 +139,19 @@ def test_the_set_point_is_the_mean_and_the_spread_stays(target: float) -> None:
 
 def test_the_force_takes_the_rise_time_of_the_table() -> None:
     study = _study()
-    (profile, *_) = [p.profile for p in study.operated({"force_factor": 469.0 / 300.0}).points]
+    (profile, *_) = [
+        p.profile for p in study.with_operation({"force_factor": 469.0 / 300.0}).points
+    ]
     assert (profile.force, profile.rise) == (pytest.approx(469.0), pytest.approx(0.1766))
-    (slow, *_) = [p.profile for p in study.operated({"rise_factor": 1.5}).points]
+    (slow, *_) = [p.profile for p in study.with_operation({"rise_factor": 1.5}).points]
     assert slow.force == 300.0
     assert slow.rise == pytest.approx(1.5 * study.points[0].profile.rise)
 
 
 def test_a_study_is_operated_as_it_says() -> None:
     study = _study()
-    assert study.operated(study.prototype).points == study.points
-    assert study.operated({"chamfer_deg": 9.0}) is study
+    assert study.with_operation(study.prototype).points == study.points
+    assert study.with_operation({"chamfer_deg": 9.0}) is study
     assert study.shape_keys == ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
     trial = Space(study.variables).trial(study.prototype)
     assert [*trial.params][-3:] == [*OPERATED]
@@ -164,7 +166,7 @@ def test_shifts_are_those_of_the_operation() -> None:
     study = _study("solver.engine='planar'")
     named = [
         {"mismatch_rpm": p.mismatch / RPM, "force_N": p.profile.force}
-        for p in study.operated(moved).points
+        for p in study.with_operation(moved).points
     ]
     other = load_study("mq200_paper", {"operating": {"points": named}, "solver.engine": "planar"})
     times = []

@@ -9,8 +9,8 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.plausibility import (
+    angle_notes,
     drag_notes,
-    folded,
     notes_of,
     slide_notes,
     slips_of,
@@ -80,8 +80,8 @@ def test_usual_clutches_are_no_question(values: tuple[str, ...]) -> None:
 
 def test_angles_beyond_a_pitch_and_doubled_keys_are_said(dogshape: Call) -> None:
     dog = load_study("mq200_paper").clutch.dog
-    assert folded(dog, [0.0, 12.0, -24.0]) == []
-    assert "-30 deg is taken modulo the pitch of 24 deg: 18 deg" in folded(dog, [-30.0])[0]
+    assert angle_notes(dog, [0.0, 12.0, -24.0]) == []
+    assert "-30 deg is taken modulo the pitch of 24 deg: 18 deg" in angle_notes(dog, [-30.0])[0]
     said = dogshape("shift", "mq200_paper", *POINT, "--relative-angle-deg", "1000")
     assert "1000 deg is taken modulo the pitch of 24 deg: 16 deg" in said.err
     twice = ("--set", "dog.count=20", "--set", "dog.count=18")

@@ -12,7 +12,7 @@ import pytest
 from dogshape import expectation as results
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.simulate.evaluation import FIRST, MOST, expect_to
+from dogshape.pipeline.simulate.evaluation import FIRST_ANGLES, MAX_ANGLES, expect_to_precision
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import CHECKED, Block, numerical_error
 from dogshape.sim.statistics.expectation import Expectation, even_phases
@@ -34,7 +34,7 @@ def _run(study: Setup, time: Time, precision: float, said: list[str]) -> Expecta
 
     made_up: Any = SimpleNamespace(run=run)
     with WorkCounter(Listener(said), 1) as progress:
-        return expect_to(study, study.points, precision, made_up, progress)[0]
+        return expect_to_precision(study, study.points, precision, made_up, progress)[0]
 
 
 def _row(time: float | None) -> Record:
@@ -79,8 +79,8 @@ def test_rounds_end_at_the_precision(study: Setup) -> None:
         return 0.05 + 0.02 * (phase % 1.0)
 
     wide, fine = (_run(study, slope, goal, said) for goal in (0.01, 0.003))
-    assert {p.n for p in wide.points} == {FIRST}
-    assert {p.n for p in fine.points} == {2 * FIRST}
+    assert {p.n for p in wide.points} == {FIRST_ANGLES}
+    assert {p.n for p in fine.points} == {2 * FIRST_ANGLES}
     assert len(said) == 1
     for found, goal in ((wide, 0.01), (fine, 0.003)):
         assert found.engaged_error <= goal * found.engaged_mean
@@ -90,11 +90,14 @@ def test_rounds_end_at_the_precision(study: Setup) -> None:
 def test_a_precision_out_of_reach_is_told(study: Setup) -> None:
     said: list[str] = []
     found = _run(study, lambda phase: 0.05 + 0.06 * ((1e4 * phase) % 1.0), 0.0001, said)
-    assert {p.n for p in found.points} == {MOST}
+    assert {p.n for p in found.points} == {MAX_ANGLES}
     share = found.engaged_error / found.engaged_mean
     result = results.Expectation(study, found, 0.0001)
     (line,) = (part for part in result.to_parts() if str(part).startswith("warning: precision not"))
-    assert f"error {share:.3g}, wanted 0.0001 ({share - 0.0001:.3g} more), with {MOST}" in str(line)
+    assert (
+        f"error {share:.3g}, wanted 0.0001 ({share - 0.0001:.3g} more), with {MAX_ANGLES}"
+        in str(line)
+    )
     assert result.to_dict()["precision"] == {"wanted": 0.0001, "reached": share}
     assert not results.Expectation(study, found, 0.1).shortfall
     assert not _run(study, lambda _: None, 0.01, said).engages

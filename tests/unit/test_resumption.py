@@ -13,9 +13,9 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, models_of
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.simulate.executor import Executor, Where
+from dogshape.pipeline.simulate.executor import Executor, RunOptions
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block, even_blocks
@@ -71,7 +71,7 @@ def test_a_folder_that_cannot_be_made_is_told(
 def test_the_same_command_twice_at_once_is_told(
     tmp_path: Path, quick: AnalyticShifts, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    where = Where(1, None, tmp_path, ProgressBar())
+    where = RunOptions(1, None, tmp_path, ProgressBar())
     with where.executor("expect", ("abc", 3), 1) as (first, _):
         with where.executor("expect", ("abc", 3), 1) as (second, _):
             assert second.journal.path != first.journal.path
@@ -94,7 +94,7 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: AnalyticShifts) 
     left = sum(len(block.angles) for block in blocks[1:])
     append(tmp_path / "shifts.jsonl", *AnalyticShifts()(blocks[0]))
     said: list[str] = []
-    models_of(bench, effects, Means(tmp_path, jobs=1, progress=Listener(said)))
+    models_of(bench, effects, BankOptions(tmp_path, jobs=1, progress=Listener(said)))
     assert f"lacks {left + len(blocks[0].angles)} shifts" in said[0]
 
 
@@ -103,7 +103,7 @@ def test_the_diagnosis_is_written_before_its_price(
 ) -> None:
     bench = simulated_bench({"actuation_delay": {"delay_s": 0.08}})
     found = simulated_diagnosis(bench, advise=True)
-    monkeypatch.setattr("dogshape.gap.diagnosed", lambda *_: found)
+    monkeypatch.setattr("dogshape.gap.diagnose_bench", lambda *_: found)
     asked = ("gap", "mq200_stand", "--study", "mq200_paper", "--out", "g", "--jobs", 1)
     quick.stop = 100
     stopped = dogshape(*asked)
@@ -127,9 +127,9 @@ def test_progress_says_an_upper_bound_as_such(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("dogshape.terminal.LINE_EVERY", 0.0)
-    with WorkCounter(ProgressBar(), 10, most=True) as progress:
+    with WorkCounter(ProgressBar(), 10, at_most=True) as progress:
         progress.advance(4)
-        progress.rest(3)
+        progress.expect_more(3)
         progress.advance(1)
         progress.advance(5)
     with WorkCounter(ProgressBar(), 2) as exact:

@@ -16,7 +16,7 @@ from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE
-from dogshape.pipeline.diagnose.gap_update import asked_of, joined, keep_data
+from dogshape.pipeline.diagnose.gap_update import join_readings, keep_data, read_request
 from dogshape.sim.errors import DataError
 from dogshape.sim.versions import bundled_root
 from tests.analytic import simulate_analytic
@@ -91,7 +91,7 @@ def test_new_readings_continue_or_end_the_series(write: Write, tmp_path: Path, j
     new = tmp_path / "new.csv"
     more, cell = (",order", ",1") if joins else ("", "")
     new.write_text(f"{HEAD}{more}\n149,469,0.1766,1,0.04{cell}\n")
-    found, _ = joined(out, new, asked_of(out))
+    found, _ = join_readings(out, new, read_request(out))
     assert [r.place for r in found.readings] == ([1.0, 2.0, 3.0] if joins else [None] * 3)
 
 

@@ -12,7 +12,7 @@ from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.inference import outcome
 from dogshape.diagnosis.inference.outcome import Field, shift_plan, visits
 from dogshape.diagnosis.terms import NONE
-from dogshape.pipeline.diagnose.bank_diagnosis import Means
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
 from tests.conftest import Call
 from tests.fits import POINTS, Array, field_at
 from tests.toy import EFFECTS
@@ -103,11 +103,11 @@ def test_the_reference_scatters_least_and_a_limit_of_points_is_kept() -> None:
 def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
     """The toy in the place of a bank, at the operating points of the published tables."""
 
-    def predicted_field(bench: Bench, means: Means) -> Field:
+    def predict_field(bench: Bench, means: BankOptions) -> Field:
         points = [cell.point for cell in bench.cells]
         return field_at(("actuation_delay", "moving_mass"), points)
 
-    monkeypatch.setattr("dogshape.gap.predicted_field", predicted_field)
+    monkeypatch.setattr("dogshape.gap.predict_field", predict_field)
 
 
 @pytest.mark.usefixtures("_toy")

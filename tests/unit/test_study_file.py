@@ -218,7 +218,7 @@ def test_an_override_without_a_value_takes_a_key_out() -> None:
 def test_one_angle_confirms_a_study_of_the_compiled_engine() -> None:
     """Where Drake makes the means themselves, an error needs three."""
     one = "search.confirm_angles=1"
-    assert new_angles(load_study("mq200_both", [one]).working) == 2 * 24
+    assert new_angles(load_study("mq200_both", [one]).search_setup) == 2 * 24
     with pytest.raises(InputError, match=r"confirm_angles is 1, but .* at least 3.*engine out"):
         load_study("mq200_both", [one, "solver.engine=drake"])
 

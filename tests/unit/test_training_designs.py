@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys
-from dogshape.pipeline.simulate.design import design_of, which_pass, worth_simulating
+from dogshape.pipeline.simulate.design import design_of, mark_worthy, worth_simulating
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train import training
-from dogshape.pipeline.train.training import Job, count_of, own_designs, simulated_data
+from dogshape.pipeline.train.training import Job, count_of, prototype_designs, simulated_data
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.dataset import COLUMNS, rows_of
 
@@ -26,10 +26,10 @@ def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Setup) -
     assert designs[:12] == training.first_designs(small_study, 12)
     assert [worth_simulating(small_study, one) for one in designs] == [True, True, False] * 10
     worst = replace_keys(small_study, {"search.limits.smallest_margin_worst": 0.0})
-    assert not which_pass(worst, designs[2::3]).any()  # also where none is left for that limit
+    assert not mark_worthy(worst, designs[2::3]).any()  # also where none is left for that limit
     for design in designs[2::3]:
         checks = design_of(small_study, design).checks
-        assert -training.SLACK <= min(check.margin for check in checks) < 0.0
+        assert -training.BORDER_WIDTH <= min(check.margin for check in checks) < 0.0
         assert all(c.passed for c in checks if c.name.endswith("_release"))
     for key, (low, high) in small_study.variables.items():
         values = [design[key] for design in designs]
@@ -67,9 +67,10 @@ def test_rows_are_groups_of_whole_draws() -> None:
 
 def test_own_designs_are_those_that_can_be_simulated() -> None:
     study = load_study("mq200_paper")
-    assert own_designs(study) == [study.prototype]
-    assert own_designs(load_study("mq200_paper", {"dog.chamfer_deg": 5.0})) == []  # it holds
-    assert own_designs(load_study("mq200_paper", {"dog.count": 40})) == []  # its tip is too narrow
+    assert prototype_designs(study) == [study.prototype]
+    assert prototype_designs(load_study("mq200_paper", {"dog.chamfer_deg": 5.0})) == []  # it holds
+    narrow = load_study("mq200_paper", {"dog.count": 40})  # its tip is too narrow
+    assert prototype_designs(narrow) == []
 
 
 @pytest.mark.parametrize(("settings", "angles"), [({}, 16), (EIGHT, 16), (ONE, 128)])
@@ -77,22 +78,24 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
     settings: dict[str, object], angles: int
 ) -> None:
     study = load_study("mq200_paper", {**settings, "surrogate.mix_shifts": 50_000})
-    assert training.angles_of(study) == angles >= training.LEAST_ANGLES
+    assert training.angles_of(study) == angles >= training.MIN_ANGLES
     each = angles * len(study.points)
-    assert each >= training.LEAST_SHIFTS
+    assert each >= training.MIN_SHIFTS
     assert count_of(study) == 50_000 // each
     job = Job(study.prototype, angles, 3, 0)
-    blocks = job.blocks(study.working)
+    blocks = job.blocks(study.search_setup)
     assert {len(block.angles) for block in blocks} == {angles // 2}
     assert sum(job.rounds(study)) == angles // 2
     assert {block.clutch.solver.engine for block in blocks} == {"planar"}
     other = replace(job, index=1)
-    assert not {b.angles[0] for b in blocks} & {b.angles[0] for b in other.blocks(study.working)}
+    assert not {b.angles[0] for b in blocks} & {
+        b.angles[0] for b in other.blocks(study.search_setup)
+    }
 
 
 def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -> None:
     many = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": 10**7})
-    assert count_of(many) == training.MOST_DESIGNS
+    assert count_of(many) == training.MAX_DESIGNS
     for shifts in (1, 15 * 128 - 1):
         with pytest.raises(InputError, match=rf"mix_shifts = {shifts} .* give 1920 or more"):
             count_of(load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": shifts}))
@@ -100,7 +103,7 @@ def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -
 
 def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_path: Path) -> None:
     """Half of a design's angles are where its times jump: they say what many even ones say."""
-    study, path = load_study("mq200_paper", EIGHT).working, tmp_path / "simulated.jsonl"
+    study, path = load_study("mq200_paper", EIGHT).search_setup, tmp_path / "simulated.jsonl"
     own, less = study.prototype, {**study.prototype, "chamfer_deg": 7.5}
     jobs = [Job(own, 32, 1, 0), Job(less, 32, 1, 1)]
     even = Job(own, 31, 5, 0)  # below 32 fewer halve intervals

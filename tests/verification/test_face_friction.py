@@ -122,6 +122,6 @@ def test_drake_and_impact_refuse_a_film(clutch: Clutch) -> None:
         replace(CONTACT_SETS["adams_impact"], face_friction=FILM)
     study = load_study("mq200", [f"contact.face_friction={FILM}"])
     assert study.clutch.solver.engine == "planar"
-    assert study.judging is None
-    assert "contact.face_friction" in study.unjudged
+    assert study.reference_setup is None
+    assert "contact.face_friction" in study.engine_gap
     assert clutch.contact.face_friction is None

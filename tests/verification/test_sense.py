@@ -99,7 +99,7 @@ def _found(cause: Mapping[str, Mapping[str, float]], sense: Sense, *, other: boo
         cells = []
         for cell in bench.cells:
             factor = _back(cell.point.mismatch * 30.0 / np.pi)
-            rows = tuple(replace(r, time=(r.time or 0.0) * factor) for r in cell.record_meanings)
+            rows = tuple(replace(r, time=(r.time or 0.0) * factor) for r in cell.readings)
             cells.append(replace(cell, readings=rows))
         bench = replace(bench, cells=tuple(cells))
     names = ("actuation_delay", "force_scale", "mismatch_speed", "moving_mass", REVERSED)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape import Study
-from dogshape.pipeline.config.study_file import SURE
+from dogshape.pipeline.config.study_file import MAX_PASSED_PLAY
 from dogshape.pipeline.store.result_records import LimitRow, PointRow
 from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
@@ -96,7 +96,7 @@ def test_rests_of_blocked_shifts_are_what_slides_leave(flat: Clutch, mismatch_rp
     assert np.sort(np.array(found, dtype=float)) == pytest.approx(even, abs=pitch / n)
 
 
-@pytest.mark.parametrize(("share", "skipped"), [(0.2, 0.0), (SURE, 0.0), (0.8, 1.0)])
+@pytest.mark.parametrize(("share", "skipped"), [(0.2, 0.0), (MAX_PASSED_PLAY, 0.0), (0.8, 1.0)])
 def test_a_ring_falls_into_the_slot_that_comes(flat: Clutch, share: float, skipped: float) -> None:
     """Without friction, from on a face: at shares of the speed that passes the play in a fall."""
     slippery = replace(flat.contact, static_friction=1e-3, dynamic_friction=1e-3)

@@ -27,7 +27,7 @@ from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import update_posterior
 from dogshape.diagnosis.prediction.model import Model
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed, models_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, diagnose_bench, models_of
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, RPM
@@ -148,7 +148,7 @@ def _repeat_shifts(
 
 def diagnose_folder(folder: Path) -> dict[str, Any]:
     """Diagnose the blind case in a folder; return the record of the diagnosis."""
-    return diagnosed(load_bench(folder), _bank_options(1)).to_dict()
+    return diagnose_bench(load_bench(folder), _bank_options(1)).to_dict()
 
 
 def likelihood_of(folder: Path, sensor: str, model: Model | None = None) -> Likelihood:
@@ -169,9 +169,9 @@ def make_advised_test(
     folder: Path, truth: Mapping[str, Any], correct: Sequence[Names]
 ) -> Advised | None:
     """Diagnose a case again, make its advised test by the truth, and judge the outcome."""
-    diagnosis = diagnosed(load_bench(folder), _bank_options(1))
+    diagnosis = diagnose_bench(load_bench(folder), _bank_options(1))
     return judge_test(folder, case_of(truth), diagnosis, correct)
 
 
-def _bank_options(jobs: int) -> Means:
-    return Means(jobs=jobs, engine=ENGINE)
+def _bank_options(jobs: int) -> BankOptions:
+    return BankOptions(jobs=jobs, engine=ENGINE)

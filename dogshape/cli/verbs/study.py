@@ -57,13 +57,13 @@ def _named_study(name: str, settings: list[str]) -> ds.Study:
 def _plausible(study: ds.Study, angles: Collection[float] = ()) -> None:
     """Warn of units in doubt, of slides that lose power, and of angles beyond a pitch."""
     from dogshape.pipeline.simulate.plausibility import (  # noqa: PLC0415
-        folded,
+        angle_notes,
         slide_notes,
         slips_of,
     )
 
     config = study.config
-    warn([*slips_of(config), *slide_notes(config), *folded(config.clutch.dog, angles)])
+    warn([*slips_of(config), *slide_notes(config), *angle_notes(config.clutch.dog, angles)])
 
 
 def shift(
