@@ -177,11 +177,15 @@ def confirm(
 def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> list[dict[str, Any]]:
     """Simulate the study's own dog and the designs that fail by least, at new angles.
 
-    For a search in which none passes; designs that failed before a simulation are among them. Give
-    their records, without those whose shifts say nothing of some objective.
+    For a search in which none passes; designs that failed before a simulation are among them.
+    Designs whose shifts all failed are left out. Give their records.
     """
     study, angles = searched.study, new_angles(searched.study)
-    known = [trial for trial in searched.trials if searched.designs[trial.number].checks]
+    known = [
+        trial
+        for trial in searched.trials
+        if searched.designs[trial.number].checks and (trial.simulated or not trial.failed)
+    ]
     nearest = sorted(known, key=lambda trial: (shortfall(searched, trial), trial.number))
     own = [trial for trial in nearest if trial.prototype]
     trials = [*own, *[trial for trial in nearest if not trial.prototype][:NEAREST]]

@@ -240,5 +240,6 @@ def test_the_own_dog_is_confirmed_and_chosen_where_it_is_the_fastest(searched: S
     assert result["best"]["prototype"]
     assert confirmation["chosen"] == 0
     assert confirmation["gain_s"] is None
-    assert headline(result).startswith("Your own dog is the fastest that passes: expected shift")
+    assert headline(result).startswith("Your own dog is the fastest: expected shift time")
+    assert headline(result).endswith("Not judged: flank strike.")
     assert 0 in [row["trial"] for row in result["front"]]

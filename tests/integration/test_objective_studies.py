@@ -182,8 +182,8 @@ def test_means_over_the_mix(name: str, of: Callable[[Record], float]) -> None:
 def test_share_at_the_first_try_is_its_posterior() -> None:
     study = study_with("search.limits.first_try_share=0.5", "search.within_s=0.06")
     found, shifts = measured(study)
-    late = [sum(row["shift_time_s"] > 0.06 for row in shifts if row["force_N"] == force)
-            for force in sorted({row["force_N"] for row in shifts})]  # fmt: skip
+    late = [sum(row["shift_time_s"] > 0.06 for row in shifts if row["mismatch_rpm"] == speed)
+            for speed in sorted({row["mismatch_rpm"] for row in shifts})]  # fmt: skip
     each = len(shifts) // len(late)
     expected = share_over([1.0] * len(late), [(count, each) for count in late])
     assert found.estimates["first_try_share"].value == pytest.approx(expected.value)
