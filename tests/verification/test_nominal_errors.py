@@ -72,7 +72,7 @@ def test_errors_add_up_as_asme_says() -> None:
     parts = [p.mean[0] * share for share in shares]
     more = (stated.mean_variance(p) - exact.mean_variance(p))[0]
     assert more == pytest.approx(sum(part**2 for part in parts))
-    both = [one.columns(p)[0] for one in (stated, exact)]
+    both = [one.common_errors(p)[0] for one in (stated, exact)]
     covariance = both[0] @ both[0].T - both[1] @ both[1].T
     assert covariance == pytest.approx(sum(np.outer(c, c) for c in parts), rel=1e-6, abs=1e-12)
 
