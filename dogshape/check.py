@@ -579,7 +579,7 @@ def _strike_text(strike: Mapping[str, Any]) -> str:
     return f"{text} at {strike['ends']}" if strike["ends"] else text
 
 
-def check_strength(config: Setup, where: RunOptions, *, simulate: bool = True) -> Strength:
+def check_strength(config: Setup, options: RunOptions, *, simulate: bool = True) -> Strength:
     """Check the strength of a study's design as ``Study.strength`` does."""
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
 
@@ -588,7 +588,7 @@ def check_strength(config: Setup, where: RunOptions, *, simulate: bool = True) -
     shifts = len(config.points) * settings.angles if simulate else 0
     measured = None
     if simulate:
-        with where.executor("strength", (config.config_hash,), shifts) as (executor, _):
+        with options.executor("strength", (config.config_hash,), shifts) as (executor, _):
             (found,) = evaluate(config, [{}], executor, settings.angles, settings.seed)
         measured = found.measured
     return Strength(config, *judged_design(config, design_of(config, {}, measured)), shifts)

@@ -222,7 +222,7 @@ class Expectation(Result):
 
 
 def simulate_mean(
-    config: Setup, where: RunOptions, place: Place, angles: Angles, precision: float | None = None
+    config: Setup, options: RunOptions, place: Place, angles: Angles, precision: float | None = None
 ) -> Expectation:
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
     config = config.search_setup
@@ -243,7 +243,7 @@ def simulate_mean(
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
         shifts = FIRST_ANGLES * len(points)
-    with where.executor("expect", question, shifts) as (executor, counter):
+    with options.executor("expect", question, shifts) as (executor, counter):
         if precision is not None:
             mean, blocks, rows = expect_to_precision(config, points, precision, executor, counter)
         else:
