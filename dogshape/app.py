@@ -124,7 +124,7 @@ class LivePage:
         ]
 
     @cached_property
-    def searched(self) -> dict[str, Row]:
+    def searched_designs(self) -> dict[str, Row]:
         """Designs that the search simulated, by number."""
         rows = [] if self.result is None else self.result["trials"]
         return {str(row["trial"]): row for row in rows if row[SIMULATED] is not None}
@@ -132,7 +132,7 @@ class LivePage:
     def shape(self, trial: str = "") -> dict[str, str]:
         """Format the dog's dimensions of a searched design, by key; by default the prototype's."""
         prototype = {number.key: number.text for number in self.numbers if number.group == "dog"}
-        design = self.searched.get(trial, {})
+        design = self.searched_designs.get(trial, {})
         keys = [key for key in self.study.config.variables if key in design]
         return prototype | {f"dog.{key}": f"{design[key]:.6g}" for key in keys}
 
@@ -143,11 +143,11 @@ class LivePage:
             f"{key}={texts[key] or repr('')}" for key, text in initial.items() if texts[key] != text
         ]
 
-    def changed(self, texts: Texts) -> Study:
+    def modify_study(self, texts: Texts) -> Study:
         """Replace keys of the study by the numbers of the page."""
         return self.study.replace_keys(settings_of(self.changes(texts)))
 
-    def unpredicted(self, study: Study) -> str:
+    def prediction_refusal(self, study: Study) -> str:
         """Describe why the surrogate does not apply to a study; empty if it applies."""
         if self.stored is None:
             return "there is no surrogate of the study; 'dogshape fit' makes one"
@@ -156,14 +156,14 @@ class LivePage:
 
     def predict(self, texts: Texts, where: str) -> Checked:
         """Check a design at once: by the surrogate, or by closed forms alone without one."""
-        study = self.changed(texts)
-        if self.unpredicted(study):
+        study = self.modify_study(texts)
+        if self.prediction_refusal(study):
             return study.strength(simulate=False)
         return study.check(**_point(texts, where), surrogate=self.surrogate)
 
     def write(self, name: str, texts: Texts, why: str, path: Path) -> None:
         """Write a file of ``FILES``: single shift, data sheet, drawing or solids."""
-        study = self.changed(texts)
+        study = self.modify_study(texts)
         dog = study.config.clutch.dog
         limits = study.config.limits
         if name == "shift.html":
@@ -337,7 +337,7 @@ def answer_at_once(live_page: LivePage, question: Row) -> tuple[dict[str, str], 
     texts = question["texts"]
     try:
         check = live_page.predict(**question)
-        study = live_page.changed(texts)
+        study = live_page.modify_study(texts)
     except DogshapeError as error:
         message = str(error).removeprefix(f"the study {live_page.study.name}: ")
         faults = {key: message if key in message else "" for key in texts}
@@ -347,7 +347,7 @@ def answer_at_once(live_page: LivePage, question: Row) -> tuple[dict[str, str], 
     return dict.fromkeys(texts, ""), {
         "answer.className": "",
         "refused.children": "",
-        "predicted.children": app_page.predicted_card(check, live_page.unpredicted(study)),
+        "predicted.children": app_page.predicted_card(check, live_page.prediction_refusal(study)),
         **app_page.verdict_content(check),
         "section.src": f"data:image/svg+xml,{quote(svg)}",
         "cautions.children": app_page.cautions(check),
@@ -358,7 +358,7 @@ def answer_at_once(live_page: LivePage, question: Row) -> tuple[dict[str, str], 
 def answer_by_simulation(live_page: LivePage, question: Row) -> Answer:
     """Simulate a design; content of the page for its time, and its checks with the landing."""
     try:
-        check = live_page.changed(question["texts"]).check(**_point(**question))
+        check = live_page.modify_study(question["texts"]).check(**_point(**question))
     except DogshapeError as error:
         return {"simulated.children": app_page.card("simulated shift time", "none", str(error))}
     return {"simulated.children": app_page.simulated_card(check), **app_page.verdict_content(check)}

@@ -45,9 +45,9 @@ class Comparison(Result):
 
         comparison = self.compared
         relative = comparison.relative_rms
-        engaged, tried, simulated = comparison.engaged
+        engaged, attempts, simulated = comparison.engaged
         engagement = (
-            f"{engaged} of {tried}, simulated {percent(simulated)}" if tried else "not said"
+            f"{engaged} of {attempts}, simulated {percent(simulated)}" if attempts else "not said"
         )
         parts = [
             tabulate(BenchPoint, self.rows),
@@ -73,8 +73,8 @@ class Comparison(Result):
     def to_dict(self) -> dict[str, Any]:
         """Convert operating points, gap and doubtful values of the set to values of JSON."""
         result = self.compared
-        engaged, tried, simulated = result.engaged
-        simulated_share = simulated if tried else None
+        engaged, attempts, simulated = result.engaged
+        simulated_share = simulated if attempts else None
         return {
             "name": result.bench.name,
             "engine": result.bench.clutch.solver.engine,
@@ -83,7 +83,7 @@ class Comparison(Result):
             "relative_rms": result.relative_rms,
             "engaged": {
                 "engaged": engaged,
-                "tried": tried,
+                "tried": attempts,
                 "simulated_share": simulated_share,
             },
             "numerical_error_s": result.numerical_error,

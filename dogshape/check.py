@@ -272,9 +272,9 @@ class Check(Checked):
     """Quick answer about one design: its checks, and its expected shift time.
 
     The compiled engine simulates the design, landing included, and the interval has its error in
-    it. A surrogate that is named answers in its place, and the landing is not judged. A clutch
-    that does not engage has no time: ``refusal`` is the reason.
-    ``shifts`` is the number of simulated ones, ``engaged`` their least share at a point.
+    it. A named surrogate answers in its place, and the landing is not judged. A clutch that does
+    not engage has no time: ``refusal`` is the reason. ``shifts`` is the number of simulated shifts,
+    ``engaged`` the smallest share of engaged shifts at an operating point.
     """
 
     mix: Mix
@@ -288,7 +288,7 @@ class Check(Checked):
 
     @property
     def time_s(self) -> float | None:
-        """Expected shift time, s; None where there is none."""
+        """Expected shift time, s; None for a clutch that does not engage."""
         return None if self.expected is None else self.expected.time
 
     @property
@@ -453,7 +453,7 @@ def check_design(
 
 
 def _guess(config: Setup, mix: Mix, surrogate: str | Path | None) -> Guess | None:
-    """Predict the study's own design by a surrogate of the same physics; None without one."""
+    """Predict the prototype by a surrogate of the same physics; None without a surrogate."""
     match = matching_surrogate(config, surrogate)
     if match is None:
         return None
@@ -497,7 +497,7 @@ def _simulated_time(mean: Expectation, mix: Mix) -> tuple[Expected | None, str]:
 
 @dataclass(frozen=True, repr=False)
 class Strength(Checked):
-    """Every check of one design under its load, and its landing in ``shifts``, 0 without."""
+    """Checks of one design under its load; ``shifts`` is the number of simulated landings."""
 
     shifts: int = 0
 

@@ -165,7 +165,7 @@ class Expectation(Result):
         return line
 
     def _limit_tables(self) -> list[Table]:
-        """Tabulate limits of engagement over mismatch and torque, as far as they were simulated."""
+        """Tabulate the simulated limits of engagement over mismatch and torque."""
         record = self.record
         tables = []
         if record.engagement_limits:
@@ -355,7 +355,7 @@ def expect_draws(
 def _drawn_studies(
     study: str | Path, path: Path, settings: Mapping[str, Any] | Iterable[str]
 ) -> list[Setup]:
-    """Load a study with the keys of each row of a table; ``settings`` replace those of the row."""
+    """Load a study for each row of a table of keys; ``settings`` take precedence."""
     try:
         table = read_table(path, ())
     except FileNotFoundError as error:

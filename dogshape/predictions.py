@@ -60,9 +60,9 @@ class Predictions(Result):
     ``feasible`` is a design that fails none of these; its verdict is ``not_judged``, since no
     prediction has a landing.
 
-    ``answers`` has variables, ``TIMES`` and ``verdicts`` by the rows of the ``table``; ``filled``
-    are variables without a column, at the study's value. ``written`` is the file of the answers;
-    None without one.
+    ``answers`` has variables, times and checks by the rows of the ``table``; ``filled`` are
+    variables without a column, at the study's value. ``written`` is the file of the answers; None
+    without one.
     """
 
     config: Setup
@@ -73,7 +73,7 @@ class Predictions(Result):
 
     @property
     def kept(self) -> list[str]:
-        """Columns of the table that are copied: those of no variable."""
+        """Columns of the table that are no variable and are copied."""
         return [name for name in self.table.head if name == "real" or name not in self.answers]
 
     @property
@@ -210,7 +210,7 @@ def predict_designs(
     if not table.rows:
         raise InputError(f"{table.path} holds no design below its line of names; add some")
     x = _design_values(table, variables, config.prototype)
-    checks = verdicts(config, variables, x)
+    checks = judge_designs(config, variables, x)
     checks.loc[(checks["reason"] == "") & faces_hold(model.data, x), "reason"] = HOLDS
     predicted = np.asarray(checks["reason"] == "", dtype=bool)
     times = _predicted_times(model, x, predicted, mix)
@@ -244,14 +244,14 @@ def _read_designs(
 def _predicted_times(model: Surrogate, x: Array, predicted: Array, mix: Mix) -> pd.DataFrame:
     """Predict the ``TIMES`` of designs, (n, 6); NaN and out of range where not ``predicted``."""
     times = np.full((len(x), 5), np.nan)
-    inside = np.zeros(len(x), dtype=bool)
+    in_training_range = np.zeros(len(x), dtype=bool)
     if predicted.any():
         time, error = model.predict(x[predicted], mix)
         distance = model.distance(x[predicted])
         low, high = interval(time, error)
         times[predicted] = np.column_stack([time, low, high, error, distance])
-        inside[predicted] = in_range(model, x[predicted], mix, distance)
-    return pd.DataFrame(dict(zip(TIMES, (*times.T, inside), strict=True)))
+        in_training_range[predicted] = in_range(model, x[predicted], mix, distance)
+    return pd.DataFrame(dict(zip(TIMES, (*times.T, in_training_range), strict=True)))
 
 
 def answer_path(source: Path) -> Path:
@@ -260,30 +260,30 @@ def answer_path(source: Path) -> Path:
     return source.with_name(f"{source.stem}-times{ending}")
 
 
-def verdicts(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
+def judge_designs(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
     """Judge designs (n, d) in edge units by every check that needs no simulation.
 
-    A row for each, with ``CHECKS`` and whether there is such a dog, ``real``: NaN and no worst
-    check where not. The reason is why there is none, or why it cannot be made.
+    A row for each, with ``CHECKS`` and ``real``, whether the dog is possible; else the margin is
+    NaN and the worst check empty. ``reason`` says why a dog is impossible or cannot be made.
     """
-    possible = np.zeros(len(x), dtype=bool)
+    is_possible = np.zeros(len(x), dtype=bool)
     frames = []
     with np.errstate(all="ignore"):  # of impossible shapes
-        if judged_together(study, names):
-            possible |= dogs_of(study, names, x).possible
-        indices = np.flatnonzero(possible)
+        if has_common_limits(study, names):
+            is_possible |= dogs_of(study, names, x).possible
+        indices = np.flatnonzero(is_possible)
         for start in range(0, len(indices), CHUNK_SIZE):
             chunk = indices[start : start + CHUNK_SIZE]
             frames.append(_judge_together(study, names, x[chunk]).set_index(chunk))
     # The dog itself explains why a shape is impossible.
     single = [
-        _judge_design(study, dict(zip(names, row, strict=True))) for row in x[~possible].tolist()
+        _judge_design(study, dict(zip(names, row, strict=True))) for row in x[~is_possible].tolist()
     ]
-    frames.append(pd.DataFrame(single, np.flatnonzero(~possible), ("real", *CHECKS)))
+    frames.append(pd.DataFrame(single, np.flatnonzero(~is_possible), ("real", *CHECKS)))
     return pd.concat([frame for frame in frames if len(frame)]).sort_index()
 
 
-def judged_together(study: Setup, names: Sequence[str]) -> bool:
+def has_common_limits(study: Setup, names: Sequence[str]) -> bool:
     """Decide whether all designs have the same limits, none of them on the shape."""
     if set(names) & set(OPERATED):
         return False

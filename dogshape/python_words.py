@@ -34,7 +34,7 @@ REPLACEMENTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
 )
 
 
-def in_python(verb: Callable[..., Any]) -> Callable[..., Any]:
+def wrap_verb(verb: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a verb: InputError for text in place of a number, errors name arguments of Python."""
     parameters = inspect.signature(verb).parameters
     annotations = {name: str(parameter.annotation) for name, parameter in parameters.items()}
@@ -63,9 +63,9 @@ def _translate(sentence: str) -> str:
     return sentence
 
 
-def speaks_python(public_class: PublicClass) -> PublicClass:
+def wrap_verbs(public_class: PublicClass) -> PublicClass:
     """Wrap the constructor and all public verbs of a class, in place."""
     for name, value in list(vars(public_class).items()):
         if inspect.isfunction(value) and (name == "__init__" or not name.startswith("_")):
-            setattr(public_class, name, in_python(value))
+            setattr(public_class, name, wrap_verb(value))
     return public_class

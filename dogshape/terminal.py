@@ -124,16 +124,20 @@ class ProgressBar(Progress):
         text = _count_text(count, task.elapsed or 0.0)
         new = count.done - count.known
         bar.update(task.id, total=count.total, completed=count.done, description=text)
-        now = self._console.get_time()
-        elapsed = now - self._print_time
         if count.ended:
             bar.stop()
             self._bar = None
-        if self._cell is not None and (count.ended or elapsed >= CELL_INTERVAL_S):
+        self._print_count(text, new, count.ended)
+
+    def _print_count(self, text: str, new: int, ended: bool) -> None:
+        """Show a count in the cell of a notebook, or print new work as a line, at intervals."""
+        now = self._console.get_time()
+        elapsed = now - self._print_time
+        if self._cell is not None and (ended or elapsed >= CELL_INTERVAL_S):
             self._print_time = now
             self._cell.update({"text/plain": f"simulating: {text}"}, raw=True)
             return
-        prints_lines = not self._console.is_terminal and not count.ended
+        prints_lines = not self._console.is_terminal and not ended
         if prints_lines and new > self._printed_count and elapsed >= LINE_INTERVAL_S:
             self._print_time = now
             self._printed_count = new

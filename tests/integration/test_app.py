@@ -143,7 +143,7 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, live_page: Liv
     page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 40, **mouse)
     page.wait(f"Number({FIELD}.value) > 9")
     page.wait("document.querySelector('#answer').className === ''")
-    trial, design = next(iter(live_page.searched.items()))
+    trial, design = next(iter(live_page.searched_designs.items()))
     page.ask(
         f"dash_clientside.set_props('front', {{clickData: {{points: [{{customdata: {trial}}}]}}}})"
     )

@@ -245,8 +245,30 @@ def _column_pair(text: str) -> tuple[str, str]:
 
 def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand; returns the draft with the answers."""
-    from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
     from dogshape.pipeline.drafts.study_folder import MASS, WORDS, source_of  # noqa: PLC0415
+
+    draft, has_empty_cells = _ask_columns(draft)
+    values = {"name": ask("name of the data set", target.name)} | dict(draft.values)
+    values = {"source": ask("who measured it, and when", "not said")} | values
+    origin = ask("clutch of the stand, as in (study or bench)", draft.origin)
+    if not ask(f"is the clutch exactly that of '{origin}'?", True):
+        dog_values = source_of(origin).dog_values
+        questions = WORDS | {MASS: "moving mass, with fork and rod, kg"}
+        values = changed_values(ask_values(dog_values, questions), dog_values) | values
+    for key, (question, choices) in RECORD_QUESTIONS.items():
+        if key not in values and (key != EMPTY_CELLS or has_empty_cells):
+            values[key] = ask(f"{question}: {', '.join(choices)}", "unknown", choices)
+    if "timeout_s" not in values and ask("has the stand a time-out of its own?", False):
+        values["timeout_s"] = ask("time-out, s", 1.0)
+    return replace(draft, origin=origin, values=values)
+
+
+def _ask_columns(draft: BenchDraft) -> tuple[BenchDraft, bool]:
+    """Ask about columns and rows until the user agrees.
+
+    Returns the draft with the answers, and whether there are rows without a time.
+    """
+    from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
 
     reading = guessed(draft)
     while draft.tables:
@@ -260,19 +282,7 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
             break
         draft = _add_answer(draft, answer)
         reading = guessed(draft)
-    values = {"name": ask("name of the data set", target.name)} | dict(draft.values)
-    values = {"source": ask("who measured it, and when", "not said")} | values
-    origin = ask("clutch of the stand, as in (study or bench)", draft.origin)
-    if not ask(f"is the clutch exactly that of '{origin}'?", True):
-        dog_values = source_of(origin).dog_values
-        questions = WORDS | {MASS: "moving mass, with fork and rod, kg"}
-        values = changed_values(ask_values(dog_values, questions), dog_values) | values
-    for key, (question, choices) in RECORD_QUESTIONS.items():
-        if key not in values and (key != EMPTY_CELLS or reading["empty"]):
-            values[key] = ask(f"{question}: {', '.join(choices)}", "unknown", choices)
-    if "timeout_s" not in values and ask("has the stand a time-out of its own?", False):
-        values["timeout_s"] = ask("time-out, s", 1.0)
-    return replace(draft, origin=origin, values=values)
+    return draft, bool(reading["empty"])
 
 
 def _add_answer(draft: BenchDraft, answer: str) -> BenchDraft:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option, echo
 
@@ -33,6 +33,9 @@ from dogshape.cli.options import (
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
 from dogshape.sim.units import MM
+
+if TYPE_CHECKING:
+    from dogshape.pipeline.config.study_file import Setup
 
 TABLES = (".csv", ".xlsx")
 ENDINGS = {
@@ -159,10 +162,10 @@ def expect(
         )
     if isinstance(relative_angles, tuple):
         raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
-    drawn = ds.expect_draws(
+    expectation = ds.expect_draws(
         study, draws, settings, angles=relative_angles, jobs=jobs, progress=True
     )
-    show(drawn, json)
+    show(expectation, json)
 
 
 def validate(
@@ -360,17 +363,15 @@ def export(
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
-    from dogshape.pipeline.export.cad import load_cad, write_step  # noqa: PLC0415
-    from dogshape.pipeline.export.drawing import dimensioned_svg  # noqa: PLC0415
+    from dogshape.pipeline.export.cad import load_cad  # noqa: PLC0415
     from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
-    from dogshape.sim.part import part_volume, ring_part  # noqa: PLC0415
-    from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
+    from dogshape.sim.part import part_volume  # noqa: PLC0415
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
 
-    named = named_design(study, set_, chosen=False)
-    setup = named.own_study
+    dog_design = named_design(study, set_, chosen=False)
+    setup = dog_design.own_study
     dog = setup.clutch.dog
     radius = setup.limits.root_radius
     body = body_mm * MM
@@ -390,25 +391,44 @@ def export(
     if not design.feasible:
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _warn_of_doubts(ds.Study.from_config(setup))
-    if svg is not None:
-        with naming(svg):
-            svg.write_text(dimensioned_svg(dog, setup.limits, named.title), encoding="utf-8")
-    if stl is not None:
-        with naming(stl):
-            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {named.title} ring"))
-    if step is not None:
-        write_step(dog, radius, body, step)
+    _write_geometry(setup, dog_design.title, body, svg, stl, step)
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
         block = dict(text.partition("=")[::2] for text in title or ())
-        write_data_sheet(named, sheet, {"why": why, **block})
+        write_data_sheet(dog_design, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     volume = part_volume(dog, radius, body) / MM**3
     lines = [f"wrote {path} ({FILE_LABELS[kind]})" for kind, path in written.items()]
     lines.append(f"volume of a ring {volume:.1f} mm3")
     sizes = {"ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
+
+
+def _write_geometry(
+    setup: Setup,
+    title: str,
+    body: float,
+    svg: Path | None,
+    stl: Path | None,
+    step: Path | None,
+) -> None:
+    """Write drawing, mesh and solids of a dog; ``body`` is the thickness below the slots, m."""
+    from dogshape.pipeline.export.cad import write_step  # noqa: PLC0415
+    from dogshape.pipeline.export.drawing import dimensioned_svg  # noqa: PLC0415
+    from dogshape.sim.part import ring_part  # noqa: PLC0415
+    from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
+
+    dog = setup.clutch.dog
+    radius = setup.limits.root_radius
+    if svg is not None:
+        with naming(svg):
+            svg.write_text(dimensioned_svg(dog, setup.limits, title), encoding="utf-8")
+    if stl is not None:
+        with naming(stl):
+            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {title} ring"))
+    if step is not None:
+        write_step(dog, radius, body, step)
 
 
 def app(
