@@ -49,7 +49,7 @@ class Comparison(Result):
         engagement = (
             f"{engaged} of {attempts}, simulated {percent(simulated)}" if attempts else "not said"
         )
-        parts = [
+        parts: list[str | Table] = [
             tabulate(BenchPoint, self.rows),
             "z: bench less simulated, over s.e.",
             f"data: {comparison.bench.name}",

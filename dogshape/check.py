@@ -530,7 +530,7 @@ class Strength(Checked):
     def to_parts(self) -> list[str | Table]:
         """Tabulate the checks, with lines on landing, load sharing and flank strikes."""
         landing = self.landing_of(self.shifts, self.config.clutch.solver.engine)
-        parts = [*super().to_parts(), *landing]
+        parts: list[str | Table] = [*super().to_parts(), *landing]
         if self.load_sharing is not None:
             parts.append(f"load sharing by number and accuracy: {self.load_sharing:.2f}")
         parts += map(_strike_text, self.strikes)

@@ -136,7 +136,7 @@ class Expectation(Result):
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
             return [f"{count}: {NO_TIME}", table, hangs, *sources]
         engaged_mean = f"mean of engaged shifts {engaged_text(record)}"
-        parts = [table, self._time_line(), engaged_mean]
+        parts: list[str | Table] = [table, self._time_line(), engaged_mean]
         quantiles = quantile_words([q.to_dict() for q in self.record.quantiles or ()])
         if quantiles:
             parts.append(f"shift time over the life: {quantiles}")
@@ -201,7 +201,10 @@ class Expectation(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Convert mean, errors and operating points to values of JSON."""
-        record = {"engine": self.config.clutch.solver.engine, **self.record.to_dict()}
+        record: dict[str, Any] = {
+            "engine": self.config.clutch.solver.engine,
+            **self.record.to_dict(),
+        }
         if self.config.mechanism:
             record["mechanism"] = self.config.mechanism
         if self.precision is not None:

@@ -443,7 +443,7 @@ def plan_shifts(
 
 def _shift_sheet(bench: Bench, plan: ShiftPlan) -> pd.DataFrame:
     """Tabulate the planned shifts, a row each, with empty columns for the readings."""
-    rows = []
+    rows: list[tuple[float, float, float, int]] = []
     for cell, count in plan.order:
         point = bench.cells[cell].point
         profile = point.profile
