@@ -11,7 +11,7 @@ from inspect import isfunction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.python_words import in_python
+from dogshape.python_words import wrap_verb
 
 # Public names. Modules are loaded when asked for: simulation, search and pages take seconds, which
 # a quick answer does not need.
@@ -60,8 +60,8 @@ __all__ = sorted(_HOMES)  # noqa: PLE0605
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"dogshape has no '{name}'; it has {', '.join(__all__)}")
-    found = getattr(import_module(_HOMES[name]), name)
-    return in_python(found) if isfunction(found) else found
+    value = getattr(import_module(_HOMES[name]), name)
+    return wrap_verb(value) if isfunction(value) else value
 
 
 def __dir__() -> list[str]:

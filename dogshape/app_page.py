@@ -13,20 +13,24 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Figure, percent
 from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, label, time_text
+from dogshape.pipeline.store.result_records import CheckRow
 from dogshape.pipeline.store.result_records import check_table as record_table
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.model import Expected
 
 Children = list[Any]
-HINGES = 3  #: assumptions that the card of the margins names
+SHOWN_HINGES = 3  #: decisive assumptions on the card of the margins
+SLIDER_STEPS = 400
+DEFAULT_REACH = 0.2  #: of a slider on either side, over the value, where the study has no range
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of the page: a key of the study file, or of the question where it has no dot.
+    """A number of the page: a key of the study file or, without a dot, of the operating point.
 
-    ``value`` stands in its field at the start, ``ends`` are those of its slider.
+    ``value`` is the initial one, ``ends`` are those of its slider, ``words`` the label if it is not
+    that of the key.
     """
 
     key: str
@@ -41,136 +45,205 @@ class Number:
         return f"{self.value:.6g}"
 
 
-def number_field(one: Number) -> html.Div:
-    """Lay out a number: label, field, unit, slider, and the sentence on a wrong value."""
-    name, (low, high) = one.key.rpartition(".")[2], one.ends
+def number_field(number: Number) -> html.Div:
+    """Lay out a number: label, field, unit, slider, and room for an error message."""
+    name = number.key.rpartition(".")[2]
+    low, high = number.ends
     if not low < high:
-        reach = 0.2 * abs(one.value) or 1.0
-        low, high = one.value - reach, one.value + reach
-    step = 1 if name == "count" else (high - low) / 400
-    field, slider = ({"number": one.key, "kind": kind} for kind in ("field", "slider"))
-    return html.Div([
-        html.Label(one.words or label(name)),
-        dcc.Input(one.text, "text", id=field, debounce=0.4),
-        html.Span(unit_of(name)),
-        dcc.Slider(low, high, step, marks=None, value=one.value, id=slider,
-                   allow_direct_input=False, tooltip={"placement": "bottom"}),
-        html.P(id={"fault": one.key}, className="bad"),
-    ], className="number")  # fmt: skip
+        reach = DEFAULT_REACH * abs(number.value) or 1.0
+        low = number.value - reach
+        high = number.value + reach
+    slider = dcc.Slider(
+        low,
+        high,
+        1 if name == "count" else (high - low) / SLIDER_STEPS,
+        marks=None,
+        value=number.value,
+        id={"number": number.key, "kind": "slider"},
+        allow_direct_input=False,
+        tooltip={"placement": "bottom"},
+    )
+    field_id = {"number": number.key, "kind": "field"}
+    return html.Div(
+        [
+            html.Label(number.words or label(name)),
+            dcc.Input(number.text, "text", id=field_id, debounce=0.4),
+            html.Span(unit_of(name)),
+            slider,
+            html.P(id={"fault": number.key}, className="bad"),
+        ],
+        className="number",
+    )
 
 
 def layout(config: Setup, numbers: Sequence[Number], front: Figure | None) -> html.Div:
-    """Lay out the page of a study with what it knows."""
-    name, still = config.name, cast(Any, {"displayModeBar": False})
-    fields = {group: [number_field(n) for n in numbers if n.group == group]
-              for group in ("dog", "point", "friction", "shift")}  # fmt: skip
-    where = {"all": f"all {len(config.points)} operating points of the study",
-             "one": "one operating point"}  # fmt: skip
-    aside = html.Aside([
-        html.H2("Dogs"), html.Button("reset to the study", id="back"), *fields["dog"],
-        html.H2("Operating points"), dcc.RadioItems(where, "all", id="where"), *fields["point"],
-        html.H2("Friction"), *fields["friction"],
-        html.H2("Single shift"), *fields["shift"], html.P(id="shift-link"),
-    ])  # fmt: skip
-    cards = {"predicted": "chosen", "simulated": "gain", "margins": ""}
-    main = html.Main([
-        html.Div([html.Div(id=one, className=f"card {kind}") for one, kind in cards.items()],
-                 className="cards"),
-        html.P(id="refused", className="bad"), html.Div(id="cautions"),
-        html.Img(id="section", alt="Section of both rings, unrolled at the mean radius"),
-        html.H2("Checks"), html.Div(id="checks", className="scroll"),
-        html.P("Margin: distance to the limit over the limit. A check shows its formula, source "
-               "and key where the mouse points at it.", className="note"),
-        html.Div([
+    """Lay out the live page of a study; ``front`` is None without a search."""
+    desk = html.Div([_question(config, numbers), _answer(front)], className="desk")
+    return html.Div([html.H1(f"{config.name}: live"), desk, dcc.Store("asked")])
+
+
+def _question(config: Setup, numbers: Sequence[Number]) -> html.Aside:
+    """Lay out the fields by group."""
+    fields: dict[str, Children] = {"dog": [], "point": [], "friction": [], "shift": []}
+    for number in numbers:
+        fields[number.group].append(number_field(number))
+    scopes = {
+        "all": f"all {len(config.points)} operating points of the study",
+        "one": "one operating point",
+    }
+    return html.Aside(
+        [
+            html.H2("Dogs"),
+            html.Button("reset to the study", id="back"),
+            *fields["dog"],
+            html.H2("Operating points"),
+            dcc.RadioItems(scopes, "all", id="where"),
+            *fields["point"],
+            html.H2("Friction"),
+            *fields["friction"],
+            html.H2("Single shift"),
+            *fields["shift"],
+            html.P(id="shift-link"),
+        ]
+    )
+
+
+def _answer(front: Figure | None) -> html.Main:
+    """Lay out cards, section, checks, front, files and command; callbacks fill them."""
+    looks = {"predicted": "chosen", "simulated": "gain", "margins": ""}
+    cards = [html.Div(id=name, className=f"card {look}") for name, look in looks.items()]
+    check_note = (
+        "Margin: distance to the limit over the limit. A check shows its formula, source and key "
+        "where the mouse points at it."
+    )
+    search = html.Div(
+        [
             html.H2("Designs of the search"),
             html.P("A click takes a design over into the fields.", className="note"),
-            dcc.Graph("front", figure=front or {}, config=still),
-        ], hidden=front is None),
-        html.H2("Files of this design"),
-        html.P(["reason of a decision, for the data sheet ", dcc.Input("", id="why")]),
-        html.P(id="files"), html.H2("The same from the command line"), html.Code(id="command"),
-    ], id="answer")  # fmt: skip
-    desk = html.Div([aside, main], className="desk")
-    return html.Div([html.H1(f"{name}: live"), desk, dcc.Store("asked")])
+            dcc.Graph("front", figure=front or {}, config=cast(Any, {"displayModeBar": False})),
+        ],
+        hidden=front is None,
+    )
+    return html.Main(
+        [
+            html.Div(cards, className="cards"),
+            html.P(id="refused", className="bad"),
+            html.Div(id="cautions"),
+            html.Img(id="section", alt="Section of both rings, unrolled at the mean radius"),
+            html.H2("Checks"),
+            html.Div(id="checks", className="scroll"),
+            html.P(check_note, className="note"),
+            search,
+            html.H2("Files of this design"),
+            html.P(["reason of a decision, for the data sheet ", dcc.Input("", id="why")]),
+            html.P(id="files"),
+            html.H2("The same from the command line"),
+            html.Code(id="command"),
+        ],
+        id="answer",
+    )
 
 
 def card(title: str, value: str, *lines: str, exact: Expected | None = None) -> Children:
-    """Fill a card: title, value, lines; ``exact`` in full, for who reads the page by program."""
-    marks: Row = {}
+    """Fill a card with title, value and lines; ``exact`` is stored unrounded for programs."""
+    attributes: Row = {}
     if exact is not None:
-        marks = {"data-exact": f"{exact.time!r} {exact.low!r} {exact.high!r}"}
-    return [html.Span(title), html.B(value, **marks), *(html.Span(one) for one in lines if one)]
+        attributes = {"data-exact": f"{exact.time!r} {exact.low!r} {exact.high!r}"}
+    spans = [html.Span(line) for line in lines if line]
+    return [html.Span(title), html.B(value, **attributes), *spans]
 
 
-def _interval(found: Expected) -> str:
-    return f"95 %: {time_text(found.low)} to {time_text(found.high)}"
+def _interval_text(expected: Expected) -> str:
+    return f"95 %: {time_text(expected.low)} to {time_text(expected.high)}"
 
 
-def predicted_card(found: Checked, reason: str) -> Children:
-    """Show the surrogate's time with its interval, or the reason why it has none."""
-    answer = found.guess.answer if isinstance(found, Check) and found.guess else None
-    if answer is None or answer.expected is None:
-        return card("predicted shift time", "none", answer.refusal if answer else reason)
-    near, seen = f"nearest simulated design: {answer.distance:.1f} median spacings", answer.expected
-    return card("predicted shift time", time_text(seen.time), _interval(seen), near, exact=seen)
+def predicted_card(check: Checked, reason: str) -> Children:
+    """Show the surrogate's time with its interval, or the ``reason`` why there is none."""
+    title = "predicted shift time"
+    if not isinstance(check, Check) or check.guess is None:
+        return card(title, "none", reason)
+    answer = check.guess.answer
+    expected = answer.expected
+    if expected is None:
+        return card(title, "none", answer.refusal)
+    distance = f"nearest simulated design: {answer.distance:.1f} median spacings"
+    time = time_text(expected.time)
+    return card(title, time, _interval_text(expected), distance, exact=expected)
 
 
-def simulated_card(found: Check) -> Children:
-    """Show the simulated time with its error, beside the prediction."""
-    seen, apart = found.expected, ""
-    if seen is None:
-        return card("simulated shift time", "none", found.refusal)
-    if found.guess is not None and (guess := found.guess.answer.expected) is not None:
-        word = "more" if seen.time > guess.time else "less"
-        apart = f"{time_text(abs(seen.time - guess.time))} {word} than predicted"
-        apart += ", beyond both intervals" if found.missed else ""
-    value, shifts = time_text(seen.time, seen.error), f"{found.shifts} shifts, compiled engine"
-    return card("simulated shift time", value, _interval(seen), apart, shifts, exact=seen)
+def simulated_card(check: Check) -> Children:
+    """Show the simulated time with its error and its difference to the prediction."""
+    title = "simulated shift time"
+    simulated = check.expected
+    if simulated is None:
+        return card(title, "none", check.refusal)
+    difference = ""
+    predicted = None if check.guess is None else check.guess.answer.expected
+    if predicted is not None:
+        direction = "more" if simulated.time > predicted.time else "less"
+        amount = time_text(abs(simulated.time - predicted.time))
+        difference = f"{amount} {direction} than predicted"
+        if check.missed:
+            difference += ", beyond both intervals"
+    time = time_text(simulated.time, simulated.error)
+    shifts = f"{check.shifts} shifts, compiled engine"
+    return card(title, time, _interval_text(simulated), difference, shifts, exact=simulated)
 
 
-def judged(found: Checked) -> dict[str, Any]:
-    """Show the smallest margin, the verdict with what decides it, and the table of checks."""
-    weakest, verdict = smallest_margin(found.design.checks), found.verdict
+def verdict_content(check: Checked) -> dict[str, Any]:
+    """Show smallest margin, verdict and checks, as content of the page by place."""
+    weakest = smallest_margin(check.design.checks)
+    verdict = check.verdict
+    hinges = hinge_lines(verdict)[:SHOWN_HINGES] if verdict.flipping else []
     lines = (
         check_name(weakest.name),
         verdict.line,
-        f"at statistical tolerances: {found.statistical.replace('_', ' ')}",
-        f"at worst-case tolerances: {found.worst_case.replace('_', ' ')}",
-        *(line.partition(" [")[0] for line in hinge_lines(verdict)[:HINGES] if verdict.flipping),
+        f"at statistical tolerances: {check.statistical.replace('_', ' ')}",
+        f"at worst-case tolerances: {check.worst_case.replace('_', ' ')}",
+        *(line.partition(" [")[0] for line in hinges),
     )
-    kind = {"passes": "good", "fails": "bad"}.get(verdict.state, "open")
+    look = {"passes": "good", "fails": "bad"}.get(verdict.state, "open")
     return {
         "margins.children": card("smallest margin", percent(weakest.margin), *lines),
-        "margins.className": f"card {kind}",
-        "checks.children": check_table(found),
+        "margins.className": f"card {look}",
+        "checks.children": check_table(check),
     }
 
 
-def cautions(found: Checked) -> Children:
-    """List what speaks against trusting a prediction, or the study's numbers."""
-    words = list(found.notes)
-    if isinstance(found, Check) and found.guess is not None:
-        words += found.guess.answer.warnings
-        q2, useful = found.guess.validation.q2, found.guess.validation.useful
-        words += [] if useful else [f"the surrogate has Q² {q2:.2f} on designs outside its fit"]
-    return [html.P(f"Caution: {one}.", className="bad") for one in words]
+def cautions(check: Checked) -> Children:
+    """List the warnings of the study and of the surrogate's prediction."""
+    warnings = list(check.notes)
+    if isinstance(check, Check) and check.guess is not None:
+        warnings += check.guess.answer.warnings
+        validation = check.guess.validation
+        if not validation.useful:
+            warnings.append(f"the surrogate has Q² {validation.q2:.2f} on designs outside its fit")
+    return [html.P(f"Caution: {warning}.", className="bad") for warning in warnings]
 
 
-def check_table(found: Checked) -> html.Table:
-    """Tabulate all checks as the command line does, with formula, source and key to point at."""
-    checks, body = {row.name: row for row in found.judged_rows}, []
-    table = record_table(list(checks.values()))
+def check_table(check: Checked) -> html.Table:
+    """Tabulate all checks as the command line does, with formula, source and key as a hint."""
+    rows_by_name = {row.name: row for row in check.judged_rows}
+    table = record_table(list(rows_by_name.values()))
+    body = []
     for cells in table.rows:
-        row = checks.get(cells[0])
+        row = rows_by_name.get(cells[0])
         if row is None:
-            body.append(html.Tr(html.Td(cells[0], colSpan=len(table.heads)), className="group"))
-            continue
-        exact: Row = {}
-        if row.passed is not None:
-            exact = {"data-check": row.name, "data-margin": repr(row.margin)}
-        said = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
-        texts = [check_name(row.name), *cells[1:]]
-        drawn = [html.Td(text, className="bad" if isinstance(text, Bad) else "") for text in texts]
-        kind = "failed" if row.passed is False and not row.unclear else ""
-        body.append(html.Tr(drawn, title=said, className=kind, **exact))
-    return html.Table([html.Thead(html.Tr(list(map(html.Th, table.heads)))), html.Tbody(body)])
+            group = html.Td(cells[0], colSpan=len(table.heads))
+            body.append(html.Tr(group, className="group"))
+        else:
+            body.append(_check_line(row, cells))
+    head = html.Tr([html.Th(text) for text in table.heads])
+    return html.Table([html.Thead(head), html.Tbody(body)])
+
+
+def _check_line(row: CheckRow, cells: Sequence[str]) -> html.Tr:
+    """Lay out a check; its margin is stored unrounded for programs."""
+    attributes: Row = {}
+    if row.passed is not None:
+        attributes = {"data-check": row.name, "data-margin": repr(row.margin)}
+    hint = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
+    texts = [check_name(row.name), *cells[1:]]
+    columns = [html.Td(text, className="bad" if isinstance(text, Bad) else "") for text in texts]
+    look = "failed" if row.passed is False and not row.unclear else ""
+    return html.Tr(columns, title=hint, className=look, **attributes)

@@ -21,9 +21,9 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated
 from dogshape.sim.statistics.shift_records import clutch_record
 
-MIN_ANGLES = 3  #: of a comparison, of which a spread can be known
-FLIPPED = 1e-3  #: s, numerical error that the steps of the solver alone do not make
-FLIP = (
+MIN_COMPARED_ANGLES = 3  #: relative angles at each operating point, for an estimate of the spread
+MIN_FLIP_ERROR_S = 1e-3  #: numerical error of the mean that only a flipped shift explains
+FLIP_NOTE = (
     "so large a numerical error is a shift that flipped: of those repeated with a finer tolerance "
     "one or more came into another slot, or did not engage; with more --angles one such shift "
     "counts less"
@@ -40,44 +40,52 @@ class Comparison(Result):
     compared: Compared
 
     def to_parts(self) -> list[str | Table]:
-        """Give operating points, the gap over all of them, and suspicious values of the set."""
+        """Tabulate operating points, with lines on the gap and on doubtful values of the set."""
         from dogshape.pipeline.reports.gap_page import examined_lines  # noqa: PLC0415  # plotly
 
-        found, relative = self.compared, self.compared.relative_rms
-        engaged, tried, simulated = found.engaged
-        share = f"{engaged} of {tried}, simulated {percent(simulated)}" if tried else "not said"
-        error = found.numerical_error or 0.0
-        return [
+        comparison = self.compared
+        relative = comparison.relative_rms
+        engaged, attempts, simulated = comparison.engaged
+        engagement = (
+            f"{engaged} of {attempts}, simulated {percent(simulated)}" if attempts else "not said"
+        )
+        parts: list[str | Table] = [
             tabulate(BenchPoint, self.rows),
             "z: bench less simulated, over s.e.",
-            f"data: {found.bench.name}",
-            f"operating points: {len(found.differences)}",
-            f"root-mean-square gap: {time_text(found.rmse)}",
+            f"data: {comparison.bench.name}",
+            f"operating points: {len(comparison.differences)}",
+            f"root-mean-square gap: {time_text(comparison.rmse)}",
             f"relative: {'-' if relative is None else percent(relative)}",
-            f"engaged: {share}",
-            *([f"numerical error of the mean: {error * 1e3:.2g} ms"]
-              if found.numerical_error is not None else []),
-            *([FLIP] if error > FLIPPED else []),
-            *examined_lines(found.bench),
-        ]  # fmt: skip
+            f"engaged: {engagement}",
+        ]
+        error = comparison.numerical_error
+        if error is not None:
+            parts.append(f"numerical error of the mean: {error * 1e3:.2g} ms")
+            if error > MIN_FLIP_ERROR_S:
+                parts.append(FLIP_NOTE)
+        return [*parts, *examined_lines(comparison.bench)]
 
     @property
     def rows(self) -> list[BenchPoint]:
         """Operating points by the declared keys."""
-        return [BenchPoint.of(one) for one in self.compared.differences]
+        return [BenchPoint.of(difference) for difference in self.compared.differences]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give each operating point, the gap over all of them, and what looks odd in the set."""
+        """Convert operating points, gap and doubtful values of the set to values of JSON."""
         result = self.compared
-        engaged, tried, simulated = result.engaged
-        share = simulated if tried else None
+        engaged, attempts, simulated = result.engaged
+        simulated_share = simulated if attempts else None
         return {
             "name": result.bench.name,
             "engine": result.bench.clutch.solver.engine,
             "points": [row.to_dict() for row in self.rows],
             "rmse_s": result.rmse,
             "relative_rms": result.relative_rms,
-            "engaged": {"engaged": engaged, "tried": tried, "simulated_share": share},
+            "engaged": {
+                "engaged": engaged,
+                "tried": attempts,
+                "simulated_share": simulated_share,
+            },
             "numerical_error_s": result.numerical_error,
             **findings_record(result.bench),
         }
@@ -90,7 +98,7 @@ class Comparison(Result):
         return times_by_point(self.to_dict()["points"], sides)
 
     def to_frame(self) -> Frame:
-        """Give a row for each operating point: bench, simulation, standard error, z."""
+        """Tabulate bench, simulation, standard error and z, a row for each operating point."""
         return frame_of(self.rows)
 
 
@@ -107,7 +115,7 @@ def validate(
     """Simulate the operating points of a bench data set and compare.
 
     DataError or InputError for data that cannot be true, with file, row, column and the correction,
-    for a set in which nothing is known of any shift, and for fewer than three angles.
+    for a set without a time or an outcome of any shift, and for fewer than three angles.
     Example: ``ds.validate("mq200_adams", 24)``
 
     Parameters
@@ -120,9 +128,10 @@ def validate(
     jobs, keep, progress : as in ``Study.expect``.
     """
     data = load_bench(bench, correct)
-    chosen = (data.relative_angles or ANGLES) if angles is None else in_radians(angles)
-    count = chosen if isinstance(chosen, int) else len(chosen)
-    if angles is not None and count < MIN_ANGLES:
+    default_angles = data.relative_angles or ANGLES
+    relative_angles = default_angles if angles is None else in_radians(angles)
+    count = relative_angles if isinstance(relative_angles, int) else len(relative_angles)
+    if angles is not None and count < MIN_COMPARED_ANGLES:
         raise InputError(
             f"--angles is '{angles}', but a comparison needs at least three; give more"
         )
@@ -131,7 +140,8 @@ def validate(
         data = replace(data, clutch=data.clutch.with_engine(engine))
     shifts = len(data.cells) * count
     propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
-    asked = data.name, clutch_record(data.clutch), angles
-    where = RunOptions(jobs, None, keep, receiver(progress))
-    with where.executor("validate", asked, shifts + propagated + repeated(shifts)) as (run, _):
-        return Comparison(compare(data, run.run, chosen, checked=True))
+    question = data.name, clutch_record(data.clutch), angles
+    options = RunOptions(jobs, None, keep, receiver(progress))
+    work = shifts + propagated + repeated(shifts)
+    with options.executor("validate", question, work) as (executor, _):
+        return Comparison(compare(data, executor.run, relative_angles, checked=True))

@@ -92,7 +92,9 @@ class Checked(Result):
         weakest = smallest_margin(self.design.checks)
         name, margin = weakest_within(self.config, self.design, kind)
         margin, name = min((margin, name), (weakest.margin, weakest.name))
-        return "no dog" if math.isinf(margin) else f"{percent(margin)}, {name}"
+        if math.isinf(margin):
+            return "no dog"
+        return f"{percent(margin)}, {name}"
 
     @property
     def worst_case(self) -> str:
@@ -106,23 +108,24 @@ class Checked(Result):
 
     @property
     def retention(self) -> list[Retention]:
-        """Forces that separate the rings under torque on each flank, and what holds them."""
-        dog, load = self.config.clutch.dog, self.config.limits.load
+        """Axial separating and holding forces of the loaded rings, by flank."""
+        dog = self.config.clutch.dog
+        load = self.config.limits.load
         return [retention(dog, load, flank) for flank in FLANKS]
 
     @property
     def rows(self) -> list[CheckRow]:
         """Every check with its margins, by the declared keys."""
-        return [CheckRow(**one) for one in checks_within(self.config, self.design)]
+        return [CheckRow(**row) for row in checks_within(self.config, self.design)]
 
     @property
     def judged_rows(self) -> list[CheckRow]:
         """Every check, then the standard ones that were not judged."""
-        missing = [NotJudged(check=one.check, key=one.key) for one in self.verdict.not_judged]
+        missing = [NotJudged(check=check.check, key=check.key) for check in self.verdict.not_judged]
         return [*self.rows, *map(not_judged_row, missing)]
 
     def to_parts(self) -> list[str | Table]:
-        """Give the table of checks, verdict, warnings and the force on the blocking mechanism."""
+        """Tabulate the checks, with verdict, warnings and the force on the blocking mechanism."""
         weakest = smallest_margin(self.design.checks)
         return [
             check_table(self.judged_rows),
@@ -133,14 +136,14 @@ class Checked(Result):
             f"of all tolerances ({self.rejects} of the dogs have less), and with every tolerance "
             "at its worst (landing and times: nominal size alone)",
             f"verdict: {self.verdict.line}",
-            *(f"{one.name}: {one.fault}; {one.remedy}" for one in self.design.faults),
+            *(f"{check.name}: {check.fault}; {check.remedy}" for check in self.design.faults),
             f"smallest margin: {percent(weakest.margin)}, {weakest.name}",
             *hinge_lines(self.verdict),
             f"at statistical tolerances: {self.statistical}",
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
             *(f"warning: {note}" for note in self.notes),
-            *map(_retention_words, self.retention),
+            *map(_retention_text, self.retention),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
         ]
 
@@ -150,26 +153,27 @@ class Checked(Result):
         return f"{100.0 * self.config.limits.tolerances.reject_rate:.3g} %"
 
     def landing_of(self, shifts: int, engine: str) -> list[str]:
-        """Explain which shifts the checks of the landing are from; nothing without them."""
+        """Describe the shifts behind the landing checks; empty without simulated shifts."""
         landings = self.design.landings
         if landings is None or not shifts:
             return []
         share = self.config.limits.load.landing_share
-        taken = "the hardest" if share is None else f"{100 - 100 * share:.4g} % quantile"
+        severity = "the hardest" if share is None else f"{100 - 100 * share:.4g} % quantile"
         angles = shifts // len(self.config.points)
         return [
-            f"landing: {taken} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
+            f"landing: {severity} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
             "operating point",
             *self._landing_stiffness(landings),
         ]
 
     def _landing_stiffness(self, landings: Landings) -> list[str]:
-        """Explain what the landing owes to the stiffness of the contact, which stands for rings."""
-        contact, span = self.config.clutch.contact, SPANS.contact_stiffness
+        """Describe the landing margin over contact stiffness; empty with an impact law."""
+        contact = self.config.clutch.contact
         if contact.impact is not None:
             return []
-        dog, limits = self.config.clutch.dog, self.config.limits
-        margins = landing_by_stiffness(dog, limits, landings, contact.stiffness)
+        span = SPANS.contact_stiffness
+        dog = self.config.clutch.dog
+        margins = landing_by_stiffness(dog, self.config.limits, landings, contact.stiffness)
         soft, stiff = map(percent, margins)
         return [
             f"landing with {span.low:g} to {span.high:g} times contact.stiffness_Pa_m: smallest "
@@ -177,26 +181,26 @@ class Checked(Result):
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give every check as JSON takes it."""
+        """Convert verdict, checks and retention to values of JSON."""
         return {
             "feasible": self.feasible,
             "verdict": self.verdict.to_dict(),
             "checks": checks_within(self.config, self.design),
             "retention": [
                 {
-                    "flank": one.flank,
-                    "force_without_friction_N": one.frictionless,
-                    "force_with_flank_friction_N": one.flank_friction,
-                    "force_with_all_friction_N": one.all_friction,
-                    "held_N": one.held,
-                    "held_by": one.answer,
+                    "flank": retention.flank,
+                    "force_without_friction_N": retention.frictionless,
+                    "force_with_flank_friction_N": retention.flank_friction,
+                    "force_with_all_friction_N": retention.all_friction,
+                    "held_N": retention.held,
+                    "held_by": retention.answer,
                 }
-                for one in self.retention
+                for retention in self.retention
             ],
         }
 
     def to_frame(self) -> Frame:
-        """Give a row for each check: value and limit in ``unit``, margins as shares.
+        """Tabulate checks, a row each: value and limit in ``unit``, margins as shares.
 
         Standard checks that were not judged have a row without values, in which ``passed`` is
         missing; ``attrs["verdict"]`` is the verdict in a sentence.
@@ -209,48 +213,52 @@ class Checked(Result):
 def hinge_lines(verdict: Verdict) -> list[str]:
     """List the assumptions that flip a verdict within their ranges, or the strongest one."""
     if verdict.flipping:
-        return [f"the verdict hangs on {_hinge_words(hinge)}" for hinge in verdict.flipping]
+        return [f"the verdict hangs on {_hinge_text(hinge)}" for hinge in verdict.flipping]
     if verdict.hangs_on:
-        strongest = _hinge_words(verdict.hangs_on[0])
+        strongest = _hinge_text(verdict.hangs_on[0])
         return [f"no assumption flips the verdict within its range; strongest: {strongest}"]
     return []
 
 
-def _hinge_words(hinge: Hinge) -> str:
-    ends = percent(hinge.margin_low), percent(hinge.margin_high)
+def _hinge_text(hinge: Hinge) -> str:
+    low = percent(hinge.margin_low)
+    high = percent(hinge.margin_high)
     checks = ", ".join(dict.fromkeys((hinge.check_low, hinge.check_high)))
-    margins = f"smallest margin {ends[0]} to {ends[1]} ({checks})"
+    margins = f"smallest margin {low} to {high} ({checks})"
     return f"{hinge.key} {hinge.range_text} [{hinge.status}: {hinge.source}]: {margins}"
 
 
-def _retention_words(found: Retention) -> str:
+def _retention_text(retention: Retention) -> str:
     """Describe how a worn, loaded flank is held, with its axial forces."""
-
     forces = {
-        "without friction": found.frictionless,
-        "with the least of the flank": found.flank_friction,
-        "with the toothing's too": found.all_friction,
+        "without friction": retention.frictionless,
+        "with the least of the flank": retention.flank_friction,
+        "with the toothing's too": retention.all_friction,
     }
-    words, direction = list[str](), ""
+    clauses: list[str] = []
+    previous_direction = ""
     for friction, force in forces.items():
-        turned = "pushes out with " if force > 0.0 else "pulls in with "
-        words.append(f"{'' if turned == direction else turned}{abs(force):.0f} N {friction}")
-        direction = turned
-    return f"worn {found.flank} flank: held by {found.answer}; {', '.join(words)}"
+        direction = "pushes out with " if force > 0.0 else "pulls in with "
+        clause = f"{abs(force):.0f} N {friction}"
+        if direction != previous_direction:
+            clause = direction + clause
+        clauses.append(clause)
+        previous_direction = direction
+    return f"worn {retention.flank} flank: held by {retention.answer}; {', '.join(clauses)}"
 
 
-#: Standard error of the compiled engine's expected time against Drake's, over the time. Medians are
+#: Relative standard error of the compiled engine's expected time against Drake's. Medians are
 #: 0.01 % with the design set and up to 0.8 % with the published one (docs/evidence/engines.txt).
 ENGINE_ERROR = 0.01
-NORMAL_95 = 1.96
+NORMAL_95 = 1.96  #: standard deviations of a two-sided 95 % interval
 
 
 @dataclass(frozen=True)
 class Guess:
     """Prediction of a surrogate for a design.
 
-    ``answer`` is the expected time with what speaks against trusting it, ``spread`` its change
-    within the tolerances, s, ``validation`` the surrogate on designs that it had not seen.
+    ``answer`` is the expected time with its warnings, ``spread`` its change within the tolerances,
+    s, ``validation`` the accuracy on designs outside the fit.
     """
 
     answer: Answer
@@ -264,9 +272,9 @@ class Check(Checked):
     """Quick answer about one design: its checks, and its expected shift time.
 
     The compiled engine simulates the design, landing included, and the interval has its error in
-    it. A surrogate that is named answers in its place, and the landing is not judged. A clutch
-    that does not engage has no time: ``refusal`` is the reason.
-    ``shifts`` is the number of simulated ones, ``engaged`` their least share at a point.
+    it. A named surrogate answers in its place, and the landing is not judged. A clutch that does
+    not engage has no time: ``refusal`` is the reason. ``shifts`` is the number of simulated shifts,
+    ``engaged`` the smallest share of engaged shifts at an operating point.
     """
 
     mix: Mix
@@ -280,60 +288,75 @@ class Check(Checked):
 
     @property
     def time_s(self) -> float | None:
-        """Expected shift time, s; None where there is none."""
+        """Expected shift time, s; None for a clutch that does not engage."""
         return None if self.expected is None else self.expected.time
 
     @property
     def missed(self) -> bool:
-        """Test that the surrogate misses the simulated time by more than both intervals."""
+        """Whether surrogate and simulated time differ by more than their 95 % interval."""
         predicted = None if self.guess is None else self.guess.answer.expected
         if not self.shifts or self.expected is None or predicted is None:
             return False
-        both = math.hypot(self.expected.error, predicted.error)
-        return abs(self.expected.time - predicted.time) > NORMAL_95 * both
+        error = math.hypot(self.expected.error, predicted.error)
+        return abs(self.expected.time - predicted.time) > NORMAL_95 * error
 
     def to_parts(self) -> list[str | Table]:
-        """Give expected time, the surrogate's prediction beside it, and the checks."""
-        found = self.expected
-        if found is None:
+        """Describe expected time, the surrogate's prediction and the checks."""
+        if self.expected is None:
             lines = [f"no shift time: {self.refusal}"]
         else:
-            source = f"{self.shifts} shifts, compiled engine; error includes 1 % against Drake"
-            lines = [
-                f"expected shift time {_interval(found)} "
-                f"({source if self.shifts else 'surrogate'}); single shifts "
-                f"scatter by {time_text(found.sd)}, {100 * found.engaged:.1f} % engage at worst",
-                *self._part_lines(found),
-            ]
-            times = quantile_words([one.to_dict() for one in self.quantiles])
-            lines += [f"shift time over the life: {times}"] if times else []
-        lines += [] if self.guess is None else self._surrogate_lines(self.guess)
+            lines = self._time_lines(self.expected)
+        if self.guess is not None:
+            lines += self._surrogate_lines(self.guess)
         lines.append(self.config.shafts_text)
         return [*lines, "", *super().to_parts(), *self.landing_of(self.shifts, "planar")]
 
+    def _time_lines(self, expected: Expected) -> list[str]:
+        """Describe the expected time, its parts and its quantiles over the life."""
+        source = "surrogate"
+        if self.shifts:
+            source = f"{self.shifts} shifts, compiled engine; error includes 1 % against Drake"
+        lines = [
+            f"expected shift time {_interval_text(expected)} ({source}); single shifts "
+            f"scatter by {time_text(expected.sd)}, {100 * expected.engaged:.1f} % engage at worst",
+            *self._part_lines(expected),
+        ]
+        quantiles = quantile_words([quantile.to_dict() for quantile in self.quantiles])
+        if quantiles:
+            lines.append(f"shift time over the life: {quantiles}")
+        return lines
+
     def _surrogate_parts(self) -> dict[str, float | None]:
-        """Give the mean of engaged shifts by the keys of ``HangKeys``; it has no interval."""
+        """Split the surrogate's time by the keys of ``HangKeys``; None for the hangs' interval."""
         parts = dict[str, float | None].fromkeys(HangKeys.model_fields)
-        if (found := self.expected) is not None:
-            bare, error = found.without_retries
-            parts |= {"engaged_mean_s": bare, "engaged_standard_error_s": error}
-            parts |= {"retries_s": found.retries, "retries_error_s": found.retries_error}
+        if self.expected is not None:
+            engaged_mean, error = self.expected.without_retries
+            parts["engaged_mean_s"] = engaged_mean
+            parts["engaged_standard_error_s"] = error
+            parts["retries_s"] = self.expected.retries
+            parts["retries_error_s"] = self.expected.retries_error
         return parts
 
-    def _part_lines(self, found: Expected) -> list[str]:
+    def _part_lines(self, expected: Expected) -> list[str]:
+        """Describe mean of engaged shifts and retries; simulated hangs if there are any."""
         if not self.hangs:
-            return _parts(found, self.config)
-        words = f"{hang_words(self.hangs)}; {self.config.retry_text}"
-        return [f"mean of engaged shifts {engaged_text(self.hangs)}", words]
+            return _surrogate_part_lines(expected, self.config)
+        hangs = f"{hang_words(self.hangs)}; {self.config.retry_text}"
+        return [f"mean of engaged shifts {engaged_text(self.hangs)}", hangs]
 
     def _surrogate_lines(self, guess: Guess) -> list[str]:
-        answer, expected, spread, lines = guess.answer, guess.answer.expected, guess.spread, []
+        """Describe the surrogate's prediction, its warnings and its spread by tolerances."""
+        answer = guess.answer
+        expected = answer.expected
+        spread = guess.spread
+        lines: list[str] = []
         if self.shifts:
-            time = answer.refusal if expected is None else _interval(expected)
-            lines = [f"surrogate {guess.path}: {time}", *_parts(expected, self.config)]
+            time = answer.refusal if expected is None else _interval_text(expected)
+            lines.append(f"surrogate {guess.path}: {time}")
+            lines += _surrogate_part_lines(expected, self.config)
         if self.missed:
             lines += ["warning: the surrogate misses the simulated time by more than its interval"]
-        lines += [f"warning: {one}; the surrogate extrapolates" for one in answer.warnings]
+        lines += [f"warning: {warning}; the surrogate extrapolates" for warning in answer.warnings]
         lines.append(f"nearest simulated design: {answer.distance:.1f} median spacings away")
         if not guess.validation.useful:
             lines.append(
@@ -348,17 +371,21 @@ class Check(Checked):
         return lines
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the expected time, the surrogate's prediction, and every check."""
+        """Convert expected time, the surrogate's prediction and every check to values of JSON."""
         guess = self.guess
-        answer, beside = Answer(None, 0.0, ()), dict[str, Any]()
+        answer = Answer(None, 0.0, ())
+        comparison: dict[str, Any] = {}
         if guess is not None:
-            answer, spread = guess.answer, guess.spread.to_dict()
-            beside = {"missed_by_surrogate": self.missed, "time_within_tolerances": spread}
+            answer = guess.answer
+            comparison = {
+                "missed_by_surrogate": self.missed,
+                "time_within_tolerances": guess.spread.to_dict(),
+            }
         return {
             **time_record(self.expected, self.refusal),
             **(self.hangs or self._surrogate_parts()),
             **({"engaged": self.engaged} if self.shifts else {}),
-            "quantiles": [one.to_dict() for one in self.quantiles],
+            "quantiles": [quantile.to_dict() for quantile in self.quantiles],
             "operating_points": len(self.mix.points),
             "shafts": self.config.clutch.drive.text,
             "engine": "planar" if self.shifts else self.config.clutch.solver.engine,
@@ -368,24 +395,24 @@ class Check(Checked):
             "warnings": [*answer.warnings, *self.notes],
             "q2": None if guess is None else guess.validation.q2,
             "surrogate": None if guess is None else str(guess.path),
-            "predicted": guess and time_record(answer.expected, answer.refusal),
-            **beside,
+            "predicted": None if guess is None else time_record(answer.expected, answer.refusal),
+            **comparison,
             **super().to_dict(),
-        }  # fmt: skip
+        }
 
 
-def _interval(found: Expected) -> str:
-    return interval_text(found.time, found.low, found.high)
+def _interval_text(expected: Expected) -> str:
+    return interval_text(expected.time, expected.low, expected.high)
 
 
-def _parts(found: Expected | None, config: Setup) -> list[str]:
-    """Split an interval of a surrogate into shifts that engage and retries."""
-    if found is None or not (found.retries or found.retries_error):
+def _surrogate_part_lines(expected: Expected | None, config: Setup) -> list[str]:
+    """Describe mean of engaged shifts and retries of a prediction; empty without retries."""
+    if expected is None or not (expected.retries or expected.retries_error):
         return []
-    bare, error = found.without_retries
+    engaged_mean, error = expected.without_retries
     return [
-        f"mean of engaged shifts {time_text(bare, error)}, retries "
-        f"{time_text(found.retries, found.retries_error)}; {config.retry_text}"
+        f"mean of engaged shifts {time_text(engaged_mean, error)}, retries "
+        f"{time_text(expected.retries, expected.retries_error)}; {config.retry_text}"
     ]
 
 
@@ -396,76 +423,98 @@ def check_design(
     points = points_of(config, place)
     mix = study_mix(config, points)
     guess = _guess(config, mix, surrogate)
-    expected, found = None if guess is None else guess.answer.expected, None
     if guess is not None and surrogate is not None:
-        refusal = guess.answer.refusal
-    else:
-        # Half a second that an answer of the surrogate does not need.
-        from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
-        from dogshape.pipeline.simulate.executor import scratch_executor  # noqa: PLC0415
+        expected = guess.answer.expected
+        judged = judged_design(config, design_of(config, {}, None))
+        return Check(config, *judged, mix, expected, guess=guess, refusal=guess.answer.refusal)
+    # Half a second that an answer of the surrogate does not need.
+    from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
+    from dogshape.pipeline.simulate.executor import scratch_executor  # noqa: PLC0415
 
-        # The angles of the search, so that a design passes here if it does there.
-        own, sample = replace(config, points=points), config.file.expectation
-        executor = scratch_executor(1)
-        (found,) = evaluate(own.in_engine("planar"), [{}], executor, sample.angles, sample.seed)
-        expected, refusal = _expected(found.expectation, mix)
-    measured = None if found is None else found.measured
-    judged = judged_design(config, design_of(config, {}, measured))
-    answer = Check(config, *judged, mix, expected, guess=guess, refusal=refusal)
-    if found is None:
-        return answer
-    mean, quantiles = found.expectation, ExpectedTime.of(found.expectation).quantiles or ()
-    return replace(
-        answer, shifts=mean.shifts, engaged=mean.engaged, quantiles=quantiles,
+    # The angles of the search, so that a design passes here if it does there.
+    setup = replace(config, points=points).in_engine("planar")
+    sample = config.file.expectation
+    (simulated,) = evaluate(setup, [{}], scratch_executor(1), sample.angles, sample.seed)
+    mean = simulated.expectation
+    expected, refusal = _simulated_time(mean, mix)
+    judged = judged_design(config, design_of(config, {}, simulated.measured))
+    return Check(
+        config,
+        *judged,
+        mix,
+        expected,
+        shifts=mean.shifts,
+        engaged=mean.engaged,
+        guess=guess,
+        refusal=refusal,
+        quantiles=ExpectedTime.of(mean).quantiles or (),
         hangs=hang_keys(mean),
-    )  # fmt: skip
+    )
 
 
-def _guess(config: Setup, mix: Mix, named: str | Path | None) -> Guess | None:
-    """Ask the surrogate of the study's physics about its own design."""
-    if (found := matching_surrogate(config, named)) is None:
+def _guess(config: Setup, mix: Mix, surrogate: str | Path | None) -> Guess | None:
+    """Predict the prototype by a surrogate of the same physics; None without a surrogate."""
+    match = matching_surrogate(config, surrogate)
+    if match is None:
         return None
-    stored, path = found
-    model, own = stored.surrogate, config.prototype
-    answer = ask(model, own, mix, config.physics)
-    made = manufacturing_checks(config.clutch.dog, config.limits.manufacturing)
-    if faults := [check for check in made if not check.passed]:  # it was fitted without such dogs
+    stored, path = match
+    model = stored.surrogate
+    prototype = config.prototype
+    answer = ask(model, prototype, mix, config.physics)
+    checks = manufacturing_checks(config.clutch.dog, config.limits.manufacturing)
+    faults = [check for check in checks if not check.passed]
+    if faults:  # the surrogate was fitted without such dogs
         warnings = (*answer.warnings, "the dog cannot be made")
         reason = f"{faults[0].fault} to be made, and the surrogate has no other dogs"
         answer = Answer(None, answer.distance, warnings, f"{reason}; {faults[0].remedy}")
-    return Guess(answer, tolerance_time(config, model, own, mix), stored.validation, path)
+    return Guess(answer, tolerance_time(config, model, prototype, mix), stored.validation, path)
 
 
-def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
-    """Give a simulated time with its interval, the engine's error in it, or why there is none."""
-    if not found.engages:
-        few = f"{percent(found.engaged)} at the worst point"
-        count = f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
-        return None, f"{count}; {found.losses}"
-    error = math.hypot(found.standard_error, ENGINE_ERROR * found.engaged_mean)
-    (low,), (high,) = interval(np.array([found.mean]), np.array([error]))
-    spread = math.sqrt(mix.weights @ np.array([p.sd for p in found.points]) ** 2)
-    times = found.mean, float(low), float(high), error
-    retries = found.retries, found.retries_error
-    return Expected(*times, spread, found.engaged, *retries), ""
+def _simulated_time(mean: Expectation, mix: Mix) -> tuple[Expected | None, str]:
+    """Compute the interval of a simulated time, engine's error included, or a refusal.
+
+    Returns the time and an empty sentence, or None and the reason.
+    """
+    if not mean.engages:
+        worst = f"{percent(mean.engaged)} at the worst point"
+        count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts, in {worst}"
+        return None, f"{count}; {mean.losses}"
+    error = math.hypot(mean.standard_error, ENGINE_ERROR * mean.engaged_mean)
+    (low,), (high,) = interval(np.array([mean.mean]), np.array([error]))
+    deviations = np.array([point.sd for point in mean.points])
+    expected = Expected(
+        time=mean.mean,
+        low=float(low),
+        high=float(high),
+        error=error,
+        sd=math.sqrt(mix.weights @ deviations**2),
+        engaged=mean.engaged,
+        retries=mean.retries,
+        retries_error=mean.retries_error,
+    )
+    return expected, ""
 
 
 @dataclass(frozen=True, repr=False)
 class Strength(Checked):
-    """Every check of one design under its load, and its landing in ``shifts``, 0 without."""
+    """Checks of one design under its load; ``shifts`` is the number of simulated landings."""
 
     shifts: int = 0
 
     @property
     def load_sharing(self) -> float | None:
-        """Load sharing under the design torque by number and accuracy; None where it is fixed."""
-        load, dog = self.config.limits.load, self.config.clutch.dog
-        return None if load.scatter(dog) is None else load.sharing(dog, load.design_torque)
+        """Load sharing at the design torque by number and accuracy; None if fixed."""
+        load = self.config.limits.load
+        dog = self.config.clutch.dog
+        if load.scatter(dog) is None:
+            return None
+        return load.sharing(dog, load.design_torque)
 
     @property
     def strikes(self) -> list[dict[str, Any]]:
-        """Flank strikes: speed, torque, and force on the dog that bears most, by flank."""
-        dog, limits = self.config.clutch.dog, self.config.limits
+        """Speed, 1/min, torque, N m, and largest force on a dog, N, of each flank strike."""
+        dog = self.config.clutch.dog
+        limits = self.config.limits
         return [
             {
                 "flank": flank,
@@ -474,23 +523,18 @@ class Strength(Checked):
                 "torque_Nm": strike_torque(dog, limits, strike, flank),
                 "force_per_dog_N": strike_force(dog, limits, strike, flank),
             }
-            for strike in limits.strikes for flank in strike.flanks
-        ]  # fmt: skip
+            for strike in limits.strikes
+            for flank in strike.flanks
+        ]
 
     def to_parts(self) -> list[str | Table]:
-        """Give the checks, and in words landing, load sharing and flank strikes of the study."""
-        sharing = self.load_sharing
-        return [
-            *super().to_parts(),
-            *self.landing_of(self.shifts, self.config.clutch.solver.engine),
-            *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
-            *(
-                "{flank} flanks that strike at {mismatch_rpm:.4g} 1/min make {torque_Nm:.0f} N m, "
-                "{force_per_dog_N:.0f} N on one dog{at}".format(**one, at=at)
-                for one in self.strikes
-                for at in [f" at {one['ends']}" * bool(one["ends"])]
-            ),
-        ]
+        """Tabulate the checks, with lines on landing, load sharing and flank strikes."""
+        landing = self.landing_of(self.shifts, self.config.clutch.solver.engine)
+        parts: list[str | Table] = [*super().to_parts(), *landing]
+        if self.load_sharing is not None:
+            parts.append(f"load sharing by number and accuracy: {self.load_sharing:.2f}")
+        parts += map(_strike_text, self.strikes)
+        return parts
 
     @property
     def explained(self) -> list[str | Table]:
@@ -498,13 +542,19 @@ class Strength(Checked):
         names = {row.name for row in self.rows}
         return [
             check_table(self.judged_rows, "name", "meaning", "formula", "source", "limit_key"),
-            *(f"not judged: {n}; give {keys}" for n, keys in OPTIONAL.items() if n not in names),
+            *(
+                f"not judged: {check}; give {keys}"
+                for check, keys in OPTIONAL.items()
+                if check not in names
+            ),
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give every check, the load and the material's limits, in the edge's units."""
-        limits, load = self.config.limits, self.config.file.load.model_dump()
-        load |= {} if self.load_sharing is None else {"load_sharing": self.load_sharing}
+        """Convert every check, the load and the material's limits to values of JSON."""
+        limits = self.config.limits
+        load = self.config.file.load.model_dump()
+        if self.load_sharing is not None:
+            load["load_sharing"] = self.load_sharing
         force = limits.load.force_per_dog(self.config.clutch.dog)
         return {
             "engine": self.config.clutch.solver.engine,
@@ -521,7 +571,15 @@ class Strength(Checked):
         }
 
 
-def check_strength(config: Setup, where: RunOptions, *, simulate: bool = True) -> Strength:
+def _strike_text(strike: Mapping[str, Any]) -> str:
+    text = (
+        "{flank} flanks that strike at {mismatch_rpm:.4g} 1/min make {torque_Nm:.0f} N m, "
+        "{force_per_dog_N:.0f} N on one dog".format(**strike)
+    )
+    return f"{text} at {strike['ends']}" if strike["ends"] else text
+
+
+def check_strength(config: Setup, options: RunOptions, *, simulate: bool = True) -> Strength:
     """Check the strength of a study's design as ``Study.strength`` does."""
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
 
@@ -530,7 +588,7 @@ def check_strength(config: Setup, where: RunOptions, *, simulate: bool = True) -
     shifts = len(config.points) * settings.angles if simulate else 0
     measured = None
     if simulate:
-        with where.executor("strength", (config.config_hash,), shifts) as (executor, _):
+        with options.executor("strength", (config.config_hash,), shifts) as (executor, _):
             (found,) = evaluate(config, [{}], executor, settings.angles, settings.seed)
         measured = found.measured
     return Strength(config, *judged_design(config, design_of(config, {}, measured)), shifts)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -25,46 +26,47 @@ from dogshape.pipeline.reports.text import minus
 from dogshape.pipeline.simulate.design import KINDS, weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER
+from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER, ContactSet
 
 
-def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
+def record_of(design: NamedDesign) -> tuple[Row, list[Row]]:
     """Record a design and its checks; a dog that was not searched is simulated as by ``check``."""
-    if one.result is not None and one.row is not None:
-        record = searched_record(one.study, one.result, one.row)
-        return record, searched_checks(one.own_study, one.result, one.row)
-    found = check_design(one.study)
-    expected = found.expected
+    study = design.study
+    if design.result is not None and design.row is not None:
+        record = searched_record(study, design.result, design.row)
+        return record, searched_checks(design.own_study, design.result, design.row)
+    check = check_design(study)
+    expected = check.expected
     record = design_record(
-        one.study,
-        one.study.prototype,
-        {check.name: check.margin for check in found.design.checks},
-        {kind: weakest_within(one.study, found.design, kind) for kind in KINDS},
-        found.verdict.to_dict(),
+        study,
+        study.prototype,
+        {strength.name: strength.margin for strength in check.design.checks},
+        {kind: weakest_within(study, check.design, kind) for kind in KINDS},
+        check.verdict.to_dict(),
         expected_shift_time_s=None if expected is None else expected.time,
         standard_error_s=None if expected is None else expected.error,
-        **found.hangs,
-        engaged=found.engaged if found.shifts else None,
-        source=found.refusal or "compiled engine",
+        **check.hangs,
+        engaged=check.engaged if check.shifts else None,
+        source=check.refusal or "compiled engine",
         engine="planar",
     )
-    return record, found.to_dict()["checks"]
+    return record, check.to_dict()["checks"]
 
 
-def write_data_sheet(one: NamedDesign, path: str | Path, block: Mapping[str, str]) -> Path:
+def write_data_sheet(design: NamedDesign, path: str | Path, block: Mapping[str, str]) -> Path:
     """Write the data sheet of a design, A4 or by its ending JSON, with a ``write_sheet`` block."""
     require_targets({"the data sheet": Path(path)})
-    write_sheet(one, *record_of(one), block, Path(path))
+    write_sheet(design, *record_of(design), block, Path(path))
     return Path(path)
 
 
-#: Tables of a study file that shifts do not depend on, or that the dog itself is.
-APART = ("name", "format", "dog", "variables", "search", "surrogate", "expectation")
+#: Tables of a study file that are not compared: the dog itself, and those without effect on shifts.
+UNCOMPARED_TABLES = ("name", "format", "dog", "variables", "search", "surrogate", "expectation")
 
 
 @dataclass(frozen=True, repr=False)
 class SideBySide(Result):
-    """Items side by side; the first is what the others are compared with.
+    """Compared items; differences are to the first one.
 
     ``kind`` is ``designs`` or ``contact_sets``, ``items`` a record for each, keys with their units.
     """
@@ -73,21 +75,21 @@ class SideBySide(Result):
     items: tuple[dict[str, Any], ...]
 
     def to_parts(self) -> list[str | Table]:
-        """Give a column for each item, a row for each quantity that one of them has."""
-        every = [flat_keys(item) for item in self.items]
-        rows = [
-            [key, *(_cell(item.get(key)) for item in every)]
-            for key in dict.fromkeys(key for item in every for key in item)
-            if key != "label" and any(item.get(key) is not None for item in every)
-        ]
+        """Tabulate the items, a column each, with the quantities that any of them has."""
+        columns = [flat_keys(item) for item in self.items]
+        rows = []
+        for key in dict.fromkeys(chain.from_iterable(columns)):
+            values = [column.get(key) for column in columns]
+            if key != "label" and any(value is not None for value in values):
+                rows.append([key, *map(_cell, values)])
         return [Table(("", *(item["label"] for item in self.items)), rows)]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the kind and the items."""
+        """Convert kind and items to values of JSON."""
         return {"kind": self.kind, "items": list(self.items)}
 
     def to_frame(self) -> Frame:
-        """Give a column for each item and a row for each quantity, dotted where keys are nested."""
+        """Tabulate the items, a column each; nested quantities have dotted keys."""
         return frame_of([flat_keys(item) for item in self.items]).set_index("label").T
 
 
@@ -112,30 +114,55 @@ def compare(*names: str) -> SideBySide:
             "compare; give contact sets alone, or designs and studies alone"
         )
     if sets:
-        found = []
-        for contact in (CONTACT_SETS[name] for name in sets):
-            own = dict(vars(contact))
-            if (law := own.pop("impact")) is not None:  # in the place of its layer
-                own |= {**dict.fromkeys(dict(IMPACT_LAYER)), "impact": vars(law)}
-            found.append({"label": own.pop("name"), **own})
-        return SideBySide("contact_sets", tuple(found))
+        items = tuple(_contact_record(CONTACT_SETS[name]) for name in sets)
+        return SideBySide("contact_sets", items)
+    return SideBySide("designs", tuple(_compare_designs(names)))
+
+
+def _contact_record(contact: ContactSet) -> dict[str, Any]:
+    """Record a contact set; an impact law stands for the keys of its layer, which are None."""
+    values = dict(vars(contact))
+    law = values.pop("impact")
+    if law is not None:
+        values.update(dict.fromkeys(dict(IMPACT_LAYER)))
+        values["impact"] = vars(law)
+    return {"label": values.pop("name"), **values}
+
+
+def _compare_designs(names: Sequence[str]) -> list[dict[str, Any]]:
+    """Record designs with differences to the first one and the settings in which they differ."""
     designs = [named_design(name) for name in names]
-    records = [record_of(one)[0] for one in designs]
-    files = [comparable(one.study.file) for one in designs]
-    flat = [flat_keys({k: v for k, v in file.items() if k not in APART}) for file in files]
-    keys = dict.fromkeys(key for one in flat for key in one)
-    unlike = [k for k in keys if len({json.dumps(one.get(k)) for one in flat}) > 1]
+    records = [record_of(design)[0] for design in designs]
+    settings = [_compared_settings(design) for design in designs]
+    differing = [
+        key
+        for key in dict.fromkeys(chain.from_iterable(settings))
+        if len({json.dumps(keys.get(key)) for keys in settings}) > 1
+    ]
     items = []
-    for one, record, file in zip(designs, records, flat, strict=True):
-        alike = one is not designs[0] and one.study.points == designs[0].study.points
-        value, error = (difference(records[0], record) if alike else None) or (None, None)
+    for design, record, keys in zip(designs, records, settings, strict=True):
+        time_difference = None
+        if design is not designs[0] and design.study.points == designs[0].study.points:
+            time_difference = difference(records[0], record)
+        value, error = time_difference or (None, None)
         margins = record.pop("margins")
-        items.append({
-            "label": one.label, **record, "difference_s": value,
-            "difference_standard_error_s": error, "settings": {k: file.get(k) for k in unlike},
-            "margins": margins,
-        })  # fmt: skip
-    return SideBySide("designs", tuple(items))
+        items.append(
+            {
+                "label": design.label,
+                **record,
+                "difference_s": value,
+                "difference_standard_error_s": error,
+                "settings": {key: keys.get(key) for key in differing},
+                "margins": margins,
+            }
+        )
+    return items
+
+
+def _compared_settings(design: NamedDesign) -> dict[str, Any]:
+    """Flatten the tables of a study file that comparisons list."""
+    tables = comparable(design.study.file)
+    return flat_keys({key: v for key, v in tables.items() if key not in UNCOMPARED_TABLES})
 
 
 def _cell(value: Any) -> str:

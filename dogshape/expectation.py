@@ -61,10 +61,11 @@ from dogshape.sim.statistics.expectation import Expectation as Mean
 from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG, RPM
 
-LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
-TAILS = 0.05, 0.95  #: of the interval over draws
-MIN_ANGLES = 3  #: at an operating point of a draw, of which fewer tell no error
-COMMON = ndtri((np.arange(50) + 0.5) / 50)  #: deviations of what all draws err by
+DRAW_LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
+INTERVAL_TAILS = 0.05, 0.95  #: lower and upper probability of the interval over draws
+MIN_DRAW_ANGLES = 3  #: relative angles at an operating point of a draw, for a standard error
+#: Standard normal quantiles of the error that all draws have in common, (50,).
+COMMON_DEVIATIONS = ndtri((np.arange(50) + 0.5) / 50)
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,13 +78,15 @@ class Expectation(Result):
 
     @property
     def shortfall(self) -> list[str]:
-        """Sentence on a wanted precision that the shifts do not reach; empty where they do."""
-        share, wanted = self.mean.relative_error, self.precision
-        if wanted is None or share <= wanted:
+        """Warning of a relative standard error above the required precision; empty otherwise."""
+        error = self.mean.relative_error
+        precision = self.precision
+        if precision is None or error <= precision:
             return []
+        angles = max(point.n for point in self.mean.points)
         return [
-            f"warning: precision not reached: relative standard error {share:.3g}, wanted "
-            f"{wanted:.3g} ({share - wanted:.3g} more), with {max(p.n for p in self.mean.points)} "
+            f"warning: precision not reached: relative standard error {error:.3g}, wanted "
+            f"{precision:.3g} ({error - precision:.3g} more), with {angles} "
             "angles at each operating point; give a larger number of angles instead"
         ]
 
@@ -121,51 +124,71 @@ class Expectation(Result):
         return ExpectedTime.of(self.mean)
 
     def to_parts(self) -> list[str | Table]:
-        """Give operating points, expected shift time with its errors, and the engine."""
-        found, mean = self.record, self.mean
+        """Tabulate operating points, with lines on expected time, hangs, entries and engine."""
+        mean = self.mean
+        record = self.record.to_dict()
+        table = tabulate(PointRow, self.record.points)
+        hangs = f"{hang_words(record)}; {self.config.retry_text}; "
+        hangs += mean.losses if mean.lost else f"none of {mean.shifts} shifts hung"
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
-        shafts, table = self.config.shafts_text, tabulate(PointRow, found.points)
-        parts = found.to_dict()
-        lost = f"{hang_words(parts)}; {self.config.retry_text}"
-        lost += f"; {mean.losses}" if mean.lost else f"; none of {mean.shifts} shifts hung"
+        sources = [self.config.shafts_text, engine, *self.shortfall]
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
-            return [f"{count}: {NO_TIME}", table, lost, shafts, engine, *self.shortfall]
+            return [f"{count}: {NO_TIME}", table, hangs, *sources]
+        engaged_mean = f"mean of engaged shifts {engaged_text(record)}"
+        parts: list[str | Table] = [table, self._time_line(), engaged_mean]
+        quantiles = quantile_words([q.to_dict() for q in self.record.quantiles or ()])
+        if quantiles:
+            parts.append(f"shift time over the life: {quantiles}")
+        return [*parts, hangs, self._entry_line(), *self._limit_tables(), *sources]
+
+    def _time_line(self) -> str:
+        """Describe the expected time with its standard and numerical errors."""
+        mean = self.mean
         error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error, hangs included)"
-        if found.standard_error_s is None:
+        if self.record.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
-        total = f"expected shift time {1e3 * mean.mean:.2f} {error}"
-        if found.numerical_error_s is not None:
-            total += f", numerical error {1e3 * found.numerical_error_s:.2g} ms"
-        times = quantile_words([one.to_dict() for one in found.quantiles or ()])
+        line = f"expected shift time {1e3 * mean.mean:.2f} {error}"
+        if self.record.numerical_error_s is not None:
+            line += f", numerical error {1e3 * self.record.numerical_error_s:.2g} ms"
+        return line
+
+    def _entry_line(self) -> str:
+        """Describe the share of direct entries, simulated and in closed form."""
+        mean = self.mean
         direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
-        entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
-        if closed := [p.direct_share for p in mean.points if p.direct_share is not None]:
+        line = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
+        closed = [p.direct_share for p in mean.points if p.direct_share is not None]
+        if closed:
             mean_closed = sum(closed) / len(closed)
-            entry += f", {percent(direct / mean.shifts)}; closed form {percent(mean_closed)}"
-        more = [f"mean of engaged shifts {engaged_text(parts)}"]
-        more += [f"shift time over the life: {times}"] if times else []
-        limits = [tabulate(LimitRow, found.engagement_limits)] if found.engagement_limits else []
-        if found.engagement_torque_limits:
-            limits.append(tabulate(TorqueLimitRow, found.engagement_torque_limits))
-        return [table, total, *more, lost, entry, *limits, shafts, engine, *self.shortfall]
+            line += f", {percent(direct / mean.shifts)}; closed form {percent(mean_closed)}"
+        return line
+
+    def _limit_tables(self) -> list[Table]:
+        """Tabulate the simulated limits of engagement over mismatch and torque."""
+        record = self.record
+        tables = []
+        if record.engagement_limits:
+            tables.append(tabulate(LimitRow, record.engagement_limits))
+        if record.engagement_torque_limits:
+            tables.append(tabulate(TorqueLimitRow, record.engagement_torque_limits))
+        return tables
 
     def shiftability(self) -> Frame:
-        """Give the shifts by entry, a row for each operating point and bin of its angles.
+        """Count shifts by entry, a row for each operating point and bin of its angles.
 
         ``direct_closed_form`` is the share of direct entries of the whole point, of flat tips.
         """
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
         pitch = self.config.clutch.dog.pitch_angle / DEG
-        rows = [
-            (
-                one.point.mismatch / RPM, one.point.profile.force, (k + 0.5) * pitch / bins,
-                *counts, one.direct_share,
-            )
-            for one in self.mean.points if (bins := len(one.by_angle))
-            for k, counts in enumerate(one.by_angle)
-        ]  # fmt: skip
+        rows = []
+        for estimate in self.mean.points:
+            mismatch = estimate.point.mismatch / RPM
+            force = estimate.point.profile.force
+            for k, counts in enumerate(estimate.by_angle):
+                angle = (k + 0.5) * pitch / len(estimate.by_angle)
+                rows.append((mismatch, force, angle, *counts, estimate.direct_share))
         entries = ("direct", "after_face_contact", "not_engaged")
         names = ("mismatch_rpm", "force_N", "angle_deg", *entries, "direct_closed_form")
         return pd.DataFrame(rows, columns=names)
@@ -177,14 +200,18 @@ class Expectation(Result):
         return shiftability_figure({"": (self.to_dict()["points"], self.config.clutch.dog.count)})
 
     def to_dict(self) -> dict[str, Any]:
-        """Give mean, errors, and an entry for each operating point."""
-        engine, mechanism = self.config.clutch.solver.engine, self.config.mechanism
-        more: dict[str, Any] = {"mechanism": mechanism} if mechanism else {}
+        """Convert mean, errors and operating points to values of JSON."""
+        record: dict[str, Any] = {
+            "engine": self.config.clutch.solver.engine,
+            **self.record.to_dict(),
+        }
+        if self.config.mechanism:
+            record["mechanism"] = self.config.mechanism
         if self.precision is not None:
-            reached = number_or_none(self.mean.relative_error)
-            more["precision"] = {"wanted": self.precision, "reached": reached}
-        more["shafts"] = self.config.clutch.drive.text
-        return {"engine": engine, **self.record.to_dict(), **more}
+            error = number_or_none(self.mean.relative_error)
+            record["precision"] = {"wanted": self.precision, "reached": error}
+        record["shafts"] = self.config.clutch.drive.text
+        return record
 
     def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""
@@ -193,35 +220,38 @@ class Expectation(Result):
         return times_by_point(self.to_dict()["points"], {"mean": ("mean_s", "standard_error_s")})
 
     def to_frame(self) -> Frame:
-        """Give a row for each operating point: mean, standard error, spread, share engaged."""
+        """Tabulate operating points: mean, standard error, spread, share engaged."""
         return frame_of(self.record.points).drop(columns=["shiftability", "hang_prior"])
 
 
 def simulate_mean(
-    config: Setup, where: RunOptions, place: Place, angles: Angles, precision: float | None = None
+    config: Setup, options: RunOptions, place: Place, angles: Angles, precision: float | None = None
 ) -> Expectation:
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
     config = config.search_setup
-    clutch, settings = config.clutch, config.file.expectation
+    clutch = config.clutch
+    settings = config.file.expectation
     if place[2] is not None and place[1] is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
     points = points_of(config, place, OWN_RISE)
     if precision is not None and angles is not None:
         raise InputError("--precision finds the number of angles itself; leave out --angles")
-    asked = config.config_hash, *place, angles, precision
-    given = in_radians(settings.angles if angles is None else angles)
-    blocks = even_blocks(clutch, points, given, settings.seed, uncertainty=config.uncertainty)
+    question = config.config_hash, *place, angles, precision
+    relative_angles = in_radians(settings.angles if angles is None else angles)
+    blocks = even_blocks(
+        clutch, points, relative_angles, settings.seed, uncertainty=config.uncertainty
+    )
     shifts = sum(len(block.angles) for block in blocks)
     shifts += repeated(shifts) + len(settings.limit_torques_Nm or ()) * shifts
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
         shifts = FIRST_ANGLES * len(points)
-    with where.executor("expect", asked, shifts) as (executor, counter):
+    with options.executor("expect", question, shifts) as (executor, counter):
         if precision is not None:
             mean, blocks, rows = expect_to_precision(config, points, precision, executor, counter)
         else:
             rows = executor.run(blocks)
-            mean = expectation_of(config, points, rows, even=isinstance(given, int))
+            mean = expectation_of(config, points, rows, even=isinstance(relative_angles, int))
         error = numerical_error(blocks, rows, executor.run)
         mean = with_torques(config, mean, blocks, executor.run)
     return Expectation(config, replace(mean, numerical_error=error), precision)
@@ -241,22 +271,26 @@ class DrawnExpectation(Result):
 
     @property
     def interval_s(self) -> tuple[float, float]:
-        """Interval that holds 90 % of the draws, their common error included, s."""
-        low, high = np.quantile(self.times[:, None] + self.error_s * COMMON, TAILS)
+        """5 % and 95 % quantile over the draws, their common error included, s."""
+        low, high = np.quantile(
+            self.times[:, None] + self.error_s * COMMON_DEVIATIONS, INTERVAL_TAILS
+        )
         return float(low), float(high)
 
     @property
     def error_s(self) -> float:
-        """Standard error by angles and hangs, which all draws have in common, s."""
+        """Standard error by angles and hangs, common to all draws, s."""
         return float(np.sqrt((self.errors**2).mean()))
 
     def to_parts(self) -> list[str | Table]:
-        """Give the mean over the draws, and the interval that holds 90 % of them."""
-        timed, count = np.isfinite(self.times).sum(), len(self.times)
-        if timed < count:
-            fit = f"in {timed} of {count} draws"
-            return [f"engagement: enough shifts engage {fit}: {NO_TIME} of the others"]
-        mean, (low, high) = float(self.times.mean()), self.interval_s
+        """Describe mean and 90 % interval over the draws."""
+        count = len(self.times)
+        engaging = np.isfinite(self.times).sum()
+        if engaging < count:
+            share = f"in {engaging} of {count} draws"
+            return [f"engagement: enough shifts engage {share}: {NO_TIME} of the others"]
+        mean = float(self.times.mean())
+        low, high = self.interval_s
         return [
             f"expected shift time: {interval_text(mean, low, high, '90 %')}",
             f"draws: {count}",
@@ -264,7 +298,7 @@ class DrawnExpectation(Result):
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give mean, interval, and the time of each draw."""
+        """Convert mean, interval and the time of each draw to values of JSON."""
         low, high = self.interval_s
         sd = float(self.times.std(ddof=1)) if len(self.times) > 1 else 0.0
         times = {SIMULATED: float(self.times.mean()), "low_s": low, "high_s": high, "sd_s": sd}
@@ -277,7 +311,7 @@ class DrawnExpectation(Result):
         }
 
     def to_frame(self) -> Frame:
-        """Give a row for each draw: time and standard error."""
+        """Tabulate time and standard error, s, a row for each draw."""
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
         return pd.DataFrame({SIMULATED: self.times, "standard_error_s": self.errors})
@@ -305,31 +339,39 @@ def expect_draws(
     angles : relative angles at each operating point, at least 3; None for the study's number.
     jobs, progress : worker processes, 0 for one a core; receives the number of finished draws.
     """
-    if angles is not None and angles < MIN_ANGLES:
+    if angles is not None and angles < MIN_DRAW_ANGLES:
         raise InputError(
-            f"angles is {angles}, but must be at least {MIN_ANGLES}: of fewer the error is not "
-            "known, which all draws have in common"
+            f"angles is {angles}, but must be at least {MIN_DRAW_ANGLES}: of fewer the error is "
+            "not known, which all draws have in common"
         )
-    path = Path(draws)
-    try:
-        table = read_table(path, ())
-    except FileNotFoundError as error:
-        raise DataError(f"there is no {path}; name a table whose columns are keys") from error
-    if not table.rows or set(table.head) <= set(LABELS):
-        raise DataError(f"{path} has no draws; give a row for each, columns named like keys")
-    more, studies = settings_of(settings), []
-    for row, cells in table.rows:
-        pairs = zip(table.head, cells, strict=True)
-        keys = [f"{key}={cell}" for key, cell in pairs if key not in LABELS and cell]
-        try:
-            studies.append(load_study(study, settings_of(keys) | more))
-        except DogshapeError as error:
-            raise type(error)(f"{path}, row {row}: {error}") from error
+    studies = _drawn_studies(study, Path(draws), settings)
     means = []
     with WorkCounter(receiver(progress), len(studies), unit="draws") as counter:
-        for one in studies:
-            means.append(simulate_mean(one, RunOptions(jobs), EVERYWHERE, angles))
+        for setup in studies:
+            means.append(simulate_mean(setup, RunOptions(jobs), EVERYWHERE, angles))
             counter.advance(1)
     times = np.array([mean.time_s for mean in means], dtype=float)
     errors = np.array([mean.standard_error_s for mean in means])
     return DrawnExpectation(tuple(mean.config for mean in means), times, errors)
+
+
+def _drawn_studies(
+    study: str | Path, path: Path, settings: Mapping[str, Any] | Iterable[str]
+) -> list[Setup]:
+    """Load a study for each row of a table of keys; ``settings`` take precedence."""
+    try:
+        table = read_table(path, ())
+    except FileNotFoundError as error:
+        raise DataError(f"there is no {path}; name a table whose columns are keys") from error
+    if not table.rows or set(table.head) <= set(DRAW_LABELS):
+        raise DataError(f"{path} has no draws; give a row for each, columns named like keys")
+    common_keys = settings_of(settings)
+    studies = []
+    for row, cells in table.rows:
+        pairs = zip(table.head, cells, strict=True)
+        keys = [f"{key}={cell}" for key, cell in pairs if key not in DRAW_LABELS and cell]
+        try:
+            studies.append(load_study(study, settings_of(keys) | common_keys))
+        except DogshapeError as error:
+            raise type(error)(f"{path}, row {row}: {error}") from error
+    return studies

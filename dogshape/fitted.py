@@ -24,7 +24,7 @@ from dogshape.surrogate.store import MIN_Q2, Stored
 class Fitted(Result):
     """Surrogate of the expected shift time with its validation, stored in ``path``.
 
-    ``seconds`` is the time on the clock that simulating, fitting and judging took in this call.
+    ``seconds`` is the wall time of simulation, fit and validation in this call.
     """
 
     config: Setup
@@ -38,45 +38,49 @@ class Fitted(Result):
         return str(self.stored.surrogate.data.physics.get("engine", "drake"))
 
     def to_parts(self) -> list[str | Table]:
-        """Give the figures of the validation."""
-        v, data = self.stored.validation, self.stored.surrogate.data
-        how = "references apart" if v.source == "references" else "designs held out in turn"
+        """Tabulate the validation, with lines on the data, the bias and the file."""
+        v = self.stored.validation
+        data = self.stored.surrogate.data
+        method = "references apart" if v.source == "references" else "designs held out in turn"
+        total = f"{v.n} {method}, expected time, s.e. {time_text(v.noise_s)}"
+        points = "single operating points"
         rows = [
-            (f"{v.n} {how}, expected time, s.e. {time_text(v.noise_s)}", f"{v.q2:.3f}",
-             in_ms(v.rmse_s), percent(v.coverage_95)),
-            ("single operating points", f"{v.q2_points:.3f}", in_ms(v.rmse_points_s),
-             percent(v.coverage_points)),
-        ]  # fmt: skip
-        judged = {"expected times": v.q2, "single operating points": v.q2_points}
-        rank = f"rank correlation of {v.n_best} best designs {v.rank_best or 0.0:.2f}"
-        return [
+            (total, f"{v.q2:.3f}", in_ms(v.rmse_s), percent(v.coverage_95)),
+            (points, f"{v.q2_points:.3f}", in_ms(v.rmse_points_s), percent(v.coverage_points)),
+        ]
+        parts: list[str | Table] = [
             f"{len(data)} designs at {len(data.mix.points)} operating points, {data.shifts} shifts",
             Table(("judged by", "Q2", "rmse, ms", "within 95 %"), rows),
-            *(
-                f"warning: Q2 {q2:.3f} of {named} explains less than half of their variance: "
-                "useless; raise surrogate.mix_shifts"
-                for named, q2 in judged.items() if q2 < MIN_Q2
-            ),
+        ]
+        for quantity, q2 in (("expected times", v.q2), (points, v.q2_points)):
+            if q2 < MIN_Q2:
+                parts.append(
+                    f"warning: Q2 {q2:.3f} of {quantity} explains less than half of their "
+                    "variance: useless; raise surrogate.mix_shifts"
+                )
+        parts.append(
             f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, "
-            f"where {v.lost_expected:.1f} were expected",
-            *([] if v.rank_best is None else [rank]),
-            f"written to {self.path}",
-        ]  # fmt: skip
+            f"where {v.lost_expected:.1f} were expected"
+        )
+        if v.rank_best is not None:
+            parts.append(f"rank correlation of {v.n_best} best designs {v.rank_best:.2f}")
+        return [*parts, f"written to {self.path}"]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the validation, what was fitted, and the file."""
+        """Convert validation, numbers of shifts and file to values of JSON."""
         data = self.stored.surrogate.data
+        shifts = dict.fromkeys(ENGINES, 0) | {self.engine: data.shifts}
         return {
             **self.stored.validation.model_dump(),
             "engine": self.engine,
-            **{f"shifts_{name}": data.shifts * (name == self.engine) for name in ENGINES},
+            **{f"shifts_{name}": shifts[name] for name in ENGINES},
             "seconds": self.seconds,
             "designs": len(data),
             "file": str(self.path),
         }
 
     def to_frame(self) -> Frame:
-        """Give the data of the fit, a row for each design and operating point."""
+        """Tabulate the data of the fit, a row for each design and operating point."""
         return self.stored.surrogate.data.frame()
 
 
@@ -89,21 +93,22 @@ def fit(
     cluster: str | None = None,
     progress: Progress | bool = False,
 ) -> Fitted:
-    """Fit the surrogate of a study and judge it on designs that it has not seen.
+    """Fit the surrogate of a study and validate it on designs outside the fit.
 
     InputError for settings of a study that was run, or too few designs.
     Example: ``ds.fit("mq200", ["dog.count=18"], progress=True)``
 
     Parameters
     ----------
-    where : folder of results, which is fitted as it is; or a study, its file or its name, of
-        which designs that fill the space are simulated first into ``results/NAME-space``.
-    settings : settings of a study that is named, ``["dog.count=18"]``.
+    where : folder of results, which is fitted as it is; or a study, its file or its name, for
+        which space-filling designs are simulated first into ``results/NAME-space``.
+    settings : settings of a study given by file or name, ``["dog.count=18"]``.
     out : file of the surrogate; by default ``surrogate.json`` of the folder.
     jobs, cluster, progress : as in ``Study.expect``.
     """
-    begun = time.perf_counter()
-    target, told = None if out is None else Path(out), receiver(progress)
+    start = time.perf_counter()
+    target = None if out is None else Path(out)
+    listener = receiver(progress)
     require_targets({"--out": target})
     if settings and isinstance(where, Study):
         raise InputError("a Study has its settings already; give them to Study, or name the study")
@@ -112,10 +117,10 @@ def fit(
         config = where.config if isinstance(where, Study) else load_study(where, settings)
         folder = StudyFolder(default_out(config, "-space"))
         require_variables(config)
-        fill(config, folder, jobs, cluster, told)
+        fill(config, folder, jobs, cluster, listener)
     elif settings:
         remedy = "leave it out, or name the study"
         raise InputError(f"--set cannot change a study that was run; {remedy}")
-    stored = train(folder, target, say=told.say)
-    seconds = time.perf_counter() - begun
+    stored = train(folder, target, say=listener.say)
+    seconds = time.perf_counter() - start
     return Fitted(folder.stored_study(), stored, target or folder.surrogate, seconds)

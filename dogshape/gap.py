@@ -39,15 +39,15 @@ from dogshape.sim.units import RPM
 
 SHOWN_HYPOTHESES = 6  #: in the table of an update
 SHOWN_RIVALS = 4  #: in a row of a plan
-HALF = 0.5  #: share of the strengths from which two effects count as distinguished
+MIN_DISTINCT_SHARE = 0.5  #: share of strengths from which two causes count as distinguished
 
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result):
     """Causes of a gap with their probabilities, the residuals, and the next test.
 
-    ``consequence`` is the effect of the cause on the best designs of a study, None where none was
-    asked, ``folder`` where report, record and table were written, None where nowhere.
+    ``consequence`` is the effect of the cause on the best designs of a study, ``folder`` has the
+    written report, record and table; None without a study or a folder.
     """
 
     inference: Inference
@@ -65,26 +65,33 @@ class Diagnosis(Result):
         return tuple(self.inference.verdict.causes)
 
     def to_parts(self) -> list[str | Table]:
-        """Give verdict, hypotheses, residuals and the next test."""
-        found, record = self.inference, self.to_dict()
-        own = [name for name in found.effects if name not in load()]
-        return [
+        """Describe verdict and next test, with tables of hypotheses and residuals."""
+        inference = self.inference
+        record = self.to_dict()
+        parts: list[str | Table] = [
             record["summary"],
             "",
-            gap_page.hypothesis_table(found),
+            gap_page.hypothesis_table(inference),
             "",
-            gap_page.residual_table(found),
+            gap_page.residual_table(inference),
             "",
-            f"Monte Carlo error of the leading probability: {100 * found.leading_error:.2g} %",
-            *(f"own effect {name}: {chance(found.inclusion.get(name, 0.0))}" for name in own),
-            "next test: {name}. {why}".format(**record["next_test"]),
-            *([self.consequence.sentence] if self.consequence else []),
-            *([f"report: {record['report']}"] if self.folder else []),
-            *gap_page.examined_lines(found.bench),
+            f"Monte Carlo error of the leading probability: {100 * inference.leading_error:.2g} %",
         ]
+        bundled_effects = load()
+        for effect in inference.effects:
+            if effect not in bundled_effects:
+                probability = inference.inclusion.get(effect, 0.0)
+                parts.append(f"own effect {effect}: {chance(probability)}")
+        parts.append("next test: {name}. {why}".format(**record["next_test"]))
+        if self.consequence:
+            parts.append(self.consequence.sentence)
+        if self.folder:
+            parts.append(f"report: {record['report']}")
+        parts += gap_page.examined_lines(inference.bench)
+        return parts
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the record that ``dogshape gap --json`` prints."""
+        """Convert the diagnosis to the record that ``dogshape gap --json`` prints."""
         return {
             **self.inference.to_dict(),
             "summary": summary(self.inference),
@@ -94,7 +101,7 @@ class Diagnosis(Result):
         }
 
     def to_frame(self) -> Frame:
-        """Give a row for each operating point: bench, simulation, gap, prediction, in s."""
+        """Tabulate bench, simulation, gap and prediction, s, a row for each operating point."""
         return frame_of(gap_page.cells_of(self.inference))
 
     def plot(self) -> Figure:
@@ -122,12 +129,12 @@ class Diagnosis(Result):
         """
         target = Path(path)
         calibrated_study.require_new_study(target)
-        made = calibrated_study.calibrated_study(self.inference, target, base, draws, causes)
-        made.write(target)
-        return made
+        study = calibrated_study.calibrated_study(self.inference, target, base, draws, causes)
+        study.write(target)
+        return study
 
 
-def _means(
+def _bank_options(
     bank: str | Path | None,
     effects: str | Path | None,
     jobs: int,
@@ -170,9 +177,10 @@ def diagnose(
     seed : of the random draws; another one repeats the inference independently.
     jobs, progress : as in ``Study.expect``.
     """
-    given, listener = load_bench(bench, correct), receiver(progress)
+    data = load_bench(bench, correct)
+    listener = receiver(progress)
     settings = replace(USUAL, seed=seed)
-    means = _means(bank, effects, jobs, listener, engine=engine, settings=settings)
+    options = _bank_options(bank, effects, jobs, listener, engine=engine, settings=settings)
     folder = None if out is None else Path(out)
     if folder is not None:
         gap_update.require_no_updates(folder)
@@ -180,21 +188,24 @@ def diagnose(
     if study is not None:
         load_candidates(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
-        found, where, price = diagnose_bench(given, means), "not written, for lack of --out", None
+        inference = diagnose_bench(data, options)
+        report_state = "not written, for lack of --out"
         if folder is not None:
-            where = f"written to {gap_page.publish(found, folder)}"
-            gap_update.keep_data(given, folder, means.effects)
-        if study is not None:
-            words = f"The report is {where}; next: simulation of the study's designs"
-            listener.say(f"{headline_of(found.verdict, found.effects)}. {words}")
-            price = compute_consequence(found, study, means, folder or means.bank)
-            if folder is not None:
-                gap_page.publish(found, folder, price)
-    return Diagnosis(found, price, folder)
+            report_state = f"written to {gap_page.publish(inference, folder)}"
+            gap_update.keep_data(data, folder, options.effects)
+        if study is None:
+            return Diagnosis(inference, None, folder)
+        headline = headline_of(inference.verdict, inference.effects)
+        next_step = f"The report is {report_state}; next: simulation of the study's designs"
+        listener.say(f"{headline}. {next_step}")
+        consequence = compute_consequence(inference, study, options, folder or options.bank)
+        if folder is not None:
+            gap_page.publish(inference, folder, consequence)
+    return Diagnosis(inference, consequence, folder)
 
 
 def _require_no_study(folder: Path) -> None:
-    """Raise StorageError for a folder of a study, whose report a diagnosis would write over."""
+    """Raise StorageError for a folder of a study, whose report a diagnosis would replace."""
     for file in (StudyFolder(folder).manifest, folder / "study.toml"):
         if file.is_file():
             fault = f"which holds a study ({file.name}), whose report a diagnosis would replace"
@@ -205,17 +216,19 @@ def _require_no_study(folder: Path) -> None:
 class Update(Result):
     """Change of a diagnosis by new readings.
 
-    ``diagnosis`` is that with the new readings, ``record`` has them, before, after, and why.
+    ``diagnosis`` includes the new readings, ``record`` has the probabilities before and after, the
+    readings and the reason of the change.
     """
 
     diagnosis: Diagnosis
     record: dict[str, Any]
 
     def to_parts(self) -> list[str | Table]:
-        """Give probabilities before and now, both verdicts, and the next test."""
-        record, frame = self.to_dict(), self.to_frame()
-        frame = frame.sort_values("after", ascending=False, kind="stable")[:SHOWN_HYPOTHESES]
-        rows = [[row[0], *map(chance, row[1:])] for row in frame.itertuples()]
+        """Tabulate probabilities before and after, with both verdicts and the next test."""
+        record = self.to_dict()
+        ranking = self.to_frame().sort_values("after", ascending=False, kind="stable")
+        leading = ranking[:SHOWN_HYPOTHESES]
+        rows = [[row[0], *map(chance, row[1:])] for row in leading.itertuples()]
         return [
             self.record["sentence"],
             "",
@@ -229,14 +242,14 @@ class Update(Result):
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the record that ``dogshape gap update --json`` prints."""
+        """Convert the update to the record that ``dogshape gap update --json`` prints."""
         after = self.diagnosis.to_dict()
         return {**self.record, "next_test": after["next_test"], "report": after["report"]}
 
     def to_frame(self) -> Frame:
-        """Give a row for each hypothesis: probability before and after."""
-        both = {when: self.record[when]["probabilities"] for when in ("before", "after")}
-        return pd.DataFrame(both).fillna(0.0).rename_axis("hypothesis")
+        """Tabulate probabilities before and after, a row for each hypothesis."""
+        columns = {when: self.record[when]["probabilities"] for when in ("before", "after")}
+        return pd.DataFrame(columns).fillna(0.0).rename_axis("hypothesis")
 
 
 def update_diagnosis(
@@ -261,27 +274,28 @@ def update_diagnosis(
     bank, jobs, progress : as in ``diagnose``. The engine is that of the earlier diagnosis, so that
         before and now differ by the readings alone.
     """
-    place = Path(folder)
-    asked = gap_update.read_request(place)
-    with writing(place):
-        bench, sheet = gap_update.join_readings(place, Path(new), asked)
+    target = Path(folder)
+    request = gap_update.read_request(target)
+    with writing(target):
+        bench, sheet = gap_update.join_readings(target, Path(new), request)
         require_shifts(bench, times=True)
-        count = len(asked.joined)
-        before = gap_update.keep_previous(place, count)
-        effects = asked.effects if effects is None else effects
-        means = _means(bank, effects, jobs, progress, engine=before["engine"])
-        found = diagnose_bench(bench, means)
-        record = gap_update.update_record(before, found, sheet, count)
-        gap_page.publish(found, place, history=gap_update.add_update(place, record, count))
-        gap_update.settle_data(place)
-    return Update(Diagnosis(found, None, place), record)
+        count = len(request.joined)
+        previous = gap_update.keep_previous(target, count)
+        effects = request.effects if effects is None else effects
+        options = _bank_options(bank, effects, jobs, progress, engine=previous["engine"])
+        inference = diagnose_bench(bench, options)
+        record = gap_update.update_record(previous, inference, sheet, count)
+        history = gap_update.add_update(target, record, count)
+        gap_page.publish(inference, target, history=history)
+        gap_update.settle_data(target)
+    return Update(Diagnosis(inference, None, target), record)
 
 
 @dataclass(frozen=True, repr=False)
 class Plan(Result):
-    """Shifts to make, in their order, and the causes that they distinguish.
+    """Planned shifts in their order, with the causes that they distinguish.
 
-    ``bench`` has the operating points, ``sheet`` is the table to fill in; None for none.
+    ``bench`` has the operating points, ``sheet`` is the table to fill in, None if not written.
     """
 
     bench: Bench
@@ -289,28 +303,22 @@ class Plan(Result):
     sheet: Path | None = None
 
     def to_parts(self) -> list[str | Table]:
-        """Give visits in their order, the rivals of each cause, and the worth of the plan."""
-        record, plan, causes = self.to_dict(), self.inference, []
-        visits = [
-            [str(one["visit"]), number(one["mismatch_rpm"]), number(one["force_N"]),
-             str(one["shifts"]), "reference" if one["reference"] else ""]
-            for one in record["order"]
-        ]  # fmt: skip
+        """Tabulate visits, and rivals of each cause, with the value of the plan."""
+        record = self.to_dict()
+        plan = self.inference
+        visits = [_visit_cells(visit) for visit in record["order"]]
         names = record["hypotheses"]
-        for truth, apart in enumerate(plan.distinct_share[1:], start=1):
-            others = [k for k in range(1, len(apart)) if k != truth]
-            left = [names[k] for k in sorted(others, key=apart.__getitem__) if apart[k] < HALF]
-            more = f" and {len(left) - SHOWN_RIVALS} more" if len(left) > SHOWN_RIVALS else ""
-            rivals = ", ".join(left[:SHOWN_RIVALS]) or "-"
-            whole = f"{len(others) - len(left)} of {len(others)}"
-            causes.append([names[truth], chance(apart[0]), whole, f"{rivals}{more}"])
+        causes = [_rival_cells(plan, names, truth) for truth in range(1, len(names))]
+        cause_heads = (
+            "true cause",
+            "seen",
+            "rivals distinguished",
+            "not distinguished in most strengths",
+        )
         return [
             Table(("visit", "mismatch, 1/min", "force, N", "shifts", ""), visits),
             "",
-            Table(
-                ("true cause", "seen", "rivals distinguished",
-                 "not distinguished in most strengths"), causes,
-            ),
+            Table(cause_heads, causes),
             "",
             f"{record['shifts']} shifts at {np.count_nonzero(plan.shifts)} of {len(plan.shifts)} "
             f"operating points, about {number(plan.hours)} h: chance to decide a pair of causes "
@@ -319,40 +327,73 @@ class Plan(Result):
             "distinguished: expected odds of 4.5 : 1 and more for the true cause, over the "
             "strengths of the priors. Combinations of effects are not planned for.",
             *([f"table to fill in: {self.sheet}"] if self.sheet else []),
-        ]  # fmt: skip
+        ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the record that ``dogshape gap plan --json`` prints."""
+        """Convert the plan to the record that ``dogshape gap plan --json`` prints."""
         plan = self.inference
         names = [h[0] if h else "none" for h in plan.field.hypotheses]
-        places = [{"mismatch_rpm": one.point.mismatch / RPM, "force_N": one.point.profile.force}
-                  for one in self.bench.cells]  # fmt: skip
+        points = [
+            {"mismatch_rpm": cell.point.mismatch / RPM, "force_N": cell.point.profile.force}
+            for cell in self.bench.cells
+        ]
         pairs = ~np.eye(len(names), dtype=bool)
         return {
             "bench": self.bench.name,
             "shifts": sum(plan.shifts),
             "hours": plan.hours,
-            "reference": places[plan.reference],
+            "reference": points[plan.reference],
             "order": [
-                {"visit": k, **places[at], "shifts": n, "reference": at == plan.reference}
-                for k, (at, n) in enumerate(plan.order, start=1)
+                {
+                    "visit": visit,
+                    **points[point],
+                    "shifts": shifts,
+                    "reference": point == plan.reference,
+                }
+                for visit, (point, shifts) in enumerate(plan.order, start=1)
             ],
             "worth": plan.worth,
             "told_apart": float(plan.distinct_share[pairs].mean()),
             "threshold_nats": DISTINCT_LOG_ODDS,
             "hypotheses": names,
             "pairs": [
-                {"truth": names[i], "rival": names[j],
-                 "log_bayes_factor": float(plan.log_odds[i, j]),
-                 "told_apart": float(plan.distinct_share[i, j])}
+                {
+                    "truth": names[i],
+                    "rival": names[j],
+                    "log_bayes_factor": float(plan.log_odds[i, j]),
+                    "told_apart": float(plan.distinct_share[i, j]),
+                }
                 for i, j in np.argwhere(pairs).tolist()
             ],
             "sheet": None if self.sheet is None else str(self.sheet),
-        }  # fmt: skip
+        }
 
     def to_frame(self) -> Frame:
-        """Give a row for each visit: operating point and shifts."""
+        """Tabulate operating point and number of shifts, a row for each visit."""
         return pd.DataFrame(self.to_dict()["order"]).set_index("visit")
+
+
+def _visit_cells(visit: dict[str, Any]) -> list[str]:
+    return [
+        str(visit["visit"]),
+        number(visit["mismatch_rpm"]),
+        number(visit["force_N"]),
+        str(visit["shifts"]),
+        "reference" if visit["reference"] else "",
+    ]
+
+
+def _rival_cells(plan: ShiftPlan, names: Sequence[str], truth: int) -> list[str]:
+    """Count the rivals that the plan distinguishes from a true cause, and list the others."""
+    distinct_share = plan.distinct_share[truth]
+    rivals = [k for k in range(1, len(distinct_share)) if k != truth]
+    rivals.sort(key=distinct_share.__getitem__)
+    similar = [names[k] for k in rivals if distinct_share[k] < MIN_DISTINCT_SHARE]
+    similar_text = ", ".join(similar[:SHOWN_RIVALS]) or "-"
+    if len(similar) > SHOWN_RIVALS:
+        similar_text += f" and {len(similar) - SHOWN_RIVALS} more"
+    distinguished = f"{len(rivals) - len(similar)} of {len(rivals)}"
+    return [names[truth], chance(distinct_share[0]), distinguished, similar_text]
 
 
 def plan_shifts(
@@ -375,9 +416,9 @@ def plan_shifts(
     Parameters
     ----------
     where : folder of a data set, study, or name of one that the package brings; its operating
-        points are the candidates, and times that it may have are not looked at.
-    shifts : in all.
-    points : operating points that are used, at most; None for any number.
+        points are the candidates, its times are not used.
+    shifts : total number.
+    points : largest number of operating points; None for any number.
     seed : of the order.
     out : CSV or .xlsx file for the table to fill in at the bench, which must not be there yet. It
         is a ``shifts.csv`` without times; its column ``order`` shows a drift afterwards.
@@ -393,12 +434,20 @@ def plan_shifts(
             f"number of operating points is {points}, but {bench.name} has {len(bench.cells)}; "
             f"give 1 to {len(bench.cells)}"
         )
-    means = _means(bank, effects, jobs, progress)
-    plan = shift_plan(predict_field(bench, means), shifts, seed, points)
+    options = _bank_options(bank, effects, jobs, progress)
+    plan = shift_plan(predict_field(bench, options), shifts, seed, points)
     if file is not None:
-        todo = [bench.cells[place].point for place, count in plan.order for _ in range(count)]
-        rows = [(rounded(p.mismatch / RPM), rounded(p.profile.force), p.profile.rise, 1)
-                for p in todo]  # fmt: skip
-        sheet = pd.DataFrame(rows, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS[:7]])
-        write_frame(sheet.assign(order=range(1, len(rows) + 1)), file, digits=12)
+        write_frame(_shift_sheet(bench, plan), file, digits=12)
     return Plan(bench, plan, file)
+
+
+def _shift_sheet(bench: Bench, plan: ShiftPlan) -> pd.DataFrame:
+    """Tabulate the planned shifts, a row each, with empty columns for the readings."""
+    rows: list[tuple[float, float, float, int]] = []
+    for cell, count in plan.order:
+        point = bench.cells[cell].point
+        profile = point.profile
+        row = (rounded(point.mismatch / RPM), rounded(profile.force), profile.rise, 1)
+        rows += [row] * count
+    sheet = pd.DataFrame(rows, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS[:7]])
+    return sheet.assign(order=range(1, len(rows) + 1))

@@ -1,6 +1,6 @@
-"""Many designs without simulation: a table in, the surrogate's answers and closed forms beside it.
+"""Predictions for a table of designs by surrogate and closed forms, without simulation.
 
-A design that cannot be has no time, and a reason.
+An impossible design has no time, and a reason.
 """
 
 from __future__ import annotations
@@ -30,19 +30,27 @@ from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.strength.verdict import Missing, missing_checks
 from dogshape.sim.texts import TextTable, is_plain, listed, read_table
-from dogshape.surrogate.model import interval
+from dogshape.surrogate.dataset import Mix
+from dogshape.surrogate.model import Surrogate, interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
 
-CHUNK = 5000  #: designs that are worked out at a time
+CHUNK_SIZE = 5000  #: designs whose checks are computed together
+TIME = "expected_shift_time_s"
 TIMES = (
-    "expected_shift_time_s", "low_s", "high_s", "standard_error_s", "distance", "in_range",
-)  # fmt: skip
+    TIME,
+    "low_s",
+    "high_s",
+    "standard_error_s",
+    "distance",
+    "in_range",
+)
 CHECKS = ("feasible", "verdict", "smallest_margin", "worst_check", "reason")
 NOT_JUDGED = "not_judged"  #: column of the answers: standard checks that no prediction judges
-STATES = {True: "not_judged", False: "fails"}  #: a prediction judges no landing
-NEAR = 0.7  #: likeness of a column's name to a variable's from which it is taken for a misspelling
-MAX_LISTED = 10  #: faulty cells that a refusal lists
-NAMED = 5  #: rows of a table without an answer that are listed one by one
+#: Verdict by whether every judged check passes; a prediction judges no landing.
+STATES = {True: "not_judged", False: "fails"}
+MIN_NAME_LIKENESS = 0.7  #: ``difflib`` ratio of a column to a variable, for a misspelling
+MAX_LISTED_CELLS = 10  #: faulty cells in an error message
+MAX_LISTED_ROWS = 5  #: rows without an answer in the printed result
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,9 +60,9 @@ class Predictions(Result):
     ``feasible`` is a design that fails none of these; its verdict is ``not_judged``, since no
     prediction has a landing.
 
-    ``answers`` has variables, ``TIMES`` and ``verdicts`` by the rows of the ``table``; ``filled``
-    are variables without a column, at the study's value. ``written`` is the table with the answers;
-    None where none was written.
+    ``answers`` has variables, times and checks by the rows of the ``table``; ``filled`` are
+    variables without a column, at the study's value. ``written`` is the file of the answers; None
+    without one.
     """
 
     config: Setup
@@ -65,42 +73,40 @@ class Predictions(Result):
 
     @property
     def kept(self) -> list[str]:
-        """Columns of the table that are none of a variable."""
+        """Columns of the table that are no variable and are copied."""
         return [name for name in self.table.head if name == "real" or name not in self.answers]
 
     @property
     def notes(self) -> list[str]:
-        """Columns that the study filled in, and those only copied."""
-        filled = ", ".join(f"{name} = {value:.6g}" for name, value in self.filled.items())
-        kept = ", ".join(self.kept)
-        return [
-            *([f"the table has no column for, and the study gives, {filled}"] if filled else []),
-            *([f"columns copied, and no part of the question: {kept}"] if kept else []),
-        ]
+        """Sentences on columns filled by the study and on copied columns."""
+        notes = []
+        if self.filled:
+            values = ", ".join(f"{name} = {value:.6g}" for name, value in self.filled.items())
+            notes.append(f"the table has no column for, and the study gives, {values}")
+        if self.kept:
+            copied_columns = ", ".join(self.kept)
+            notes.append(f"columns copied, and no part of the question: {copied_columns}")
+        return notes
 
     def to_parts(self) -> list[str | Table]:
-        """Give rows without an answer, counts, and the best design."""
-        record, lines = self.to_dict(), list[str]()
-        for words, more, key in (
-            ("is no design", "are no designs", "impossible"),
-            ("has no time", "have no time", "without_time"),
-        ):
-            rows = record[key]
-            lines += [f"row {one['row']} {words}: {one['reason']}" for one in rows[:NAMED]]
-            left = len(rows) - NAMED
-            lines += [f"and {left} more rows {more}"] if left > 0 else []
-        best, time, simulated = record["best_feasible"], "-", list[str]()
+        """Describe rows without an answer, counts and the best design."""
+        record = self.to_dict()
+        best = record["best_feasible"]
+        time = "-"
+        commands = []
         if best is not None:
-            time = f"{time_text(best['expected_shift_time_s'])}, row {best['row']}"
-            if command := self.command(best):
-                simulated = [f"landing and engagement of row {best['row']}: {command}"]
+            time = f"{time_text(best[TIME])}, row {best['row']}"
+            command = self.command(best)
+            if command:
+                commands = [f"landing and engagement of row {best['row']}: {command}"]
         return [
-            *lines,
+            *_row_lines(record["impossible"], "is no design", "are no designs"),
+            *_row_lines(record["without_time"], "has no time", "have no time"),
             f"wrote {record['file']}: designs {record['n']}, in the trained range "
             f"{record['in_range']}, without a failed check {record['feasible']}, impossible "
             f"{len(record['impossible'])}, least time of one without a failed check {time}",
-            f"not judged: {', '.join(one.text for one in self.not_judged)}",
-            *simulated,
+            f"not judged: {', '.join(check.text for check in self.not_judged)}",
+            *commands,
         ]
 
     def command(self, design: Mapping[str, float]) -> str:
@@ -108,62 +114,82 @@ class Predictions(Result):
 
         Empty where a variable is of the operation and no key of the dog.
         """
-        names = list(self.answers)[: list(self.answers).index(TIMES[0])]
-        if set(names) & set(OPERATED):
+        variables = self._variables
+        if set(variables) & set(OPERATED):
             return ""
-        given = [name for name in names if name not in self.filled]
-        keys = " ".join(f"--set dog.{name}={design[name]:.10g}" for name in given)
+        keys = " ".join(
+            f"--set dog.{name}={design[name]:.10g}" for name in variables if name not in self.filled
+        )
         return f"dogshape check {self.config.name} {keys}"
+
+    @property
+    def _variables(self) -> list[str]:
+        columns = list(self.answers)
+        return columns[: columns.index(TIME)]
 
     @property
     def not_judged(self) -> tuple[Missing, ...]:
         """Standard checks that a prediction leaves open, for the study's own dog."""
-        dog, limits = self.config.clutch.dog, self.config.limits
-        return missing_checks(dog, limits, (check.name for check in strength_checks(dog, limits)))
+        dog = self.config.clutch.dog
+        limits = self.config.limits
+        judged = (check.name for check in strength_checks(dog, limits))
+        return missing_checks(dog, limits, judged)
 
     def to_dict(self) -> dict[str, Any]:
-        """Give counts, impossible rows with their reasons, and the best designs."""
-        answers, time = self.answers, self.answers[TIMES[0]]
-        names = list(answers)[: list(answers).index(TIMES[0])]
-
-        def reasons(marked: Any) -> list[dict[str, Any]]:
-            return [{"row": row, "reason": why} for row, why in answers["reason"][marked].items()]
-
-        def best(marked: Any) -> dict[str, Any] | None:
-            if (known := time[marked].dropna()).empty:
-                return None
-            row = known.idxmin()
-            return {"row": int(row), **answers.loc[row, [*names, TIMES[0]]].astype(float).to_dict()}
-
+        """Convert counts, rows without an answer, and the best designs to values of JSON."""
+        answers = self.answers
+        real = answers["real"]
+        verdicts = answers["verdict"]
         return {
             "file": None if self.written is None else str(self.written),
             "n": len(answers),
             "in_range": int(answers["in_range"].sum()),
             "feasible": int(answers["feasible"].sum()),
             "verdict": {
-                "state": {
-                    state: int((answers["verdict"] == state).sum()) for state in STATES.values()
-                },
-                "not_judged": [{"check": one.check, "key": one.key} for one in self.not_judged],
+                "state": {state: int((verdicts == state).sum()) for state in STATES.values()},
+                "not_judged": [
+                    {"check": check.check, "key": check.key} for check in self.not_judged
+                ],
             },
-            "impossible": reasons(~answers["real"]),
-            "without_time": reasons(answers["real"] & time.isna()),
+            "impossible": _reasons(answers[~real]),
+            "without_time": _reasons(answers[real & answers[TIME].isna()]),
             "filled": self.filled,
             "kept": self.kept,
-            "best": best(answers["real"]),
-            "best_feasible": best(answers["feasible"]),
+            "best": self._fastest(answers[real]),
+            "best_feasible": self._fastest(answers[answers["feasible"]]),
         }
 
+    def _fastest(self, answers: pd.DataFrame) -> dict[str, Any] | None:
+        """Select row, variables and time of the fastest design; None without a time."""
+        times = answers[TIME].dropna()
+        if times.empty:
+            return None
+        row = times.idxmin()
+        values = answers.loc[row, [*self._variables, TIME]].astype(float)
+        return {"row": int(row), **values.to_dict()}
+
     def to_frame(self) -> pd.DataFrame:
-        """Give a row for each design: its keys, predicted time, interval, checks; kept columns.
+        """Tabulate designs: variables, predicted time, interval, checks and copied columns.
 
         ``not_judged`` has the standard checks that a prediction leaves open, landing among them.
         """
-        found = self.answers.drop(columns="real")
-        found[NOT_JUDGED] = " ".join(one.check for one in self.not_judged)
-        for place, name in enumerate(self.kept):
-            found.insert(place, name, self.table.column(name))
-        return found
+        frame = self.answers.drop(columns="real")
+        frame[NOT_JUDGED] = " ".join(check.check for check in self.not_judged)
+        for position, name in enumerate(self.kept):
+            frame.insert(position, name, self.table.column(name))
+        return frame
+
+
+def _reasons(answers: pd.DataFrame) -> list[dict[str, Any]]:
+    return [{"row": row, "reason": reason} for row, reason in answers["reason"].items()]
+
+
+def _row_lines(rows: Sequence[Mapping[str, Any]], singular: str, plural: str) -> list[str]:
+    """List rows without an answer with their reasons, and the number of further ones."""
+    lines = [f"row {row['row']} {singular}: {row['reason']}" for row in rows[:MAX_LISTED_ROWS]]
+    if len(rows) > MAX_LISTED_ROWS:
+        lines.append(f"and {len(rows) - MAX_LISTED_ROWS} more rows {plural}")
+    return lines
 
 
 def predict_designs(
@@ -178,79 +204,102 @@ def predict_designs(
     model = stored_surrogate(config, surrogate)[0].surrogate
     target = None if out is None else Path(out)
     variables = model.data.variables
-    if isinstance(designs, pd.DataFrame):  # whose rows count from 1
-        rows = enumerate(designs.itertuples(index=False, name=None), start=1)
-        cells = tuple((number, tuple(map(str, row))) for number, row in rows)
-        table = TextTable(Path("designs"), tuple(map(str, designs.columns)), cells)
-    else:
-        if target is not None and target.resolve() == file_of(Path(designs)).resolve():
-            raise InputError(f"--out is {target}, the table that is read; name another file")
-        try:
-            table = read_table(Path(designs), variables)
-        except FileNotFoundError:
-            missing = f"there is no table of designs at {designs}; check --designs"
-            raise InputError(missing) from None
+    table = _read_designs(designs, target, variables)
     require_same_physics(model.data, config.physics)
     _require_columns(table, variables)
     if not table.rows:
         raise InputError(f"{table.path} holds no design below its line of names; add some")
-    x = _designs(table, variables, config.prototype)
-    found = verdicts(config, variables, x)
-    found.loc[(found["reason"] == "") & faces_hold(model.data, x), "reason"] = HOLDS
-    times, known = np.full((len(x), 5), np.nan), np.zeros(len(x), dtype=bool)
-    real = np.asarray(found["reason"] == "", dtype=bool)
-    if real.any():
-        time, error = model.predict(x[real], mix)
-        distance = model.distance(x[real])
-        times[real] = np.column_stack([time, *interval(time, error), error, distance])
-        known[real] = in_range(model, x[real], mix, distance)
-    columns = dict(zip((*variables, *TIMES), (*x.T, *times.T, known), strict=True))
-    answers = pd.concat([pd.DataFrame(columns), found], axis=1)
+    x = _design_values(table, variables, config.prototype)
+    checks = judge_designs(config, variables, x)
+    checks.loc[(checks["reason"] == "") & faces_hold(model.data, x), "reason"] = HOLDS
+    predicted = np.asarray(checks["reason"] == "", dtype=bool)
+    times = _predicted_times(model, x, predicted, mix)
+    columns = dict(zip(variables, x.T, strict=True))
+    answers = pd.concat([pd.DataFrame(columns), times, checks], axis=1)
     answers.index = pd.Index([number for number, _ in table.rows], name="row")
     filled = {name: config.prototype[name] for name in variables if name not in table.head}
-    made = Predictions(config, table, filled, answers, target)
+    predictions = Predictions(config, table, filled, answers, target)
     if target is not None:
-        write_frame(made.to_frame(), target, digits=6)
-    return made
+        write_frame(predictions.to_frame(), target, digits=6)
+    return predictions
 
 
-def beside(source: Path) -> Path:
-    """Give the file of the answers to a table: NAME-times.csv or NAME-times.xlsx beside it."""
+def _read_designs(
+    designs: str | Path | pd.DataFrame, target: Path | None, variables: tuple[str, ...]
+) -> TextTable:
+    """Read a frame or a file as texts; InputError for a missing file, or the ``target`` itself."""
+    if isinstance(designs, pd.DataFrame):  # whose rows count from 1
+        rows = enumerate(designs.itertuples(index=False, name=None), start=1)
+        cells = tuple((number, tuple(map(str, row))) for number, row in rows)
+        return TextTable(Path("designs"), tuple(map(str, designs.columns)), cells)
+    if target is not None and target.resolve() == file_of(Path(designs)).resolve():
+        raise InputError(f"--out is {target}, the table that is read; name another file")
+    try:
+        return read_table(Path(designs), variables)
+    except FileNotFoundError:
+        missing = f"there is no table of designs at {designs}; check --designs"
+        raise InputError(missing) from None
+
+
+def _predicted_times(model: Surrogate, x: Array, predicted: Array, mix: Mix) -> pd.DataFrame:
+    """Predict the ``TIMES`` of designs, (n, 6); NaN and out of range where not ``predicted``."""
+    times = np.full((len(x), 5), np.nan)
+    in_training_range = np.zeros(len(x), dtype=bool)
+    if predicted.any():
+        time, error = model.predict(x[predicted], mix)
+        distance = model.distance(x[predicted])
+        low, high = interval(time, error)
+        times[predicted] = np.column_stack([time, low, high, error, distance])
+        in_training_range[predicted] = in_range(model, x[predicted], mix, distance)
+    return pd.DataFrame(dict(zip(TIMES, (*times.T, in_training_range), strict=True)))
+
+
+def answer_path(source: Path) -> Path:
+    """Name the file of the answers to a table: NAME-times.csv or NAME-times.xlsx beside it."""
     ending = ".csv" if file_of(source) == source and source.suffix != ".xlsx" else ".xlsx"
     return source.with_name(f"{source.stem}-times{ending}")
 
 
-def verdicts(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
+def judge_designs(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
     """Judge designs (n, d) in edge units by every check that needs no simulation.
 
-    A row for each, with ``CHECKS`` and whether there is such a dog, ``real``: NaN and no worst
-    check where not. The reason is why there is none, or why it cannot be made.
+    A row for each, with ``CHECKS`` and ``real``, whether the dog is possible; else the margin is
+    NaN and the worst check empty. ``reason`` says why a dog is impossible or cannot be made.
     """
-    alike = np.zeros(len(x), dtype=bool)
-    with np.errstate(all="ignore"):  # of shapes that cannot be
-        if judged_together(study, names):
-            alike |= dogs_of(study, names, x).possible
-        places = np.flatnonzero(alike)
-        chunks = (places[k : k + CHUNK] for k in range(0, len(places), CHUNK))
-        found = [_judge_together(study, names, x[some]).set_index(some) for some in chunks]
-    # Why a shape cannot be is said in words by the dog itself.
-    single = [_judged(study, dict(zip(names, row, strict=True))) for row in x[~alike].tolist()]
-    found.append(pd.DataFrame(single, np.flatnonzero(~alike), ("real", *CHECKS)))
-    return pd.concat([one for one in found if len(one)]).sort_index()
+    is_possible = np.zeros(len(x), dtype=bool)
+    frames = []
+    with np.errstate(all="ignore"):  # of impossible shapes
+        if has_common_limits(study, names):
+            is_possible |= dogs_of(study, names, x).possible
+        indices = np.flatnonzero(is_possible)
+        for start in range(0, len(indices), CHUNK_SIZE):
+            chunk = indices[start : start + CHUNK_SIZE]
+            frames.append(_judge_together(study, names, x[chunk]).set_index(chunk))
+    # The dog itself explains why a shape is impossible.
+    single = [
+        _judge_design(study, dict(zip(names, row, strict=True))) for row in x[~is_possible].tolist()
+    ]
+    frames.append(pd.DataFrame(single, np.flatnonzero(~is_possible), ("real", *CHECKS)))
+    return pd.concat([frame for frame in frames if len(frame)]).sort_index()
 
 
-def judged_together(study: Setup, names: Sequence[str]) -> bool:
-    """Decide whether a study has the same limits for all designs, none on the shape of its own."""
-    return not set(names) & set(OPERATED) and all(one.simulated for one, _ in limits_of(study))
+def has_common_limits(study: Setup, names: Sequence[str]) -> bool:
+    """Decide whether all designs have the same limits, none of them on the shape."""
+    if set(names) & set(OPERATED):
+        return False
+    return all(objective.simulated for objective, _ in limits_of(study))
 
 
-def _judged(study: Setup, params: dict[str, float]) -> tuple[bool, bool, str, float, str, str]:
+def _judge_design(
+    study: Setup, parameters: dict[str, float]
+) -> tuple[bool, bool, str, float, str, str]:
+    """Judge a design; ``real`` and the ``CHECKS``."""
     try:
-        design = design_of(study, params)
+        design = design_of(study, parameters)
     except DogshapeError as error:  # values that no dog can have
-        design = Design(params, None, (), str(error))
-    broken = [check.name for check in design.checks if check.name in MAKEABLE and not check.passed]
-    reason = design.refusal or _unmade(broken)
+        design = Design(parameters, None, (), str(error))
+    faults = [check.name for check in design.checks if check.name in MAKEABLE and not check.passed]
+    reason = design.refusal or _manufacturing_reason(faults)
     if not design.checks:
         return False, False, STATES[False], np.nan, "", reason
     weakest = smallest_margin(design.checks)
@@ -258,30 +307,39 @@ def _judged(study: Setup, params: dict[str, float]) -> tuple[bool, bool, str, fl
     return True, design.feasible, verdict, weakest.margin, weakest.name, reason
 
 
-def _unmade(broken: Iterable[str]) -> str:
-    names = ", ".join(broken).replace("_", " ")
+def _manufacturing_reason(checks: Iterable[str]) -> str:
+    names = ", ".join(checks).replace("_", " ")
     return f"cannot be made: fails {names}" if names else ""
 
 
 def _judge_together(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
+    """Judge possible designs by closed forms; ``real`` and the ``CHECKS``, a row each."""
     checks = strength_checks(dogs_of(study, names, x), study.limits)
     margins = pd.DataFrame({c.name: np.broadcast_to(c.margin, len(x)) for c in checks})
-    smallest, broken = margins.min(axis=1), margins[[n for n in margins if n in MAKEABLE]] < 0.0
-    reason = np.full(len(x), "", dtype=object)
-    for row in np.flatnonzero(broken.any(axis=1)):
-        reason[row] = _unmade(broken.columns[broken.iloc[row]])
+    smallest = margins.min(axis=1)
     passed = smallest >= 0.0
-    columns = {"feasible": passed, "verdict": passed.map(STATES), "smallest_margin": smallest}
-    worst = margins.idxmin(axis=1)
-    return pd.DataFrame({"real": True, **columns, "worst_check": worst, "reason": reason})
+    faults = margins[[name for name in margins if name in MAKEABLE]] < 0.0
+    reason = np.full(len(x), "", dtype=object)
+    for row in np.flatnonzero(faults.any(axis=1)):
+        reason[row] = _manufacturing_reason(faults.columns[faults.iloc[row]])
+    return pd.DataFrame(
+        {
+            "real": True,
+            "feasible": passed,
+            "verdict": passed.map(STATES),
+            "smallest_margin": smallest,
+            "worst_check": margins.idxmin(axis=1),
+            "reason": reason,
+        }
+    )
 
 
 def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
-    """Raise with all columns at once that look like a variable and are none."""
+    """Raise InputError that lists all columns which are no variable but resemble one."""
     table.require(())
     faults = []
     for name in table.head:
-        near = difflib.get_close_matches(name.lower(), variables, n=1, cutoff=NEAR)
+        similar = difflib.get_close_matches(name.lower(), variables, n=1, cutoff=MIN_NAME_LIKENESS)
         if name in variables:
             if table.head.count(name) > 1:
                 faults.append(f"the column '{name}' is there twice; keep one")
@@ -292,9 +350,9 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
                 f"'{name}' is the same for all designs that the surrogate knows; take the column "
                 f"away (--set dog.{name}=VALUE needs a surrogate of its own)"
             )
-        elif near:
+        elif similar:
             faults.append(
-                f"'{name}' is no variable; did you mean '{near[0]}'? (a note needs another name)"
+                f"'{name}' is no variable; did you mean '{similar[0]}'? (a note needs another name)"
             )
     if not faults and not set(table.head) & set(variables):
         faults.append(f"there is no column of a variable; valid are {', '.join(variables)}")
@@ -302,26 +360,37 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
         raise InputError(listed(f"{table.path}, row 1", dict.fromkeys(faults)))
 
 
-def _designs(table: TextTable, variables: tuple[str, ...], own: Mapping[str, float]) -> Array:
-    """Return the designs in edge units, (n, d); cells that are no numbers raise."""
-    x, faults = np.empty((len(table.rows), len(variables))), list[tuple[int, str]]()
-    for place, name in enumerate(variables):
+def _design_values(
+    table: TextTable, variables: tuple[str, ...], prototype: Mapping[str, float]
+) -> Array:
+    """Convert designs to numbers in edge units, (n, d); InputError for cells without a number.
+
+    A variable without a column has the value of the ``prototype``.
+    """
+    x = np.empty((len(table.rows), len(variables)))
+    faults: list[tuple[int, str]] = []
+    for column, name in enumerate(variables):
         if name not in table.head:
-            x[:, place] = own[name]
+            x[:, column] = prototype[name]
             continue
         texts = table.column(name)
-        x[:, place] = found = [float(text) if is_plain(text) else np.nan for text in texts]
-        wrong = ~np.isfinite(found)
+        values = np.array([float(text) if is_plain(text) else np.nan for text in texts])
+        x[:, column] = values
+        is_faulty = ~np.isfinite(values)
         if name == "count":
-            wrong |= np.mod(found, 1.0) != 0.0
-        for row in np.flatnonzero(wrong).tolist():
-            number, text = table.rows[row][0], texts[row]
+            is_faulty |= np.mod(values, 1.0) != 0.0
+        for row in np.flatnonzero(is_faulty).tolist():
+            number = table.rows[row][0]
+            text = texts[row]
             rule = "a whole number" if name == "count" else number_rule(text)
-            faults.append((number, f"row {number}, column {name} is '{text}', but it must be "
-                           f"{rule}; correct the cell"))  # fmt: skip
+            fault = (
+                f"row {number}, column {name} is '{text}', but it must be {rule}; correct the cell"
+            )
+            faults.append((number, fault))
     if faults:
-        wrong_cells = [fault for _, fault in sorted(faults)]
-        left = len(wrong_cells) - MAX_LISTED
-        more = [f"and {left} more cells"] if left > 0 else []
-        raise InputError(listed(str(table.path), [*wrong_cells[:MAX_LISTED], *more]))
+        messages = [fault for _, fault in sorted(faults)]
+        listed_messages = messages[:MAX_LISTED_CELLS]
+        if len(messages) > MAX_LISTED_CELLS:
+            listed_messages.append(f"and {len(messages) - MAX_LISTED_CELLS} more cells")
+        raise InputError(listed(str(table.path), listed_messages))
     return x

@@ -11,13 +11,13 @@ from typing import Any, TypeVar
 
 from dogshape.sim.errors import DogshapeError, InputError
 
-#: Whether errors keep the options of the command line, which asks by the same verbs.
+#: Whether errors keep the options of the command line, which calls the same verbs.
 KEEPS_OPTIONS: ContextVar[bool] = ContextVar("KEEPS_OPTIONS", default=False)
 
-C = TypeVar("C", bound=type)
+PublicClass = TypeVar("PublicClass", bound=type)
 
-#: Patterns of the command line's words and what they are in Python, in this order.
-WORDS = (
+#: Patterns of the command line's words with their replacements in Python, in order.
+REPLACEMENTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (r" with --set:", " with settings:"),
     (r"--set ([\w.]+)=(?=[\s,;)]|$)", r'{"\1": None}'),
     (r"--set ([\w.]+)=(\S+?)(?=[\s,;:)]|$)", r'{"\1": \2}'),
@@ -30,37 +30,42 @@ WORDS = (
     (r"'dogshape validate'", "ds.validate()"),
     (r"'dogshape report'", "ds.load_result(folder).report()"),
     (r"--correct (\S+?)(?=[\s,;:)]|$)", r'correct=["\1"]'),
-    (r"(?<!TABLE )--([a-z][a-zA-Z-]*)", lambda found: found[1].replace("-", "_")),
+    (r"(?<!TABLE )--([a-z][a-zA-Z-]*)", lambda option: option[1].replace("-", "_")),
 )
 
 
-def in_python(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap a verb: text for a number is refused, and errors name arguments."""
-    kinds = {name: str(one.annotation) for name, one in inspect.signature(verb).parameters.items()}
+def wrap_verb(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap a verb: InputError for text in place of a number, errors name arguments of Python."""
+    parameters = inspect.signature(verb).parameters
+    annotations = {name: str(parameter.annotation) for name, parameter in parameters.items()}
 
     @wraps(verb)
-    def called(*args: Any, **kwargs: Any) -> Any:
+    def checked_verb(*args: Any, **kwargs: Any) -> Any:
         try:
             for name, value in kwargs.items():
-                text = re.search(r"\b(str|Path|Any)\b", kinds.get(name, "str"))
-                if isinstance(value, str) and not text:
+                takes_text = re.search(r"\b(str|Path|Any)\b", annotations.get(name, "str"))
+                if isinstance(value, str) and not takes_text:
                     rule = "it must be a number; give it without quotes and unit"
                     raise InputError(f"{name} is '{value}', but {rule}")
             return verb(*args, **kwargs)
         except DogshapeError as error:
             if not KEEPS_OPTIONS.get():
-                sentence = str(error)
-                for pattern, words in WORDS:
-                    sentence = re.sub(pattern, words, sentence)
-                error.args = (sentence, *error.args[1:])
+                error.args = (_translate(str(error)), *error.args[1:])
             raise
 
-    return called
+    return checked_verb
 
 
-def speaks_python(kind: C) -> C:
-    """Wrap the constructor and all public verbs of a class."""
-    for name, value in list(vars(kind).items()):
+def _translate(sentence: str) -> str:
+    """Replace options of the command line by arguments of Python."""
+    for pattern, replacement in REPLACEMENTS:
+        sentence = re.sub(pattern, replacement, sentence)
+    return sentence
+
+
+def wrap_verbs(public_class: PublicClass) -> PublicClass:
+    """Wrap the constructor and all public verbs of a class, in place."""
+    for name, value in list(vars(public_class).items()):
         if inspect.isfunction(value) and (name == "__init__" or not name.startswith("_")):
-            setattr(kind, name, in_python(value))
-    return kind
+            setattr(public_class, name, wrap_verb(value))
+    return public_class

@@ -8,18 +8,20 @@ from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.units import DEG
 
-Angles = int | Sequence[float] | None  #: how many evenly spaced ones, or listed ones, deg
+Angles = int | Sequence[float] | None  #: number of evenly spaced angles, or listed ones, deg
 
 
-def receiver(wanted: Progress | bool) -> Progress:
-    """Give what receives progress: a bar in terminal or notebook for True, nothing for False."""
+def receiver(progress: Progress | bool) -> Progress:
+    """Build the receiver of progress: a bar for True, a silent one for False, or the given one."""
     from dogshape.terminal import ProgressBar  # noqa: PLC0415  # rich, which few calls need
 
-    return (ProgressBar() if wanted else SILENT) if isinstance(wanted, bool) else wanted
+    if not isinstance(progress, bool):
+        return progress
+    return ProgressBar() if progress else SILENT
 
 
 def in_radians(angles: int | Sequence[float]) -> int | tuple[float, ...]:
-    """Return a number of relative angles, or listed ones in rad; InputError for wrong ones."""
+    """Convert listed relative angles to rad, check a number of angles; InputError out of range."""
     if isinstance(angles, int):
         require_between("--angles", angles, 1, 100_000, "give for instance 24")
         return angles

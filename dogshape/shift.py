@@ -24,9 +24,11 @@ from dogshape.sim.statistics.blocks import engage, events_record, loads_record
 from dogshape.sim.strength.peak_force import peak_forces
 from dogshape.sim.units import RPM
 
-#: Largest mismatch in 1/min and force in N of the table of checked shifts (``docs/proof.md``).
-CHECKED_RPM, CHECKED_N = 1000.0, 3000.0
-CONVERGED = 0.01  #: of the shift time, by which finer steps may move it
+#: Largest mismatch and force of the table of checked shifts (``docs/proof.md``).
+MAX_CHECKED_RPM = 1000.0
+MAX_CHECKED_N = 3000.0
+LIMIT_TOLERANCE = 1e-9  #: relative, of the conversion of units
+CONVERGENCE_TOLERANCE = 0.01  #: change of the shift time by finer steps, over the shift time
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,58 +51,65 @@ class Shift(Result):
 
     @property
     def converged(self) -> bool:
-        """Whether finer steps leave outcome and, within a percent, time as they are.
+        """Whether finer steps confirm the outcome and, within a percent, the time.
 
         A shift that neither skips a slot nor bounces is not repeated: of 200 such shifts with
         shafts, linkages and up to 900 1/min none moved by a percent.
         """
         if self.refined is None:
             return True
-        time, finer = self.time_s, self.refined.shift_time
-        if time is None or finer is None:
+        time = self.time_s
+        refined_time = self.refined.shift_time
+        if time is None or refined_time is None:
             return self.engagement.outcome is self.refined.outcome
-        return abs(finer - time) <= CONVERGED * time
+        return abs(refined_time - time) <= CONVERGENCE_TOLERANCE * time
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on a shift that is not converged, or is beyond the checked range."""
-        one, finer, found = self.engagement, self.refined, list[str]()
-        if finer is not None and not self.converged:
-            time = f" in {time_text(finer.shift_time)}" if finer.shift_time else ""
-            found.append(
-                f"not converged: {finer.outcome.value.replace('_', ' ')}{time} with finer steps. "
+        point = self.engagement.point
+        refined = self.refined
+        warnings: list[str] = []
+        if refined is not None and not self.converged:
+            time = f" in {time_text(refined.shift_time)}" if refined.shift_time else ""
+            outcome = refined.outcome.value.replace("_", " ")
+            warnings.append(
+                f"not converged: {outcome}{time} with finer steps. "
                 "After slots skipped or bounces a single shift depends on the steps; take a mean "
                 "over angles (dogshape expect)"
             )
         for name, value, limit, unit in (
-            ("mismatch", abs(one.point.mismatch) / RPM, CHECKED_RPM, "1/min"),
-            ("shift force", one.point.profile.force, CHECKED_N, "N"),
+            ("mismatch", abs(point.mismatch) / RPM, MAX_CHECKED_RPM, "1/min"),
+            ("shift force", point.profile.force, MAX_CHECKED_N, "N"),
         ):
-            if value > limit * (1.0 + 1e-9):
-                found.append(
+            if value > limit * (1.0 + LIMIT_TOLERANCE):
+                warnings.append(
                     f"{name} of {value:.6g} {unit} is beyond {limit:.6g} {unit}, up to which the "
                     "contact was checked (docs/proof.md)"
                 )
-        return tuple(found)
+        return tuple(warnings)
 
     def to_parts(self) -> list[str | Table]:
-        """Give outcome, phases, events, loads and warnings."""
-        one = self.engagement
-        time = f" in {time_text(one.shift_time)}" if one.shift_time is not None else ""
+        """Describe outcome, phases, events, loads and warnings."""
+        result = self.engagement
+        time = f" in {time_text(result.shift_time)}" if result.shift_time is not None else ""
         return [
-            f"{one.outcome.value.replace('_', ' ')}{time}: {one.detail}",
-            phase_table(one),
-            "; ".join(event_facts(one)),
-            *load_facts(one, self.torque_peak, self.config.limits),
+            f"{result.outcome.value.replace('_', ' ')}{time}: {result.detail}",
+            phase_table(result),
+            "; ".join(event_facts(result)),
+            *load_facts(result, self.torque_peak, self.config.limits),
             self.config.shafts_text,
-            f"simulated by {ENGINES[one.clutch.solver.engine]}",
+            f"simulated by {ENGINES[result.clutch.solver.engine]}",
             *(f"warning: {warning}" for warning in self.warnings),
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give outcome, time, phases, events, loads and solver, in the edge's units."""
-        result, finer = self.engagement, self.refined
-        solver, mechanism, peak = result.clutch.solver, self.config.mechanism, self.torque_peak
+        """Convert outcome, time, phases, events, loads and solver to values of JSON."""
+        result = self.engagement
+        refined = self.refined
+        solver = result.clutch.solver
+        mechanism = self.config.mechanism
+        loads = {**loads_record(result), "torque_peak_Nm": self.torque_peak, **self._peaks}
         return {
             "engine": solver.engine,
             "outcome": result.outcome.value,
@@ -108,7 +117,7 @@ class Shift(Result):
             "phases": [{"name": p.name, "start": p.start, "end": p.end} for p in result.phases],
             "peak_axial_force_N": result.loads.peak_axial_force,
             "events": events_record(result),
-            "loads": {**loads_record(result), "torque_peak_Nm": peak, **self._peaks},
+            "loads": loads,
             "detail": result.detail,
             "warnings": list(self.warnings),
             "solver": {
@@ -118,8 +127,8 @@ class Shift(Result):
                 "steps": len(result.run.times),
                 "evaluations": result.evaluations,
                 "converged": self.converged,
-                "refined_outcome": None if finer is None else finer.outcome.value,
-                "refined_shift_time_s": None if finer is None else finer.shift_time,
+                "refined_outcome": None if refined is None else refined.outcome.value,
+                "refined_shift_time_s": None if refined is None else refined.shift_time,
                 "dogs": result.clutch.dog.count if solver.all_dogs else 1,
                 "contact_set": result.clutch.contact.name,
             },
@@ -129,7 +138,7 @@ class Shift(Result):
 
     @property
     def _peaks(self) -> dict[str, Any]:
-        """Contact times and strike force that decide whether peak forces hold for rigid rings."""
+        """Contact and wave times and strike force, by which rigid rings are valid or not."""
         peaks = peak_forces(self.engagement, self.config.limits)
         return {
             "axial_contact_time_s": peaks.contact,
@@ -139,7 +148,7 @@ class Shift(Result):
         }
 
     def to_frame(self) -> Frame:
-        """Give the time series, columns as in bench traces."""
+        """Tabulate the time series, columns as in bench traces."""
         return trace_frame(self.engagement.trace)
 
     def plot(self) -> Figure:
@@ -147,12 +156,12 @@ class Shift(Result):
         return curves(self.engagement)
 
     def write_trace(self, path: str | Path) -> Path:
-        """Write the time series as CSV or .xlsx, columns as in bench traces; give its path."""
+        """Write the time series as CSV or .xlsx, columns as in bench traces; returns its path."""
         write_frame(self.to_frame(), Path(path))
         return Path(path)
 
     def report(self, path: str | Path) -> Path:
-        """Write the animated page of the shift, which opens offline; give its path."""
+        """Write the animated page of the shift, which opens offline; returns its path."""
         limits = self.config.limits
         write_animation(self.engagement, Path(path), self.torque_peak, limits=limits)
         return Path(path)

@@ -1,4 +1,4 @@
-"""A study as a problem: a clutch, how it is operated, and what is asked of it."""
+"""Study of a clutch: its design, operation and search, with the verbs on them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys, settings_of
 from dogshape.pipeline.progress import Progress
-from dogshape.python_words import speaks_python
+from dogshape.python_words import wrap_verbs
 from dogshape.running import Angles, receiver
 
 if TYPE_CHECKING:
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from dogshape.study_result import StudyResult
 
 
-@speaks_python
+@wrap_verbs
 @dataclass(frozen=True, init=False, repr=False)
 class Study:
-    """A study: what is built, how it is operated and what is searched.
+    """Study of a clutch: its design, its operation and its search.
 
     InputError with the file, the key, the value and the rule.
 
@@ -52,7 +52,7 @@ class Study:
 
     @classmethod
     def from_config(cls, config: Setup) -> Study:
-        """Make a study of the values that a study file stands for."""
+        """Make a study from the values of a study file."""
         study = cls.__new__(cls)
         object.__setattr__(study, "config", config)
         return study
@@ -67,7 +67,7 @@ class Study:
         """Keys of the dog with their values, in the units that their names end in."""
         return dict(self.config.file.dog.model_dump())
 
-    # A verb loads what it needs: simulation, search and pages take seconds that no other wants.
+    # Verbs load their modules: simulation, search and pages take seconds that no other needs.
 
     def shift(
         self,
@@ -78,7 +78,7 @@ class Study:
         force_rise_s: float | None = None,
         all_dogs: bool = False,
     ) -> Shift:
-        """Simulate one shift; with finer steps again where it skips a slot or bounces.
+        """Simulate one shift, repeated with finer steps if it skips a slot or bounces.
 
         InputError or GeometryError for a dog that cannot be made, a force without a rise time, an
         angle that is no number.
@@ -131,8 +131,8 @@ class Study:
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
         place = mismatch_rpm, force_N, force_rise_s
-        where = RunOptions(jobs, cluster, keep, receiver(progress))
-        return simulate_mean(self.config, where, place, angles, precision)
+        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        return simulate_mean(self.config, options, place, angles, precision)
 
     def search(
         self,
@@ -164,12 +164,14 @@ class Study:
         from dogshape.pipeline.study import StudyOptions, run_study  # noqa: PLC0415
         from dogshape.study_result import StudyResult  # noqa: PLC0415
 
-        begun = sum(os.times()[:4])
+        start = _processor_time()
         folder = StudyFolder(default_out(self.config) if out is None else Path(out))
-        how = StudyOptions(folder, jobs, storage, resume, cluster, report, receiver(progress))
-        record, page = run_study(self.config, how), folder.report if report else None
-        end_workers()
-        return StudyResult(self.config, folder.root, record, page, sum(os.times()[:4]) - begun)
+        listener = receiver(progress)
+        options = StudyOptions(folder, jobs, storage, resume, cluster, report, listener)
+        record = run_study(self.config, options)
+        end_workers()  # whose processor time counts once they have ended
+        page = folder.report if report else None
+        return StudyResult(self.config, folder.root, record, page, _processor_time() - start)
 
     def check(
         self,
@@ -235,8 +237,8 @@ class Study:
         from dogshape.check import check_strength  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
-        where = RunOptions(jobs, None, keep, receiver(progress))
-        return check_strength(self.config, where, simulate=simulate)
+        options = RunOptions(jobs, None, keep, receiver(progress))
+        return check_strength(self.config, options, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "", **block: str) -> Path:
         """Write the data sheet of the dog to ``path``, a page for A4 or, by its ending, JSON.
@@ -263,3 +265,9 @@ class Study:
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())
         return f"Study({self.name}: {dog}; {self.config.operating_text})"
+
+
+def _processor_time() -> float:
+    """Sum the processor times of this process and its ended children, s."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system

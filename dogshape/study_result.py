@@ -1,4 +1,4 @@
-"""A searched study: its front, its chosen design and what confirmed it."""
+"""Result of a searched study: front, chosen design and its confirmation."""
 
 from __future__ import annotations
 
@@ -20,16 +20,22 @@ from dogshape.running import receiver
 from dogshape.sim.clutch_tables import validate
 
 PRINTED_KEYS = (
-    "engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation", "audit",
-)  # fmt: skip
+    "engine",
+    "best",
+    "front",
+    "n_simulated_shifts",
+    "n_simulated_designs",
+    "confirmation",
+    "audit",
+)
 
 
 @dataclass(frozen=True, repr=False)
 class StudyResult(Result):
-    """A searched study: the designs it tried, the front, the chosen design and its confirmation.
+    """A searched study with its designs, the front, the chosen design and its confirmation.
 
     ``record`` is the content of ``result.json``, with the keys of ``docs/api/result.md``, ``page``
-    the report, None where none was made, ``seconds_cpu`` the processor time of search, audit and
+    the report, None without one, ``seconds_cpu`` the processor time of search, audit and
     report on this machine in this call, None for a result that was read.
     """
 
@@ -57,7 +63,7 @@ class StudyResult(Result):
         return designs_frame(self.record, list(self.config.variables), self.record["front"])
 
     def to_parts(self) -> list[str | Table]:
-        """Give headline, gain, alternatives, facts and front, as the report has them."""
+        """Describe headline, gain, alternatives, facts and front as in the report."""
         page = self.page or "none yet, 'dogshape report' makes it"
         parts: list[str | Table] = [headline(self.record)]
         for table in summary_tables(self.config, self.record):
@@ -67,21 +73,20 @@ class StudyResult(Result):
         return [*parts, "", f"report: {page}"]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give chosen design, its verdict, front, confirmation, and how much was simulated.
+        """Convert chosen design, verdict, front, confirmation and work counts to values of JSON.
 
         ``feasible`` is true for a chosen design that passes every standard check.
         """
         verdict = self.verdict
-        own = {
-            "verdict": verdict,
-            "feasible": verdict is not None and verdict["state"] == "passes",
-            "seconds_cpu": self.seconds_cpu,
-            "report": self.page and str(self.page),
-        }
-        return {key: self.record[key] for key in PRINTED_KEYS} | own
+        record = {key: self.record[key] for key in PRINTED_KEYS}
+        record["verdict"] = verdict
+        record["feasible"] = verdict is not None and verdict["state"] == "passes"
+        record["seconds_cpu"] = self.seconds_cpu
+        record["report"] = None if self.page is None else str(self.page)
+        return record
 
     def to_frame(self) -> Frame:
-        """Give all designs of the search, a row each; missing values were not simulated."""
+        """Tabulate all designs of the search, a row each; missing values were not simulated."""
         return designs_frame(self.record, list(self.config.variables))
 
     def plot(self, objective: str | None = None) -> Figure:
@@ -99,11 +104,11 @@ class StudyResult(Result):
         """
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
-        one = named_design(f"{self.folder}#{design}")
-        return write_data_sheet(one, path, {"why": why, **block})
+        searched_design = named_design(f"{self.folder}#{design}")
+        return write_data_sheet(searched_design, path, {"why": why, **block})
 
     def report(self, progress: Progress | bool = False) -> Path:
-        """Write the report into the folder of the study; give its path.
+        """Write the report into the folder of the study; returns its path.
 
         ``progress`` as in ``Study.expect``. Example: ``result.report()``
         """
@@ -117,7 +122,8 @@ def load_result(folder: str | Path) -> StudyResult:
     ``result.json`` with keys that the schema lacks, or lacking keys of the schema.
     """
     stored = StudyFolder(Path(folder))
-    config, record = stored.stored_study(), stored.stored_result()
+    config = stored.stored_study()
+    record = stored.stored_result()
     validate(StudyRecord, record, str(stored.result))
     page = stored.report if stored.report.is_file() else None
     return StudyResult(config, stored.root, record, page)

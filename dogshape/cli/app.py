@@ -1,4 +1,4 @@
-"""The command line ``dogshape``: its verbs, and errors turned into exit status."""
+"""Command line ``dogshape``: its verbs, and the exit status of errors."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from dogshape.python_words import KEEPS_OPTIONS
 from dogshape.sim.errors import DogshapeError, EngineError
 from dogshape.sim.versions import versions
 
+SURROGATES = ("\ud800", "\udfff")  #: first and last letter of bytes that are no text, in a path
 #: Verbs but ``init``, in the order of the help; ``gap_plan`` is ``gap plan``.
 VERBS = {
     verb.__name__.replace("_", " "): verb
@@ -27,7 +28,7 @@ VERBS = {
 
 
 class _Verbs(TyperGroup):
-    """The program's verbs; an error is a sentence and a status, 1 engines disagree, 2 bad input."""
+    """Verbs of the program; errors print a sentence, status 1 if engines disagree, else 2."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """List the verbs in the order of the help."""
@@ -41,20 +42,24 @@ class _Verbs(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command; ``gap plan`` is one of two words, ``gap ./plan`` a data set."""
-        two = " ".join(args[:2])
-        return super().resolve_command(ctx, [two, *args[2:]] if two in VERBS else args)
+        pair = " ".join(args[:2])
+        if pair in VERBS:
+            args = [pair, *args[2:]]
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the verb; its errors name options, as it is the command line that asks."""
-        asked = KEEPS_OPTIONS.set(True)
+        """Run the verb; its errors name options of the command line."""
+        token = KEEPS_OPTIONS.set(True)
         try:
             return super().invoke(ctx)
         except DogshapeError as error:
-            sentence, status = str(error), 1 if isinstance(error, EngineError) else 2
+            sentence = str(error)
+            status = 1 if isinstance(error, EngineError) else 2
         except BrokenPipeError:
             raise
         except UnicodeEncodeError as error:
-            if not any("\ud800" <= sign <= "\udfff" for sign in error.object):
+            is_path = any(SURROGATES[0] <= sign <= SURROGATES[1] for sign in error.object)
+            if not is_path:
                 raise
             sentence = (
                 "a path has letters that the encoding of this locale lacks; set PYTHONUTF8=1, or "
@@ -62,11 +67,11 @@ class _Verbs(TyperGroup):
             )
             status = 2
         except OSError as error:
-            where = f" ({error.filename})" if error.filename else ""
-            reason, status = error.strerror or str(error), 2
-            sentence = f"{reason}{where}; check path, space and rights"
+            path = f" ({error.filename})" if error.filename else ""
+            sentence = f"{error.strerror or error}{path}; check path, space and rights"
+            status = 2
         finally:
-            KEEPS_OPTIONS.reset(asked)
+            KEEPS_OPTIONS.reset(token)
         print(f"dogshape: {sentence}", file=sys.stderr)
         raise typer.Exit(status)
 
@@ -77,8 +82,8 @@ for _name, _verb in VERBS.items():
     app.command(_name)(_verb)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(requested: bool) -> None:
+    if requested:
         print(f"dogshape {versions()['dogshape']}, drake {versions()['drake']}")
         raise typer.Exit
 

@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 
 #: Plain text for people and programs alike; without arguments the help.
 PLAIN: dict[str, Any] = {
-    "add_completion": False, "rich_markup_mode": None, "pretty_exceptions_enable": False,
+    "add_completion": False,
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
     "no_args_is_help": True,
-}  # fmt: skip
+}
 
 
 def warn(notes: Iterable[str]) -> None:
@@ -31,9 +33,9 @@ def warn(notes: Iterable[str]) -> None:
         print(f"warning: {note}", file=sys.stderr)
 
 
-def show(result: Result, as_json: bool, *more: str | Table, ok: bool = True) -> None:
-    """Print a result as JSON, or its sentences and tables for people, ``more`` after them."""
-    emit(result.to_dict(), as_json, lambda: [*result.to_parts(), *more], ok=ok)
+def show(result: Result, as_json: bool, *extra_parts: str | Table, ok: bool = True) -> None:
+    """Print a result as JSON, or its sentences and tables for people, then ``extra_parts``."""
+    emit(result.to_dict(), as_json, lambda: [*result.to_parts(), *extra_parts], ok=ok)
 
 
 def emit(data: dict[str, Any], json_only: bool, parts: Parts, ok: bool = True) -> None:
@@ -41,7 +43,8 @@ def emit(data: dict[str, Any], json_only: bool, parts: Parts, ok: bool = True) -
     console = terminal(width=None if sys.stdout.isatty() else 160)
     if json_only:
         print(json.dumps(data, indent=1, allow_nan=False))
-    print_parts(console, [] if json_only else parts())
+    else:
+        print_parts(console, parts())
     if not ok:
         raise Exit(1)
 
@@ -49,9 +52,10 @@ def emit(data: dict[str, Any], json_only: bool, parts: Parts, ok: bool = True) -
 def _warn_of_repeats(sets: list[str] | None) -> list[str] | None:
     """Warn of keys that ``--set`` gives twice: the last one counts."""
     keys = [text.partition("=")[0].strip() for text in sets or []]
-    last = dict(zip(keys, sets or [], strict=True))
-    for key in (key for key in last if keys.count(key) > 1):
-        warn([f"--set gives {key} more than once; the last one counts, {last[key]}"])
+    last_settings = dict(zip(keys, sets or [], strict=True))
+    for key, setting in last_settings.items():
+        if keys.count(key) > 1:
+            warn([f"--set gives {key} more than once; the last one counts, {setting}"])
     return sets
 
 
@@ -76,15 +80,15 @@ OneForce = Annotated[float | None, Option("--force-N", help="with --mismatch-rpm
 Rise = Annotated[float | None, Option(help="rise time; default: the study's table")]
 
 
-def kept(jobs: int) -> dict[str, Any]:
-    """Give where simulations run and are kept until they are done, with a bar."""
+def run_arguments(jobs: int) -> dict[str, Any]:
+    """Compose the arguments of a simulating verb: workers, folder of finished shifts, a bar."""
     from dogshape.pipeline.simulate.executor import SHIFTS  # noqa: PLC0415
 
     return {"jobs": jobs, "keep": SHIFTS, "progress": True}
 
 
 def angles_of(text: str | None) -> int | tuple[float, ...] | None:
-    """Read a number of angles, or the angles in degrees where they are listed."""
+    """Read a number of angles or, from a list with commas, the angles in degrees."""
     if text is None:
         return None
     try:
@@ -97,5 +101,8 @@ def angles_of(text: str | None) -> int | tuple[float, ...] | None:
 
 
 def with_engine(overrides: list[str] | None, engine: str | None) -> list[str]:
-    """Add the engine to what ``--set`` overrides."""
-    return [*(overrides or []), *([f"solver.engine={engine}"] if engine else [])]
+    """Append the engine to the settings of ``--set``."""
+    settings = list(overrides or [])
+    if engine:
+        settings.append(f"solver.engine={engine}")
+    return settings

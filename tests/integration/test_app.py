@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.app import Desk, build_app, open_desk, start_server
+from dogshape.app import LivePage, build_app, open_live_page, start_server
 from tests.browser import FAULTS, Chromium
 from tests.conftest import Call, set_options
 from tests.server import command_of, start_command
@@ -30,15 +30,15 @@ FIELD = "document.querySelector('aside .number input')"
 
 
 @pytest.fixture(scope="module")
-def desk() -> Desk:
+def live_page() -> LivePage:
     """The paper's study with everything that is judged; few shifts make a time."""
-    return open_desk(ds.Study("mq200_paper", SETS))
+    return open_live_page(ds.Study("mq200_paper", SETS))
 
 
 @pytest.fixture(scope="module")
-def page(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+def page(live_page: LivePage, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
     """The page of the study in a browser."""
-    server = start_server(desk, 0)
+    server = start_server(live_page, 0)
     thread = Thread(target=server.serve_forever)
     thread.start()
     try:
@@ -64,11 +64,11 @@ QUESTIONS: tuple[dict[str, str], ...] = (
 )
 
 
-def _ask(page: Chromium, desk: Desk, texts: dict[str, str]) -> None:
+def _ask(page: Chromium, live_page: LivePage, texts: dict[str, str]) -> None:
     """Put texts into the fields, the others at their start."""
     place = "one" if "force_N" in texts else "all"
     page.ask(f"dash_clientside.set_props('where', {{value: '{place}'}})")
-    for one in desk.numbers:
+    for one in live_page.numbers:
         name, text = f"{{number: '{one.key}', kind: 'field'}}", texts.get(one.key, one.text)
         page.ask(f"dash_clientside.set_props({name}, {{value: '{text}'}})")
 
@@ -102,13 +102,13 @@ def _times(record: dict[str, Any] | None) -> list[float]:
 
 
 def test_the_page_has_the_figures_of_the_command_line(
-    page: Chromium, desk: Desk, dogshape: Call
+    page: Chromium, live_page: LivePage, dogshape: Call
 ) -> None:
     compared = 0
     for texts in QUESTIONS:
         asked = _words(texts)
         said = dogshape("check", "mq200_paper", *OPTIONS, *asked, "--json")
-        _ask(page, desk, texts)
+        _ask(page, live_page, texts)
         if said.status == 2:
             sentence = said.sentence.removeprefix("dogshape: ")
             page.wait(f"document.body.textContent.includes({sentence!r})")
@@ -126,8 +126,8 @@ def test_the_page_has_the_figures_of_the_command_line(
     assert page.ask("faults.join('; ')") == ""
 
 
-def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) -> None:
-    _ask(page, desk, {})
+def test_fields_sliders_and_designs_move_together(page: Chromium, live_page: LivePage) -> None:
+    _ask(page, live_page, {})
     page.wait("document.querySelector('#command').textContent === 'dogshape check mq200_paper'")
     page.ask(f"{FIELD}.focus(); {FIELD}.select()")
     page.call("Input.insertText", text="abc")
@@ -143,7 +143,7 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) ->
     page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 40, **mouse)
     page.wait(f"Number({FIELD}.value) > 9")
     page.wait("document.querySelector('#answer').className === ''")
-    trial, design = next(iter(desk.searched.items()))
+    trial, design = next(iter(live_page.searched_designs.items()))
     page.ask(
         f"dash_clientside.set_props('front', {{clickData: {{points: [{{customdata: {trial}}}]}}}})"
     )
@@ -155,9 +155,9 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) ->
     assert page.ask("faults.join('; ')") == ""
 
 
-def test_files_of_a_design_are_written(desk: Desk) -> None:
-    client = build_app(desk).server.test_client()
-    texts = {one.key: one.text for one in desk.numbers} | {"dog.chamfer_deg": "11"}
+def test_files_of_a_design_are_written(live_page: LivePage) -> None:
+    client = build_app(live_page).server.test_client()
+    texts = {one.key: one.text for one in live_page.numbers} | {"dog.chamfer_deg": "11"}
     for name, part in {
         "shift.html": b"<canvas", "dog.svg": b"chamfer \xce\xb1 11.00", "sheet.html": b"a reason",
         "rings.step": b"ISO-10303-21",

@@ -179,7 +179,7 @@ def test_a_library_is_silent_and_tells_its_progress(
     study.expect(**four, progress=Mine())
     assert max(told) == 8
     assert capfd.readouterr() == ("", "")
-    monkeypatch.setattr("dogshape.terminal.LINE_EVERY", 0.0)
+    monkeypatch.setattr("dogshape.terminal.LINE_INTERVAL_S", 0.0)
     study.expect(**four, progress=True)
     assert "of 8 shifts" in capfd.readouterr().err
 

@@ -9,7 +9,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.design import Design, design_of
-from dogshape.predictions import judged_together, verdicts
+from dogshape.predictions import has_common_limits, judge_designs
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dogs
@@ -87,12 +87,12 @@ def test_verdicts_are_those_of_each_design(settings: dict[str, Any]) -> None:
     study = load_study("mq200_paper", settings)
     names, ridge = (*study.variables,), settings is RIDGES
     ranges = np.array([*study.variables.values()], dtype=float) if ridge else CLOSE
-    assert judged_together(study, names) == ("search" not in str(settings))
+    assert has_common_limits(study, names) == ("search" not in str(settings))
     x = ranges[:, 0] + np.random.default_rng(7).random((60, len(names))) * np.ptp(ranges, axis=1)
     x[:, names.index("count")] = np.round(x[:, names.index("count")])
     if ridge:
         x[0, names.index("crest")] = 1.0
-    found = verdicts(study, names, x)
+    found = judge_designs(study, names, x)
     assert 0 < found["real"].sum() < len(x)
     assert not ridge or "ridge stands on the traction edge" in found["reason"][0]
     for place, row in enumerate(x):

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 import dogshape as ds
-from dogshape.app import FILES, Desk, answer_at_once, build_app, link_files, open_desk
+from dogshape.app import FILES, LivePage, answer_at_once, build_app, link_files, open_live_page
 from dogshape.pipeline.config.study_file import bundled_studies, load_study, replace_keys
 from dogshape.pipeline.export.drawing import open_section_svg
 from dogshape.pipeline.store.folder import StudyFolder
@@ -21,13 +21,13 @@ PAPER = load_study("mq200_paper")
 
 
 @pytest.fixture(scope="module")
-def desk() -> Desk:
+def live_page() -> LivePage:
     """The paper's study with the surrogate and the search that the package brings."""
-    return open_desk(ds.Study("mq200_paper"))
+    return open_live_page(ds.Study("mq200_paper"))
 
 
-def _asked(desk: Desk, where: str = "all", **changed: str) -> dict[str, Any]:
-    texts = {one.key: one.text for one in desk.numbers}
+def _asked(live_page: LivePage, where: str = "all", **changed: str) -> dict[str, Any]:
+    texts = {one.key: one.text for one in live_page.numbers}
     changes = {key.replace("__", "."): text for key, text in changed.items()}
     return {"texts": texts | changes, "where": where}
 
@@ -38,9 +38,9 @@ def test_every_study_has_a_page_and_keys_as_on_the_command_line(name: str) -> No
     study = load_study(name)
     assert replace_keys(study, sets).config_hash == load_study(name, sets).config_hash
     assert replace_keys(study, {}).config_hash == study.config_hash
-    desk = open_desk(ds.Study(name))
-    assert build_app(desk).layout is not None
-    faults, answer = answer_at_once(desk, _asked(desk))
+    live_page = open_live_page(ds.Study(name))
+    assert build_app(live_page).layout is not None
+    faults, answer = answer_at_once(live_page, _asked(live_page))
     assert not any(faults.values())
     assert repr(answer["checks.children"]).count("data-check=") > 15
 
@@ -54,34 +54,38 @@ def test_every_study_has_a_page_and_keys_as_on_the_command_line(name: str) -> No
         ("load.friction_hold", "0.5", "load.friction_hold is 0.5, but it must not exceed"),
     ],
 )
-def test_a_refusal_stands_at_its_number(desk: Desk, key: str, text: str, sentence: str) -> None:
+def test_a_refusal_stands_at_its_number(
+    live_page: LivePage, key: str, text: str, sentence: str
+) -> None:
     """That of an impossible shape stands above the answers."""
-    faults, answer = answer_at_once(desk, _asked(desk, "one", **{key: text}))
+    faults, answer = answer_at_once(live_page, _asked(live_page, "one", **{key: text}))
     assert (answer["answer.className"], answer["refused.children"]) == ("stale", "")
     assert faults[key].startswith(sentence)
-    faults, answer = answer_at_once(desk, _asked(desk, dog__traction_deg="50", dog__height_mm="9"))
+    faults, answer = answer_at_once(
+        live_page, _asked(live_page, dog__traction_deg="50", dog__height_mm="9")
+    )
     assert not any(faults.values())
     assert answer["refused.children"].startswith("There is no such dog: ")
 
 
-def test_other_physics_have_checks_and_no_prediction(desk: Desk) -> None:
-    _, answer = answer_at_once(desk, _asked(desk, dog__axial_gap_mm="1.2"))
+def test_other_physics_have_checks_and_no_prediction(live_page: LivePage) -> None:
+    _, answer = answer_at_once(live_page, _asked(live_page, dog__axial_gap_mm="1.2"))
     assert "other physics" in answer["predicted.children"][-1].children
     assert "data-check=" in repr(answer["checks.children"])
 
 
 def test_designs_of_a_search_are_offered_where_its_physics_are_the_studys(
-    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    live_page: LivePage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert desk.result is not None
-    trial = desk.result["front"][0]["trial"]
-    shape = desk.shape(str(trial))
-    assert shape["dog.count"] == str(desk.result["front"][0]["count"])
+    assert live_page.result is not None
+    trial = live_page.result["front"][0]["trial"]
+    shape = live_page.shape(str(trial))
+    assert shape["dog.count"] == str(live_page.result["front"][0]["count"])
     assert shape["dog.axial_gap_mm"] == "1"  # the rest of the dog as it was
-    other = open_desk(ds.Study("mq200_paper", {"shift.timeout_s": 1.1}))
+    other = open_live_page(ds.Study("mq200_paper", {"shift.timeout_s": 1.1}))
     assert (other.result, other.surrogate) == (None, None)
-    assert open_desk(ds.Study("mq200_actuation")).result is None
+    assert open_live_page(ds.Study("mq200_actuation")).result is None
 
 
 def test_the_verb_takes_the_folder_of_a_search(
@@ -99,8 +103,10 @@ def test_the_verb_takes_the_folder_of_a_search(
     assert seen["command"] == "mine --set=dog.count=18"
 
 
-def test_links_say_the_design(desk: Desk) -> None:
-    found = link_files(desk, _asked(desk, "one", dog__count="18", force_N="300"), "why not")
+def test_links_say_the_design(live_page: LivePage) -> None:
+    found = link_files(
+        live_page, _asked(live_page, "one", dog__count="18", force_N="300"), "why not"
+    )
     every = [*found["files.children"], *found["shift-link.children"]]
     assert {one.href.partition("?")[0] for one in every} == {f"/file/{name}" for name in FILES}
     assert all("dog.count=18" in one.href and "why=why+not" in one.href for one in every)
@@ -125,10 +131,10 @@ def test_the_open_section_has_both_rings_to_scale(prototype: Dog) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/_dash-layout", "/_dash-dependencies", "/file/dog.svg"])
-def test_only_names_of_this_machine_are_answered(desk: Desk, path: str) -> None:
+def test_only_names_of_this_machine_are_answered(live_page: LivePage, path: str) -> None:
     """A page elsewhere whose name resolves to this machine gets nothing (DNS rebinding)."""
-    client = build_app(desk).server.test_client()
-    texts = {number.key: number.text for number in desk.numbers}
+    client = build_app(live_page).server.test_client()
+    texts = {number.key: number.text for number in live_page.numbers}
     hosts = {
         "127.0.0.1:8050": 200, "localhost": 200, "localhost:1234": 200, "elsewhere.example": 400,
         "127.0.0.1.elsewhere.example:8050": 400, "localhost.elsewhere.example": 400,
@@ -141,10 +147,10 @@ def test_only_names_of_this_machine_are_answered(desk: Desk, path: str) -> None:
     assert update.status_code == 400
 
 
-def test_browsers_at_once_get_answers_to_their_own_numbers(desk: Desk) -> None:
+def test_browsers_at_once_get_answers_to_their_own_numbers(live_page: LivePage) -> None:
     """Designs stand in the requests alone: answers at once are those one after the other."""
-    server = build_app(desk).server
-    texts = {number.key: number.text for number in desk.numbers}
+    server = build_app(live_page).server
+    texts = {number.key: number.text for number in live_page.numbers}
     angles = [str(angle) for angle in range(8, 16)]
 
     def drawing(angle: str) -> bytes:
@@ -155,4 +161,4 @@ def test_browsers_at_once_get_answers_to_their_own_numbers(desk: Desk) -> None:
     assert len(set(alone)) == len(angles)
     with ThreadPoolExecutor(4) as browsers:
         assert list(browsers.map(drawing, 3 * angles)) == 3 * alone
-    assert {number.key: number.text for number in desk.numbers} == texts
+    assert {number.key: number.text for number in live_page.numbers} == texts

@@ -34,11 +34,11 @@ def test_signs_that_an_encoding_lacks_are_replaced(
 
 
 def test_every_sign_has_words_in_ascii_and_bytes_of_paths_stay() -> None:
-    assert all(words.isascii() and words for words in entry.SIGNS.values())
+    assert all(words.isascii() and words for words in entry.SPELLINGS.values())
     entry._print_in_any_encoding()
     name = b"M\xe4rz.csv".decode("ascii", "surrogateescape")
     for encoding in ("ascii", "utf-8", "cp1252"):
-        assert name.encode(encoding, entry.REPLACED) == b"M\xe4rz.csv"
+        assert name.encode(encoding, entry.REPLACEMENT_HANDLER) == b"M\xe4rz.csv"
 
 
 @pytest.mark.parametrize(("verb", "hints"), [(["gap", "x"], False), (["check", "mq200"], True)])

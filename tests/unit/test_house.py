@@ -18,7 +18,7 @@ import pytest
 from packaging.specifiers import SpecifierSet
 
 import dogshape as ds
-from dogshape.python_words import WORDS
+from dogshape.python_words import REPLACEMENTS
 
 ROOT = Path(__file__).parents[2]
 #: What each house may import of the others.
@@ -258,8 +258,8 @@ def test_no_sentence_names_an_option_or_a_command() -> None:
     left = []
     for name, sentence in _raised():
         said = sentence
-        for pattern, words in WORDS:
-            said = re.sub(pattern, words, said)
+        for pattern, replacement in REPLACEMENTS:
+            said = re.sub(pattern, replacement, said)
         if re.search(r"(?<!TABLE )--\w|\bdogshape (?!has|init)[a-z]+\b", said):
             left.append((name, said))
     assert left == []

@@ -126,7 +126,7 @@ def test_the_diagnosis_is_written_before_its_price(
 def test_progress_says_an_upper_bound_as_such(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dogshape.terminal.LINE_EVERY", 0.0)
+    monkeypatch.setattr("dogshape.terminal.LINE_INTERVAL_S", 0.0)
     with WorkCounter(ProgressBar(), 10, at_most=True) as progress:
         progress.advance(4)
         progress.expect_more(3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -39,36 +39,48 @@ def gap(
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
-    for name, given in (("--base", base), ("--causes", causes)):
-        if given is not None and write is None:
-            raise InputError(f"{name} is '{given}', but no study is written; give --write FILE too")
-    wanted = None if causes is None else [name.strip() for name in causes.split(",")]
-    if write is not None:  # what is wrong with it needs no diagnosis to be refused
+    for option, text in (("--base", base), ("--causes", causes)):
+        if text is not None and write is None:
+            raise InputError(
+                f"{option} is '{text}', but no study is written; give --write FILE too"
+            )
+    effect_names = None if causes is None else [name.strip() for name in causes.split(",")]
+    if write is not None:  # refuses its faults before the long diagnosis
         from dogshape.pipeline.diagnose import calibrated_study  # noqa: PLC0415
         from dogshape.sim.effects import load  # noqa: PLC0415
 
-        if wanted is not None:
-            calibrated_study.require_effects(wanted, load(effects))
+        if effect_names is not None:
+            calibrated_study.require_effects(effect_names, load(effects))
         calibrated_study.require_new_study(write, base)
-    found = ds.diagnose(
-        bench, correct=correct or (), out=out, bank=bank, effects=effects, study=study,
-        engine=engine, seed=seed, jobs=jobs, progress=True,
-    )  # fmt: skip
+    diagnosis = ds.diagnose(
+        bench,
+        correct=correct or (),
+        out=out,
+        bank=bank,
+        effects=effects,
+        study=study,
+        engine=engine,
+        seed=seed,
+        jobs=jobs,
+        progress=True,
+    )
     if write is None:
-        show(found, json)
+        show(diagnosis, json)
         return
     try:
-        kept = found.calibrated(write, base, draws, wanted).to_dict(write)
+        calibrated = diagnosis.calibrated(write, base, draws, effect_names).to_dict(write)
     except (DogshapeError, OSError):
-        show(found, json)  # long work, and an answer by itself
+        show(diagnosis, json)  # long work, and an answer by itself
         raise
     lines = [
         "",
-        f"study: {kept['study']} ({', '.join(kept['effects']) or 'its own keys'}); "
-        f"{kept['n_draws']} draws from the posterior: {kept['draws']}",
-        *(f"note: {remark}" for remark in kept["remarks"]),
+        f"study: {calibrated['study']} "
+        f"({', '.join(calibrated['effects']) or 'its own keys'}); "
+        f"{calibrated['n_draws']} draws from the posterior: {calibrated['draws']}",
+        *(f"note: {remark}" for remark in calibrated["remarks"]),
     ]
-    emit({**found.to_dict(), "calibrated": kept}, json, lambda: [*found.to_parts(), *lines])
+    record = {**diagnosis.to_dict(), "calibrated": calibrated}
+    emit(record, json, lambda: [*diagnosis.to_parts(), *lines])
 
 
 def gap_plan(
@@ -91,11 +103,18 @@ def gap_plan(
 
     Example: dogshape gap plan mq200_stand --shifts 120 --out shifts.csv
     """
-    found = ds.plan_shifts(
-        where, shifts, points=points, seed=seed, out=out, bank=bank, effects=effects, jobs=jobs,
+    plan = ds.plan_shifts(
+        where,
+        shifts,
+        points=points,
+        seed=seed,
+        out=out,
+        bank=bank,
+        effects=effects,
+        jobs=jobs,
         progress=True,
-    )  # fmt: skip
-    show(found, json)
+    )
+    show(plan, json)
 
 
 def gap_update(
@@ -113,5 +132,5 @@ def gap_update(
 
     Example: dogshape gap update results/gap-stand new.csv
     """
-    how: dict[str, Any] = {"bank": bank, "effects": effects, "jobs": jobs}
-    show(ds.update_diagnosis(folder, new, **how, progress=True), json)
+    update = ds.update_diagnosis(folder, new, bank=bank, effects=effects, jobs=jobs, progress=True)
+    show(update, json)

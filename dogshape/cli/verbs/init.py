@@ -1,4 +1,4 @@
-"""``init``: commented folders to begin with, for a study or a bench of one's own."""
+"""``init``: commented folders of a new study or bench."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 
 init = typer.Typer(name="init", help="Begin a study or a bench: a commented folder.", **PLAIN)
 
-EMPTY = "record.empty_cells"
-RECORD = {
+EMPTY_CELLS = "record.empty_cells"
+#: Question and choices by the keys that say how a table was recorded.
+RECORD_QUESTIONS = {
     "record.time_zero": ("event at which the times start", ("command", "force", "unknown")),
     "record.displacement_at": ("place of the travel sensor", ("sleeve", "actuator", "unknown")),
-    EMPTY: ("shifts of rows without a time", ("not_made", "failed", "unknown")),
+    EMPTY_CELLS: ("shifts of rows without a time", ("not_made", "failed", "unknown")),
     "record.sense": (
         "way in which the rings turned past each other (docs/mismatch.md)",
         ("known", "unknown"),
@@ -61,57 +62,59 @@ def study(
 
     study_folder.require_free(out, force)
     values = dict(pair_of(text) for text in set_ or [])
-    write = _asked_study if may_ask(yes) else study_folder.write_study
-    found = write(out, origin, values, force=force)
+    write = _ask_study if may_ask(yes) else study_folder.write_study
+    record = write(out, origin, values, force=force)
     lines = [
-        f"wrote {found['file']} from {found['from']}: {found['dogs']} dogs, "
-        f"{found['operating_points']} operating points",
-        *(
-            f"set {key} = {toml_value(value)}" if value is not None else f"left out {key}"
-            for key, value in found["set"].items()
-        ),
-        *_remarks(found),
-        f"next: look through {found['file']}, then",
-        *(f"  dogshape {verb} {quote(found['folder'])}" for verb in ("check", "expect", "study")),
+        f"wrote {record['file']} from {record['from']}: {record['dogs']} dogs, "
+        f"{record['operating_points']} operating points"
     ]
-    emit(found, json, lambda: lines)
+    for key, value in record["set"].items():
+        lines.append(f"left out {key}" if value is None else f"set {key} = {toml_value(value)}")
+    lines += _remarks(record)
+    lines.append(f"next: look through {record['file']}, then")
+    for verb in ("check", "expect", "study"):
+        lines.append(f"  dogshape {verb} {quote(record['folder'])}")
+    emit(record, json, lambda: lines)
 
 
-def _remarks(found: Mapping[str, Any]) -> list[str]:
-    kinds = (("assumed", "assumed"), ("warning", "warnings"))
-    return [f"{word}: {line}" for word, key in kinds for line in found[key]]
+def _remarks(record: Mapping[str, Any]) -> list[str]:
+    assumptions = [f"assumed: {line}" for line in record["assumed"]]
+    warnings = [f"warning: {line}" for line in record["warnings"]]
+    return assumptions + warnings
 
 
-def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
+def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
+    """Ask for the values of a study, part by part, and write its folder; returns the record."""
     from dogshape.pipeline.drafts import study_folder as draft  # noqa: PLC0415
 
     typer.echo(f"kinds of clutch: {draft.bundled_kinds()}", err=True)
     origin = ask("begin from (a kind, a study, or the folder of a bench)", origin)
-    before: dict[str, Any] = {}
+    defaults: dict[str, Any] = {}
     answers: dict[str, Any] = {}
-    words: dict[str, str] = {}
+    questions: dict[str, str] = {}
 
-    def own() -> dict[str, Any]:
-        new = changed(answers, before)
-        points = draft.OPERATION if new.keys() & draft.OPERATION else ()
-        return values | new | {key: answers[key] for key in points}
+    def user_keys() -> dict[str, Any]:
+        changes = changed_values(answers, defaults)
+        points = draft.OPERATION if changes.keys() & draft.OPERATION else ()
+        return values | changes | {key: answers[key] for key in points}
 
-    def until_right(make: Callable[[dict[str, Any]], Any]) -> Any:
+    def repeat_until_valid(make: Callable[[dict[str, Any]], Any]) -> Any:
         while True:
             try:
-                return make(own())
+                return make(user_keys())
             except (InputError, GeometryError) as error:
                 typer.echo(f"{error}\nnothing is written yet; your answers are kept", err=True)
-                answers.update(ask_values(before | answers, words))
+                answers.update(ask_values(defaults | answers, questions))
 
-    # What follows from a part is the default of the next one.
+    # The answers to a part decide the defaults of the next one.
     for part in (draft.ACTUATION, draft.OPERATION, draft.CLUTCH, draft.USE):
-        asked, more = draft.questions_of(origin, own(), part)
-        before, words = before | asked, words | more
-        answers |= ask_values(asked, more)
+        part_defaults, part_questions = draft.questions_of(origin, user_keys(), part)
+        defaults |= part_defaults
+        questions |= part_questions
+        answers |= ask_values(part_defaults, part_questions)
         if part is draft.OPERATION:
-            until_right(partial(draft.check_draft, origin))
-    return until_right(partial(draft.write_study, out, origin, force=force))
+            repeat_until_valid(partial(draft.check_draft, origin))
+    return repeat_until_valid(partial(draft.write_study, out, origin, force=force))
 
 
 @init.command()
@@ -161,12 +164,13 @@ def bench(
     from dogshape.sim.decoding import limits_of  # noqa: PLC0415
 
     paths = tuple(tables or ())
-    target = out or Path(paths[0].stem.replace(" ", "_") if paths else "my_bench")
+    default_name = paths[0].stem.replace(" ", "_") if paths else "my_bench"
+    target = out or Path(default_name)
     if not explain:
         require_free(target, force)
-    columns = dict(_pair(text) for text in column or [])
+    columns = dict(_column_pair(text) for text in column or [])
     values = dict(pair_of(text) for text in set_ or [])
-    limits = limits_of(dict(_limit(text) for text in limit or []))
+    limits = limits_of(dict(_limit_pair(text) for text in limit or []))
     draft = BenchDraft(
         paths,
         origin,
@@ -183,19 +187,22 @@ def bench(
     if explain:
         _explain(draft, json)
         return
-    found = write_bench(target, _asked(draft, target) if may_ask(yes) else draft, force=force)
+    if may_ask(yes):
+        draft = _ask_bench(draft, target)
+    record = write_bench(target, draft, force=force)
+    folder = record["folder"]
     lines = [
-        f"wrote {found['folder']}: {found['rows']} rows, {found['shifts']} shifts, "
-        f"{found['with_time']} of them with a time",
-        *_remarks(found),
-        "next:" if found["with_time"] else "next: fill in shifts.csv, then",
-        f"  dogshape validate {quote(found['folder'])}",
-        f"  dogshape gap {quote(found['folder'])} --out {quote(found['folder'] + '/gap')}",
+        f"wrote {folder}: {record['rows']} rows, {record['shifts']} shifts, "
+        f"{record['with_time']} of them with a time",
+        *_remarks(record),
+        "next:" if record["with_time"] else "next: fill in shifts.csv, then",
+        f"  dogshape validate {quote(folder)}",
+        f"  dogshape gap {quote(folder)} --out {quote(folder + '/gap')}",
     ]
-    emit(found, json, lambda: [*_reading(found), *lines])
+    emit(record, json, lambda: [*_reading_parts(record), *lines])
 
 
-def _limit(text: str) -> tuple[str, str]:
+def _limit_pair(text: str) -> tuple[str, str]:
     name, sign, size = text.partition("=")
     if not sign:
         raise InputError(f"--limit is '{text}', but it must be NAME=NUMBER, such as rows=600000")
@@ -207,22 +214,26 @@ def _explain(draft: BenchDraft, json: bool) -> None:
     from dogshape.pipeline.drafts.bench_folder import explained  # noqa: PLC0415
     from dogshape.sim.errors import DataError  # noqa: PLC0415
 
-    found = explained(draft)
+    record = explained(draft)
     lines: list[str | Table] = []
-    before = ("", "")
-    for step in found["steps"]:
-        place = step["file"], step["step"]
-        if place != before:
-            lines.append(": ".join(place) if before[0] != place[0] else place[1])
+    previous_file = ""
+    previous_step = ""
+    for step in record["steps"]:
+        if step["file"] != previous_file:
+            lines.append(f"{step['file']}: {step['step']}")
+        elif step["step"] != previous_step:
+            lines.append(step["step"])
         lines.append(f"  {step['line']}")
-        before = place
-    lines += ["readings", *_reading(found), *(f"assumed: {line}" for line in found["assumed"])]
-    emit(found, json, lambda: lines)
-    if found["faults"]:
-        raise DataError("\n".join(found["faults"]))
+        previous_file = step["file"]
+        previous_step = step["step"]
+    lines += ["readings", *_reading_parts(record)]
+    lines += [f"assumed: {line}" for line in record["assumed"]]
+    emit(record, json, lambda: lines)
+    if record["faults"]:
+        raise DataError("\n".join(record["faults"]))
 
 
-def _pair(text: str) -> tuple[str, str]:
+def _column_pair(text: str) -> tuple[str, str]:
     name, sign, column = text.partition("=")
     if not sign or not column:
         raise InputError(
@@ -232,86 +243,105 @@ def _pair(text: str) -> tuple[str, str]:
     return name.strip(), column
 
 
-def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
-    """Ask about columns, clutch and stand."""
-    from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
+def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
+    """Ask about columns, clutch and stand; returns the draft with the answers."""
     from dogshape.pipeline.drafts.study_folder import MASS, WORDS, source_of  # noqa: PLC0415
 
-    found = guessed(draft)
-    while draft.tables:
-        print_parts(terminal(stderr=True), _reading(found))
-        for fault in found["faults"]:
-            typer.echo(fault, err=True)
-        if not found["faults"] and ask("is that right?", True):
-            break
-        answer = ask("say one, as shift_time_s=COLUMN:UNIT or drop Remark=x (empty: go on)", "")
-        if not answer:
-            break
-        draft = _answered(draft, answer)
-        found = guessed(draft)
+    draft, has_empty_cells = _ask_columns(draft)
     values = {"name": ask("name of the data set", target.name)} | dict(draft.values)
     values = {"source": ask("who measured it, and when", "not said")} | values
     origin = ask("clutch of the stand, as in (study or bench)", draft.origin)
     if not ask(f"is the clutch exactly that of '{origin}'?", True):
-        before = source_of(origin).dog_values
-        words = WORDS | {MASS: "moving mass, with fork and rod, kg"}
-        values = changed(ask_values(before, words), before) | values
-    for key, (question, choices) in RECORD.items():
-        if key not in values and (key != EMPTY or found["empty"]):
+        dog_values = source_of(origin).dog_values
+        questions = WORDS | {MASS: "moving mass, with fork and rod, kg"}
+        values = changed_values(ask_values(dog_values, questions), dog_values) | values
+    for key, (question, choices) in RECORD_QUESTIONS.items():
+        if key not in values and (key != EMPTY_CELLS or has_empty_cells):
             values[key] = ask(f"{question}: {', '.join(choices)}", "unknown", choices)
     if "timeout_s" not in values and ask("has the stand a time-out of its own?", False):
         values["timeout_s"] = ask("time-out, s", 1.0)
     return replace(draft, origin=origin, values=values)
 
 
-def _answered(draft: BenchDraft, answer: str) -> BenchDraft:
-    """Add an answer that is an option, with or without its dashes, to a draft."""
+def _ask_columns(draft: BenchDraft) -> tuple[BenchDraft, bool]:
+    """Ask about columns and rows until the user agrees.
+
+    Returns the draft with the answers, and whether there are rows without a time.
+    """
+    from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
+
+    reading = guessed(draft)
+    while draft.tables:
+        print_parts(terminal(stderr=True), _reading_parts(reading))
+        for fault in reading["faults"]:
+            typer.echo(fault, err=True)
+        if not reading["faults"] and ask("is that right?", True):
+            break
+        answer = ask("say one, as shift_time_s=COLUMN:UNIT or drop Remark=x (empty: go on)", "")
+        if not answer:
+            break
+        draft = _add_answer(draft, answer)
+        reading = guessed(draft)
+    return draft, bool(reading["empty"])
+
+
+def _add_answer(draft: BenchDraft, answer: str) -> BenchDraft:
+    """Add an option, with or without its dashes, to a draft; InputError for another answer."""
     text = answer.strip().removeprefix("--").replace("fill-down", "fill_down")
     if text == "fill_down":
         return replace(draft, fill_down=True)
     match = re.match(r"(\w+)[ =](.*)", text)
-    option, words = (match[1], match[2].strip("'")) if match else ("", "")
+    option, value = (match[1], match[2].strip("'")) if match else ("", "")
     if option == "drop":
-        return replace(draft, drop=(*draft.drop, words))
+        return replace(draft, drop=(*draft.drop, value))
     if option == "keep":
-        return replace(draft, keep=(*draft.keep, words))
+        return replace(draft, keep=(*draft.keep, value))
     if option == "decimal":
-        return replace(draft, decimal=words)
+        return replace(draft, decimal=value)
     if option == "rows":
-        return replace(draft, rows=words)
-    name, column = _pair(text.removeprefix("column "))
+        return replace(draft, rows=value)
+    name, column = _column_pair(text.removeprefix("column "))
     return replace(draft, columns={**draft.columns, name: column.strip("'")})
 
 
-def _reading(found: dict[str, Any]) -> list[str | Table]:
-    """Tabulate how columns were read, and list the rows and columns that were left out."""
+def _reading_parts(record: Mapping[str, Any]) -> list[str | Table]:
+    """Tabulate columns with unit, decimals and values, then list excluded rows and columns."""
     from dogshape.pipeline.record import Table  # noqa: PLC0415
 
-    heads = "quantity", "column", "unit in file", "decimals", "first", "least", "largest", "why"
-    rows = []
-    for row in found["columns"]:
-        unit = unit_of(row["quantity"])  # of the values, whatever that of the file
-        texts = (
-            f"{v:.6g} {unit}".rstrip() if isinstance(v, float) else "-" if v is None else str(v)
-            for v in (row["first"], row["least"], row["largest"])
-        )
-        rows.append(
-            (
-                row["quantity"],
-                row["column"],
-                row["unit"] or "-",
-                row["decimals"] or "-",
-                *texts,
-                row["why"],
-            )
-        )
-    reasons: dict[str, list[str]] = {}
-    for one in found["left_out"]:
-        place = f"row {one['row']}" if "row" in one else f"column '{one['column']}'"
-        reasons.setdefault(one["reason"], []).append(place)
-    left = [f"left out: {', '.join(places)}: {why}" for why, places in reasons.items()]
-    shown: list[str | Table] = [Table(heads, rows, {}, (1, 7)), ""] if rows else []
-    return [*shown, *left]
+    parts: list[str | Table] = []
+    if record["columns"]:
+        heads = "quantity", "column", "unit in file", "decimals", "first", "least", "largest", "why"
+        rows = [_column_cells(column) for column in record["columns"]]
+        parts += [Table(heads, rows, {}, (1, 7)), ""]
+    places_by_reason: dict[str, list[str]] = {}
+    for item in record["left_out"]:
+        place = f"row {item['row']}" if "row" in item else f"column '{item['column']}'"
+        places_by_reason.setdefault(item["reason"], []).append(place)
+    for reason, places in places_by_reason.items():
+        parts.append(f"left out: {', '.join(places)}: {reason}")
+    return parts
+
+
+def _column_cells(column: Mapping[str, Any]) -> tuple[str, ...]:
+    """Format the reading of a column, a cell for each head."""
+    unit = unit_of(column["quantity"])  # of the values, whatever that of the file
+    values = [_value_text(column[key], unit) for key in ("first", "least", "largest")]
+    return (
+        column["quantity"],
+        column["column"],
+        column["unit"] or "-",
+        column["decimals"] or "-",
+        *values,
+        column["why"],
+    )
+
+
+def _value_text(value: Any, unit: str) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.6g} {unit}".rstrip()
+    return str(value)
 
 
 def may_ask(yes: bool) -> bool:
@@ -325,11 +355,11 @@ def ask(
     choices: Sequence[str] = (),
     read: Callable[[str], Any] | None = None,
 ) -> Any:
-    """Ask for a value of the kind of the default: yes or no, a number, numbers, or words.
+    """Ask for a value of the type of the default: yes or no, a number, numbers, or text.
 
-    ``read`` makes a value of an answer that is neither yes or no nor a word, by default a number.
-    An answer of another kind is asked about again; the end of the input stops the program as Ctrl-C
-    does.
+    ``read`` converts an answer that is neither yes or no nor text, by default to a number. The
+    question is repeated after an answer of another type; the end of the input stops the program as
+    Ctrl-C does.
     """
     from dogshape.pipeline.drafts.answers import number_of, shown_value  # noqa: PLC0415
 
@@ -351,18 +381,18 @@ def ask(
         raise KeyboardInterrupt from None
 
 
-def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
-    """Ask for values by their keys; keys that earlier answers make void are left out."""
+def ask_values(defaults: Mapping[str, Any], questions: Mapping[str, str]) -> dict[str, Any]:
+    """Ask for values by their keys, except for keys that earlier answers make void."""
     from dogshape.pipeline.drafts.study_folder import CHOICES, is_void, value_of  # noqa: PLC0415
 
     answers: dict[str, Any] = {}
-    for key, default in values.items():
+    for key, default in defaults.items():
         if not is_void(key, answers):
             read = partial(value_of, key, default=default, answers=answers)
-            answers[key] = ask(words.get(key, key), default, CHOICES.get(key, ()), read)
+            answers[key] = ask(questions.get(key, key), default, CHOICES.get(key, ()), read)
     return answers
 
 
-def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Give the values that differ from their defaults."""
-    return {key: value for key, value in found.items() if value != values[key]}
+def changed_values(values: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """Select the values that differ from their defaults."""
+    return {key: value for key, value in values.items() if value != defaults[key]}

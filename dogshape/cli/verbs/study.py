@@ -1,11 +1,11 @@
-"""Verbs that ask a study, its results or a bench; each loads what it needs when it is called."""
+"""Verbs on a study, its results or a bench; each loads its modules when it is called."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option, echo
 
@@ -25,7 +25,7 @@ from dogshape.cli.options import (
     SurrogateFile,
     angles_of,
     emit,
-    kept,
+    run_arguments,
     show,
     warn,
     with_engine,
@@ -34,28 +34,43 @@ from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
 from dogshape.sim.units import MM
 
+if TYPE_CHECKING:
+    from dogshape.pipeline.config.study_file import Setup
+
 TABLES = (".csv", ".xlsx")
-ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
-           "--sheet": (".html", ".json"), "--html": (".html", ".htm"),
-           "--trace": TABLES}  # fmt: skip
+ENDINGS = {
+    "--stl": (".stl",),
+    "--step": (".step", ".stp"),
+    "--svg": (".svg",),
+    "--sheet": (".html", ".json"),
+    "--html": (".html", ".htm"),
+    "--trace": TABLES,
+}
+#: Words for the files of ``export``.
+FILE_LABELS = {
+    "svg": "drawing",
+    "stl": "one ring, both are alike",
+    "step": "both rings",
+    "sheet": "data sheet",
+}
 
 
 def _named_study(name: str, settings: list[str]) -> ds.Study:
-    """Load a study, that of a folder of results, or as FOLDER#N or STUDY#N a searched design."""
+    """Load a study by name, file or results, or a searched design as FOLDER#N or STUDY#N."""
     from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
     from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
-    stored = StudyFolder(Path(name))
-    if stored.manifest.is_file():
-        return ds.Study.from_config(stored.stored_study()).replace_keys(settings_of(settings))
+    folder = StudyFolder(Path(name))
+    if folder.manifest.is_file():
+        return ds.Study.from_config(folder.stored_study()).replace_keys(settings_of(settings))
     if "#" not in name or Path(name).exists():
         return ds.Study(name, settings)
     return ds.Study.from_config(named_design(name, settings, chosen=False).prototype_study)
 
 
-def _plausible(study: ds.Study, angles: Collection[float] = ()) -> None:
-    """Warn of units in doubt, of slides that lose power, and of angles beyond a pitch."""
+def _warn_of_doubts(study: ds.Study, angles: Collection[float] = ()) -> None:
+    """Warn of units in doubt, of slides that lose power, and of angles beyond a pitch, deg."""
     from dogshape.pipeline.simulate.plausibility import (  # noqa: PLC0415
         angle_notes,
         slide_notes,
@@ -88,14 +103,21 @@ def shift(
     if html is not None and html == trace:
         raise InputError(f"--html and --trace both name {html}; give two files")
     require_targets({"--html": html, "--trace": trace}, ENDINGS)
-    given = _named_study(study, with_engine(set_, engine))
-    found = given.shift(
-        mismatch_rpm=mismatch_rpm, force_N=force_N, angle_deg=relative_angle_deg,
-        force_rise_s=force_rise_s, all_dogs=all_dogs,
-    )  # fmt: skip
-    _plausible(given, [relative_angle_deg])
-    writers = [(found.report, html), (found.write_trace, trace)]
-    show(found, json, *(f"wrote {write(path)}" for write, path in writers if path is not None))
+    problem = _named_study(study, with_engine(set_, engine))
+    result = problem.shift(
+        mismatch_rpm=mismatch_rpm,
+        force_N=force_N,
+        angle_deg=relative_angle_deg,
+        force_rise_s=force_rise_s,
+        all_dogs=all_dogs,
+    )
+    _warn_of_doubts(problem, [relative_angle_deg])
+    files = []
+    if html is not None:
+        files.append(result.report(html))
+    if trace is not None:
+        files.append(result.write_trace(trace))
+    show(result, json, *(f"wrote {path}" for path in files))
 
 
 def expect(
@@ -116,26 +138,34 @@ def expect(
 
     Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
     """
-    settings, listed = with_engine(set_, engine), angles_of(angles)
-    point: dict[str, Any] = {
-        "mismatch_rpm": mismatch_rpm, "force_N": force_N, "force_rise_s": force_rise_s,
-        "precision": precision, "cluster": cluster,
-    }  # fmt: skip
+    settings = with_engine(set_, engine)
+    relative_angles = angles_of(angles)
+    arguments: dict[str, Any] = {
+        "mismatch_rpm": mismatch_rpm,
+        "force_N": force_N,
+        "force_rise_s": force_rise_s,
+        "precision": precision,
+        "cluster": cluster,
+    }
     if draws is None:
-        given = _named_study(study, settings)
-        _plausible(given, listed if isinstance(listed, tuple) else ())
-        found = given.expect(**point, angles=listed, **kept(jobs))
-        warn(one.removeprefix("warning: ") for one in found.shortfall if json)
-        show(found, json)
+        problem = _named_study(study, settings)
+        _warn_of_doubts(problem, relative_angles if isinstance(relative_angles, tuple) else ())
+        result = problem.expect(**arguments, angles=relative_angles, **run_arguments(jobs))
+        if json:
+            warn(warning.removeprefix("warning: ") for warning in result.shortfall)
+        show(result, json)
         return
-    if any(other is not None for other in point.values()):
+    if any(value is not None for value in arguments.values()):
         raise InputError(
             f"--draws is {draws}, which goes with all operating points and --angles, --set, "
             "--engine and --jobs alone; leave out the others"
         )
-    if isinstance(listed, tuple):
+    if isinstance(relative_angles, tuple):
         raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
-    show(ds.expect_draws(study, draws, settings, angles=listed, jobs=jobs, progress=True), json)
+    expectation = ds.expect_draws(
+        study, draws, settings, angles=relative_angles, jobs=jobs, progress=True
+    )
+    show(expectation, json)
 
 
 def validate(
@@ -150,8 +180,8 @@ def validate(
 
     Example: dogshape validate mq200_adams
     """
-    how: dict[str, Any] = {"correct": correct or (), "engine": engine, **kept(jobs)}
-    show(ds.validate(bench, angles_of(angles), **how), json)
+    arguments: dict[str, Any] = {"correct": correct or (), "engine": engine, **run_arguments(jobs)}
+    show(ds.validate(bench, angles_of(angles), **arguments), json)
 
 
 def strength(
@@ -171,16 +201,21 @@ def strength(
 
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
-    given, record, more = _named_study(study, with_engine(set_, engine)), {}, []
+    problem = _named_study(study, with_engine(set_, engine))
+    record = {}
+    tables = []
     if fem:
         from dogshape.validation.finite_elements import root_stress  # noqa: PLC0415
 
-        roots = root_stress.root_checks(given.config.clutch.dog, given.config.limits)
-        record["finite_elements"] = [one.to_dict() for one in roots]
-        more = [root_stress.root_table(roots)]
-    found = given.strength(simulate=simulation, **kept(jobs))
-    parts = [*found.to_parts(), *(found.explained if explain else ()), *more]
-    emit({**found.to_dict(), **record}, json, lambda: parts, ok=not found.verdict.failed)
+        roots = root_stress.root_checks(problem.config.clutch.dog, problem.config.limits)
+        record["finite_elements"] = [root.to_dict() for root in roots]
+        tables = [root_stress.root_table(roots)]
+    result = problem.strength(simulate=simulation, **run_arguments(jobs))
+    parts = result.to_parts()
+    if explain:
+        parts += result.explained
+    parts += tables
+    emit({**result.to_dict(), **record}, json, lambda: parts, ok=not result.verdict.failed)
 
 
 def check(
@@ -204,21 +239,21 @@ def check(
     """
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
 
-    given = _named_study(study, with_engine(set_, engine))
+    problem = _named_study(study, with_engine(set_, engine))
     require_targets({"--out": out}, {"--out": TABLES})
-    asked: Any = {"mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate}
+    arguments: Any = {"mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate}
     if designs is not None:
-        from dogshape.predictions import beside  # noqa: PLC0415
+        from dogshape.predictions import answer_path  # noqa: PLC0415
 
-        many = given.predict(designs, out=out or beside(designs), **asked)
-        for line in many.notes:
+        predictions = problem.predict(designs, out=out or answer_path(designs), **arguments)
+        for line in predictions.notes:
             echo(line, err=True)
-        show(many, json, ok=not many.to_dict()["impossible"])
+        show(predictions, json, ok=not predictions.to_dict()["impossible"])
         return
     if out is not None:
         raise InputError("--out is for the answers to --designs; give both or neither")
-    found = given.check(**asked)
-    show(found, json, ok=not found.verdict.failed)
+    result = problem.check(**arguments)
+    show(result, json, ok=not result.verdict.failed)
 
 
 def study(
@@ -242,13 +277,20 @@ def study(
     Example: dogshape study mq200 --out results/mq200 --trials 48
     """
     settings = with_engine(set_, engine)
-    settings += [f"search.trials={trials}"] if trials is not None else []
-    settings += [f"search.seed={seed}"] if seed is not None else []
-    found = ds.Study(study, settings).search(
-        out, jobs=jobs, cluster=cluster, storage=storage, resume=resume, report=not no_report,
+    if trials is not None:
+        settings.append(f"search.trials={trials}")
+    if seed is not None:
+        settings.append(f"search.seed={seed}")
+    result = ds.Study(study, settings).search(
+        out,
+        jobs=jobs,
+        cluster=cluster,
+        storage=storage,
+        resume=resume,
+        report=not no_report,
         progress=True,
-    )  # fmt: skip
-    show(found, json, ok=found.best is not None)
+    )
+    show(result, json, ok=result.best is not None)
 
 
 def report(
@@ -283,8 +325,8 @@ def fit(
 
     Example: dogshape fit results/mq200
     """
-    how: dict[str, Any] = {"out": out, "jobs": jobs, "cluster": cluster}
-    show(ds.fit(where, with_engine(set_, engine), **how, progress=True), json)
+    settings = with_engine(set_, engine)
+    show(ds.fit(where, settings, out=out, jobs=jobs, cluster=cluster, progress=True), json)
 
 
 def compare(
@@ -321,18 +363,18 @@ def export(
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
-    from dogshape.pipeline.export.cad import load_cad, write_step  # noqa: PLC0415
-    from dogshape.pipeline.export.drawing import dimensioned_svg  # noqa: PLC0415
+    from dogshape.pipeline.export.cad import load_cad  # noqa: PLC0415
     from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
-    from dogshape.sim.part import part_volume, ring_part  # noqa: PLC0415
-    from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
+    from dogshape.sim.part import part_volume  # noqa: PLC0415
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
 
-    one = named_design(study, set_, chosen=False)
-    given = one.own_study
-    dog, radius, body = given.clutch.dog, given.limits.root_radius, body_mm * MM
+    dog_design = named_design(study, set_, chosen=False)
+    setup = dog_design.own_study
+    dog = setup.clutch.dog
+    radius = setup.limits.root_radius
+    body = body_mm * MM
     files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
     if not any(files.values()):
         remedy = "give --stl, --step, --svg or --sheet with a file"
@@ -342,34 +384,51 @@ def export(
     require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     if svg or stl or step:
-        require_fillets(dog, given.limits.root_radius)
+        require_fillets(dog, radius)
     if step is not None:
         load_cad()  # before anything is written
-    design = design_of(given, {})
+    design = design_of(setup, {})
     if not design.feasible:
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
-    _plausible(ds.Study.from_config(given))
-    if svg is not None:
-        with naming(svg):
-            svg.write_text(dimensioned_svg(dog, given.limits, one.title), encoding="utf-8")
-    if stl is not None:
-        with naming(stl):
-            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {one.title} ring"))
-    if step is not None:
-        write_step(dog, radius, body, step)
+    _warn_of_doubts(ds.Study.from_config(setup))
+    _write_geometry(setup, dog_design.title, body, svg, stl, step)
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
         block = dict(text.partition("=")[::2] for text in title or ())
-        write_data_sheet(one, sheet, {"why": why, **block})
+        write_data_sheet(dog_design, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     volume = part_volume(dog, radius, body) / MM**3
-    words = {"svg": "drawing", "stl": "one ring, both are alike", "step": "both rings",
-             "sheet": "data sheet"}  # fmt: skip
-    lines = [f"wrote {path} ({words[kind]})" for kind, path in written.items()]
+    lines = [f"wrote {path} ({FILE_LABELS[kind]})" for kind, path in written.items()]
     lines.append(f"volume of a ring {volume:.1f} mm3")
     sizes = {"ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
+
+
+def _write_geometry(
+    setup: Setup,
+    title: str,
+    body: float,
+    svg: Path | None,
+    stl: Path | None,
+    step: Path | None,
+) -> None:
+    """Write drawing, mesh and solids of a dog; ``body`` is the thickness below the slots, m."""
+    from dogshape.pipeline.export.cad import write_step  # noqa: PLC0415
+    from dogshape.pipeline.export.drawing import dimensioned_svg  # noqa: PLC0415
+    from dogshape.sim.part import ring_part  # noqa: PLC0415
+    from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
+
+    dog = setup.clutch.dog
+    radius = setup.limits.root_radius
+    if svg is not None:
+        with naming(svg):
+            svg.write_text(dimensioned_svg(dog, setup.limits, title), encoding="utf-8")
+    if stl is not None:
+        with naming(stl):
+            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {title} ring"))
+    if step is not None:
+        write_step(dog, radius, body, step)
 
 
 def app(
@@ -389,9 +448,15 @@ def app(
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
     folder = Path(study) if StudyFolder(Path(study)).manifest.is_file() else None
-    given = _named_study(study, set_ or [])
+    problem = _named_study(study, set_ or [])
+    settings = [f"--set={setting}" for setting in set_ or ()]
     ds.serve_app(
-        given, surrogate=surrogate, folder=folder, port=port, browser=browser,
-        progress=True, command=shlex.join([study, *(f"--set={s}" for s in set_ or ())]),
-    )  # fmt: skip
+        problem,
+        surrogate=surrogate,
+        folder=folder,
+        port=port,
+        browser=browser,
+        progress=True,
+        command=shlex.join([study, *settings]),
+    )
     raise KeyboardInterrupt  # by which the server ends
