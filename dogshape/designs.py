@@ -13,11 +13,11 @@ from dogshape.pipeline.record import Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.data_sheet import (
     NamedDesign,
     design_record,
-    difference,
     flat_keys,
     named_design,
     searched_checks,
     searched_record,
+    time_difference,
     write_sheet,
 )
 from dogshape.pipeline.reports.designs import Row
@@ -32,7 +32,7 @@ def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
     """Record a design and its checks; a dog that was not searched is simulated as by ``check``."""
     if one.result is not None and one.row is not None:
         record = searched_record(one.study, one.result, one.row)
-        return record, searched_checks(one.own_study, one.result, one.row)
+        return record, searched_checks(one.design_study, one.result, one.row)
     found = check_design(one.study)
     expected = found.expected
     record = design_record(
@@ -128,7 +128,7 @@ def compare(*names: str) -> SideBySide:
     items = []
     for one, record, file in zip(designs, records, flat, strict=True):
         alike = one is not designs[0] and one.study.points == designs[0].study.points
-        value, error = (difference(records[0], record) if alike else None) or (None, None)
+        value, error = (time_difference(records[0], record) if alike else None) or (None, None)
         margins = record.pop("margins")
         items.append({
             "label": one.label, **record, "difference_s": value,

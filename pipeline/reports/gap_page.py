@@ -26,7 +26,7 @@ from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report
-from dogshape.pipeline.reports.text import ENGINES, axis, bound, place_name
+from dogshape.pipeline.reports.text import ENGINES, axis, bind_units, place_name
 from dogshape.pipeline.store.result_records import PlaceRow
 from dogshape.sim.files import without_formulas, write_whole
 from dogshape.sim.units import RPM
@@ -62,9 +62,15 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
     errors, named = found.fits[NONE].predicted.error.mean(axis=0), found.leading != NONE
     return [
         CellRow(
-            mismatch_rpm=cell.point.mismatch / RPM, force_N=cell.point.profile.force,
-            shifts=cell.n, engaged=cell.engaged, failed=cell.failed, unknown=cell.unknown,
-            bench_s=cell.time, simulated_s=point.mean, gap_s=point.gap,
+            mismatch_rpm=cell.point.mismatch / RPM,
+            force_N=cell.point.profile.force,
+            shifts=cell.n,
+            engaged=cell.engaged,
+            failed=cell.failed,
+            unknown=cell.unknown,
+            bench_s=cell.time,
+            simulated_s=point.mean,
+            gap_s=point.gap,
             bench_error_s=number_or_none(spread[k] / cell.n**0.5) if cell.n else None,
             simulated_error_s=None if point.mean is None else number_or_none(errors[k]),
             error_s=None if point.gap is None else number_or_none(point.standard_error),
@@ -73,7 +79,7 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
             predicted_error_s=number_or_none(held_out.sd[k]) if named else None,
         )
         for k, (point, cell) in enumerate((one, one.cell) for one in found.gaps)
-    ]  # fmt: skip
+    ]
 
 
 def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
@@ -100,7 +106,7 @@ def publish(
     folder.mkdir(parents=True, exist_ok=True)
     title = f"{found.bench.name}: difference between bench and simulation"
     page = Report(title, headline_of(found.verdict, found.effects))
-    page.add("", Markup("<p>{}</p>").format(bound(summary(found))))
+    page.add("", Markup("<p>{}</p>").format(bind_units(summary(found))))
     page.add("Hypotheses", hypothesis_table(found), inclusion_table(found))
     page.add("Next test", advice_table(found))
     page.add(
@@ -112,9 +118,13 @@ def publish(
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
     readings = [
-        (RECORD_MEANINGS[one.key, one.value], chance(one.probability),
-         headline_of(one.verdict, found.effects)) for one in found.record_meanings
-    ]  # fmt: skip
+        (
+            RECORD_MEANINGS[one.key, one.value],
+            chance(one.probability),
+            headline_of(one.verdict, found.effects),
+        )
+        for one in found.record_meanings
+    ]
     page.add(
         "Data and settings",
         Table(("if", "probability", "answer"), readings, {}, (2,)) if readings else None,
@@ -188,11 +198,15 @@ def advice_table(found: Diagnosis) -> Table:
         if not k or t.information >= MIN_INFORMATION_NATS
     ]
     rows = [
-        (test.name,
-         *(chance(one) if test.information >= MIN_INFORMATION_NATS else "-" for one in both),
-         f"{test.information:.2f}", f"{test.hours:.2g}")
-        for test in some for both in [(test.settles, test.misleads)]
-    ]  # fmt: skip
+        (
+            test.name,
+            *(chance(one) if test.information >= MIN_INFORMATION_NATS else "-" for one in both),
+            f"{test.information:.2f}",
+            f"{test.hours:.2g}",
+        )
+        for test in some
+        for both in [(test.settles, test.misleads)]
+    ]
     heads = "test", "chance to settle", "to mislead", "information, nats", "work, h"
     note = "Dash: the outcome would not change the probabilities." * any("-" in row for row in rows)
     return Table(heads, rows, {0: "best"}, (), note)

@@ -331,7 +331,7 @@ def export(
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
 
     one = named_design(study, set_, chosen=False)
-    given = one.own_study
+    given = one.design_study
     dog, radius, body = given.clutch.dog, given.limits.root_radius, body_mm * MM
     files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
     if not any(files.values()):
