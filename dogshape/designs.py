@@ -14,11 +14,11 @@ from dogshape.pipeline.record import Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.data_sheet import (
     NamedDesign,
     design_record,
-    difference,
     flat_keys,
     named_design,
     searched_checks,
     searched_record,
+    time_difference,
     write_sheet,
 )
 from dogshape.pipeline.reports.designs import Row
@@ -34,7 +34,7 @@ def record_of(design: NamedDesign) -> tuple[Row, list[Row]]:
     study = design.study
     if design.result is not None and design.row is not None:
         record = searched_record(study, design.result, design.row)
-        return record, searched_checks(design.own_study, design.result, design.row)
+        return record, searched_checks(design.design_study, design.result, design.row)
     check = check_design(study)
     expected = check.expected
     record = design_record(
@@ -141,10 +141,10 @@ def _compare_designs(names: Sequence[str]) -> list[dict[str, Any]]:
     ]
     items = []
     for design, record, keys in zip(designs, records, settings, strict=True):
-        time_difference = None
+        change = None
         if design is not designs[0] and design.study.points == designs[0].study.points:
-            time_difference = difference(records[0], record)
-        value, error = time_difference or (None, None)
+            change = time_difference(records[0], record)
+        value, error = change or (None, None)
         margins = record.pop("margins")
         items.append(
             {

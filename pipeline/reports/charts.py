@@ -36,32 +36,53 @@ from dogshape.sim.units import short
 if pio.renderers.default == "plotly_mimetype":
     pio.renderers.default = "plotly_mimetype+notebook"
 
-INK, GREY = "#1b2733", "#9aa5b1"
-BLUE, ORANGE, GREEN = "#1f5fa8", "#c8590c", "#2e7d4f"
+INK = "#1b2733"
+GREY = "#9aa5b1"
+BLUE = "#1f5fa8"
+ORANGE = "#c8590c"
+GREEN = "#2e7d4f"
 
-EDGE: Row = {"color": INK}  #: of a mark
+MARK_BORDER: Row = {"color": INK}
 #: Marks of the kinds of designs, the same in every figure.
 MARKS: dict[str, Row] = {
     "dominated": {"color": GREY, "size": 8, "symbol": "circle-open"},
     FAILS: {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
     UNCLEAR: {"color": INK, "size": 8, "symbol": "diamond-open"},
     "front": {"color": BLUE, "size": 9, "symbol": "circle"},
-    "chosen": {"color": BLUE, "size": 17, "symbol": "diamond", "line": EDGE | {"width": 1.5}},
-    "prototype": {"color": ORANGE, "size": 18, "symbol": "star", "line": EDGE | {"width": 1}},
+    "chosen": {
+        "color": BLUE,
+        "size": 17,
+        "symbol": "diamond",
+        "line": MARK_BORDER | {"width": 1.5},
+    },
+    "prototype": {
+        "color": ORANGE,
+        "size": 18,
+        "symbol": "star",
+        "line": MARK_BORDER | {"width": 1},
+    },
 }
-#: Marks of what is drawn by operating point, in this order.
-SIDES: tuple[Row, ...] = (
+#: Marks of times by operating point, for up to three sides in this order.
+SIDE_MARKS: tuple[Row, ...] = (
     {"color": ORANGE, "size": 10, "symbol": "square-open", "line": {"width": 2}},
     {"color": BLUE, "size": 9, "symbol": "diamond"},
     {"color": INK, "size": 8, "symbol": "circle"},
 )
-PAPER = (620.0, 290.0)  #: width and height of the front on paper, px
-ROOM = 23.0  #: between numbers and marks of the front, px
+FRONT_SIZE = (620.0, 290.0)  #: width and height of the front on paper, px
+MIN_SEPARATION = 23.0  #: between numbers and marks of the front, px
 #: Leaders to the numbers of designs, the shortest first; px, y downwards.
 LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
 BY_PLACE = itemgetter(*reversed(PLACE))  #: order of operating points, by force
-BESIDE = 3  #: panels of effects side by side
-ENTRIES = ("first try", "direct entry")
+EFFECT_COLUMNS = 3  #: panels of effects side by side
+FIRST_TRY_ENTRY = "first try"
+DIRECT_ENTRY = "direct entry"
+#: Colours, gaps and hover text of maps.
+MAP_STYLE: Row = {
+    "coloraxis": "coloraxis",
+    "xgap": 1,
+    "ygap": 1,
+    "hovertemplate": "%{y}, %{x}: %{z:.0f} %<extra></extra>",
+}
 ENTRY_NOTE = (
     "First try: share that engages without a retry (Bóka 2010), left out where all do. Direct "
     "entry: share without a touch of faces (Aljawabrah and Lovas 2024). x: not all engage."
@@ -69,7 +90,7 @@ ENTRY_NOTE = (
 
 
 def styled(figure: go.Figure, height: int) -> go.Figure:
-    """Give a figure the look of all pages and its height in px."""
+    """Set the template, fonts and margins of all pages, and the height of a figure in px."""
     return figure.update_layout(
         template="simple_white",
         height=height,
@@ -80,229 +101,352 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
     )
 
 
-def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.Figure:
-    """Draw the leading objective against another one; designs far from the front are left out.
+def front_figure(result: Row, variables: Sequence[str], other_objective: str = "") -> go.Figure:
+    """Draw the leading objective against another objective, with the designs of all kinds.
 
-    By default it is the next objective, where there is none the smallest margin.
+    The other objective is by default the next one, without one the smallest margin. The axes show
+    the front, prototype and chosen design with their 95 % intervals.
     """
-    other = other or next((goal.name for goal in goals_of(result)[1:]), MARGIN)
-    goals = goals_of(result, SIMULATED, other)
-    lead, second = goals[0], next(goal for goal in goals if goal.name == other)
-    figure, named = go.Figure(), list[Row]()
-    if len(result["objectives"]) == 2:  # what the front dominates lies right of and above it
+    if not other_objective:
+        other_objective = next((goal.name for goal in goals_of(result)[1:]), MARGIN)
+    goals = goals_of(result, SIMULATED, other_objective)
+    lead = goals[0]
+    second = next(goal for goal in goals if goal.name == other_objective)
+    figure = go.Figure()
+    if len(result["objectives"]) == 2:  # dominated designs lie right of the line and above it
         figure.add_scatter(
-            x=[lead.shown(row) for row in result["front"]],
-            y=[second.shown(row) for row in result["front"]],
-            mode="lines", line={"color": BLUE, "shape": "hv", "width": 1.5},
-            showlegend=False, hoverinfo="skip",
-        )  # fmt: skip
-    for kind, every in of_kinds(result).items():
-        rows, bars = [row for row in every if row[SIMULATED] is not None], {}
+            x=[lead.printed_value(row) for row in result["front"]],
+            y=[second.printed_value(row) for row in result["front"]],
+            mode="lines",
+            line={"color": BLUE, "shape": "hv", "width": 1.5},
+            showlegend=False,
+            hoverinfo="skip",
+        )
+    numbered = []
+    for kind, designs in of_kinds(result).items():
+        rows = [row for row in designs if row[SIMULATED] is not None]
+        bars = {}
         if kind in ("front", "chosen", "prototype"):
-            named += rows
-            look = {"thickness": 1, "width": 3, "color": INK}
-            for axis_name, goal in (("x", lead), ("y", second)):
-                shown = [goal.shown(row) for row in rows]
-                ends = [goal.ends(goal.shown(row), goal.error(row)) for row in rows]
-                bars[f"error_{axis_name}"] = {
-                    "array": [high - at for at, (_, high) in zip(shown, ends, strict=True)],
-                    "arrayminus": [at - low for at, (low, _) in zip(shown, ends, strict=True)],
-                    **look,
-                }
-        texts = [
-            "<br>".join([
-                f"<b>{design_name(row)}</b>",
-                *(f"{axis(name)}: {row[name]:.4g}" for name in variables),
-                *(f"{goal.label} {goal.words(goal.shown(row), goal.error(row))}"
-                  for goal in goals if row.get(goal.name) is not None),
-                *_objections(result, row),
-            ])
-            for row in rows
-        ]  # fmt: skip
+            numbered += rows
+            bars = {"error_x": _error_bars(lead, rows), "error_y": _error_bars(second, rows)}
         if rows:
             figure.add_scatter(
-                x=[lead.shown(row) for row in rows], y=[second.shown(row) for row in rows],
-                customdata=[row["trial"] for row in rows], name=kind, mode="markers",
-                marker=MARKS[kind], hoverinfo="text", hovertext=texts, **bars,
-            )  # fmt: skip
-    named.sort(key=lead.shown)
-    x, y = ([goal.shown(row) for row in named] for goal in (lead, second))
-    figure.update_xaxes(title=lead.title, range=_window(lead, named))
-    figure.update_yaxes(title=second.title, range=_window(second, named))
-    px = [PAPER[0] * one / ((max(x) - min(x)) or 1.0) / 1.4 for one in x]
-    py = [-PAPER[1] * one / ((max(y) - min(y)) or 1.0) / 1.4 for one in y]
-    taken = [complex(*place) for place in zip(px, py, strict=True)]
-    for row, here in zip(named, tuple(taken), strict=True):
-        # A leader points where no design of the front can be, if there is room.
-        ways = [complex(lead.sign * way.real, second.sign * way.imag) for way in LEADERS]
-        room = [min(abs(here + way - other) for other in taken) for way in ways]
-        way = next((w for w, r in zip(ways, room, strict=True) if r > ROOM), ways[-1])
-        if not row["prototype"]:
-            taken.append(here + way)
-            figure.add_annotation(
-                x=lead.shown(row), y=second.shown(row), text=str(row["trial"]), ax=way.real,
-                ay=way.imag, arrowwidth=1, arrowcolor=GREY, arrowhead=0, standoff=5, font_size=13,
-            )  # fmt: skip
+                x=[lead.printed_value(row) for row in rows],
+                y=[second.printed_value(row) for row in rows],
+                customdata=[row["trial"] for row in rows],
+                name=kind,
+                mode="markers",
+                marker=MARKS[kind],
+                hoverinfo="text",
+                hovertext=[_hover_text(result, row, variables, goals) for row in rows],
+                **bars,
+            )
+    numbered.sort(key=lead.printed_value)
+    figure.update_xaxes(title=lead.title, range=_window(lead, numbered))
+    figure.update_yaxes(title=second.title, range=_window(second, numbered))
+    _add_numbers(figure, numbered, lead, second)
     return styled(figure, 480)
 
 
+def _error_bars(goal: Goal, rows: Sequence[Row]) -> Row:
+    """Build the error bars of an objective, 95 % intervals in the printed unit."""
+    values = [goal.printed_value(row) for row in rows]
+    intervals = [goal.ends(goal.printed_value(row), goal.error(row)) for row in rows]
+    return {
+        "array": [high - value for value, (_, high) in zip(values, intervals, strict=True)],
+        "arrayminus": [value - low for value, (low, _) in zip(values, intervals, strict=True)],
+        "thickness": 1,
+        "width": 3,
+        "color": INK,
+    }
+
+
+def _hover_text(result: Row, row: Row, variables: Sequence[str], goals: Sequence[Goal]) -> str:
+    """Print name, variables, objectives and objections of a design, a line each."""
+    lines = [f"<b>{design_name(row)}</b>"]
+    lines += [f"{axis(name)}: {row[name]:.4g}" for name in variables]
+    for goal in goals:
+        if row.get(goal.name) is not None:
+            lines.append(f"{goal.label} {goal.words(goal.printed_value(row), goal.error(row))}")
+    return "<br>".join([*lines, *_objections(result, row)])
+
+
+def _add_numbers(figure: go.Figure, rows: Sequence[Row], lead: Goal, second: Goal) -> None:
+    """Write the numbers of designs beside their marks, with leaders that avoid other marks."""
+    x = [lead.printed_value(row) for row in rows]
+    y = [second.printed_value(row) for row in rows]
+    x_px = [FRONT_SIZE[0] * value / ((max(x) - min(x)) or 1.0) / 1.4 for value in x]
+    y_px = [-FRONT_SIZE[1] * value / ((max(y) - min(y)) or 1.0) / 1.4 for value in y]
+    marks = [complex(*position) for position in zip(x_px, y_px, strict=True)]
+    occupied = list(marks)
+    # A leader points away from the front, where no design can be, if there is room.
+    leaders = [complex(lead.sign * way.real, second.sign * way.imag) for way in LEADERS]
+    for row, mark in zip(rows, marks, strict=True):
+        if row["prototype"]:
+            continue
+        leader = _free_leader(mark, leaders, occupied)
+        occupied.append(mark + leader)
+        figure.add_annotation(
+            x=lead.printed_value(row),
+            y=second.printed_value(row),
+            text=str(row["trial"]),
+            ax=leader.real,
+            ay=leader.imag,
+            arrowwidth=1,
+            arrowcolor=GREY,
+            arrowhead=0,
+            standoff=5,
+            font_size=13,
+        )
+
+
+def _free_leader(mark: complex, leaders: Sequence[complex], occupied: Sequence[complex]) -> complex:
+    """Select the first leader, px, whose end is clear of marks and numbers; else the last."""
+    for leader in leaders:
+        separation = min(abs(mark + leader - position) for position in occupied)
+        if separation > MIN_SEPARATION:
+            return leader
+    return leaders[-1]
+
+
 def _objections(result: Row, row: Row) -> list[str]:
-    """List what keeps a design from passing, by its confirmation where it has one."""
-    if confirmed := confirmation_of(result, row):
-        return list(filter(None, [objection(confirmed)]))
+    """List the objections to a design: by its confirmation, if it has one, else by the search."""
+    confirmed = confirmation_of(result, row)
+    if confirmed:
+        words = objection(confirmed)
+        return [words] if words else []
     return [f"fails {check_name(name)}" for name in row["failed"]]
 
 
 def _window(goal: Goal, rows: Sequence[Row]) -> tuple[float, float] | None:
-    """Return a range that shows rows and their bars with room on either side; None without any."""
+    """Compute the range of an axis that shows rows, intervals and a border; None without rows."""
     if not rows:
         return None
-    ends = [goal.ends(goal.shown(row), goal.error(row)) for row in rows]
-    low, high = min(low for low, _ in ends), max(high for _, high in ends)
-    room = 0.2 * (high - low) or 0.1 * abs(high) or 1.0
-    return low - room, high + room
+    intervals = [goal.ends(goal.printed_value(row), goal.error(row)) for row in rows]
+    low = min(low for low, _ in intervals)
+    high = max(high for _, high in intervals)
+    border = 0.2 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - border, high + border
 
 
 def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) -> go.Figure:
     """Draw mean times, ms, with 95 % intervals: a line for each operating point, by force.
 
-    ``sides`` are up to three by their names, each with the keys of mean and standard error in the
-    records of the operating points, both s or None.
+    ``rows`` are records of operating points. ``sides`` has by name, three at most, the keys of a
+    mean time and its standard error in them, both s or None.
     """
     rows = sorted(rows, key=BY_PLACE, reverse=True)
     names = [place_name(row) for row in rows]
     figure = go.Figure()
-    for (side, (mean, error)), mark in zip(sides.items(), SIDES, strict=False):
-        known = [(name, row) for name, row in zip(names, rows, strict=True)
-                 if row[mean] is not None]  # fmt: skip
-        if known:
+    for (side, (mean, error)), mark in zip(sides.items(), SIDE_MARKS, strict=False):
+        timed = [row for row in rows if row[mean] is not None]
+        if timed:
+            half_widths = [1.96e3 * (row.get(error) or 0.0) for row in timed]
             figure.add_scatter(
-                x=[1e3 * row[mean] for _, row in known], y=[name for name, _ in known],
-                error_x={"array": [1.96e3 * (row.get(error) or 0.0) for _, row in known],
-                         "thickness": 1.2},
-                name=side, mode="markers", marker=mark,
+                x=[1e3 * row[mean] for row in timed],
+                y=[place_name(row) for row in timed],
+                error_x={"array": half_widths, "thickness": 1.2},
+                name=side,
+                mode="markers",
+                marker=mark,
                 hovertemplate=f"{side}, %{{y}}: %{{x:.1f}} ± %{{error_x.array:.1f}} ms"
                 "<extra></extra>",
-            )  # fmt: skip
+            )
     figure.update_xaxes(title="mean shift time, ms", rangemode="tozero", showgrid=True)
     figure.update_yaxes(
-        categoryorder="array", categoryarray=names, automargin=True, showgrid=True, dtick=1,
+        categoryorder="array",
+        categoryarray=names,
+        automargin=True,
+        showgrid=True,
+        dtick=1,
         range=[-0.7, len(names) - 0.3],
-    )  # fmt: skip
+    )
     return styled(figure, 110 + 22 * len(names))
 
 
 def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Figure:
     """Map shares of shifts over mismatch and force, and direct entry over the relative angle.
 
-    ``sides`` have records of operating points with their ``shiftability``, and the number of dogs.
-    Points that are no grid have a row each.
+    ``sides`` has by name the records of operating points with ``shiftability``, and the number of
+    dogs. Points that are no grid have a row each.
     """
-    every = [row for rows, _ in sides.values() for row in rows]
-    speeds, forces = ({row[key] for row in every[: len(every) // len(sides)]} for key in PLACE)
-    grid = len(forces) > 1 and len(every) == len(sides) * len(speeds) * len(forces)
-    shown = ENTRIES[all(row["engaged"] == 1.0 for row in every) :]
-    widths = [0.24 if grid else 0.08] * len(shown)
+    records = [row for rows, _ in sides.values() for row in rows]
+    speeds, forces = ({row[key] for row in records[: len(records) // len(sides)]} for key in PLACE)
+    is_grid = len(forces) > 1 and len(records) == len(sides) * len(speeds) * len(forces)
+    entries = [FIRST_TRY_ENTRY, DIRECT_ENTRY]
+    if all(row["engaged"] == 1.0 for row in records):
+        entries = [DIRECT_ENTRY]
+    widths = [0.24 if is_grid else 0.08] * len(entries)
+    titles = [entry.replace(" ", "<br>") for entry in entries]
     figure = make_subplots(
-        len(sides), len(widths) + 1, column_widths=[*widths, 1.0 - sum(widths)], shared_yaxes=True,
-        horizontal_spacing=0.02, vertical_spacing=0.24 / len(sides), row_titles=[*sides],
-        column_titles=[*(one.replace(" ", "<br>") for one in shown), f"{ENTRIES[1]}, by angle"],
-    ).update_annotations(font_size=None)  # fmt: skip
-    lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1}
-    hover = "%{y}, %{x}: %{z:.0f} %<extra></extra>"
-    for place, (rows, count) in enumerate(sides.values(), start=1):
-        ordered = sorted(rows, key=BY_PLACE)
-        pushes = [f"{row[PLACE[1]]:.3g}" if grid else "" for row in ordered]
-        names = [minus(f"{r[PLACE[0]]:.4g}") if grid else place_name(r) for r in ordered]
-        for column, entry in enumerate(shown, start=1):
-            share = [row["engaged"] if entry == ENTRIES[0] else row["shiftability"]["direct"]
-                     for row in ordered]  # fmt: skip
+        len(sides),
+        len(widths) + 1,
+        column_widths=[*widths, 1.0 - sum(widths)],
+        shared_yaxes=True,
+        horizontal_spacing=0.02,
+        vertical_spacing=0.24 / len(sides),
+        row_titles=[*sides],
+        column_titles=[*titles, f"{DIRECT_ENTRY}, by angle"],
+    ).update_annotations(font_size=None)
+    line_count = 5  # of the tallest map
+    for figure_row, (rows, dog_count) in enumerate(sides.values(), start=1):
+        sorted_rows = sorted(rows, key=BY_PLACE)
+        if is_grid:
+            names = [minus(f"{row[PLACE[0]]:.4g}") for row in sorted_rows]
+        else:
+            names = [place_name(row) for row in sorted_rows]
+        for column, entry in enumerate(entries, start=1):
+            share = [_entry_share(row, entry) for row in sorted_rows]
             figure.add_heatmap(
-                x=pushes, y=names, z=100.0 * np.array(share), texttemplate="%{z:.0f}",
-                hovertemplate=hover, row=place, col=column, **look,
-            )  # fmt: skip
-            figure.update_xaxes(type="category", tickangle=0, row=place, col=column)
-        by_angle = [np.array(row["shiftability"]["by_angle"]) for row in ordered]
-        bins = math.gcd(*map(len, by_angle))  # points that got more angles may have more bins
-        counts: dict[str, np.ndarray] = {}
-        for name, entries in zip(names, by_angle, strict=True):
-            counts[name] = counts.get(name, 0) + entries.reshape(bins, -1, 3).sum(axis=1)
-        made, lines = np.array([*counts.values()]), max(lines, len(counts))
-        whole = made.sum(axis=2)
+                x=[f"{row[PLACE[1]]:.3g}" if is_grid else "" for row in sorted_rows],
+                y=names,
+                z=100.0 * np.array(share),
+                texttemplate="%{z:.0f}",
+                row=figure_row,
+                col=column,
+                **MAP_STYLE,
+            )
+            figure.update_xaxes(type="category", tickangle=0, row=figure_row, col=column)
+        counts = _entries_by_angle(sorted_rows, names)
+        line_count = max(line_count, len(counts))
         figure.add_heatmap(
-            x=(np.arange(bins) + 0.5) * 360.0 / count / bins, y=[*counts],
-            z=100.0 * made[:, :, 0] / np.where(whole, whole, np.nan),
-            text=np.where(made[:, :, 2] > 0, "x", ""), texttemplate="%{text}", row=place,
-            col=len(shown) + 1, **look, hovertemplate=hover,
-        )  # fmt: skip
-        figure.update_yaxes(title=axis(PLACE[0]) if grid else "", row=place, col=1)
-    titles = [*[axis(PLACE[1]) if grid else ""] * len(shown), "relative angle, °"]
-    for column, title in enumerate(titles, start=1):
+            **_angle_map(counts, dog_count), row=figure_row, col=len(entries) + 1, **MAP_STYLE
+        )
+        figure.update_yaxes(title=axis(PLACE[0]) if is_grid else "", row=figure_row, col=1)
+    force_title = axis(PLACE[1]) if is_grid else ""
+    axis_titles = [*[force_title] * len(entries), "relative angle, °"]
+    for column, title in enumerate(axis_titles, start=1):
         figure.update_xaxes(title=title, row=len(sides), col=column)
     bar = {"title": {"text": "shifts, %", "side": "right"}, "thickness": 14}
     shades = {"colorscale": [[0, "#eef3f9"], [1, BLUE]], "cmin": 0, "cmax": 100}
     figure.update_layout(coloraxis={**shades, "colorbar": bar})
     figure.update_yaxes(type="category", automargin=True, autorange="reversed", dtick=1)
-    return styled(figure, 80 + len(sides) * (65 + 24 * lines))
+    return styled(figure, 80 + len(sides) * (65 + 24 * line_count))
 
 
-LEAST_MARGIN = -200.0  #: %, of the figure of assumptions; bars end there
+def _entry_share(row: Row, entry: str) -> float:
+    """Read the share of shifts that engage at the first try, or enter directly."""
+    share = row["engaged"] if entry == FIRST_TRY_ENTRY else row["shiftability"]["direct"]
+    return float(share)
+
+
+def _entries_by_angle(rows: Sequence[Row], names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Sum the shifts of operating points by their name, each (bins, 3) over the relative angle.
+
+    The columns are direct entries, entries after a face contact, and shifts that do not engage.
+    """
+    entries = [np.array(row["shiftability"]["by_angle"]) for row in rows]
+    bins = math.gcd(*map(len, entries))  # points that got more angles may have more bins
+    counts: dict[str, np.ndarray] = {}
+    for name, by_angle in zip(names, entries, strict=True):
+        counts[name] = counts.get(name, 0) + by_angle.reshape(bins, -1, 3).sum(axis=1)
+    return counts
+
+
+def _angle_map(counts: Mapping[str, np.ndarray], dog_count: int) -> Row:
+    """Build the map of direct entry, %, over the relative angle within a pitch, degrees."""
+    shifts = np.array([*counts.values()])
+    total = shifts.sum(axis=2)
+    bins = shifts.shape[1]
+    return {
+        "x": (np.arange(bins) + 0.5) * 360.0 / dog_count / bins,
+        "y": [*counts],
+        "z": 100.0 * shifts[:, :, 0] / np.where(total, total, np.nan),
+        "text": np.where(shifts[:, :, 2] > 0, "x", ""),
+        "texttemplate": "%{text}",
+    }
+
+
+MIN_MARGIN_PERCENT = -200.0  #: of the figure of assumptions; bars end there
 
 
 def assumptions_figure(hinges: Sequence[HingeRow]) -> go.Figure:
     """Draw the smallest margin over the range of each assumption, %, as a tornado."""
     figure = go.Figure()
     for name, colour, flips in (
-        ("changes the sign", ORANGE, True), ("keeps the sign", BLUE, False),
-    ):  # fmt: skip
+        ("changes the sign", ORANGE, True),
+        ("keeps the sign", BLUE, False),
+    ):
         rows = [hinge for hinge in hinges if hinge.flips is flips]
         if not rows:
             continue
-        shown = [[max(LEAST_MARGIN, 100.0 * m) for m in row.smallest_margin] for row in rows]
+        bars = [_bar_ends(row) for row in rows]
         figure.add_bar(
-            y=[row.assumption for row in rows], base=[ends[0] for ends in shown],
-            x=[ends[1] - ends[0] for ends in shown], orientation="h", name=name,
-            marker_color=colour, width=0.5, hoverinfo="text", showlegend=True,
+            y=[row.assumption for row in rows],
+            base=[first for first, _ in bars],
+            x=[last - first for first, last in bars],
+            orientation="h",
+            name=name,
+            marker_color=colour,
+            width=0.5,
+            hoverinfo="text",
+            showlegend=True,
             hovertext=[
                 f"{row.cell('range')}: {row.cell('smallest_margin')}, {row.cell('weakest_check')}"
                 for row in rows
             ],
-        )  # fmt: skip
-        for row, ends in zip(rows, shown, strict=True):
-            for end, place, far in zip(row.range, ends, reversed(ends), strict=True):
+        )
+        for row, ends in zip(rows, bars, strict=True):
+            for value, margin, opposite in zip(row.range, ends, reversed(ends), strict=True):
+                is_left = margin < opposite
                 figure.add_annotation(
-                    x=place, y=row.assumption, text=short(end), showarrow=False,
-                    xanchor="right" if place < far else "left", xshift=-4 if place < far else 4,
-                )  # fmt: skip
+                    x=margin,
+                    y=row.assumption,
+                    text=short(value),
+                    showarrow=False,
+                    xanchor="right" if is_left else "left",
+                    xshift=-4 if is_left else 4,
+                )
     figure.add_vline(0.0, line={"color": INK, "width": 1})
     figure.update_xaxes(title="smallest margin, %")
     figure.update_yaxes(
-        autorange="reversed", automargin=True, categoryorder="array",
+        autorange="reversed",
+        automargin=True,
+        categoryorder="array",
         categoryarray=[hinge.assumption for hinge in hinges],
-    )  # fmt: skip
+    )
     return styled(figure, 130 + 34 * len(hinges))
 
 
-def effects_figure(found: Row) -> go.Figure:
-    """Draw the main effect of each variable on the expected shift time, ms, with its band."""
-    shown = found["variables"]
-    rows, columns = -(-len(shown) // BESIDE), min(len(shown), BESIDE)
+def _bar_ends(hinge: HingeRow) -> list[float]:
+    """Compute the smallest margins at both ends of an assumption's range, %, as drawn."""
+    return [max(MIN_MARGIN_PERCENT, 100.0 * margin) for margin in hinge.smallest_margin]
+
+
+def effects_figure(effects: Row) -> go.Figure:
+    """Draw the main effect of each variable on the expected shift time, ms, with 95 % bands."""
+    variables = effects["variables"]
+    rows = math.ceil(len(variables) / EFFECT_COLUMNS)
+    columns = min(len(variables), EFFECT_COLUMNS)
     figure = make_subplots(rows, columns, horizontal_spacing=0.06, vertical_spacing=0.32 / rows)
-    for place, one in enumerate(shown):
-        x, where = one["values"], {"row": place // BESIDE + 1, "col": place % BESIDE + 1}
-        ends = [1e3 * v for v in (*one["high_s"], *reversed(one["low_s"]))]
+    for index, effect in enumerate(variables):
+        row, column = divmod(index, EFFECT_COLUMNS)
+        panel = {"row": row + 1, "col": column + 1}
+        x = effect["values"]
+        band = [*effect["high_s"], *reversed(effect["low_s"])]
         figure.add_scatter(
-            x=[*x, *reversed(x)], y=ends, name="95 % interval", showlegend=place == 0,
-            mode="lines", fill="toself", hoverinfo="skip", fillcolor="rgba(31, 95, 168, 0.22)",
-            line={"width": 0}, **where,
-        )  # fmt: skip
+            x=[*x, *reversed(x)],
+            y=[1e3 * time for time in band],
+            name="95 % interval",
+            showlegend=index == 0,
+            mode="lines",
+            fill="toself",
+            hoverinfo="skip",
+            fillcolor="rgba(31, 95, 168, 0.22)",
+            line={"width": 0},
+            **panel,
+        )
         figure.add_scatter(
-            x=x, y=[1e3 * v for v in one["effect_s"]], name="effect on the expected shift time",
-            showlegend=place == 0, mode="lines+markers", line={"color": BLUE, "width": 2.5},
-            **where,
-        )  # fmt: skip
-        figure.add_hline(0.0, line={"color": GREY, "width": 1}, **where)
-        figure.update_xaxes(title=axis(one["variable"]), **where)
+            x=x,
+            y=[1e3 * time for time in effect["effect_s"]],
+            name="effect on the expected shift time",
+            showlegend=index == 0,
+            mode="lines+markers",
+            line={"color": BLUE, "width": 2.5},
+            **panel,
+        )
+        figure.add_hline(0.0, line={"color": GREY, "width": 1}, **panel)
+        figure.update_xaxes(title=axis(effect["variable"]), **panel)
     figure.update_yaxes(matches="y", showticklabels=True)
     figure.update_yaxes(title="effect, ms", col=1)
     return styled(figure, 90 + 250 * rows)

@@ -58,7 +58,7 @@ from dogshape.pipeline.store.result_records import (
 )
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
-from dogshape.sim.shift.clutch import CONTACT_SETS
+from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
@@ -68,21 +68,33 @@ from dogshape.sim.strength.verdict import WORDS, Margin
 from dogshape.sim.units import MM, from_si, suffix_of, unit_of
 from dogshape.sim.versions import bundled_root, versions
 
-GENERAL = "ISO 2768-f"  #: tolerance of a dimension that the study gives none for
-TIME, ENGAGED = "expected shift time, ms", "mean of engaged shifts, ms"
+GENERAL_TOLERANCE = "ISO 2768-f"  #: tolerance of a dimension that the study gives none for
+TIME = "expected shift time, ms"
+ENGAGED = "mean of engaged shifts, ms"
 HANGS = "shifts that hang, % (95 %)"
-#: Keys of what was simulated of a design.
-SIMULATION = (
-    SIMULATED, "standard_error_s", *HangKeys.model_fields, "source", "engaged", "shifts_engaged",
+#: Keys of the simulated results in the record of a design.
+SIMULATION_KEYS = (
+    SIMULATED,
+    "standard_error_s",
+    *HangKeys.model_fields,
+    "source",
+    "engaged",
+    "shifts_engaged",
     "gain_s",
-    "gain_standard_error_s", "worst_against_prototype", "slowest_point",
-)  # fmt: skip
-HINGES = 2  #: assumptions that fit on a sheet, the strongest
+    "gain_standard_error_s",
+    "worst_against_prototype",
+    "slowest_point",
+)
+MAX_ASSUMPTIONS = 2  #: assumptions that fit on a sheet, the strongest
 #: Keys of the title block of a data sheet with their words; the reason of a decision stands above.
 TITLE_BLOCK = {
-    "number": "drawing number", "revision": "revision", "date": "date", "author": "author",
-    "checker": "checked by", "decided_by": "decided by",
-}  # fmt: skip
+    "number": "drawing number",
+    "revision": "revision",
+    "date": "date",
+    "author": "author",
+    "checker": "checked by",
+    "decided_by": "decided by",
+}
 Values = Mapping[str, float]
 #: Words for the smallest margins within the tolerances.
 STATISTICAL_MARGIN = "at statistical tolerances, landing nominal"
@@ -91,7 +103,7 @@ WORST_MARGIN = "at worst-case tolerances, landing nominal"
 
 @dataclass(frozen=True)
 class NamedDesign:
-    """A design with its study, and with the result and the row in it where it was searched.
+    """A design with its study; with result and row of a search if it is part of one.
 
     ``study`` is the one that was searched, or that has the design as its own dog.
     """
@@ -103,32 +115,36 @@ class NamedDesign:
 
     @property
     def title(self) -> str:
-        """Name of the study, and the number of the design where it has one."""
-        return self.study.name + ("" if self.row is None else f", design {self.row['trial']}")
+        """Name of the study, with the number of a searched design."""
+        if self.row is None:
+            return self.study.name
+        return f"{self.study.name}, design {self.row['trial']}"
 
     @property
-    def own_study(self) -> Setup:
+    def design_study(self) -> Setup:
         """The study with the design as its dog, operated as the design is."""
         if self.row is None:
             return self.study
         dog = self.study.dog_with({key: self.row[key] for key in self.study.variables})
-        own = self.study.with_operation(self.row)
-        return replace(own, clutch=replace(own.clutch, dog=dog))
+        study = self.study.with_operation(self.row)
+        return replace(study, clutch=replace(study.clutch, dog=dog))
 
     @property
     def prototype_study(self) -> Setup:
         """The study with the design as its prototype, operated as the design is."""
-        return self.study if self.row is None else _with_prototype(self.study, self.row)
+        if self.row is None:
+            return self.study
+        return _replace_prototype(self.study, self.row)
 
 
-def _with_prototype(study: Setup, row: Row) -> Setup:
-    """Build a study again with a design of its search as prototype, operated as the design is."""
+def _replace_prototype(study: Setup, row: Row) -> Setup:
+    """Rebuild a study with a searched design as its prototype, operated as the design is."""
     dog = {f"dog.{key}": row[key] for key in study.shape_keys}
     return replace_keys(study, dog).with_operation(row)
 
 
 def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -> NamedDesign:
-    """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result, or what ``load_study`` takes.
+    """Find the design of ``FOLDER#N`` or ``STUDY#N`` in a result, or of a study by its name.
 
     ``settings`` are keys of a study with their values. A name without ``#N`` is the chosen design
     of its result, where it has one; unless ``chosen``, it is the study's own dog. InputError for an
@@ -136,50 +152,66 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     StorageError for a folder with damaged files.
     """
     numbered = "#" in name and not Path(name).exists()
-    where, sign, number = name.rpartition("#") if numbered else (name, "", "")
+    source, sign, number = name.rpartition("#") if numbered else (name, "", "")
     if not chosen and not sign:
         return NamedDesign(name, load_study(name, settings))
     if settings:
         fault = f"'{name}' is a design as it was simulated, which --set would change"
-        raise InputError(f"{fault}; give '{where}' and the keys of the dog")
+        raise InputError(f"{fault}; give '{source}' and the keys of the dog")
     if sign and not number.isdecimal():
         remedy = "write for instance results/mq200#43"
         raise InputError(f"'{name}' must end in the number of a design after '#'; {remedy}")
-    path, folder = Path(where), StudyFolder(Path(where))
+    path = Path(source)
+    folder = StudyFolder(path)
     if folder.manifest.exists():
-        return _searched(where, folder.stored_study(), folder.stored_result(), number)
+        return _select_design(source, folder.stored_study(), folder.stored_result(), number)
+    _require_study(source)
+    # The result of a study may be stored beside its file, in a folder or of a bundled study.
+    stored = (path if path.is_dir() else bundled_root() / source) / "result.json"
+    if stored.is_file() and not path.is_file():
+        result = read_json(stored, "take it away")
+        return _select_design(source, load_study(source), result, number)
+    if not sign:
+        return NamedDesign(source, load_study(source))
+    results = Path("results") / source
+    if StudyFolder(results).manifest.exists():
+        return named_design(f"{results}#{number}")
+    remedy = f"run 'dogshape study {source}' and give the folder of its results"
+    raise InputError(f"'{name}' names design {number}, but '{source}' has no result; {remedy}")
+
+
+def _require_study(source: str) -> None:
+    """Raise InputError for a name that is no study; the message lists the valid names."""
     try:
-        find_study(where)
+        find_study(source)
     except InputError as error:
         raise InputError(
-            f"'{where}' is no folder of results, no study and no contact set; give a folder as "
+            f"'{source}' is no folder of results, no study and no contact set; give a folder as "
             f"results/mq200 (with #N for a design), a study file, one of "
             f"{', '.join(bundled_studies())}, or contact sets ({', '.join(sorted(CONTACT_SETS))})"
         ) from error
-    # A result that is kept beside a study file, in a folder or of a bundled study.
-    kept = (path if path.is_dir() else bundled_root() / where) / "result.json"
-    if kept.is_file() and not path.is_file():
-        return _searched(where, load_study(where), read_json(kept, "take it away"), number)
-    searched = Path("results") / where
-    if sign and StudyFolder(searched).manifest.exists():
-        return named_design(f"{searched}{sign}{number}")
-    if sign:
-        remedy = f"run 'dogshape study {where}' and give the folder of its results"
-        raise InputError(f"'{name}' names design {number}, but '{where}' has no result; {remedy}")
-    return NamedDesign(where, load_study(where))
 
 
-def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign:
+def _select_design(source: str, study: Setup, result: Row, number: str) -> NamedDesign:
+    """Select a design of a result by its number; without one the chosen design or the prototype.
+
+    A design that was not simulated becomes the prototype of its study.
+    """
     rows = {row["trial"]: row for row in result["trials"]}
-    own = next((row for row in result["trials"] if row["prototype"]), None)
-    row = rows.get(int(number)) if number else result["best"] or own
-    if row is None:
-        fault = f"'{where}' has no {f'design {int(number)}' if number else 'chosen design'}"
-        raise InputError(f"{fault}; it has the designs 0 (prototype) to {max(rows, default=0)}")
-    name, row = f"{where}#{row['trial']}", rows[row["trial"]]
+    prototype = next((row for row in result["trials"] if row["prototype"]), None)
+    if number:
+        design = f"design {int(number)}"
+        selected = rows.get(int(number))
+    else:
+        design = "chosen design"
+        selected = result["best"] or prototype
+    if selected is None:
+        last = max(rows, default=0)
+        raise InputError(f"'{source}' has no {design}; it has the designs 0 (prototype) to {last}")
+    row = rows[selected["trial"]]
+    name = f"{source}#{row['trial']}"
     if row[SIMULATED] is None and confirmation_of(result, row) is None:
-        own = replace_keys(study, {f"dog.{key}": row[key] for key in study.shape_keys})
-        return NamedDesign(name, own.with_operation(row))
+        return NamedDesign(name, _replace_prototype(study, row))
     return NamedDesign(name, study, result, row)
 
 
@@ -187,19 +219,20 @@ def design_record(
     study: Setup,
     params: Values,
     margins: Values,
-    within: Mapping[Kind, tuple[str, float] | None],
+    weakest_checks: Mapping[Kind, tuple[str, float] | None],
     verdict: Row,
-    **known: Any,
+    **values: Any,
 ) -> Row:
-    """Record a design of a study by one set of keys, None where something is not known.
+    """Record a design of a study; every record has the same keys, null for an unknown value.
 
-    ``params`` are its searched keys in edge units, ``margins`` those of all checks, ``within`` has
-    the check with the smallest margin within the tolerances with that margin, by the addition of
-    their effects (``KINDS``), ``verdict`` has the keys of ``VerdictRow``; ``known`` is what else is
-    known, by the keys of the record.
+    ``params`` are its searched keys in edge units, ``margins`` those of all checks.
+    ``weakest_checks`` has the check with the smallest margin within the tolerances, and that
+    margin, by the addition of their effects (``KINDS``). ``verdict`` has the keys of
+    ``VerdictRow``, ``values`` further keys of the record.
     """
-    own = {name: margin for name, margin in margins.items() if name not in SUMMARIES}
-    dog, weakest = study.dog_with(dict(params)), min(own, key=lambda name: own[name])
+    single = {name: margin for name, margin in margins.items() if name not in SUMMARIES}
+    weakest = min(single, key=lambda name: single[name])
+    dog = study.dog_with(dict(params))
     friction, surface = locking_friction(dog, study.limits.load)
     return {
         "study": study.name,
@@ -209,14 +242,14 @@ def design_record(
         **params,
         "axial_length_mm": dog.axial_length / MM,
         "travel_mm": dog.travel / MM,
-        **dict.fromkeys(SIMULATION),
+        **dict.fromkeys(SIMULATION_KEYS),
         "confirmed": False,
         "passes": verdict["state"] == "passes",
         "verdict": verdict,
-        "smallest_margin": own[weakest],
+        "smallest_margin": single[weakest],
         "weakest_check": weakest,
-        **{f"margin_{k}": pair and number_or_none(pair[1]) for k, pair in within.items()},
-        **{f"weakest_check_{k}": pair and pair[0] for k, pair in within.items()},
+        **{f"margin_{k}": pair and number_or_none(pair[1]) for k, pair in weakest_checks.items()},
+        **{f"weakest_check_{k}": pair and pair[0] for k, pair in weakest_checks.items()},
         "locking_friction": number_or_none(friction),
         "locking_surface": surface,
         "engine": study.clutch.solver.engine,
@@ -226,34 +259,23 @@ def design_record(
         "physics_hash": study.physics_hash,
         "config_hash": study.config_hash,
         "margins": {name: number_or_none(margin) for name, margin in margins.items()},
-        **known,
+        **values,
     }
 
 
 def searched_record(study: Setup, result: Row, row: Row) -> Row:
     """Record a design of a result; ``study`` is the one that was searched."""
     confirmed = confirmation_of(result, row)
-    known = row if confirmed is None else confirmed
-    found: Row = {"engaged": known["engaged"], "source": "search"}
-    if known[SIMULATED] is not None:
-        found |= {key: known[key] for key in (SIMULATED, "standard_error_s")}
-    found |= {name: known.get(name) for name in HangKeys.model_fields}
+    simulated = row if confirmed is None else confirmed
+    values: Row = {"engaged": simulated["engaged"], "source": "search"}
+    if simulated[SIMULATED] is not None:
+        values |= {key: simulated[key] for key in (SIMULATED, "standard_error_s")}
+    values |= {name: simulated.get(name) for name in HangKeys.model_fields}
     if confirmed is not None:
-        own = (result["confirmation"] or {}).get("prototype")
-        found |= {"source": "new angles", "confirmed": True}
-        found["shifts_engaged"] = list(engaged_shifts(confirmed))
-        if known[SIMULATED] is not None:
-            slow = max(confirmed["points"], key=lambda p: p["mean_s"])
-            found["slowest_point"] = {k: slow[k] for k in (*PLACE, "mean_s", "standard_error_s")}
-        loss = None if own is None else difference(own, confirmed)
-        if own is not None and loss and not row["prototype"]:
-            found |= {"gain_s": -loss[0], "gain_standard_error_s": loss[1]}
-            found["worst_against_prototype"] = max(
-                point_differences(own, confirmed), key=lambda one: float(one["difference_s"])
-            )
+        values |= _confirmed_values(result, row, confirmed)
     params = {name: row[name] for name in study.variables}
     margins = {kind: row[f"margin_{kind}"] for kind in KINDS}
-    within = {
+    weakest_checks = {
         kind: None if margin is None else (row.get(f"weakest_check_{kind}") or "", margin)
         for kind, margin in margins.items()
     }
@@ -261,186 +283,255 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
         study,
         params,
         margins_of(row, confirmed),
-        within,
+        weakest_checks,
         verdict=searched_verdict(study, params, row, confirmed),
         design=int(row["trial"]),
         prototype=bool(row["prototype"]),
-        **found,
+        **values,
     )
 
 
+def _confirmed_values(result: Row, row: Row, confirmed: Row) -> Row:
+    """Collect the values of a record that a design has by its confirmation alone."""
+    values: Row = {"source": "new angles", "confirmed": True}
+    values["shifts_engaged"] = list(engaged_shifts(confirmed))
+    if confirmed[SIMULATED] is not None:
+        slowest = max(confirmed["points"], key=lambda point: point["mean_s"])
+        values["slowest_point"] = {k: slowest[k] for k in (*PLACE, "mean_s", "standard_error_s")}
+    prototype = (result["confirmation"] or {}).get("prototype")
+    if prototype is None or row["prototype"]:
+        return values
+    loss = time_difference(prototype, confirmed)
+    if loss is not None:
+        values |= {"gain_s": -loss[0], "gain_standard_error_s": loss[1]}
+        differences = point_differences(prototype, confirmed)
+        worst = max(differences, key=lambda point: float(point["difference_s"]))
+        values["worst_against_prototype"] = worst
+    return values
+
+
 def searched_verdict(study: Setup, params: Values, row: Row, confirmed: Row | None) -> Row:
-    """Give the verdict of a confirmation, else judge a design by the margins of its search."""
+    """Return the verdict of a confirmation, else judge a design by the margins of its search."""
     if confirmed is not None and confirmed.get("verdict"):
         return dict(confirmed["verdict"])
     margins = [Margin(name, margin) for name, margin in margins_of(row, confirmed).items()]
-    own = study.with_operation(params)
-    return verdict_of(own, own.dog_with(dict(params)), margins).to_dict()
+    operated = study.with_operation(params)
+    return verdict_of(operated, operated.dog_with(dict(params)), margins).to_dict()
 
 
 def point_differences(prototype: Row, chosen: Row) -> list[Row]:
-    """List the time of the chosen design less the prototype's, s, at each operating point.
+    """Compute the time of the chosen design less the prototype's, s, at each operating point.
 
-    The n-th point of either is the same one of the study, which a design may move by set-point and
-    force; it is named as the prototype's. The standard error is None where one of either is.
+    The n-th point of both designs is the same point of the study, which a design may move by
+    set-point and force; its keys are those of the prototype. A point where a design has no mean
+    time is left out; the standard error is None unless both designs have one.
     """
-    found = []
-    for point, other in zip(prototype["points"], chosen["points"], strict=True):
-        if None not in (point["mean_s"], other["mean_s"]):
-            errors = [p["standard_error_s"] for p in (point, other)]
-            found.append({
-                **{key: point[key] for key in PLACE},
-                "difference_s": other["mean_s"] - point["mean_s"],
-                "standard_error_s": None if None in errors else math.hypot(*errors),
-            })  # fmt: skip
-    return found
+    differences = []
+    for prototype_point, point in zip(prototype["points"], chosen["points"], strict=True):
+        if prototype_point["mean_s"] is None or point["mean_s"] is None:
+            continue
+        errors = [prototype_point["standard_error_s"], point["standard_error_s"]]
+        difference = {key: prototype_point[key] for key in PLACE}
+        difference["difference_s"] = point["mean_s"] - prototype_point["mean_s"]
+        difference["standard_error_s"] = None if None in errors else math.hypot(*errors)
+        differences.append(difference)
+    return differences
 
 
-def difference(one: Row, other: Row) -> tuple[float, float] | None:
-    """Take the second record's time less the first's, with the error of independent means, s."""
-    if None in (one[SIMULATED], other[SIMULATED]):
+def time_difference(reference: Row, record: Row) -> tuple[float, float] | None:
+    """Compute a record's expected time less the reference's, s, and the standard error.
+
+    The means count as independent. None unless both records have a time.
+    """
+    if reference[SIMULATED] is None or record[SIMULATED] is None:
         return None
-    error = math.hypot(*(record["standard_error_s"] or 0.0 for record in (one, other)))
-    return other[SIMULATED] - one[SIMULATED], error
+    error = math.hypot(reference["standard_error_s"] or 0.0, record["standard_error_s"] or 0.0)
+    return record[SIMULATED] - reference[SIMULATED], error
 
 
-def words_of(one: Row) -> dict[str, str]:
-    """Print times, margins and friction of a record with their errors; a dash where unknown."""
-    time, counts = ms_with_error(one[SIMULATED], one["standard_error_s"]), one["shifts_engaged"]
-    if one[SIMULATED] is None and counts:
-        time = "engages in {} of {}".format(*counts)
-    elif not one["confirmed"]:
-        time += f" ({one['source']})"
-
-    def within(kind: Kind) -> str:
-        margin = one[f"margin_{kind}"]
-        if margin is None:
-            return "no dog"
-        # What has no tolerances counts at nominal size.
-        nominal = one["smallest_margin"], one["weakest_check"]
-        least, name = min((margin, one[f"weakest_check_{kind}"]), nominal)
-        return margin_cell(name, least)
-
-    def at_point(point: Row | None, key: str, sign: str = "") -> str:
-        if point is None:
-            return "-"
-        time = ms_with_error(point[key], point["standard_error_s"], sign)
-        return f"{time} at {place_name(point)}"
-
-    surface, engaged = check_name(one["locking_surface"]), one["engaged"]
-    verdict = one["verdict"]
+def words_of(record: Row) -> dict[str, str]:
+    """Print verdict, times, margins and friction of a record by label; a dash if unknown."""
+    verdict = record["verdict"]
+    line = verdict["line"]
     state = WORDS[verdict["state"]]
+    if verdict["state"] != "passes":
+        line = Bad(line)
+        state = Bad(state)
+    gain = ms_with_error(record["gain_s"], record["gain_standard_error_s"])
+    worst = _point_words(record["worst_against_prototype"], "difference_s", "+")
+    engaged = record["engaged"]
+    surface = check_name(record["locking_surface"]).removesuffix(" release")
     return {
-        "verdict": verdict["line"] if verdict["state"] == "passes" else Bad(verdict["line"]),
-        "state": state if verdict["state"] == "passes" else Bad(state),
-        TIME: time,
-        ENGAGED: ms_with_error(one["engaged_mean_s"], one["engaged_standard_error_s"]),
-        HANGS: hang_share(one),
-        "gain over the prototype, ms": ms_with_error(one["gain_s"], one["gain_standard_error_s"]),
-        "worst point minus prototype, ms":
-            at_point(one["worst_against_prototype"], "difference_s", "+"),
-        "slowest point, ms": at_point(one["slowest_point"], "mean_s"),
+        "verdict": line,
+        "state": state,
+        TIME: _time_words(record),
+        ENGAGED: ms_with_error(record["engaged_mean_s"], record["engaged_standard_error_s"]),
+        HANGS: hang_share(record),
+        "gain over the prototype, ms": gain,
+        "worst point minus prototype, ms": worst,
+        "slowest point, ms": _point_words(record["slowest_point"], "mean_s"),
         "engage at the first try, least": "-" if engaged is None else percent(engaged),
-        "smallest margin, nominal size":
-            margin_cell(one["weakest_check"], one["smallest_margin"]),
-        STATISTICAL_MARGIN: within("root_sum_square"),
-        WORST_MARGIN: within("worst_case"),
-        "locks above friction":
-            f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})" if surface
-            else "-",
-        "axial length, root to root, mm": f"{one['axial_length_mm']:.2f}",
-    }  # fmt: skip
+        "smallest margin, nominal size": margin_cell(
+            record["weakest_check"], record["smallest_margin"]
+        ),
+        STATISTICAL_MARGIN: _tolerance_margin(record, "root_sum_square"),
+        WORST_MARGIN: _tolerance_margin(record, "worst_case"),
+        "locks above friction": f"{record['locking_friction']:.3f} ({surface})" if surface else "-",
+        "axial length, root to root, mm": f"{record['axial_length_mm']:.2f}",
+    }
 
 
-def hang_share(one: Row) -> str:
-    """Print the probability of a hang in percent with its interval; a dash where unknown."""
-    if one.get("hang_probability") is None:
+def _time_words(record: Row) -> str:
+    """Print the expected time of a record, ms, with its source unless it is confirmed."""
+    time = ms_with_error(record[SIMULATED], record["standard_error_s"])
+    if record[SIMULATED] is None and record["shifts_engaged"]:
+        return "engages in {} of {}".format(*record["shifts_engaged"])
+    return time if record["confirmed"] else f"{time} ({record['source']})"
+
+
+def _point_words(point: Row | None, key: str, sign: str = "") -> str:
+    """Print a time of an operating point, ms, with the point; a dash without one."""
+    if point is None:
+        return "-"
+    time = ms_with_error(point[key], point["standard_error_s"], sign)
+    return f"{time} at {place_name(point)}"
+
+
+def _tolerance_margin(record: Row, kind: Kind) -> str:
+    """Print the smallest margin of a record within its tolerances, with its check."""
+    margin = record[f"margin_{kind}"]
+    if margin is None:
+        return "no dog"
+    # Checks without tolerances count at nominal size.
+    nominal = record["smallest_margin"], record["weakest_check"]
+    smallest, name = min((margin, record[f"weakest_check_{kind}"]), nominal)
+    return margin_cell(name, smallest)
+
+
+def hang_share(record: Row) -> str:
+    """Print the probability of a hang in percent with its interval; a dash if unknown."""
+    if record.get("hang_probability") is None:
         return "-"
     keys = ("hang_probability", "hang_probability_low", "hang_probability_high")
-    mean, low, high = (100.0 * one[name] for name in keys)
+    mean, low, high = (100.0 * record[name] for name in keys)
     return f"{mean:.2g} ({low:.2f} to {high:.2g})"
 
 
 def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
-    """List the closed forms of a design, then what the confirmation or the search simulated.
+    """List the checks of a design: closed forms with simulated values, then simulated checks.
 
-    ``study`` has the design as its own dog.
+    ``study`` has the design as its prototype. Simulated values are those of the confirmation, for
+    checks that it lacks those of the search.
     """
-    design, confirmed = design_of(study, {}), confirmation_of(result, row)
-    found = {check["name"]: check for check in checks_within(study, design)}
+    design = design_of(study, {})
+    confirmed = confirmation_of(result, row)
+    checks = {check["name"]: check for check in checks_within(study, design)}
     for check in (confirmed or {"checks": []})["checks"]:
-        found[check["name"]] = found.get(check["name"], {}) | check
+        checks[check["name"]] = checks.get(check["name"], {}) | check
     for name, margin in row["margins"].items():
-        found.setdefault(name, {"name": name, "margin": margin, "group": "impact"})
-    return list(found.values())
+        checks.setdefault(name, {"name": name, "margin": margin, "group": "impact"})
+    return list(checks.values())
 
 
 def write_sheet(
-    one: NamedDesign, record: Row, checks: Sequence[Row], block: Mapping[str, str], path: Path
+    design: NamedDesign, record: Row, checks: Sequence[Row], block: Mapping[str, str], path: Path
 ) -> None:
-    """Write the data sheet of a design as a page, or as JSON by the ending of the path.
+    """Write the data sheet of a design as JSON to a path that ends in .json, else as a page.
 
     ``record`` and ``checks`` are those of the design; ``block`` has values of ``TITLE_BLOCK`` and
     ``why``, the reason of a decision for it. InputError for other keys.
     """
-    study, time = one.own_study, f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
+    time = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
     title = {"why": "", **dict.fromkeys(TITLE_BLOCK, ""), "date": time[:10]}
     for key in block.keys() - title.keys():
         raise InputError(f"'{key}' is no key of a data sheet; {did_you_mean(key, title)}")
     title |= {key: text.strip() for key, text in block.items()}
-    own = [check for check in checks if check["name"] not in SUMMARIES]
-    own.sort(key=lambda check: list(GROUPS).index(check["group"]))
-    dimensions, origin = _dimensions(study), provenance_of(one.study, one.result)
-    if one.result is not None:
-        again = f"dogshape export {shlex.quote(one.label)} --sheet sheet.html"
-        origin = {"command": again, "searched by": origin.pop("command"), **origin}
+    single = [check for check in checks if check["name"] not in SUMMARIES]
+    single.sort(key=lambda check: list(GROUPS).index(check["group"]))
+    dimensions = _dimensions(design.design_study)
+    provenance = provenance_of(design.study, design.result)
+    if design.result is not None:
+        command = f"dogshape export {shlex.quote(design.label)} --sheet sheet.html"
+        provenance = {"command": command, "searched by": provenance.pop("command"), **provenance}
     if path.suffix.lower() == ".json":
-        known = {key: text or None for key, text in title.items()}
-        sheet = {"name": one.title, "time": time, **known, **record, "dimensions": dimensions}
-        return write_json(path, {**sheet, "checks": own, "provenance": origin})
-    sizes = []
-    for row in dimensions:
-        unit, tolerance = row["unit"], row["tolerance"]
-        size = minus(f"{row['value']:.2f} {unit}") if unit else f"{row['value']:.4g}"
-        within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
-        sizes.append((label(row["key"]), size, within))
-    none, verdict = dict.fromkeys(CheckRow.model_fields), VerdictRow(**record["verdict"])
-    rows = [CheckRow.model_construct(**{**none, **c, "name": check_name(c["name"])}) for c in own]
-    missing = [not_judged_row(one) for one in verdict.not_judged]
-    rows += [row.model_copy(update={"name": check_name(row.name)}) for row in missing]
-    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square")
-    words = words_of(record)
-    del words["state"]  # the verdict has it
-    # One line for both, so that the sheet stays a page.
-    words[STATISTICAL_MARGIN] += f"; worst case {words.pop(WORST_MARGIN)}"
-    facts = [pair for pair in words.items() if pair[1] != "-"]
-    facts += [(f"{row.name}, margin within 95 %", row.cell("margin_interval"))
-              for row in rows if row.margin_interval]  # fmt: skip
-    judged, facts = facts[:1], facts[1:]
-    page = Report(f"{one.title}: data sheet", title.pop("why"), compact=True)
+        texts = {key: text or None for key, text in title.items()}
+        sheet = {"name": design.title, "time": time, **texts, **record, "dimensions": dimensions}
+        write_json(path, {**sheet, "checks": single, "provenance": provenance})
+        return
+    study = design.design_study
+    verdict = VerdictRow(**record["verdict"])
+    rows = _check_rows(single, verdict)
+    judged, *facts = _sheet_facts(record, rows)
+    page = Report(f"{design.title}: data sheet", title.pop("why"), compact=True)
     page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))
-    page.add("", Table(("", ""), judged))
-    page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, one.title)))
+    page.add("", Table(("", ""), [judged]))
+    page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, design.title)))
+    sizes = [_size_cells(dimension) for dimension in dimensions]
     page.add(f"Dimensions ({record['material']})", Table(("", "", ""), sizes))
     page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))
+    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square")
     page.add("Margins to the limits", check_table(rows, *columns))
-    hangs_on = hinge_table(verdict.hangs_on[:HINGES], "assumption", "range", "smallest_margin")
-    hangs_on = replace(hangs_on, words=(), note="")
-    page.add("Assumptions that decide the smallest margin", hangs_on)
-    page.add("Provenance", Table(("", ""), list(origin.items())))
-    return page.save(path)
+    assumptions = verdict.hangs_on[:MAX_ASSUMPTIONS]
+    hinges = hinge_table(assumptions, "assumption", "range", "smallest_margin")
+    page.add("Assumptions that decide the smallest margin", replace(hinges, words=(), note=""))
+    page.add("Provenance", Table(("", ""), list(provenance.items())))
+    page.save(path)
+
+
+def _check_rows(checks: Sequence[Row], verdict: VerdictRow) -> list[CheckRow]:
+    """Build the rows of checks, then of checks that could not be judged, with printed names."""
+    empty = dict.fromkeys(CheckRow.model_fields)
+    rows = []
+    for check in checks:
+        values = {**empty, **check, "name": check_name(check["name"])}
+        rows.append(CheckRow.model_construct(**values))
+    for missing in verdict.not_judged:
+        row = not_judged_row(missing)
+        rows.append(row.model_copy(update={"name": check_name(row.name)}))
+    return rows
+
+
+def _sheet_facts(record: Row, rows: Sequence[CheckRow]) -> list[tuple[str, str]]:
+    """List the known facts of a record by label, the verdict first, then margin intervals."""
+    words = words_of(record)
+    del words["state"]  # the verdict has it
+    # One line for two margins, so that the sheet stays a page.
+    words[STATISTICAL_MARGIN] += f"; worst case {words.pop(WORST_MARGIN)}"
+    facts = [pair for pair in words.items() if pair[1] != "-"]
+    for row in rows:
+        if row.margin_interval:
+            facts.append((f"{row.name}, margin within 95 %", row.cell("margin_interval")))
+    return facts
+
+
+def _size_cells(dimension: Row) -> tuple[str, str, str]:
+    """Print name, size and tolerance of a dimension."""
+    name = label(dimension["key"])
+    unit = dimension["unit"]
+    if not unit:
+        size = f"{dimension['value']:.4g}"
+        general = ""
+    else:
+        size = minus(f"{dimension['value']:.2f} {unit}")
+        general = GENERAL_TOLERANCE
+    if dimension["tolerance"]:
+        return name, size, f"± {dimension['tolerance']:.2f} {unit}"
+    return name, size, general
 
 
 def _dimensions(study: Setup) -> list[Row]:
-    """List the dimensions that are given with their tolerances; others follow from them."""
-    dog, limits, rows = study.clutch.dog, study.limits, list[Row]()
+    """List the independent dimensions of a dog with tolerance and unit; defaults are left out."""
+    dog = study.clutch.dog
+    limits = study.limits
+    rows = []
     for key in (*DogSection.model_fields, "root_radius_mm"):
         name = key.removesuffix(suffix_of(key))
         value = limits.root_radius if name == "root_radius" else getattr(dog, name)
-        if value not in (0.0, getattr(Dog, name, 0.0)):
-            tolerance = from_si(key, limits.tolerances.dimensions.get(name))
-            rows.append({"key": key, "value": from_si(key, value), "unit": unit_of(key),
-                         "tolerance": tolerance})  # fmt: skip
+        if value in (0.0, getattr(Dog, name, 0.0)):
+            continue
+        row: Row = {"key": key, "value": from_si(key, value), "unit": unit_of(key)}
+        row["tolerance"] = from_si(key, limits.tolerances.dimensions.get(name))
+        rows.append(row)
     return rows
 
 
@@ -449,57 +540,83 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
 
     ``result`` is None for a design that was not searched.
     """
-    load, contact = study.file.load, study.clutch.contact
-    simulated, used, own = "as by 'dogshape check'", versions(), ""
-    verb, file = "export --sheet sheet.html", "its study file"
-    if result is not None:
-        c, used = result["confirmation"], result["versions"]
-        verb, file = "study", "study.json"
-        simulated = f"{result['n_simulated_designs']} designs, {result['n_simulated_shifts']} "
-        simulated += f"shifts by {ENGINES[result['engine']]}"
-        simulated += f", confirmed at {c['angles']} new angles of each operating point" if c else ""
-        own = f", result {content_key(result)}"
-    normal = f"stiffness {contact.stiffness:.3g} Pa/m, dissipation {contact.dissipation:g} s/m"
-    if (law := contact.impact) is not None:
-        normal = f"IMPACT with {law.stiffness:.3g} N/m^1.5 and {law.damping:.3g} N s/m"
-    film = contact.face_friction
-    faces = "" if film is None else f"{film:g} of faces on faces, "
+    if result is None:
+        verb = "export --sheet sheet.html"
+        file = "its study file"
+        simulated = "as by 'dogshape check'"
+        program_versions = versions()
+        result_hash = ""
+    else:
+        verb = "study"
+        file = "study.json"
+        simulated = _simulated_words(result)
+        program_versions = result["versions"]
+        result_hash = f", result {content_key(result)}"
+    load = study.file.load
     facts = {
         "command": command_of(study, verb) or f"dogshape {verb} FILE; {study.name} is in {file}",
         "simulated": simulated,
         "operating points": minus(study.operating_text),
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
-        "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
-        f"{contact.dynamic_friction:g} dynamic, {faces}{normal}",
+        "contact": _contact_words(study.clutch.contact),
         "shafts": study.clutch.drive.text,
-        "mechanism": ", ".join(f"{name} {one:.4g}" for name, one in study.mechanism.items()),
-        "versions": ", ".join(f"{name} {version}" for name, version in used.items()),
-        "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{own}",
+        "mechanism": ", ".join(f"{name} {value:.4g}" for name, value in study.mechanism.items()),
+        "versions": ", ".join(f"{name} {version}" for name, version in program_versions.items()),
+        "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{result_hash}",
     }
     return {name: words for name, words in facts.items() if words}
 
 
-def command_of(study: Setup, verb: str) -> str | None:
-    """Compose the command of a verb for a study like this; None unless ``--set`` leads to it.
+def _simulated_words(result: Row) -> str:
+    """Print the numbers of designs and shifts of a result, with the angles of its confirmation."""
+    words = (
+        f"{result['n_simulated_designs']} designs, {result['n_simulated_shifts']} "
+        f"shifts by {ENGINES[result['engine']]}"
+    )
+    confirmation = result["confirmation"]
+    if confirmation:
+        words += f", confirmed at {confirmation['angles']} new angles of each operating point"
+    return words
 
-    Checked by the hash of the configuration.
+
+def _contact_words(contact: ContactSet) -> str:
+    """Print the friction of a contact set, and the law of its normal force."""
+    words = (
+        f"{contact.name}: friction {contact.static_friction:g} static, "
+        f"{contact.dynamic_friction:g} dynamic, "
+    )
+    if contact.face_friction is not None:
+        words += f"{contact.face_friction:g} of faces on faces, "
+    law = contact.impact
+    if law is not None:
+        return f"{words}IMPACT with {law.stiffness:.3g} N/m^1.5 and {law.damping:.3g} N s/m"
+    return f"{words}stiffness {contact.stiffness:.3g} Pa/m, dissipation {contact.dissipation:g} s/m"
+
+
+def command_of(study: Setup, verb: str) -> str | None:
+    """Compose the command of a verb that runs a study by the name of a bundled one and ``--set``.
+
+    None if no such command has the configuration hash of the study.
     """
     try:
         bundled = flat_keys(load_study(study.name).file.model_dump())
-        wanted = flat_keys(study.file.model_dump())
-        changed = {k: v for k, v in wanted.items() if v is not None and bundled.get(k) != v}
-        overrides = [f"{key}={toml_value(value)}" for key, value in changed.items()]
+        values = flat_keys(study.file.model_dump())
+        changes = {k: v for k, v in values.items() if v is not None and bundled.get(k) != v}
+        overrides = [f"{key}={toml_value(value)}" for key, value in changes.items()]
         if load_study(study.name, overrides).config_hash != study.config_hash:
             return None
     except DogshapeError:
         return None
-    return f"dogshape {verb} {study.name}" + "".join(f" --set {shlex.quote(o)}" for o in overrides)
+    options = "".join(f" --set {shlex.quote(override)}" for override in overrides)
+    return f"dogshape {verb} {study.name}{options}"
 
 
 def flat_keys(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Flatten nested records into one, keys joined by dots."""
-    found: dict[str, Any] = {}
+    """Flatten nested records into a dictionary with keys joined by dots."""
+    flat: dict[str, Any] = {}
     for key, value in record.items():
-        inner = flat_keys(value, f"{prefix}{key}.") if isinstance(value, Mapping) else None
-        found |= {f"{prefix}{key}": value} if inner is None else inner
-    return found
+        if isinstance(value, Mapping):
+            flat |= flat_keys(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat

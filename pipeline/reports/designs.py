@@ -16,109 +16,122 @@ from dogshape.sim.strength.verdict import WORDS, Margin, judge
 
 Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.search.result_schema``
 
-MARGIN, QUANTILE_TIME = "smallest_margin", "shift_time_quantile_s"
+MARGIN = "smallest_margin"
+QUANTILE_TIME = "shift_time_quantile_s"
 FIRST_TRY = "first_try_share"
 NORMAL_95 = 1.96  #: standard errors to the end of a 95 % interval
-#: Units that are shown instead of the stored ones, and the factors that lead to them.
-SHOWN = {
-    "peak_impact_force_N": "kN", "peak_axial_force_N": "kN", MARGIN: "%", FIRST_TRY: "%",
-    "smallest_margin_worst": "%", "smallest_margin_statistical": "%",
-}  # fmt: skip
-FAILS, UNCLEAR = "fails when simulated", WORDS["not_clear"]  #: kinds of designs
-FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}
+#: Printed units that differ from the stored ones, by objective.
+PRINTED_UNITS = {
+    "peak_impact_force_N": "kN",
+    "peak_axial_force_N": "kN",
+    MARGIN: "%",
+    FIRST_TRY: "%",
+    "smallest_margin_worst": "%",
+    "smallest_margin_statistical": "%",
+}
+UNIT_FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}  #: printed value over the stored one
+#: Kinds of designs.
+FAILS = "fails when simulated"
+UNCLEAR = WORDS["not_clear"]
 
 
 @dataclass(frozen=True)
 class Goal(Objective):
-    """An objective of a study as it is shown; ``label`` and ``unit`` are for people."""
+    """An objective of a study with its printed ``label`` and ``unit``."""
 
     @property
     def factor(self) -> float:
-        """Shown value over the stored one."""
-        return FACTORS.get(self.unit, 1.0)
+        """Printed value over the stored one."""
+        return UNIT_FACTORS.get(self.unit, 1.0)
 
     @property
     def title(self) -> str:
-        """Label and unit, for a column or an axis, with the direction where it is not the usual."""
-        words = f"{self.label}, {self.unit}" if self.unit else self.label
-        return words + (" (more is better)" if self.maximise else "")
+        """Label and unit for a column or an axis; of a maximised objective with its sense."""
+        title = f"{self.label}, {self.unit}" if self.unit else self.label
+        return f"{title} (more is better)" if self.maximise else title
 
-    def shown(self, row: Row) -> float:
-        """Return the value of a row in the unit that is shown."""
+    def printed_value(self, row: Row) -> float:
+        """Read the value of a row, in the printed unit."""
         return self.factor * float(row[self.name])
 
     def error(self, row: Row) -> float:
-        """Return the standard error of a row in the unit that is shown; zero if exact."""
+        """Read the standard error of a row, in the printed unit; zero for an exact objective."""
         return self.factor * float(row["standard_errors"].get(self.name) or 0.0)
 
     def estimate(self, estimates: Row) -> tuple[float, float]:
-        """Return its estimate at the new angles, or a gain in it, and the error, as shown."""
-        found = estimates[self.name]
-        return self.factor * found["value"], self.factor * (found["standard_error"] or 0.0)
+        """Read value and standard error of an estimate or a gain, in the printed unit."""
+        estimate = estimates[self.name]
+        return self.factor * estimate["value"], self.factor * (estimate["standard_error"] or 0.0)
 
-    def ends(self, shown: float, error: float) -> tuple[float, float]:
-        """Return the ends of the 95 % interval of a shown value; of a share by its posterior."""
+    def ends(self, value: float, error: float) -> tuple[float, float]:
+        """Compute the 95 % interval of a value in the printed unit; of a share by posterior."""
         if self.name != FIRST_TRY or not error:
-            return shown - NORMAL_95 * error, shown + NORMAL_95 * error
-        low, high = interval(shown / self.factor, (error / self.factor) ** 2)
+            return value - NORMAL_95 * error, value + NORMAL_95 * error
+        low, high = interval(value / self.factor, (error / self.factor) ** 2)
         return self.factor * low, self.factor * high
 
-    def pair(self, shown: float, error: float = 0.0) -> str:
-        """Print a shown value with its standard error, if it has one, without the unit.
+    def pair(self, value: float, error: float = 0.0) -> str:
+        """Print a value with its standard error, without the unit; both in the printed unit.
 
-        A share has its 95 % interval instead: its error is not the same to both sides.
+        A share has its 95 % interval instead, as its error is not symmetric.
         """
         if self.name == FIRST_TRY and error:
-            low, high = self.ends(shown, error)
-            return f"{shown:.4g} (95 %: {low:.4g} to {high:.4g})"
-        return self.difference(shown, error)
+            low, high = self.ends(value, error)
+            return f"{value:.4g} (95 %: {low:.4g} to {high:.4g})"
+        return self.difference(value, error)
 
-    def difference(self, shown: float, error: float = 0.0) -> str:
-        """Print a difference of two shown values with its standard error, without the unit."""
-        if self.unit in FACTORS:
-            return with_error(shown, error) if error else minus(f"{shown:.1f}")
-        return minus(f"{shown:.4g}" + (f" ± {error:.2g}" if error else ""))
+    def difference(self, value: float, error: float = 0.0) -> str:
+        """Print a difference of two values with its standard error, without the unit."""
+        if self.unit in UNIT_FACTORS:
+            return with_error(value, error) if error else minus(f"{value:.1f}")
+        suffix = f" ± {error:.2g}" if error else ""
+        return minus(f"{value:.4g}{suffix}")
 
-    def words(self, shown: float, error: float = 0.0) -> str:
-        """Print a shown value with error and unit."""
-        return f"{self.pair(shown, error)} {self.unit}".strip()
+    def words(self, value: float, error: float = 0.0) -> str:
+        """Print a value with standard error and unit."""
+        return f"{self.pair(value, error)} {self.unit}".strip()
 
 
-def goals_of(result: Row, *more: str) -> list[Goal]:
-    """List the objectives of a result, the leading one first, then ``more`` that are none."""
+def goals_of(result: Row, *extra_names: str) -> list[Goal]:
+    """List the objectives of a result, the leading one first, then further ones by name."""
     names = sorted(result["objectives"], key=lambda name: name != result["leading"])
-    level = f"{100 * result.get('quantile', QUANTILE):.4g} % "
-    found = []
-    for name in dict.fromkeys((*names, *more)):
-        one = OBJECTIVES[name]
-        unit = "ms" if one.unit == "s" else SHOWN.get(name, one.unit)
-        label = (level if name == QUANTILE_TIME else "") + one.label
-        found.append(Goal(**{**vars(one), "label": label, "unit": unit}))
-    return found
+    level = 100 * result.get("quantile", QUANTILE)
+    goals = []
+    for name in dict.fromkeys((*names, *extra_names)):
+        objective = OBJECTIVES[name]
+        unit = "ms" if objective.unit == "s" else PRINTED_UNITS.get(name, objective.unit)
+        label = objective.label
+        if name == QUANTILE_TIME:
+            label = f"{level:.4g} % {label}"
+        goals.append(Goal(**{**vars(objective), "label": label, "unit": unit}))
+    return goals
 
 
 def design_name(row: Row) -> str:
-    """Name a design."""
+    """Name a design by its number, or as the prototype."""
     return "prototype" if row["prototype"] else f"design {row['trial']}"
 
 
 def confirmed_designs(result: Row) -> dict[int, Row]:
-    """Select the records of the confirmation for designs of the front, by trial."""
-    return {one["trial"]: one for one in (result["confirmation"] or {"designs": []})["designs"]}
+    """Select the confirmed designs of the front, by trial; empty before the confirmation."""
+    confirmation = result["confirmation"] or {"designs": []}
+    return {record["trial"]: record for record in confirmation["designs"]}
 
 
 def confirmation_of(result: Row, row: Row) -> Row | None:
-    """Select what a design was simulated with at new angles; None where it was not."""
+    """Select the record of a design at new angles; None if it was not simulated there."""
     confirmation: Row = result["confirmation"] or {}
     if "prototype" in confirmation and row["prototype"]:
         return dict(confirmation["prototype"])
-    chosen = {confirmation["chosen"]: confirmation["best"]} if "chosen" in confirmation else {}
-    return (nearest_records(result) | confirmed_designs(result) | chosen).get(row["trial"])
+    records = nearest_records(result) | confirmed_designs(result)
+    if "chosen" in confirmation:
+        records[confirmation["chosen"]] = confirmation["best"]
+    return records.get(row["trial"])
 
 
 def nearest_records(result: Row) -> dict[int, Row]:
-    """Select the records of own dog and nearest designs where none passes, by trial."""
-    return {one["trial"]: one for one in result.get("nearest") or ()}
+    """Select the records at new angles of a search in which no design passes, by trial."""
+    return {record["trial"]: record for record in result.get("nearest") or ()}
 
 
 def engaged_shifts(record: Row) -> tuple[int, int]:
@@ -128,21 +141,22 @@ def engaged_shifts(record: Row) -> tuple[int, int]:
 
 
 def margins_of(row: Row, record: Row | None) -> dict[str, float]:
-    """Collect the margins of a design by check, those at the new angles where there are any."""
+    """Collect the margins of a design by check; those of its ``record`` at new angles first."""
     checks = (record or {"checks": []})["checks"]
-    own = {c["name"]: c["margin"] for c in checks if c["margin"] is not None}
-    return {**(row["margins"] or {}), **own}
+    confirmed = {c["name"]: c["margin"] for c in checks if c["margin"] is not None}
+    return {**(row["margins"] or {}), **confirmed}
 
 
 def margin_intervals(record: Row | None) -> dict[str, list[float]]:
-    """Collect the 95 % intervals of a confirmed design's margins by check, of landings alone."""
+    """Collect the 95 % intervals of a confirmed design's landing margins, by check."""
     checks = (record or {"checks": []})["checks"]
     return {c["name"]: c["margin_interval"] for c in checks if c.get("margin_interval")}
 
 
 def confirmed_verdict(confirmed: Row) -> VerdictRow:
-    """Give the verdict on a confirmed design; of earlier versions that of its checks alone."""
-    if verdict := confirmed.get("verdict"):
+    """Read the verdict on a confirmed design; judge the checks of a record without one."""
+    verdict = confirmed.get("verdict")
+    if verdict:
         return VerdictRow(**verdict)
     margins = []
     for check in confirmed["checks"]:
@@ -152,9 +166,9 @@ def confirmed_verdict(confirmed: Row) -> VerdictRow:
 
 
 def objection(confirmed: Row) -> str:
-    """Compose the state of a verdict with its checks and their margins; empty where it passes.
+    """Compose the objection to a confirmed design, checks with margins; empty if it passes.
 
-    Limits that sum up other checks are named where no other one fails.
+    Limits that sum up other checks are named if no single check fails.
     """
     verdict = confirmed_verdict(confirmed)
     if verdict.state == "passes":
@@ -164,23 +178,24 @@ def objection(confirmed: Row) -> str:
         return f"{WORDS['not_judged']}: {', '.join(names)}"
     names = verdict.not_clear
     if verdict.state == "fails":
-        surely = [name for name in verdict.failed if name not in verdict.not_clear]
-        names = [name for name in surely if name not in SUMMARIES] or surely
+        failed = [name for name in verdict.failed if name not in verdict.not_clear]
+        names = [name for name in failed if name not in SUMMARIES] or failed
     checks = {check["name"]: check for check in confirmed["checks"]}
     words = ", ".join(_margin_words(checks[name]) for name in names)
     return f"fails {words}" if verdict.state == "fails" else f"{WORDS['not_clear']}: {words}"
 
 
 def _margin_words(check: Row) -> str:
-    """Name a check with its margin, and the interval of it."""
+    """Print a check with its margin and the 95 % interval of the margin."""
     words = f"{check_name(check['name'])} ({percent(check['margin'])}"
-    if ends := check.get("margin_interval"):
+    ends = check.get("margin_interval")
+    if ends:
         words += f", 95 %: {' to '.join(map(percent, ends))}"
     return f"{words})"
 
 
 def out_at_new_angles(result: Row) -> dict[int, str]:
-    """Give the objections to designs with a negative margin at new angles, in search order."""
+    """Collect the objections to designs with a negative margin at new angles, by trial."""
     return {
         trial: objection(record)
         for trial, record in confirmed_designs(result).items()
@@ -189,66 +204,93 @@ def out_at_new_angles(result: Row) -> dict[int, str]:
 
 
 def of_kinds(result: Row) -> dict[str, list[Row]]:
-    """Sort the simulated designs of a search by kind; each is of one kind, empty kinds too.
+    """Group the simulated designs of a search by kind; a design has one kind, kinds may be empty.
 
-    Confirmed ones have the values of their confirmation.
+    Confirmed designs have the values of their confirmation.
     """
     front = {row["trial"]: row for row in result["front"]}
-    out = out_at_new_angles(result)
+    objections = out_at_new_angles(result)
+    for trial, record in nearest_records(result).items():
+        objections[trial] = objections.get(trial) or objection(record)
     kinds = ("dominated", FAILS, UNCLEAR, "front", "chosen", "prototype")
-    found: dict[str, list[Row]] = {name: [] for name in kinds}
+    designs: dict[str, list[Row]] = {name: [] for name in kinds}
     for searched in result["trials"]:
-        row = front.get(searched["trial"], searched)
-        nearest = nearest_records(result).get(row["trial"])
-        own = confirmation_of(result, row) if row["prototype"] else nearest
-        if own is not None:
-            known = own["estimates"].items()
-            errors = {name: one["standard_error"] for name, one in known}
-            row = row | {name: one["value"] for name, one in known}
-            row |= {"standard_errors": errors, SIMULATED: own[SIMULATED]}
-        words = out.get(row["trial"]) or (objection(nearest) if nearest else "")
+        row = _estimated_row(result, front.get(searched["trial"], searched))
         if row[SIMULATED] is not None:
-            kind = (
-                "chosen" if result["best"] and row["trial"] == result["best"]["trial"]
-                else "prototype" if row["prototype"]
-                else UNCLEAR if words.startswith(UNCLEAR)
-                else FAILS if words or not row["feasible"]
-                else "front" if row["trial"] in front else "dominated"
-            )  # fmt: skip
-            found[kind].append(row)
-    return found
+            kind = _kind_of(result, row, objections.get(row["trial"], ""))
+            designs[kind].append(row)
+    return designs
+
+
+def _estimated_row(result: Row, row: Row) -> Row:
+    """Replace values of prototype or nearest design by those at new angles, if it has any."""
+    if row["prototype"]:
+        record = confirmation_of(result, row)
+    else:
+        record = nearest_records(result).get(row["trial"])
+    if record is None:
+        return row
+    estimates = record["estimates"].items()
+    values = {name: estimate["value"] for name, estimate in estimates}
+    errors = {name: estimate["standard_error"] for name, estimate in estimates}
+    return row | values | {"standard_errors": errors, SIMULATED: record[SIMULATED]}
+
+
+def _kind_of(result: Row, row: Row, words: str) -> str:
+    """Name the kind of a simulated design; ``words`` are the objection to it at new angles."""
+    if result["best"] and row["trial"] == result["best"]["trial"]:
+        return "chosen"
+    if row["prototype"]:
+        return "prototype"
+    if words.startswith(UNCLEAR):
+        return UNCLEAR
+    if words or not row["feasible"]:
+        return FAILS
+    on_front = any(row["trial"] == design["trial"] for design in result["front"])
+    return "front" if on_front else "dominated"
 
 
 def designs_shown(result: Row) -> list[Row]:
-    """List the prototype, the front, best first, and designs out at new angles, once.
+    """List the prototype, the front, best first, and designs with objections at new angles.
 
-    Values are those of the search.
+    Each design is listed once, with the values of the search.
     """
     rows = {row["trial"]: row for row in result["trials"]}
-    own = [row for row in result["trials"] if row["prototype"]]
-    first = [row["trial"] for row in (*own, *result["front"])]
-    return [rows[trial] for trial in dict.fromkeys([*first, *out_at_new_angles(result)])]
+    prototypes = [row for row in result["trials"] if row["prototype"]]
+    trials = [row["trial"] for row in (*prototypes, *result["front"])]
+    return [rows[trial] for trial in dict.fromkeys([*trials, *out_at_new_angles(result)])]
 
 
 def designs_frame(result: Row, names: Sequence[str], rows: Sequence[Row] | None = None) -> Frame:
-    """Tabulate designs of a search with all that is known of them, a row each; by default all."""
-    front, out = {row["trial"] for row in result["front"]}, out_at_new_angles(result)
-    best = (result["best"] or {}).get("trial")
-    apart = (*names, "trial", "prototype", "failed")
+    """Tabulate the rows of designs, all of a search by default, with kinds, errors and margins.
+
+    The columns of the searched variables ``names`` stand before those of values.
+    """
+    front = {row["trial"] for row in result["front"]}
+    objections = out_at_new_angles(result)
+    best_trial = (result["best"] or {}).get("trial")
+    first_keys = (*names, "trial", "prototype", "failed")
     table = []
     for row in result["trials"] if rows is None else rows:
-        within = row.get("time_within_tolerances") or {}
-        table.append({
-            "trial": row["trial"],
-            "prototype": row["prototype"],
-            "on_front": row["trial"] in front,
-            "failed_at_fresh_angles": row["trial"] in out,
-            "chosen": row["trial"] == best,
-            **{name: row[name] for name in names},
-            **{k: v for k, v in row.items() if k not in apart and not isinstance(v, dict | list)},
-            **{f"standard_error_of_{name}": v for name, v in row["standard_errors"].items()},
-            "failed": " ".join(row["failed"]),
-            **{f"within_tolerances_{k}": v for k, v in within.items() if not isinstance(v, dict)},
-            **{f"margin_of_{name}": margin for name, margin in row["margins"].items()},
-        })  # fmt: skip
+        values = {key: value for key, value in row.items() if not isinstance(value, dict | list)}
+        changes = row.get("time_within_tolerances") or {}
+        table.append(
+            {
+                "trial": row["trial"],
+                "prototype": row["prototype"],
+                "on_front": row["trial"] in front,
+                "failed_at_fresh_angles": row["trial"] in objections,
+                "chosen": row["trial"] == best_trial,
+                **{name: row[name] for name in names},
+                **{key: value for key, value in values.items() if key not in first_keys},
+                **{f"standard_error_of_{name}": v for name, v in row["standard_errors"].items()},
+                "failed": " ".join(row["failed"]),
+                **{
+                    f"within_tolerances_{k}": v
+                    for k, v in changes.items()
+                    if not isinstance(v, dict)
+                },
+                **{f"margin_of_{name}": margin for name, margin in row["margins"].items()},
+            }
+        )
     return frame_of(table)

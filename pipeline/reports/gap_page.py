@@ -26,19 +26,21 @@ from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report
-from dogshape.pipeline.reports.text import ENGINES, axis, bound, place_name
+from dogshape.pipeline.reports.text import ENGINES, axis, bind_units, place_name
 from dogshape.pipeline.store.result_records import PlaceRow
 from dogshape.sim.files import without_formulas, write_whole
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
 
-REPORT, RECORD, TABLE = "report.html", "gap.json", "cells.csv"
+REPORT = "report.html"
+RECORD = "gap.json"
+TABLE = "cells.csv"
 MAX_ROWS = 8  #: tests, and hypotheses, in a table
-MIN_PROBABILITY = 0.005  #: from which a hypothesis, or an effect, is in a table
+MIN_PROBABILITY = 0.005  #: of a hypothesis, or an effect, in a table
 
 
 class CellRow(PlaceRow):
-    """One operating point of a diagnosis; null where there is none."""
+    """One operating point of a diagnosis; null for a missing value."""
 
     shifts: int = key("shifts that have a time")
     engaged: int = key("shifts that engaged")
@@ -55,29 +57,46 @@ class CellRow(PlaceRow):
     predicted_error_s: float | None = key("its standard error", "s")
 
 
-def cells_of(found: Diagnosis) -> list[CellRow]:
+def cells_of(diagnosis: Diagnosis) -> list[CellRow]:
     """List the operating points of a diagnosis, in the order of its data set."""
-    held_out, nearest = found.held_out, found.fits[found.leading].predicted
-    spread = np.sqrt((nearest.sd**2).mean(axis=0))
-    errors, named = found.fits[NONE].predicted.error.mean(axis=0), found.leading != NONE
+    leading_prediction = diagnosis.fits[diagnosis.leading].predicted
+    spread = np.sqrt((leading_prediction.sd**2).mean(axis=0))
+    simulation_errors = diagnosis.fits[NONE].predicted.error.mean(axis=0)
     return [
-        CellRow(
-            mismatch_rpm=cell.point.mismatch / RPM, force_N=cell.point.profile.force,
-            shifts=cell.n, engaged=cell.engaged, failed=cell.failed, unknown=cell.unknown,
-            bench_s=cell.time, simulated_s=point.mean, gap_s=point.gap,
-            bench_error_s=number_or_none(spread[k] / cell.n**0.5) if cell.n else None,
-            simulated_error_s=None if point.mean is None else number_or_none(errors[k]),
-            error_s=None if point.gap is None else number_or_none(point.standard_error),
-            z=number_or_none(point.z),
-            predicted_s=number_or_none(held_out.mean[k]) if named else None,
-            predicted_error_s=number_or_none(held_out.sd[k]) if named else None,
-        )
-        for k, (point, cell) in enumerate((one, one.cell) for one in found.gaps)
-    ]  # fmt: skip
+        _cell_row(diagnosis, k, spread[k], simulation_errors[k]) for k in range(len(diagnosis.gaps))
+    ]
+
+
+def _cell_row(diagnosis: Diagnosis, k: int, spread: float, simulation_error: float) -> CellRow:
+    """Describe the k-th operating point; ``spread`` of shifts and ``simulation_error`` in s."""
+    gap = diagnosis.gaps[k]
+    cell = gap.cell
+    predicted = None
+    predicted_error = None
+    if diagnosis.leading != NONE:
+        predicted = number_or_none(diagnosis.held_out.mean[k])
+        predicted_error = number_or_none(diagnosis.held_out.sd[k])
+    return CellRow(
+        mismatch_rpm=cell.point.mismatch / RPM,
+        force_N=cell.point.profile.force,
+        shifts=cell.n,
+        engaged=cell.engaged,
+        failed=cell.failed,
+        unknown=cell.unknown,
+        bench_s=cell.time,
+        bench_error_s=number_or_none(spread / cell.n**0.5) if cell.n else None,
+        simulated_s=gap.mean,
+        simulated_error_s=None if gap.mean is None else number_or_none(simulation_error),
+        gap_s=gap.gap,
+        error_s=None if gap.gap is None else number_or_none(gap.standard_error),
+        z=number_or_none(gap.z),
+        predicted_s=predicted,
+        predicted_error_s=predicted_error,
+    )
 
 
 def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
-    """Draw bench times beside those without effects and of the leading hypothesis."""
+    """Draw mean times of the bench, without effects and of the leading hypothesis, by point."""
     sides = {
         "without effects": ("simulated_s", "simulated_error_s"),
         "leading hypothesis, point held out": ("predicted_s", "predicted_error_s"),
@@ -87,58 +106,63 @@ def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
 
 
 def publish(
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     folder: Path,
     consequence: Consequence | None = None,
     history: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write ``report.html``, ``gap.json`` and ``cells.csv`` into a folder; return the report.
+    """Write ``report.html``, ``gap.json`` and ``cells.csv`` into a folder; return the first.
 
-    The folder is made where it is missing; files of these names are replaced. ``consequence`` is
-    that of the cause for the designs of a study, ``history`` has sentences on updates, by name.
+    A missing folder is created, files of these names are replaced. ``consequence`` is the effect of
+    the cause on the choice between designs, ``history`` has sentences on updates, by name.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    title = f"{found.bench.name}: difference between bench and simulation"
-    page = Report(title, headline_of(found.verdict, found.effects))
-    page.add("", Markup("<p>{}</p>").format(bound(summary(found))))
-    page.add("Hypotheses", hypothesis_table(found), inclusion_table(found))
-    page.add("Next test", advice_table(found))
-    page.add(
-        "Residuals",
-        residual_table(found),
-        cells_figure(cells_of(found)),
-        "Mean shift times with 95 % intervals.",
-    )
+    title = f"{diagnosis.bench.name}: difference between bench and simulation"
+    page = Report(title, headline_of(diagnosis.verdict, diagnosis.effects))
+    page.add("", Markup("<p>{}</p>").format(bind_units(summary(diagnosis))))
+    page.add("Hypotheses", hypothesis_table(diagnosis), inclusion_table(diagnosis))
+    page.add("Next test", advice_table(diagnosis))
+    cells = cells_of(diagnosis)
+    caption = "Mean shift times with 95 % intervals."
+    page.add("Residuals", residual_table(diagnosis), cells_figure(cells), caption)
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
-    readings = [
-        (RECORD_MEANINGS[one.key, one.value], chance(one.probability),
-         headline_of(one.verdict, found.effects)) for one in found.record_meanings
-    ]  # fmt: skip
-    page.add(
-        "Data and settings",
-        Table(("if", "probability", "answer"), readings, {}, (2,)) if readings else None,
-        Table(("", ""), list((_facts(found) | dict(history or {})).items())),
-    )
+    facts = _facts(diagnosis) | dict(history or {})
+    page.add("Data and settings", _meaning_table(diagnosis), Table(("", ""), list(facts.items())))
     page.save(folder / REPORT)
-    write_whole(folder / RECORD, json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n")
-    write_whole(folder / TABLE, without_formulas(frame_of(cells_of(found))).to_csv(index=False))
+    record = json.dumps(diagnosis.to_dict(), indent=1, allow_nan=False)
+    write_whole(folder / RECORD, f"{record}\n")
+    write_whole(folder / TABLE, without_formulas(frame_of(cells)).to_csv(index=False))
     return folder / REPORT
 
 
-def hypothesis_table(found: Diagnosis) -> Table:
-    """Tabulate the most probable hypotheses and the nearest known one, with sizes and p-value."""
-    credible = found.verdict.credible
-    worth = [h for h, p in found.posterior.items() if p >= MIN_PROBABILITY or h in credible]
+def _meaning_table(diagnosis: Diagnosis) -> Table:
+    """Tabulate the meanings of ambiguous records with probability and headline."""
     rows = []
-    for hypothesis in dict.fromkeys([*worth[:MAX_ROWS], found.leading]):
-        sizes, p = "", ""
-        if fit := found.fits.get(hypothesis):
-            sizes = "\n".join(describe_parameter(name, one) for name, one in fit.intervals.items())
-            p = "< 0.001" if fit.p < 0.001 else f"{fit.p:.2g}"
-        share = chance(found.posterior.get(hypothesis, 0.0))
-        rows.append((hypothesis_name(hypothesis, found.effects), share, sizes, p))
-    looks = {0: "best"} if found.verdict.kind == "effect" else {}
+    for meaning in diagnosis.record_meanings:
+        condition = RECORD_MEANINGS[meaning.key, meaning.value]
+        headline = headline_of(meaning.verdict, diagnosis.effects)
+        rows.append((condition, chance(meaning.probability), headline))
+    return Table(("if", "probability", "answer"), rows, {}, (2,))
+
+
+def hypothesis_table(diagnosis: Diagnosis) -> Table:
+    """Tabulate the most probable hypotheses with probability, sizes and p-value."""
+    credible = diagnosis.verdict.credible
+    probable = [h for h, p in diagnosis.posterior.items() if p >= MIN_PROBABILITY or h in credible]
+    rows = []
+    for hypothesis in dict.fromkeys([*probable[:MAX_ROWS], diagnosis.leading]):
+        sizes = ""
+        p_value = ""
+        fit = diagnosis.fits.get(hypothesis)
+        if fit:
+            lines = [describe_parameter(*interval) for interval in fit.intervals.items()]
+            sizes = "\n".join(lines)
+            p_value = "< 0.001" if fit.p < 0.001 else f"{fit.p:.2g}"
+        probability = chance(diagnosis.posterior.get(hypothesis, 0.0))
+        name = hypothesis_name(hypothesis, diagnosis.effects)
+        rows.append((name, probability, sizes, p_value))
+    looks = {0: "best"} if diagnosis.verdict.kind == "effect" else {}
     note = (
         "p: probability of data as far from the hypothesis as these, if the hypothesis is true. An "
         "effect too weak to be seen counts as absent."
@@ -147,15 +171,18 @@ def hypothesis_table(found: Diagnosis) -> Table:
     return Table(heads, rows, looks, (2,), note)
 
 
-def inclusion_table(found: Diagnosis) -> Table:
-    """Tabulate the probability of each effect to be part of the cause; named ones are marked."""
-    named, parts = found.verdict.causes, found.inclusion
-    those = [name for name in parts if parts[name] >= MIN_PROBABILITY or name in named]
-    rows = [
-        (found.effects[name].plain, chance(parts[name]), chance(found.inclusion_error[name]))
-        for name in those
-    ]
-    looks = {k: "best" for k, name in enumerate(those) if name in named}
+def inclusion_table(diagnosis: Diagnosis) -> Table:
+    """Tabulate the probability that an effect is part of the cause; causes are marked."""
+    causes = diagnosis.verdict.causes
+    rows = []
+    looks = {}
+    for name, probability in diagnosis.inclusion.items():
+        if probability < MIN_PROBABILITY and name not in causes:
+            continue
+        if name in causes:
+            looks[len(rows)] = "best"
+        error = chance(diagnosis.inclusion_error[name])
+        rows.append((diagnosis.effects[name].plain, chance(probability), error))
     note = (
         "Sum over hypotheses with the effect. Error: one standard error by finite numbers of draws "
         "and of simulated benches."
@@ -163,14 +190,15 @@ def inclusion_table(found: Diagnosis) -> Table:
     return Table(("effect", "probability", "error"), rows, looks, (), note)
 
 
-def residual_table(found: Diagnosis) -> Table:
-    """Tabulate root-mean-square gaps: without effects, at held-out points, by chance."""
-    gaps, rows = found.held_out, [("no effect", ms(found.held_out.baseline))]
-    if found.leading != NONE:
-        name = hypothesis_name(found.leading, found.effects)
+def residual_table(diagnosis: Diagnosis) -> Table:
+    """Tabulate root-mean-square gaps, ms: without effects, at held-out points, by chance."""
+    gaps = diagnosis.held_out
+    rows = [("no effect", ms(gaps.baseline))]
+    if diagnosis.leading != NONE:
+        name = hypothesis_name(diagnosis.leading, diagnosis.effects)
         rows.append((f"{name}, at held-out points", ms(gaps.held_out)))
     if gaps.rival is not None and gaps.rival_held_out is not None:
-        name = hypothesis_name(gaps.rival, found.effects)
+        name = hypothesis_name(gaps.rival, diagnosis.effects)
         rows.append((f"best rival, {name}, at held-out points", ms(gaps.rival_held_out)))
     rows.append(("chance alone", ms(gaps.chance)))
     note = (
@@ -180,69 +208,78 @@ def residual_table(found: Diagnosis) -> Table:
     return Table(("", "root-mean-square gap"), rows, note=note)
 
 
-def advice_table(found: Diagnosis) -> Table:
-    """Tabulate the advised tests with the chances to settle and to mislead, and their work."""
-    some = [
-        t
-        for k, t in enumerate(found.tests[:MAX_ROWS])
-        if not k or t.information >= MIN_INFORMATION_NATS
-    ]
-    rows = [
-        (test.name,
-         *(chance(one) if test.information >= MIN_INFORMATION_NATS else "-" for one in both),
-         f"{test.information:.2f}", f"{test.hours:.2g}")
-        for test in some for both in [(test.settles, test.misleads)]
-    ]  # fmt: skip
+def advice_table(diagnosis: Diagnosis) -> Table:
+    """Tabulate the advised tests with chances to settle and to mislead, information and hours."""
+    rows = []
+    note = ""
+    for index, test in enumerate(diagnosis.tests[:MAX_ROWS]):
+        settles = chance(test.settles)
+        misleads = chance(test.misleads)
+        if test.information < MIN_INFORMATION_NATS:
+            if index > 0:
+                continue
+            settles = "-"
+            misleads = "-"
+            note = "Dash: the outcome would not change the probabilities."
+        rows.append((test.name, settles, misleads, f"{test.information:.2f}", f"{test.hours:.2g}"))
     heads = "test", "chance to settle", "to mislead", "information, nats", "work, h"
-    note = "Dash: the outcome would not change the probabilities." * any("-" in row for row in rows)
     return Table(heads, rows, {0: "best"}, (), note)
 
 
-def choice_table(found: Consequence) -> Table:
-    """Tabulate the designs chosen without the cause and with it, and the cost of ignoring it."""
-    sides = found.chosen, found.best
-    rows = [
-        [axis(key), *(f"{one.params[key]:.4g}" if key in one.params else "" for one in sides)]
-        for key in {**sides[0].params, **sides[1].params}
-    ]
+def choice_table(consequence: Consequence) -> Table:
+    """Tabulate the designs chosen without and with the cause, and the cost of ignoring it."""
+    chosen = consequence.chosen
+    best = consequence.best
+    rows = []
+    for name in {**chosen.params, **best.params}:
+        values = [
+            f"{design.params[name]:.4g}" if name in design.params else ""
+            for design in (chosen, best)
+        ]
+        rows.append([axis(name), *values])
+    without_cause = [ms(chosen.without.mean), ms(best.without.mean)]
+    with_cause = [ms(chosen.with_effect.mean), ms(best.with_effect.mean)]
     rows += [
-        ["expected shift time without the cause", *(ms(one.without.mean) for one in sides)],
-        ["expected shift time with the cause", *(ms(one.with_effect.mean) for one in sides)],
-        ["cost of ignoring the cause", ms(found.regret), ""],
+        ["expected shift time without the cause", *without_cause],
+        ["expected shift time with the cause", *with_cause],
+        ["cost of ignoring the cause", ms(consequence.regret), ""],
     ]
     heads = "", "chosen without the cause", "best with the cause"
     return Table(heads, rows, {len(rows) - 1: "best"})
 
 
-def _facts(found: Diagnosis) -> dict[str, str]:
-    """List the facts on data set, record and run."""
-    bench, record = found.bench, found.to_dict()["record"]
-    shifts, bare = sum(cell.n for cell in bench.cells), sum(not c.n for c in bench.cells)
-    lost = [
-        f"{one.failed} of {one.failed + one.engaged} at {place_name(one.to_dict())}"
-        for one in cells_of(found)
-        if one.failed
+def _facts(diagnosis: Diagnosis) -> dict[str, str]:
+    """List the facts on data set, record and run by name; empty ones are left out."""
+    bench = diagnosis.bench
+    record = diagnosis.to_dict()["record"]
+    shifts = sum(cell.n for cell in bench.cells)
+    untimed = sum(not cell.n for cell in bench.cells) or "none"
+    failures = [
+        f"{cell.failed} of {cell.failed + cell.engaged} at {place_name(cell.to_dict())}"
+        for cell in cells_of(diagnosis)
+        if cell.failed
     ]
-    given = {
+    facts = {
         "data set": f"{bench.name}; {bench.source}",
-        "operating points": f"{len(bench.cells)}, {bare or 'none'} untimed; {shifts} timed shifts",
-        "shifts that did not engage": "; ".join(lost) or "none",
+        "operating points": f"{len(bench.cells)}, {untimed} untimed; {shifts} timed shifts",
+        "shifts that did not engage": "; ".join(failures) or "none",
         "record": "; ".join(f"{k}: {v}".replace("_", " ") for k, v in record.items()),
         "corrections": ", ".join(bench.corrections),
         "suspicious values": "; ".join(
-            f"{one.found}; this looks like {one.looks_like}" for one in bench.warnings
+            f"{finding.found}; this looks like {finding.looks_like}" for finding in bench.warnings
         ),
-        "readings at rest and direct tests": "; ".join(fact.sentence for fact in found.facts),
-        "effects considered": ", ".join(effect.plain for effect in found.effects.values()),
-        "negligible": f"a gap below {ms(found.margin_s)}",
+        "readings at rest and direct tests": "; ".join(fact.sentence for fact in diagnosis.facts),
+        "effects considered": ", ".join(effect.plain for effect in diagnosis.effects.values()),
+        "negligible": f"a gap below {ms(diagnosis.margin_s)}",
         "simulated by": ENGINES[bench.clutch.solver.engine],
         "versions": ", ".join(f"{name} {version}" for name, version in engine().items()),
     }
-    return {key: words for key, words in given.items() if words}
+    return {name: words for name, words in facts.items() if words}
 
 
 def examined_lines(bench: Bench) -> list[str]:
     """List the corrections and suspicious values of a data set, a line each."""
-    made = ", ".join(bench.corrections)
-    lines = [f"corrected as asked: {made}"] if made else []
-    return lines + [f"warning: {finding.sentence}" for finding in bench.warnings]
+    lines = [f"warning: {finding.sentence}" for finding in bench.warnings]
+    if bench.corrections:
+        lines.insert(0, f"corrected as asked: {', '.join(bench.corrections)}")
+    return lines

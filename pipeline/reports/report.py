@@ -1,4 +1,4 @@
-"""Pages in one file that open offline: a report is built of tables, figures and captions.
+"""Pages of tables, figures and captions in one file each, which open offline.
 
 ``Report(title, headline).add("Front", figure, "caption", table).save(path)``
 """
@@ -16,10 +16,10 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from dogshape.pipeline.record import Bad, Table
-from dogshape.pipeline.reports.text import bound
+from dogshape.pipeline.reports.text import bind_units
 from dogshape.sim.files import naming
 
-#: A caption is a text, ready HTML is marked as such; nothing is left out.
+#: Captions are text, HTML is ``Markup``; None adds nothing.
 Part: TypeAlias = "go.Figure | Table | Markup | str | None"
 
 
@@ -33,21 +33,25 @@ class Report:
     sections: list[tuple[str, str, list[Table | Markup | str]]] = field(default_factory=list)
 
     def add(self, title: str, *parts: Part) -> Report:
-        """Add a section; tables without rows and sections of captions alone are left out."""
+        """Add a section if it has a figure, markup or a table with rows; return the report."""
         anchor = re.sub(r"\W+", "-", title.lower()).strip("-") or "summary"
-        given = [p for p in parts if p is not None and p != "" and getattr(p, "rows", True)]
-        body = [
-            figure_html(part, f"{anchor}-{place}") if isinstance(part, go.Figure) else part
-            for place, part in enumerate(given)
-        ]
+        body: list[Table | Markup | str] = []
+        for part in parts:
+            if part is None or part == "" or not getattr(part, "rows", True):
+                continue
+            if isinstance(part, go.Figure):
+                body.append(figure_html(part, f"{anchor}-{len(body)}"))
+            else:
+                body.append(part)
         if any(isinstance(part, Table | Markup) for part in body):
             self.sections.append((title, anchor, body))
         return self
 
     def save(self, path: Path) -> None:
-        """Write the page; Plotly's code is in it where a figure is."""
-        drawn = any("plotly-graph-div" in str(part) for *_, body in self.sections for part in body)
-        plotly = script(get_plotlyjs()) if drawn else ""
+        """Write the page, with the code of Plotly if it has a figure."""
+        parts = [part for *_, body in self.sections for part in body]
+        has_figure = any("plotly-graph-div" in str(part) for part in parts)
+        plotly = script(get_plotlyjs()) if has_figure else ""
         write_page(path, "report.html.j2", report=self, plotly=plotly)
 
 
@@ -59,7 +63,7 @@ def write_page(path: Path, template: str, **content: Any) -> None:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=bound,
+        finalize=bind_units,
     )
     for name, kind in (("table", Table), ("markup", Markup), ("bad", Bad)):
         environment.tests[name] = lambda part, kind=kind: isinstance(part, kind)
@@ -69,12 +73,12 @@ def write_page(path: Path, template: str, **content: Any) -> None:
 
 
 def figure_html(figure: go.Figure, name: str) -> Markup:
-    """Write a figure as HTML that uses the code which the page carries."""
+    """Write a figure as HTML without the code of Plotly."""
     settings = {"displayModeBar": False, "responsive": True}
     html = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=settings)
     return Markup(html)
 
 
 def script(code: str) -> Markup:
-    """Write a script element that holds its code."""
+    """Write a script element that contains its code."""
     return Markup(f"<script>{code}</script>")

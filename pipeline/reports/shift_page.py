@@ -1,7 +1,7 @@
-"""One shift to look at: an animation with its curves, its facts, and the time series as a table.
+"""Page of a single shift: animation, curves and facts; its time series as a table.
 
-The viewer of the rings is Drake's own, Meshcat with three.js inside, taken from the library as it
-is installed, so that a page needs no network.
+The viewer of the rings is Meshcat, with three.js, from the installed Drake: a page needs no
+network.
 """
 
 from __future__ import annotations
@@ -36,13 +36,16 @@ from dogshape.sim.units import DEG, MM, MS, RPM
 
 TANGENTIAL = "peak_tangential_force_N"
 NO_STRIKE = Limits()
-SHOWN_FORCES = 5.0  #: largest shift forces on the axis of a peak beyond rigid rings
-SAMPLES = 6000  #: most points of a series on a page; longer ones are thinned
+MAX_FORCE_RATIO = 5.0  #: end of the force axis over the shift force, for peaks beyond rigid rings
+MAX_SAMPLES = 6000  #: points of a series on a page; longer series are thinned
 #: Colours of the phases.
-TONES = {
-    "dead time": "#d7dde3", "free fly": "#c3ccd5", "face contact": "#eba394", "entry": "#ecd06f",
+PHASE_COLOURS = {
+    "dead time": "#d7dde3",
+    "free fly": "#c3ccd5",
+    "face contact": "#eba394",
+    "entry": "#ecd06f",
     "seating": "#9fd0b0",
-}  # fmt: skip
+}
 #: Curves by column: panel from above, and look. A contact force is the mean of the step before.
 CURVES: dict[str, tuple[int, dict[str, Any]]] = {
     "displacement_mm": (1, {"color": BLUE}),
@@ -56,70 +59,70 @@ CURVES: dict[str, tuple[int, dict[str, Any]]] = {
 
 def trace_frame(trace: Trace) -> pd.DataFrame:
     """Tabulate the time series of a shift, columns as in bench traces."""
-    return pd.DataFrame({
-        "t_s": trace.time,
-        "displacement_mm": trace.displacement / MM,
-        "force_N": trace.shift_force,
-        "sliding_speed_rpm": trace.sliding_speed / RPM,
-        "output_speed_rpm": trace.output_speed / RPM,
-        "relative_angle_deg": trace.relative_angle / DEG,
-        "contact_force_N": trace.contact_force,
-    })  # fmt: skip
+    return pd.DataFrame(
+        {
+            "t_s": trace.time,
+            "displacement_mm": trace.displacement / MM,
+            "force_N": trace.shift_force,
+            "sliding_speed_rpm": trace.sliding_speed / RPM,
+            "output_speed_rpm": trace.output_speed / RPM,
+            "relative_angle_deg": trace.relative_angle / DEG,
+            "contact_force_N": trace.contact_force,
+        }
+    )
 
 
 def _series(result: Engagement) -> pd.DataFrame:
-    """Thin the time series to ``SAMPLES``; of impacts the largest force of an interval is kept."""
+    """Thin the time series to ``MAX_SAMPLES``; contact forces are maxima over intervals."""
     trace = result.trace
-    first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
-    found = trace_frame(trace).iloc[first]
+    starts = np.unique(np.linspace(0, len(trace.time) - 1, MAX_SAMPLES).astype(int))
+    series = trace_frame(trace).iloc[starts]
     touches = kernel.touching(
-        trace.time, trace.contact_force, trace.tangential_force * result.clutch.dog.mean_radius,
-        trace.shift_force, result.clutch.numbers,
-    )  # fmt: skip
-    return found.assign(
-        contact_force_N=np.maximum.reduceat(trace.contact_force, first),
-        touching=np.maximum.reduceat(touches.astype(float), first),
-        mismatch_rpm=found["output_speed_rpm"] - found["sliding_speed_rpm"],
+        trace.time,
+        trace.contact_force,
+        trace.tangential_force * result.clutch.dog.mean_radius,
+        trace.shift_force,
+        result.clutch.numbers,
+    )
+    return series.assign(
+        contact_force_N=np.maximum.reduceat(trace.contact_force, starts),
+        touching=np.maximum.reduceat(touches.astype(float), starts),
+        mismatch_rpm=series["output_speed_rpm"] - series["sliding_speed_rpm"],
     )
 
 
 def write_animation(
-    result: Engagement, path: Path, torque_peak: float | None = None, shared: bool = False,
+    result: Engagement,
+    path: Path,
+    torque_peak: float | None = None,
+    shared: bool = False,
     limits: Limits = NO_STRIKE,
-) -> None:  # fmt: skip
-    """Write the shift as one HTML page that opens without a network.
+) -> None:
+    """Write a shift as an HTML page that opens without a network.
 
-    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness, ``limits`` have
-    its strikes; ``shared`` is whether many pages in one folder share the code of their figures,
-    megabytes each.
+    ``torque_peak`` is the peak torque of the driveline, N m, None if its stiffness is unknown;
+    ``limits`` have the strike of the study. With ``shared`` the pages of a folder share the code
+    of their figures, megabytes each.
     """
     viewer = Path(FindResourceOrThrow("drake/geometry/meshcat.js")).read_text(encoding="utf-8")
     scripts = {"plotly": get_plotlyjs(), "meshcat": viewer}
     for name, code in scripts.items():
-        beside = path.with_name(f"{name}.js")
-        if shared and not (beside.is_file() and beside.read_text("utf-8") == code):
-            write_whole(beside, code)
-        link = Markup('<script src="{}"></script>').format(beside.name)
-        scripts[name] = link if shared else script(code)
-    dog, point, contact = result.clutch.dog, result.point, result.clutch.contact.name
-    data = {
-        # Steps can be far below a microsecond; nine digits of a second keep them apart.
-        "series": _series(result).round(9).to_dict("list"),
-        "phases": [
-            {"name": phase_title(p.name), "start": p.start, "end": p.end, "tone": TONES[p.name]}
-            for p in _taken(result)
-        ],
-        "pitch": dog.pitch / MM,
-        "height": dog.height / MM,
-        "gap": dog.axial_gap / MM,
-        "radii": [dog.inner_radius / MM, dog.outer_radius / MM],
-        "count": dog.count,
-        "profile": outline(dog, 1),
-        "vertices": np.round(dog_solid(dog).vertices / MM, 4).ravel().tolist(),
-        "cells": dog_solid(dog).cells.ravel().tolist(),
-    }  # fmt: skip
-    end = f"at {in_ms(float(result.trace.time[-1]))} ms"
+        if not shared:
+            scripts[name] = script(code)
+            continue
+        shared_path = path.with_name(f"{name}.js")
+        if not (shared_path.is_file() and shared_path.read_text("utf-8") == code):
+            write_whole(shared_path, code)
+        scripts[name] = Markup('<script src="{}"></script>').format(shared_path.name)
+    data = _animation_data(result)
+    dog = result.clutch.dog
+    point = result.point
+    contact = result.clutch.contact.name
     outcome = result.outcome.value.replace("_", " ").capitalize()
+    if result.shift_time is None:
+        outcome = f"{outcome} at {in_ms(float(result.trace.time[-1]))} ms"
+    else:
+        outcome = f"{outcome} in {in_ms(result.shift_time)} ms"
     where = (
         f"at {point.mismatch / RPM:.4g} 1/min, {point.profile.force:.4g} N, relative angle "
         f"{result.relative_angle / DEG:.2f}°"
@@ -127,8 +130,7 @@ def write_animation(
     write_page(
         path,
         "shift.html.j2",
-        outcome=f"{outcome} {end}" if result.shift_time is None else
-        f"{outcome} in {in_ms(result.shift_time)} ms",
+        outcome=outcome,
         where=minus(where),
         how=f"{dog.count} dogs, contact {contact}, by {ENGINES[result.clutch.solver.engine]}",
         facts=[*event_facts(result), *load_facts(result, torque_peak, limits)],
@@ -136,11 +138,39 @@ def write_animation(
         data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
         curves=figure_html(curves(result), "curves"),
         **scripts,
-    )  # fmt: skip
+    )
 
 
-def _taken(result: Engagement) -> list[Phase]:
-    """Select the phases that took time: without a touch of faces there is no face contact."""
+def _animation_data(result: Engagement) -> dict[str, Any]:
+    """Collect series, phases and geometry of a shift as the scripts of the page read them."""
+    dog = result.clutch.dog
+    solid = dog_solid(dog)
+    phases = [
+        {
+            "name": phase_title(phase.name),
+            "start": phase.start,
+            "end": phase.end,
+            "tone": PHASE_COLOURS[phase.name],
+        }
+        for phase in _nonzero_phases(result)
+    ]
+    return {
+        # Steps can be far below a microsecond; nine digits of a second tell them apart.
+        "series": _series(result).round(9).to_dict("list"),
+        "phases": phases,
+        "pitch": dog.pitch / MM,
+        "height": dog.height / MM,
+        "gap": dog.axial_gap / MM,
+        "radii": [dog.inner_radius / MM, dog.outer_radius / MM],
+        "count": dog.count,
+        "profile": outline(dog, 1),
+        "vertices": np.round(solid.vertices / MM, 4).ravel().tolist(),
+        "cells": solid.cells.ravel().tolist(),
+    }
+
+
+def _nonzero_phases(result: Engagement) -> list[Phase]:
+    """Select the phases longer than zero: a shift may have no face contact."""
     return [phase for phase in result.phases if phase.end > phase.start]
 
 
@@ -152,28 +182,44 @@ def curves(result: Engagement) -> go.Figure:
     for name, (row, line) in CURVES.items():
         title = "shift force" if name == "force_N" else " ".join(name.split("_")[:-1])
         figure.add_scatter(
-            x=time, y=series[name], mode="lines", line={"width": 2, **line}, name=title,
-            hoverinfo="none", row=row, col=1,
-        )  # fmt: skip
-    for phase in _taken(result):
+            x=time,
+            y=series[name],
+            mode="lines",
+            line={"width": 2, **line},
+            name=title,
+            hoverinfo="none",
+            row=row,
+            col=1,
+        )
+    for phase in _nonzero_phases(result):
         figure.add_vrect(
-            phase.start / MS, phase.end / MS, fillcolor=TONES[phase.name], opacity=0.25,
-            line_width=0, layer="below",
-        )  # fmt: skip
-    for text, level, where in (
+            phase.start / MS,
+            phase.end / MS,
+            fillcolor=PHASE_COLOURS[phase.name],
+            opacity=0.25,
+            line_width=0,
+            layer="below",
+        )
+    for text, level, position in (
         ("crests meet", result.clutch.dog.axial_gap, "top left"),
         ("engaged", result.clutch.shift_travel, "bottom left"),
     ):
         figure.add_hline(
-            level / MM, row=1, opacity=1, line={"color": GREY, "width": 1, "dash": "dot"},
-            annotation_text=text, annotation_position=where, annotation_font_size=11,
-        )  # fmt: skip
+            level / MM,
+            row=1,
+            opacity=1,
+            line={"color": GREY, "width": 1, "dash": "dot"},
+            annotation_text=text,
+            annotation_position=position,
+            annotation_font_size=11,
+        )
     for row, unit in enumerate(("mm", "1/min", "N"), start=1):
         figure.update_yaxes(title={"text": unit, "standoff": 8}, nticks=5, row=row)
     figure.update_yaxes(rangemode="tozero", row=3)
-    most = SHOWN_FORCES * float(result.trace.shift_force.max())
-    if most < result.loads.peak_axial_force and not peak_forces(result, NO_STRIKE).rigid_axially:
-        figure.update_yaxes(range=[0.0, most], row=3)
+    max_force = MAX_FORCE_RATIO * float(result.trace.shift_force.max())
+    is_cut = max_force < result.loads.peak_axial_force
+    if is_cut and not peak_forces(result, NO_STRIKE).rigid_axially:
+        figure.update_yaxes(range=[0.0, max_force], row=3)
     figure.update_xaxes(range=[0.0, float(time.iloc[-1])])
     figure.update_xaxes(ticksuffix=" ms", row=3)
     styled(figure, 380).update_layout(font_size=12, hovermode="x")
@@ -181,22 +227,26 @@ def curves(result: Engagement) -> go.Figure:
 
 
 def phase_table(result: Engagement) -> Table:
-    """Tabulate the phases of a shift that took time, ms."""
-    spans = [(p.name, (p.start, p.end, p.end - p.start)) for p in _taken(result)]
-    rows = [(phase_title(name), *map(in_ms, times)) for name, times in spans]
+    """Tabulate start, end and length of the phases of a shift, ms; those of no length lack."""
+    rows = []
+    for phase in _nonzero_phases(result):
+        times = (phase.start, phase.end, phase.end - phase.start)
+        rows.append((phase_title(phase.name), *map(in_ms, times)))
     return Table(("phase", "start, ms", "end, ms", "length, ms"), rows)
 
 
 def phase_title(name: str) -> str:
-    """Name a phase for people; records keep the name itself."""
+    """Print the name of a phase; records have the name itself."""
     return "free flight" if name == "free fly" else name
 
 
 def event_facts(result: Engagement) -> list[str]:
     """List the events of a shift, in words."""
     facts = _words(events_record(result))
-    last = result.trace.relative_angle[-1:], result.trace.displacement[-1:]
-    if result.outcome is Outcome.BLOCKED and crests_cross(result.clutch, *last)[0]:
+    last_angle = result.trace.relative_angle[-1:]
+    last_displacement = result.trace.displacement[-1:]
+    is_blocked = result.outcome is Outcome.BLOCKED
+    if is_blocked and crests_cross(result.clutch, last_angle, last_displacement)[0]:
         facts.append("stands crest across crest, where no chamfer lets go")
     return facts
 
@@ -208,13 +258,16 @@ def load_facts(
 
     Peak forces beyond rigid rings are marked, or replaced by those of the study's strike.
     """
-    record, peaks = loads_record(result), peak_forces(result, limits)
+    peaks = peak_forces(result, limits)
     forces = [_axial_words(peaks), _tangential_words(peaks)]
-    others = {k: v for k, v in record.items() if k not in ("peak_axial_force_N", TANGENTIAL)}
-    return [*forces, *_words({**others, "driveline_peak_Nm": torque_peak})]
+    loads = loads_record(result)
+    for key in ("peak_axial_force_N", TANGENTIAL):
+        loads.pop(key, None)
+    return [*forces, *_words({**loads, "driveline_peak_Nm": torque_peak})]
 
 
 def _axial_words(peaks: PeakForces) -> str:
+    """Print the peak axial force, with the times that make it an upper bound."""
     if peaks.rigid_axially:
         return f"peak axial force {value('_N', peaks.axial)}"
     return (
@@ -225,12 +278,13 @@ def _axial_words(peaks: PeakForces) -> str:
 
 
 def _tangential_words(peaks: PeakForces) -> str:
+    """Print the peak tangential force, by the strike of the study where it is smaller."""
     simulated = value("_N", peaks.tangential)
     if peaks.shafts or peaks.tangential == 0.0:
         return f"peak tangential force {simulated}"
     if peaks.strike is not None and peaks.strike < peaks.tangential:
-        struck = value("_N", peaks.strike)
-        return f"peak tangential force {struck} by [strike], {simulated} if both sides were rigid"
+        strike = value("_N", peaks.strike)
+        return f"peak tangential force {strike} by [strike], {simulated} if both sides were rigid"
     return (
         f"peak tangential force {simulated} with both sides rigid, an upper estimate; "
         "mechanism.ring_inertia_kgm2 and input_stiffness_Nm_rad give ring and shaft"
@@ -238,5 +292,9 @@ def _tangential_words(peaks: PeakForces) -> str:
 
 
 def _words(record: Mapping[str, Any]) -> list[str]:
-    numbers = {key: one for key, one in record.items() if type(one) in (int, float)}
-    return [f"{check_name(key)} {value(key, number)}" for key, number in numbers.items()]
+    """Print the numbers of a record with name and unit; other values are left out."""
+    words = []
+    for key, number in record.items():
+        if type(number) in (int, float):
+            words.append(f"{check_name(key)} {value(key, number)}")
+    return words

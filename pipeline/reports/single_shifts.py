@@ -1,4 +1,4 @@
-"""Pages of the fastest and slowest single shifts of designs, out of a study's journal."""
+"""Pages of the fastest and slowest single shifts of designs in a study's journal."""
 
 from __future__ import annotations
 
@@ -31,76 +31,88 @@ class Replay:
 
     @property
     def path(self) -> str:
-        """File of the page; it has the key of the shift, so that it never shows another one."""
+        """File of the page, with the key of the shift: another shift gets another page."""
         return f"shifts/{self.design.replace(' ', '-')}-{self.kind}-{self.shift['key'][:8]}.html"
 
     @property
     def words(self) -> str:
-        """Time, or outcome, and the operating point of the shift."""
+        """Time, or outcome without one, and the operating point of the shift."""
         time = self.shift["shift_time_s"]
         result = self.shift["outcome"].replace("_", " ") if time is None else time_text(time)
         return f"{result} at {place_name(self.shift)}"
 
 
 def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[Replay]:
-    """Select the fastest and the slowest stored shift of each design that has any.
+    """Select the fastest and the slowest stored shift of each design in ``rows``.
 
-    What does not engage is slower than any, a blocked shift the slowest. Shifts of finer steps are
-    left out.
+    A shift that does not engage is slower than any that does, a blocked shift the slowest. Shifts
+    of the numerical error (finer steps) are left out.
     """
-    stored = ShiftJournal(folder.shifts).rows.values()
-    # Those that are kept are of Drake, where it judges.
-    clutch, found = (study.reference_setup or study.search_setup).clutch, list[Replay]()
-
-    def lateness(shift: Record) -> tuple[float, bool, str]:
-        time = math.inf if shift["shift_time_s"] is None else shift["shift_time_s"]
-        return time, shift["outcome"] == Outcome.BLOCKED.value, shift["key"]
-
+    stored = [
+        shift
+        for shift in ShiftJournal(folder.shifts).rows.values()
+        if shift["outcome"] != Outcome.DIVERGED.value
+    ]
+    # The journal has the shifts of Drake where Drake judges.
+    clutch = (study.reference_setup or study.search_setup).clutch
+    replays = []
     for row in rows:
         dog = study.dog_with({name: row[name] for name in study.variables})
-        own = (DEFAULTS | clutch_record(replace(clutch, dog=dog))).items()
-        every = [
-            shift for shift in stored
-            if shift["outcome"] != Outcome.DIVERGED.value
-            and all(shift.get(key, DEFAULTS.get(key)) == value for key, value in own)
-        ]  # fmt: skip
-        if every:
-            found.append(Replay(design_name(row), "fastest", min(every, key=lateness)))
-            found.append(Replay(design_name(row), "slowest", max(every, key=lateness)))
-    return found
+        inputs = DEFAULTS | clutch_record(replace(clutch, dog=dog))
+        shifts = [shift for shift in stored if _has_inputs(shift, inputs)]
+        if shifts:
+            name = design_name(row)
+            replays.append(Replay(name, "fastest", min(shifts, key=_slowness)))
+            replays.append(Replay(name, "slowest", max(shifts, key=_slowness)))
+    return replays
 
 
-def write_replays(folder: StudyFolder, study: Setup, wanted: Sequence[Replay], say: Say) -> None:
-    """Simulate shifts again and write their pages, those that are missing.
+def _has_inputs(shift: Record, inputs: Record) -> bool:
+    """Check whether a shift was simulated with inputs; absent keys have their defaults."""
+    return all(shift.get(key, DEFAULTS.get(key)) == value for key, value in inputs.items())
 
-    What cannot be simulated or written is said and left out.
+
+def _slowness(shift: Record) -> tuple[float, bool, str]:
+    """Return the key that sorts shifts from the fastest to a blocked one."""
+    time = math.inf if shift["shift_time_s"] is None else shift["shift_time_s"]
+    return time, shift["outcome"] == Outcome.BLOCKED.value, shift["key"]
+
+
+def write_replays(folder: StudyFolder, study: Setup, replays: Sequence[Replay], say: Say) -> None:
+    """Simulate shifts again and write those of their pages that are missing.
+
+    A page that fails is reported through ``say`` and left out.
     """
-    missing = [one for one in wanted if not (folder.root / one.path).is_file()]
-    for number, one in enumerate(missing, start=1):
-        say(f"animation {number} of {len(missing)}: {one.design}, {one.kind} shift, {one.words}")
+    missing = [replay for replay in replays if not (folder.root / replay.path).is_file()]
+    setup = study.reference_setup or study.search_setup
+    for number, replay in enumerate(missing, start=1):
+        title = f"{replay.design}, {replay.kind} shift, {replay.words}"
+        say(f"animation {number} of {len(missing)}: {title}")
         try:
-            _write(study.reference_setup or study.search_setup, one.shift, folder.root / one.path)
+            _write_page(setup, replay.shift, folder.root / replay.path)
         except (DogshapeError, RuntimeError, ValueError, OSError) as error:
             say(f"no page of this shift: {error}")
 
 
 def drawn_variant(row: Record) -> Variant:
-    """Read the factors that a shift was simulated with; all are one where nothing is uncertain."""
+    """Read the factors of uncertain inputs that a shift was simulated with; 1 without any."""
     friction, force, inertia, dissipation = (row.get(name, 1.0) for name in FACTORS)
     rise = row.get("drawn_force_rise_s", recorded_profile(row).rise)
     return Variant(friction, force, inertia, rise, (), dissipation)
 
 
-def _write(study: Setup, row: Record, path: Path) -> None:
+def _write_page(study: Setup, row: Record, path: Path) -> None:
+    """Simulate a stored shift of a study again and write its page."""
     # Only a folder that lacks pages waits for the simulation to be loaded.
     from dogshape.pipeline.reports.shift_page import write_animation  # noqa: PLC0415
     from dogshape.sim.statistics.blocks import engage  # noqa: PLC0415
 
-    variant, shape = drawn_variant(row), DEFAULTS | row
+    variant = drawn_variant(row)
+    shape = DEFAULTS | row
     dog = study.dog_with({key: shape[key] for key in study.shape_keys})
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
-    clutch, angle = variant.clutch(replace(study.clutch, dog=dog)), row["relative_angle_deg"] * DEG
-    result = engage(clutch, point, angle)
+    clutch = variant.clutch(replace(study.clutch, dog=dog))
+    result = engage(clutch, point, row["relative_angle_deg"] * DEG)
     path.parent.mkdir(parents=True, exist_ok=True)
     torque_peak = study.torque_peak(result)
     write_animation(result, path, torque_peak, shared=True, limits=study.limits)

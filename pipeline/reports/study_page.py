@@ -41,7 +41,7 @@ from dogshape.pipeline.reports.designs import (
 from dogshape.pipeline.reports.report import Part, Report
 from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
 from dogshape.pipeline.reports.study_summary import (
-    BESIDE,
+    MAX_DESIGNS,
     SIDES,
     barriers_table,
     chosen_verdict,
@@ -78,55 +78,32 @@ HINGES_TITLE = "Assumptions that decide the smallest margin"
 
 
 def publish(folder: StudyFolder, say: Say) -> Path:
-    """Make what the report lacks, then write it; return its path.
+    """Complete effects and shift pages of a study, then write its report; return the path.
 
     Effects from the surrogate take some ten seconds, the page of a shift half a second.
     """
-    study, result = folder.stored_study(), folder.stored_result()
+    study = folder.stored_study()
+    result = folder.stored_result()
     require_targets({"the report": folder.report})
     learn_effects(folder, say)
-    shown = designs_shown(result) if result["best"] else []
-    write_replays(folder, study, replays_of(folder, study, shown), say)
+    designs = designs_shown(result) if result["best"] else []
+    write_replays(folder, study, replays_of(folder, study, designs), say)
     return write_report(folder)
 
 
 def write_report(folder: StudyFolder) -> Path:
-    """Write ``report.html`` and ``designs.csv`` from what the study stored; return the report."""
-    study, result = folder.stored_study(), folder.stored_result()
+    """Write ``report.html`` and ``designs.csv`` of a stored study; return the report's path."""
+    study = folder.stored_study()
+    result = folder.stored_result()
     with naming(folder.designs):
         rows = [row for row in result["trials"] if row[SIMULATED] is not None]
         designs = designs_frame(result, [*study.variables], rows)
         without_formulas(designs).to_csv(folder.designs, index=False)
     page = Report(f"{study.name}: shape of the dogs", headline(result))
-    best, effects = result["best"], stored_effects(folder)
-    if best is not None:
-        dog = study.dog_with({name: best[name] for name in study.variables})
-        title = f"{design_name(best).capitalize()}, dimensioned section"
-        section = Markup(open_section_svg(dog, study.clutch.dog, "prototype"))
-        page.add("", *summary_tables(study, result), section)
-        page.add("Front", *front_parts(study, result))
-        if effects is not None:
-            page.add("Variables", *effect_parts(effects["effects"]))
-            page.add("Limits", prices_table(effects["prices"]))
-        if result["confirmation"]:
-            page.add(HINGES_TITLE, *hinge_parts(chosen_verdict(study, result)))
-        page.add("Operating points", *point_parts(study, result))
-        page.add("Single shifts", *shift_parts(folder, study, result))
-        page.add("Life", *([life_table(result["life"])] if result.get("life") else []))
-        page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
+    if result["best"] is not None:
+        _add_chosen_design(page, folder, study, result)
     elif result["trials"]:
-        page.add("Nearest designs", nearest_table(study, result))
-        page.add("Checks that stop them", barriers_table(result))
-        page.add("Margins", margin_table(result, nearest_designs(result)))
-        if verdict := nearest_verdict(study, result):
-            page.add(HINGES_TITLE, *hinge_parts(verdict))
-        if any(of_kinds(result).values()):
-            page.add("Front", *front_parts(study, result)[:-1])
-        if effects is not None:
-            page.add("Variables", *effect_parts(effects["effects"]))
-            page.add("Limits", prices_table(effects["prices"]))
-        for row in nearest_designs(result)[:1]:
-            page.add("Drawing", *_drawing(study, row))
+        _add_nearest_designs(page, folder, study, result)
     file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
     run = json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
     page.add("Provenance", provenance_table(folder, study, result), file.format(run))
@@ -134,15 +111,57 @@ def write_report(folder: StudyFolder) -> Path:
     return folder.report
 
 
+def _add_chosen_design(page: Report, folder: StudyFolder, study: Setup, result: Row) -> None:
+    """Add the sections of a study that has a chosen design."""
+    best = result["best"]
+    dog = study.dog_with({name: best[name] for name in study.variables})
+    section = Markup(open_section_svg(dog, study.clutch.dog, "prototype"))
+    page.add("", *summary_tables(study, result), section)
+    page.add("Front", *front_parts(study, result))
+    _add_effects(page, folder)
+    if result["confirmation"]:
+        page.add(HINGES_TITLE, *hinge_parts(chosen_verdict(study, result)))
+    page.add("Operating points", *point_parts(study, result))
+    page.add("Single shifts", *shift_parts(folder, study, result))
+    if result.get("life"):
+        page.add("Life", life_table(result["life"]))
+    title = f"{design_name(best).capitalize()}, dimensioned section"
+    page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
+
+
+def _add_nearest_designs(page: Report, folder: StudyFolder, study: Setup, result: Row) -> None:
+    """Add the sections of a study in which no design passes."""
+    nearest = nearest_designs(result)
+    page.add("Nearest designs", nearest_table(study, result))
+    page.add("Checks that stop them", barriers_table(result))
+    page.add("Margins", margin_table(result, nearest))
+    verdict = nearest_verdict(study, result)
+    if verdict is not None:
+        page.add(HINGES_TITLE, *hinge_parts(verdict))
+    if any(of_kinds(result).values()):
+        page.add("Front", *front_parts(study, result)[:-1])
+    _add_effects(page, folder)
+    if nearest:
+        page.add("Drawing", *_drawing(study, nearest[0]))
+
+
+def _add_effects(page: Report, folder: StudyFolder) -> None:
+    """Add effects of variables and prices of limits, if the folder's surrogate has them."""
+    effects = stored_effects(folder)
+    if effects is not None:
+        page.add("Variables", *effect_parts(effects["effects"]))
+        page.add("Limits", prices_table(effects["prices"]))
+
+
 def hinge_parts(verdict: VerdictRow) -> list[Part]:
-    """Build tornado and table of the assumptions of a verdict; empty where none has an effect."""
+    """Build figure and table of the assumptions of a verdict; empty without an effect."""
     if not verdict.hangs_on:
         return []
     return [assumptions_figure(verdict.hangs_on), hinge_table(verdict.hangs_on)]
 
 
 def _drawing(study: Setup, row: Row) -> list[Part]:
-    """Draw a design that fails a check; nothing where the shape is impossible."""
+    """Draw the section of a design that fails a check; empty for an impossible shape."""
     try:
         dog = study.dog_with({name: row[name] for name in study.variables})
     except GeometryError:
@@ -152,52 +171,50 @@ def _drawing(study: Setup, row: Row) -> list[Part]:
 
 
 def front_parts(study: Setup, result: Row) -> list[Part]:
-    """Build the figures of the front, the table of all designs and that of every margin."""
-    variables, trials = list(study.variables), result["trials"]
-    others = [goal.name for goal in goals_of(result)[1:]] or [MARGIN]
-    barred = sum(row[SIMULATED] is None for row in trials)
+    """Build the figures of the front, the link to all designs, and the table of margins."""
+    variables = list(study.variables)
+    trials = result["trials"]
+    objectives = [goal.name for goal in goals_of(result)[1:]] or [MARGIN]
+    rejected = sum(row[SIMULATED] is None for row in trials)
     words = f"All {result['n_simulated_designs']} simulated designs with every column (CSV)"
     return [
-        *(front_figure(result, variables, name) for name in others),
+        *(front_figure(result, variables, name) for name in objectives),
         "Front: designs that no other beats in every objective, with their numbers. Bars: 95 % "
         "intervals, at the new angles once confirmed; marks without bars: times of the search. "
-        f"Designs far off lie outside; {barred} of {len(trials)} failed before simulation.",
+        f"Designs far off lie outside; {rejected} of {len(trials)} failed before simulation.",
         Markup('<p class="note"><a href="designs.csv">{}</a></p>').format(words),
         margin_table(result),
-    ]  # fmt: skip
+    ]
 
 
 def margin_table(result: Row, designs: Sequence[Row] = ()) -> Table:
-    """Tabulate every margin of the prototype and the first designs of the front.
+    """Tabulate all margins of designs, by default of the prototype and the first of the front.
 
-    At the new angles where a design was simulated there; ``designs`` are others to show.
+    Margins are those at new angles if a design was simulated there.
     """
-    shown = list(designs) or designs_shown(result)[:BESIDE]
-    records = [confirmation_of(result, row) for row in shown]
-    every = [margins_of(row, record) for row, record in zip(shown, records, strict=True)]
+    designs = list(designs) or designs_shown(result)[:MAX_DESIGNS]
+    records = [confirmation_of(result, row) for row in designs]
+    margins = [margins_of(row, record) for row, record in zip(designs, records, strict=True)]
     intervals = [margin_intervals(record) for record in records]
-    names = dict.fromkeys(name for margins in every for name in margins)
-    rows = [
-        [
-            check_name(name),
-            *(
-                margin_cell("", margins.get(name), ends.get(name))
-                for margins, ends in zip(every, intervals, strict=True)
-            ),
+    names = dict.fromkeys(name for design_margins in margins for name in design_margins)
+    rows = []
+    for name in names:
+        cells = [
+            margin_cell("", design_margins.get(name), design_intervals.get(name))
+            for design_margins, design_intervals in zip(margins, intervals, strict=True)
         ]
-        for name in names
-    ]
-    heads = ["prototype" if row["prototype"] else str(row["trial"]) for row in shown]
+        rows.append([check_name(name), *cells])
+    heads = ["prototype" if row["prototype"] else str(row["trial"]) for row in designs]
     note = (
         "Distance to the limit over the limit, at nominal size; at the new angles where a design "
-        f"was simulated there, with the 95 % interval of a landing. {BESIDE} designs at most, the "
-        "CSV has all, by the search."
+        f"was simulated there, with the 95 % interval of a landing. {MAX_DESIGNS} designs at "
+        "most, the CSV has all, by the search."
     )
     return Table(("margin", *heads), rows, note=note)
 
 
 def effect_parts(effects: Row) -> list[Part]:
-    """Build the figure of the variables; empty where most of it would be extrapolated."""
+    """Build the figure of effects; empty if most designs are outside the trained range."""
     if effects["outside_trained_range"] > 0.5:
         return []
     outside = percent(effects["outside_trained_range"])
@@ -210,42 +227,53 @@ def effect_parts(effects: Row) -> list[Part]:
 
 
 def point_parts(study: Setup, result: Row) -> list[Part]:
-    """Build the figures of the operating points; empty before the confirmation.
+    """Build figures and tables of the operating points; empty before the confirmation.
 
-    Points of a design that is operated in its own way are named as those of the prototype.
+    Points that the chosen design moves by set-point or force are named as the prototype's.
     """
-    c = result["confirmation"]
-    if not c or result["best"]["prototype"]:
+    confirmation = result["confirmation"]
+    if not confirmation or result["best"]["prototype"]:
         return []
-    rows = [
-        own | {"chosen_s": one["mean_s"], "chosen_error_s": one["standard_error_s"]}
-        for own, one in zip(c["prototype"]["points"], c["best"]["points"], strict=True)
-    ]
+    chosen_points = confirmation["best"]["points"]
+    rows = []
+    for point, chosen in zip(confirmation["prototype"]["points"], chosen_points, strict=True):
+        times = {"chosen_s": chosen["mean_s"], "chosen_error_s": chosen["standard_error_s"]}
+        rows.append(point | times)
     sides = {"prototype": ("mean_s", "standard_error_s"), "chosen": ("chosen_s", "chosen_error_s")}
     caption = "At the new angles, retries included; bars are 95 % intervals."
     parts: list[Part] = [times_by_point(rows, sides), caption]
-    if all(point.get("shiftability") for key in SIDES for point in c[key]["points"]):
-        own = study.clutch.dog.count
-        counts = {"prototype": own, "best": result["best"].get("count", own)}
-        entries = {name: (c[key]["points"], counts[key]) for key, name in SIDES.items()}
-        parts += [shiftability_figure(entries), ENTRY_NOTE, *_entry_tables(c)]
+    points = [point for side in SIDES for point in confirmation[side]["points"]]
+    if all(point.get("shiftability") for point in points):
+        prototype_count = study.clutch.dog.count
+        counts = {
+            "prototype": prototype_count,
+            "best": result["best"].get("count", prototype_count),
+        }
+        entries = {
+            name: (confirmation[side]["points"], counts[side]) for side, name in SIDES.items()
+        }
+        parts += [shiftability_figure(entries), ENTRY_NOTE, *_entry_tables(confirmation)]
     return parts
 
 
 def _entry_tables(confirmation: Row) -> list[Table]:
-    """Tabulate direct entries beside their closed form, and limits of speed and torque."""
+    """Tabulate direct entries with their closed form, and limit speeds and torques, by side."""
     tables: list[Table] = []
     for side, name in SIDES.items():
-        points = [PointRow(**point) for point in confirmation[side]["points"]]
-        entries = [(point, point.shiftability) for point in points]
-        cells = [
-            [
-                *(point.cell(key) for key in ("mismatch_rpm", "force_N")),
-                *(percent(share) for share in (entry.direct, entry.direct_closed_form)),
-            ]
-            for point, entry in entries
-            if entry is not None and entry.direct_closed_form is not None
-        ]
+        cells = []
+        for row in confirmation[side]["points"]:
+            point = PointRow(**row)
+            entry = point.shiftability
+            if entry is None or entry.direct_closed_form is None:
+                continue
+            cells.append(
+                [
+                    point.cell("mismatch_rpm"),
+                    point.cell("force_N"),
+                    percent(entry.direct),
+                    percent(entry.direct_closed_form),
+                ]
+            )
         if cells:
             heads = (axis("mismatch_rpm"), axis("force_N"), "direct entry", "closed form")
             tables.append(Table(heads, cells, note=f"Direct entry, {name}."))
@@ -253,61 +281,78 @@ def _entry_tables(confirmation: Row) -> list[Table]:
         if limits:
             table = tabulate(LimitRow, limits)
             tables.append(replace(table, note=f"Limit engagement speed, {name}; 95 % interval."))
-        rows = confirmation[side].get("engagement_torque_limits") or ()
-        if torque_rows := [TorqueLimitRow(**row) for row in rows]:
-            table = tabulate(TorqueLimitRow, torque_rows)
+        records = confirmation[side].get("engagement_torque_limits") or ()
+        torque_limits = [TorqueLimitRow(**record) for record in records]
+        if torque_limits:
+            table = tabulate(TorqueLimitRow, torque_limits)
             tables.append(replace(table, note=f"Limit engagement torque, {name}; 95 % interval."))
     return tables
 
 
 def shift_parts(folder: StudyFolder, study: Setup, result: Row) -> list[Part]:
-    """Build the table of the fastest and slowest shifts, linked where their pages are."""
+    """Tabulate the fastest and slowest shift of each design, with links to existing pages."""
     cells: dict[str, list[str]] = {}
-    for one in replays_of(folder, study, designs_shown(result)):
-        there = (folder.root / one.path).is_file()
-        linked = Markup('<a href="{}">{}</a>').format(one.path, one.words)
-        cells.setdefault(one.design, [one.design]).append(linked if there else one.words)
+    for replay in replays_of(folder, study, designs_shown(result)):
+        words = replay.words
+        if (folder.root / replay.path).is_file():
+            words = Markup('<a href="{}">{}</a>').format(replay.path, replay.words)
+        cells.setdefault(replay.design, [replay.design]).append(words)
+    if not cells:
+        return []
     note = "Each link opens an animation with its curves, in shifts beside this report."
     heads = ("design", "fastest shift", "slowest shift")
-    return [Table(heads, list(cells.values()), {}, (1, 2), note)] if cells else []
+    return [Table(heads, list(cells.values()), {}, (1, 2), note)]
 
 
 def life_table(stages: list[Row]) -> Table:
-    """Tabulate the drift of the chosen design over its life."""
+    """Tabulate wear, time and smallest margin of the chosen design by the share of its life."""
     heads = (
-        "share of the life", "crest loss, µm", "chamfer left, °", "edge radius, mm",
-        TIME, "engaged", "smallest margin",
-    )  # fmt: skip
+        "share of the life",
+        "crest loss, µm",
+        "chamfer left, °",
+        "edge radius, mm",
+        TIME,
+        "engaged",
+        "smallest margin",
+    )
     rows = [
         [
-            percent(one["life"]), f"{1e3 * one['crest_loss_mm']:.3g}", f"{one['chamfer_deg']:.4g}",
-            f"{one.get('edge_radius_mm', 0.0):.3g}",
-            ms_with_error(one[SIMULATED], one["standard_error_s"]), f"{100 * one['engaged']:.1f} %",
-            margin_cell(one["weakest_check"], one["smallest_margin"]),
+            percent(stage["life"]),
+            f"{1e3 * stage['crest_loss_mm']:.3g}",
+            f"{stage['chamfer_deg']:.4g}",
+            f"{stage.get('edge_radius_mm', 0.0):.3g}",
+            ms_with_error(stage[SIMULATED], stage["standard_error_s"]),
+            f"{100 * stage['engaged']:.1f} %",
+            margin_cell(stage["weakest_check"], stage["smallest_margin"]),
         ]
-        for one in stages
-    ]  # fmt: skip
+        for stage in stages
+    ]
     note = "Wear as [wear] of the study gives it. Edges stay sharp in the simulation."
     return Table(heads, rows, note=note)
 
 
 def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
     """Tabulate command, dates, numerical error, surrogate and versions."""
-    fitted, now = result["surrogate"], datetime.now(UTC)
-    numerical = (result["confirmation"] or {"best": {}})["best"].get("numerical_error_s")
+    confirmation = result["confirmation"] or {"best": {}}
+    numerical_error = confirmation["best"].get("numerical_error_s")
     stored = datetime.fromtimestamp(folder.result.stat().st_mtime, UTC)
-    judged = "none: it needs a finished search with at least ten simulated designs"
-    if fitted:
-        judged = (
-            f"Q² {fitted['q2']:.2f}, root-mean-square error {time_text(fitted['rmse_s'])}, "
-            f"{percent(fitted['coverage_95'])} within the 95 % interval, on {fitted['n']} designs "
-            f"({fitted['source']})"
-        )
-        judged = judged if Validation(**fitted).useful else Bad(f"{judged}: useless")
+    now = datetime.now(UTC)
     facts = {
         **provenance_of(study, result),
         "dates (UTC)": f"result stored {stored:%Y-%m-%d}, report written {now:%Y-%m-%d}",
-        "numerical error": "" if numerical is None else f"{1e3 * numerical:.2g} ms",
-        "surrogate": judged,
+        "numerical error": "" if numerical_error is None else f"{1e3 * numerical_error:.2g} ms",
+        "surrogate": _surrogate_words(result["surrogate"]),
     }
     return Table(("", ""), [pair for pair in facts.items() if pair[1]])
+
+
+def _surrogate_words(validation: Row | None) -> str:
+    """Print the validation of a surrogate; ``Bad`` if the surrogate is useless."""
+    if not validation:
+        return "none: it needs a finished search with at least ten simulated designs"
+    words = (
+        f"Q² {validation['q2']:.2f}, root-mean-square error {time_text(validation['rmse_s'])}, "
+        f"{percent(validation['coverage_95'])} within the 95 % interval, on {validation['n']} "
+        f"designs ({validation['source']})"
+    )
+    return words if Validation(**validation).useful else Bad(f"{words}: useless")

@@ -14,11 +14,11 @@ from dogshape.pipeline.reports.data_sheet import (
     STATISTICAL_MARGIN,
     TIME,
     WORST_MARGIN,
-    difference,
     hang_share,
     point_differences,
     searched_record,
     searched_verdict,
+    time_difference,
     words_of,
 )
 from dogshape.pipeline.reports.designs import (
@@ -60,48 +60,57 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.store.result_records import EngineAgreement, VerdictRow
 
-BESIDE = 10  #: designs beside each other in the table of margins
-END = 0.01  #: share of a search range within which a value lies at its end
+MAX_DESIGNS = 10  #: columns of designs in a table of margins
+RANGE_END = 0.01  #: share of a search range within which a value lies at its end
 LANDING = "_impact"  #: end of the names of the checks of a landing
 VERDICT = "verdict"
-#: Columns of the alternatives, of the words of a record.
-COLUMNS = ("state", STATISTICAL_MARGIN, WORST_MARGIN)
-SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys
-WITHIN_ERROR = " (within two standard errors)"
-Pair = tuple[float, float]
+#: Columns of verdict and margins in the table of alternatives, labels of ``words_of``.
+VERDICT_COLUMNS = ("state", STATISTICAL_MARGIN, WORST_MARGIN)
+SIDES = {"prototype": "prototype", "best": "chosen"}  #: names of confirmed designs, by key
+UNCLEAR_NOTE = " (within two standard errors)"
+Pair = tuple[float, float]  #: a value and its standard error
 
 
 def headline(result: Row) -> str:
-    """Compose the result of a study: the leading objective, and what keeps it from passing."""
-    best, c = result["best"], result["confirmation"]
+    """Compose the headline of a study: the leading objective of its best design, or objections."""
+    best = result["best"]
+    confirmation = result["confirmation"]
     if best is None:
-        how = _most_failed(result)
-        words = f"No design of this search passes every check{f': {how}' if how else ''}."
-        return words + _nearest_sentences(result)
-    name, lead = design_name(best).capitalize(), goals_of(result)[0]
-    if not c:
-        timed = best[SIMULATED] is not None
-        words = lead.words(lead.shown(best), lead.error(best)) if timed else "no time"
+        failing = _failing_checks(result)
+        reason = f": {failing}" if failing else ""
+        sentence = f"No design of this search passes every check{reason}."
+        return sentence + _nearest_sentences(result)
+    lead = goals_of(result)[0]
+    if not confirmation:
+        words = "no time"
+        if best[SIMULATED] is not None:
+            words = lead.words(lead.printed_value(best), lead.error(best))
         return f"Best so far, not confirmed: {design_name(best)}, {lead.label} {words}."
     if best["prototype"]:
-        return _own_headline(lead, c["best"])
-    words = " engages in {} of {} shifts".format(*engaged_shifts(c["best"]))
-    gains = gained(result)
-    if gains and gains[0][0] == lead:
-        _, before, after, gain = gains[0]
-        words = f": {lead.label} {lead.words(*after)}"
-        own_words, own_state = lead.words(*before), confirmed_verdict(c["prototype"]).state
-        if own_state in ("fails", "not_clear"):
-            link = ", but" if own_state == "fails" else " and is"
-            words += f"; your own dog has {own_words}{link} {objection(c['prototype'])}"
-        else:
-            than = ", not clearly better than" if unclear(*gain) else " instead of"
-            words += f"{than} {own_words} of your own dog"
-    return f"{name}{words}.{_verdict_sentence(name, c['best'])}"
+        return _prototype_headline(lead, confirmation["best"])
+    name = design_name(best).capitalize()
+    words = " engages in {} of {} shifts".format(*engaged_shifts(confirmation["best"]))
+    comparisons = compare_objectives(result)
+    if comparisons and comparisons[0][0] == lead:
+        words = _gain_words(confirmation["prototype"], *comparisons[0])
+    return f"{name}{words}.{_verdict_sentence(name, confirmation['best'])}"
+
+
+def _gain_words(prototype: Row, goal: Goal, before: Pair, after: Pair, gain: Pair) -> str:
+    """Compose the words on an objective of the chosen design, and of the prototype before."""
+    words = f": {goal.label} {goal.words(*after)}"
+    prototype_words = goal.words(*before)
+    state = confirmed_verdict(prototype).state
+    if state == "fails":
+        return f"{words}; your own dog has {prototype_words}, but {objection(prototype)}"
+    if state == "not_clear":
+        return f"{words}; your own dog has {prototype_words} and is {objection(prototype)}"
+    link = ", not clearly better than" if is_unclear(*gain) else " instead of"
+    return f"{words}{link} {prototype_words} of your own dog"
 
 
 def _nearest_sentences(result: Row) -> str:
-    """Name the nearest designs that do not fail at the new angles, each with a blank before."""
+    """Compose a sentence on each nearest design that fails nothing; each starts with a blank."""
     words = ""
     for trial, record in nearest_records(result).items():
         state = confirmed_verdict(record).state
@@ -114,21 +123,21 @@ def _nearest_sentences(result: Row) -> str:
     return words
 
 
-def _own_headline(lead: Goal, confirmed: Row) -> str:
-    """Compose the result of a study in which no design is chosen before its own dog."""
+def _prototype_headline(lead: Goal, confirmed: Row) -> str:
+    """Compose the headline of a study whose best design is the prototype."""
     verdict = confirmed_verdict(confirmed)
     if verdict.state == "fails":
         words = "No design of this search is chosen before your own dog."
     else:
         superlative = "fastest" if lead.unit == "ms" else "best"
-        that = " that passes" if verdict.state == "passes" else ""
+        clause = " that passes" if verdict.state == "passes" else ""
         time = lead.words(*lead.estimate(confirmed["estimates"]))
-        words = f"Your own dog is the {superlative}{that}: {lead.label} {time}."
+        words = f"Your own dog is the {superlative}{clause}: {lead.label} {time}."
     return words + _verdict_sentence("Your own dog", confirmed)
 
 
 def _verdict_sentence(subject: str, confirmed: Row) -> str:
-    """Compose the sentence on a confirmed design that does not pass, with a blank before."""
+    """Compose the objection to a confirmed design as a sentence that starts with a blank."""
     words = objection(confirmed)
     if not words:
         return ""
@@ -138,42 +147,49 @@ def _verdict_sentence(subject: str, confirmed: Row) -> str:
     return f" {subject} {words}." if state == "fails" else f" {subject} is {words}."
 
 
-def unclear(gain: float, error: float) -> bool:
-    """Check that a difference is within two standard errors, hangs included."""
+def is_unclear(gain: float, error: float) -> bool:
+    """Check whether a difference is less than two of its standard errors."""
     return abs(gain) < 2.0 * error
 
 
-def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
-    """Compare the simulated objectives of prototype and chosen design, as shown, with errors.
+def compare_objectives(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
+    """Compare the simulated objectives of prototype and chosen design.
 
-    The gain is positive where the chosen design is better. Empty before the confirmation; without
-    times where one of both does not engage.
+    Returns objective, value of the prototype, value of the chosen design and gain, each with its
+    standard error in the printed unit. The gain is positive if the chosen design is better. Empty
+    before the confirmation; without times if a design does not engage.
     """
-    c, best = result["confirmation"], result["best"]
-    if not c or best is None or best["prototype"]:
+    confirmation = result["confirmation"]
+    best = result["best"]
+    if not confirmation or best is None or best["prototype"]:
         return []
-    timed = None not in (c[side][SIMULATED] for side in SIDES)
-    before, after = (c[side]["estimates"] for side in SIDES)
+    gains = confirmation["gains"]
+    before = confirmation["prototype"]["estimates"]
+    after = confirmation["best"]["estimates"]
+    timed = all(confirmation[side][SIMULATED] is not None for side in SIDES)
     return [
-        (goal, goal.estimate(before), goal.estimate(after), goal.estimate(c["gains"]))
+        (goal, goal.estimate(before), goal.estimate(after), goal.estimate(gains))
         for goal in goals_of(result, SIMULATED)
-        if goal.name in c["gains"] and (timed or goal.unit != "ms")
+        if goal.name in gains and (timed or goal.unit != "ms")
     ]
 
 
 def summary_tables(study: Setup, result: Row) -> list[Table]:
-    """Tabulate the designs worth a choice, and the facts about the chosen one.
+    """Tabulate the alternative designs, and the facts on the chosen design.
 
-    Where none passes: the nearest designs, and the checks that stop them.
+    If no design passes: the nearest designs, the checks that they fail, and facts.
     """
-    if result["best"] is None:
-        if not result["trials"]:
-            return []
-        facts = list(nearest_facts(study, result))
+    if result["best"] is not None:
+        tables = [alternatives_table(study, result)]
+        facts = list(facts_of(study, result)) if result["confirmation"] else []
+    elif result["trials"]:
         tables = [nearest_table(study, result), barriers_table(result)]
-        return [*tables, *([Table(("", ""), facts)] if facts else [])]
-    facts = list(facts_of(study, result)) if result["confirmation"] else []
-    return [alternatives_table(study, result), *([Table(("", ""), facts)] if facts else [])]
+        facts = list(nearest_facts(study, result))
+    else:
+        return []
+    if facts:
+        tables.append(Table(("", ""), facts))
+    return tables
 
 
 def alternatives_table(study: Setup, result: Row) -> Table:
@@ -181,71 +197,97 @@ def alternatives_table(study: Setup, result: Row) -> Table:
 
     Costs are differences to the chosen design, ± one standard error.
     """
-    best, confirmed = result["best"], bool(result["confirmation"])
-    shown = {SIMULATED, MARGIN, *study.variables}
-    goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in shown]
-    own = [row for row in result["trials"] if row["prototype"]]
-    rows = {row["trial"]: row for row in (best, *result["front"], *own)}
-    known = {trial: searched_record(study, result, row) for trial, row in rows.items()}
-    chosen, cells = known[best["trial"]], []
+    best = result["best"]
+    columns = {SIMULATED, MARGIN, *study.variables}
+    goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in columns]
+    prototypes = [row for row in result["trials"] if row["prototype"]]
+    rows = {row["trial"]: row for row in (best, *result["front"], *prototypes)}
+    records = {trial: searched_record(study, result, row) for trial, row in rows.items()}
+    chosen = records[best["trial"]]
 
-    def place(trial: int) -> tuple[bool, bool, float]:
-        one = known[trial]
-        return one is not chosen, one["prototype"], one[SIMULATED] or math.inf
+    def rank(trial: int) -> tuple[bool, bool, float]:
+        record = records[trial]
+        return record is not chosen, record["prototype"], record[SIMULATED] or math.inf
 
-    for trial in sorted(known, key=place):
-        row, one = rows[trial], known[trial]
-        holds = not one["verdict"]["failed"]
-        passes = holds and one["confirmed"] == confirmed and not best["prototype"]
-        if not passes and one is not chosen and not one["prototype"]:
+    cells = []
+    for trial in sorted(records, key=rank):
+        row = rows[trial]
+        record = records[trial]
+        if record is not chosen and not record["prototype"] and not _is_alternative(result, record):
             continue
-        words, cost = words_of(one), difference(chosen, one)
-        worst = one["worst_against_prototype"] or {"difference_s": None, "standard_error_s": None}
-        repeated = (confirmation_of(result, row) or {}).get("estimates", {})
-        cells.append([
-            "prototype" if one["prototype"] else str(trial),
-            *(minus(f"{row[name]:.4g}") for name in study.variables), words[TIME],
-            words[ENGAGED], words[HANGS],
-            *("-" if row.get(goal.name) is None
-              else goal.pair(*goal.estimate(repeated)) if goal.name in repeated
-              else goal.pair(goal.shown(row), goal.error(row)) for goal in goals),
-            ms_with_error(worst["difference_s"], worst["standard_error_s"], "+"),
-            *(words[column] for column in COLUMNS),
-            "" if one is chosen else "-" if cost is None else ms_with_error(*cost, "+"),
-        ])  # fmt: skip
+        words = words_of(record)
+        worst = record["worst_against_prototype"] or {}
+        cost = ""
+        if record is not chosen:
+            cost = _difference_words(time_difference(chosen, record))
+        cells.append(
+            [
+                "prototype" if record["prototype"] else str(trial),
+                *(minus(f"{row[name]:.4g}") for name in study.variables),
+                words[TIME],
+                words[ENGAGED],
+                words[HANGS],
+                *(_goal_cell(goal, result, row) for goal in goals),
+                ms_with_error(worst.get("difference_s"), worst.get("standard_error_s"), "+"),
+                *(words[column] for column in VERDICT_COLUMNS),
+                cost,
+            ]
+        )
     heads = (
-        *(
-            "design",
-            *map(axis, study.variables),
-            TIME,
-            ENGAGED,
-            HANGS,
-            *(goal.title for goal in goals),
-        ),
+        "design",
+        *map(axis, study.variables),
+        TIME,
+        ENGAGED,
+        HANGS,
+        *(goal.title for goal in goals),
         "worst point minus prototype, ms",
         "verdict",
         "margin at statistical tolerances",
         "margin at worst-case tolerances",
         "minus chosen, ms",
     )
-    looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
+    looks = {0: "best"}
+    if cells[-1][0] == "prototype":
+        looks[len(cells) - 1] = "prototype"
     first = heads.index("verdict")
-    texts = (heads.index(HANGS), *range(first, first + len(COLUMNS)))
+    text_columns = (heads.index(HANGS), *range(first, first + len(VERDICT_COLUMNS)))
     note = (
         "Designs of the front without a negative margin at the new angles, and your own dog, the "
         "prototype; ± one standard error, that of the expected time with the error of hangs. "
         "Smallest margins, that of the landing at nominal size."
     )
-    return Table(heads, cells, looks, texts, note)
+    return Table(heads, cells, looks, text_columns, note)
 
 
-def margins_for_all(row: Row) -> dict[str, float]:
-    """Give the margins of a design by check, without those that sum up others."""
+def _is_alternative(result: Row, record: Row) -> bool:
+    """Check whether a design of the front passes, at new angles once there is a confirmation."""
+    if result["best"]["prototype"] or record["verdict"]["failed"]:
+        return False
+    return record["confirmed"] == bool(result["confirmation"])
+
+
+def _goal_cell(goal: Goal, result: Row, row: Row) -> str:
+    """Print an objective of a design with its error, at new angles if it was simulated there."""
+    if row.get(goal.name) is None:
+        return "-"
+    estimates = (confirmation_of(result, row) or {}).get("estimates", {})
+    if goal.name in estimates:
+        return goal.pair(*goal.estimate(estimates))
+    return goal.pair(goal.printed_value(row), goal.error(row))
+
+
+def _difference_words(difference: Pair | None) -> str:
+    """Print a difference of times, s, in ms with sign and standard error; a dash without one."""
+    return "-" if difference is None else ms_with_error(*difference, "+")
+
+
+def single_margins(row: Row) -> dict[str, float]:
+    """Select the margins of a design by check, without limits that sum up other checks."""
     return {name: m for name, m in row["margins"].items() if name not in SUMMARIES}
 
 
-def _at_new_angles(result: Row, row: Row) -> Row:
-    """Replace time and margins of a design by those at new angles, where it was simulated there."""
+def _confirmed_row(result: Row, row: Row) -> Row:
+    """Replace time and margins of a design by those of its confirmation, if it has one."""
     confirmed = confirmation_of(result, row)
     if confirmed is None:
         return row
@@ -253,30 +295,40 @@ def _at_new_angles(result: Row, row: Row) -> Row:
 
 
 def nearest_designs(result: Row) -> list[Row]:
-    """List the designs with the least shortfall of their worst check, and the study's own dog."""
-    known = [row for row in result["trials"] if row["margins"]]
-    ordered = sorted(known, key=lambda row: (-min(row["margins"].values()), row["trial"]))
-    own = [row for row in ordered if row["prototype"]]
-    return [*[row for row in ordered if not row["prototype"]][:BESIDE], *own]
+    """List the designs with the largest margin of their worst check, the prototype last."""
+    rows = [row for row in result["trials"] if row["margins"]]
+    rows.sort(key=lambda row: (-min(row["margins"].values()), row["trial"]))
+    designs = [row for row in rows if not row["prototype"]]
+    prototypes = [row for row in rows if row["prototype"]]
+    return [*designs[:MAX_DESIGNS], *prototypes]
 
 
 def nearest_table(study: Setup, result: Row) -> Table:
-    """Tabulate the designs that fail by least, with the checks that they fail."""
-    rows, cells = nearest_designs(result), []
+    """Tabulate the designs nearest to passing, with the checks that they fail."""
+    rows = nearest_designs(result)
+    cells = []
     for row in rows:
         confirmed = confirmation_of(result, row)
-        known = confirmed or row
-        words = _failed_in_search(row) if confirmed is None else objection(confirmed)
+        if confirmed is None:
+            words = _search_objection(row)
+            simulated = row
+        else:
+            words = objection(confirmed)
+            simulated = confirmed
         if "engines" in row["failed"]:
-            words = ", ".join(filter(None, (words, "engines disagree")))
-        cells.append([
-            "your own dog" if row["prototype"] else str(row["trial"]),
-            *(minus(f"{row[name]:.4g}") for name in study.variables),
-            ms_with_error(known[SIMULATED], known["standard_error_s"]),
-            ms_with_error(known.get("engaged_mean_s"), known.get("engaged_standard_error_s")),
-            hang_share(known),
-            Bad(words) if words else "passes",
-        ])  # fmt: skip
+            words = f"{words}, engines disagree" if words else "engines disagree"
+        cells.append(
+            [
+                "your own dog" if row["prototype"] else str(row["trial"]),
+                *(minus(f"{row[name]:.4g}") for name in study.variables),
+                ms_with_error(simulated[SIMULATED], simulated["standard_error_s"]),
+                ms_with_error(
+                    simulated.get("engaged_mean_s"), simulated.get("engaged_standard_error_s")
+                ),
+                hang_share(simulated),
+                Bad(words) if words else "passes",
+            ]
+        )
     heads = ("design", *map(axis, study.variables), TIME, ENGAGED, HANGS, VERDICT)
     looks = {k: "prototype" for k, row in enumerate(rows) if row["prototype"]}
     note = (
@@ -286,39 +338,58 @@ def nearest_table(study: Setup, result: Row) -> Table:
     return Table(heads, cells, looks, (heads.index(VERDICT),), note)
 
 
-def _failed_in_search(row: Row) -> str:
-    """List the checks that a design fails by the margins of its search."""
+def _search_objection(row: Row) -> str:
+    """Compose the checks that a design fails by the margins of its search, smallest first."""
     failed = sorted((m, name) for name, m in row["margins"].items() if m < 0.0)
     words = ", ".join(f"{check_name(name)} ({percent(margin)})" for margin, name in failed)
     return f"fails {words}" if words else ""
 
 
 def barriers_table(result: Row) -> Table:
-    """Tabulate the checks that stop designs, with counts and what each costs in shift time.
+    """Tabulate the failed checks with the number of designs, and the cost in shift time.
 
-    The cost is the time of the fastest design that passes the check, less that of the fastest of
-    all, whatever else either fails.
+    The cost is the time of the fastest design that passes the check, less that of the fastest
+    design of all; either may fail other checks.
     """
-    rows = [_at_new_angles(result, row) for row in result["trials"] if row["margins"]]
+    rows = [_confirmed_row(result, row) for row in result["trials"] if row["margins"]]
     timed = [row for row in rows if row[SIMULATED] is not None]
-    margins = [margins_for_all(row) for row in rows]
-    failing = Counter(name for one in margins for name, margin in one.items() if margin < 0.0)
-    fastest, cells = min((row[SIMULATED] for row in timed), default=None), []
-    for name, count in failing.most_common():
-        alone = sum(one[name] < 0.0 and sum(m < 0.0 for m in one.values()) == 1
-                    for one in margins if name in one)  # fmt: skip
-        near = max(one[name] for one in margins if one.get(name, 0.0) < 0.0)
+    fastest_time = min((row[SIMULATED] for row in timed), default=None)
+    failures = []
+    for row in rows:
+        margins = single_margins(row)
+        failures.append({name: margin for name, margin in margins.items() if margin < 0.0})
+    counts = Counter(name for failed in failures for name in failed)
+    cells = []
+    for name, count in counts.most_common():
+        failing = [failed for failed in failures if name in failed]
+        alone = sum(len(failed) == 1 for failed in failing)
+        nearest = max(failed[name] for failed in failing)
         passing = [row for row in timed if row["margins"].get(name, -1.0) >= 0.0]
-        best = min(passing, key=lambda row: float(row[SIMULATED]), default=None)
-        price = None if best is None or fastest is None else best[SIMULATED] - fastest
-        cells.append([
-            check_name(name), f"{count} of {len(rows)}", str(alone), percent(near),
-            "none passes" if best is None
-            else f"{in_ms(best[SIMULATED])} ({design_name(best)})",
-            in_ms(price),
-        ])  # fmt: skip
-    heads = ("check", "designs that fail it", "fail it alone", "nearest of them",
-             "fastest that passes it, ms", "costs, ms")  # fmt: skip
+        fastest = min(passing, key=lambda row: float(row[SIMULATED]), default=None)
+        if fastest is None:
+            design = "none passes"
+            price = None
+        else:
+            design = f"{in_ms(fastest[SIMULATED])} ({design_name(fastest)})"
+            price = None if fastest_time is None else fastest[SIMULATED] - fastest_time
+        cells.append(
+            [
+                check_name(name),
+                f"{count} of {len(rows)}",
+                str(alone),
+                percent(nearest),
+                design,
+                in_ms(price),
+            ]
+        )
+    heads = (
+        "check",
+        "designs that fail it",
+        "fail it alone",
+        "nearest of them",
+        "fastest that passes it, ms",
+        "costs, ms",
+    )
     note = (
         "Costs: fastest simulated design that passes the check, less the fastest of all, whatever "
         "other checks they fail. Where none passes, widen [variables] or the limit."
@@ -327,19 +398,23 @@ def barriers_table(result: Row) -> Table:
 
 
 def nearest_verdict(study: Setup, result: Row) -> VerdictRow | None:
-    """Give the verdict on the design that fails by least; None where it was not simulated."""
-    for row in nearest_designs(result)[:1]:
-        if confirmed := confirmation_of(result, row):
-            params = {name: row[name] for name in study.variables}
-            return VerdictRow(**searched_verdict(study, params, row, confirmed))
-    return None
+    """Return the verdict on the nearest design at new angles; None if it has none there."""
+    rows = nearest_designs(result)
+    if not rows:
+        return None
+    confirmed = confirmation_of(result, rows[0])
+    if not confirmed:
+        return None
+    params = {name: rows[0][name] for name in study.variables}
+    return VerdictRow(**searched_verdict(study, params, rows[0], confirmed))
 
 
 def nearest_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
-    """List the hangs of own dog and nearest designs where none passes, and the shafts."""
+    """List the hangs of prototype and nearest designs, and the shafts, as name and words."""
     records = nearest_records(result)
     for row in nearest_designs(result):
-        if (confirmed := records.get(row["trial"])) is None:
+        confirmed = records.get(row["trial"])
+        if confirmed is None:
             continue
         name = "your own dog, the prototype" if row["prototype"] else design_name(row)
         yield f"hangs, {name}", hang_words(confirmed)
@@ -347,134 +422,193 @@ def nearest_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
 
 
 def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
-    """List the facts of a confirmed design; what speaks against it is marked as bad."""
-    c, best = result["confirmation"], result["best"]
-    names = {"prototype": "your own dog, the prototype", "best": design_name(best)}
-    for side, name in names.items():
-        if side == "best" and best["prototype"]:
-            continue
-        verdict = chosen_verdict(study, result, side)
-        words = verdict.line
-        yield f"verdict on {name}", words if verdict.state == "passes" else Bad(words)
+    """List the facts on a confirmed design as name and words; objections are ``Bad``."""
+    confirmation = result["confirmation"]
+    best = result["best"]
+    sides = {"prototype": "your own dog, the prototype"}
     if not best["prototype"]:
+        sides["best"] = design_name(best)
+    for side, name in sides.items():
+        verdict = chosen_verdict(study, result, side)
+        yield f"verdict on {name}", _bad_unless(verdict.state == "passes", verdict.line)
+    if best["prototype"]:
+        failing = _failing_checks(result)
+        if failing:
+            yield "designs that fail", failing
+    else:
         yield from _gain_facts(study, result)
-    elif how := _most_failed(result):
-        yield "designs that fail", how
     yield "shafts", study.clutch.drive.text
-    landing = [check for check in c["best"]["checks"]
-               if check["name"].endswith(LANDING) and check["margin"] is not None]  # fmt: skip
-    if landing:
-        least = min(landing, key=lambda check: float(check["margin"]))
-        words = margin_cell(least["name"], least["margin"], least.get("margin_interval"))
-        yield "smallest margin of a landing, 95 % interval", words
-    if ranged := [check for check in c["best"]["checks"] if check.get("ends")]:
-        worst = min(ranged, key=lambda check: float(check["margin"]))
-        words = f"{margin_cell(worst['name'], worst['margin'])}, at {worst['ends']}"
-        yield "at the worst end of ranges", Bad(words) if worst["margin"] < 0.0 else words
+    yield from _margin_facts(confirmation["best"]["checks"])
     yield from _confirmation_facts(result)
-    engines = {"chosen design in Drake": c["best"].get("drake"), "audit": result.get("audit")}
-    for name, found in engines.items():
-        if found is not None:
-            words = minus(EngineAgreement(**found).text)
-            yield name, words if found["agrees"] else Bad(words)
+    yield from _engine_facts(study, result)
+
+
+def _bad_unless(good: bool, words: str) -> str:
+    """Mark words as an objection unless they are good."""
+    return words if good else Bad(words)
+
+
+def _margin_facts(checks: list[Row]) -> Iterator[tuple[str, str]]:
+    """List the smallest margins of landings, and at the ends of ranges."""
+    landing_checks = [
+        check for check in checks if check["name"].endswith(LANDING) and check["margin"] is not None
+    ]
+    if landing_checks:
+        weakest = min(landing_checks, key=lambda check: float(check["margin"]))
+        words = margin_cell(weakest["name"], weakest["margin"], weakest.get("margin_interval"))
+        yield "smallest margin of a landing, 95 % interval", words
+    range_checks = [check for check in checks if check.get("ends")]
+    if range_checks:
+        weakest = min(range_checks, key=lambda check: float(check["margin"]))
+        words = f"{margin_cell(weakest['name'], weakest['margin'])}, at {weakest['ends']}"
+        yield "at the worst end of ranges", _bad_unless(weakest["margin"] >= 0.0, words)
+
+
+def _engine_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+    """List the agreements of Drake with the compiled engine, or why there are none."""
+    agreements = {
+        "chosen design in Drake": result["confirmation"]["best"].get("drake"),
+        "audit": result.get("audit"),
+    }
+    for name, agreement in agreements.items():
+        if agreement is not None:
+            words = minus(EngineAgreement(**agreement).text)
+            yield name, _bad_unless(agreement["agrees"], words)
         elif study.engine_gap:
             yield name, f"not made: {study.engine_gap}"
 
 
 def chosen_verdict(study: Setup, result: Row, side: str = "best") -> VerdictRow:
-    """Give the verdict on the chosen design of a confirmed result, or on the prototype."""
-    confirmed, best = result["confirmation"][side], result["best"]
-    params = study.prototype if side == "prototype" else {n: best[n] for n in study.variables}
-    row = {"margins": {}} if side == "prototype" else best
-    return VerdictRow(**searched_verdict(study, params, row, confirmed))
+    """Return the verdict on the chosen design of a confirmed result, or on the prototype."""
+    confirmed = result["confirmation"][side]
+    if side == "prototype":
+        return VerdictRow(**searched_verdict(study, study.prototype, {"margins": {}}, confirmed))
+    best = result["best"]
+    params = {name: best[name] for name in study.variables}
+    return VerdictRow(**searched_verdict(study, params, best, confirmed))
 
 
 def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:
-    """List the facts of the other designs that were confirmed, or not."""
-    best, confirmed = result["best"], confirmed_designs(result)
-    out = {trial: words for trial, words in out_at_new_angles(result).items()
-           if trial != best["trial"]}  # fmt: skip
-    if out:
-        words = "; ".join(
-            f"design {trial} {'is ' if words.startswith(UNCLEAR) else ''}{words}"
-            for trial, words in out.items()
-        )
-        yield "designs out at the new angles", words
-    for trial, one in confirmed.items():
-        if one.get("agrees") is False:
-            words = f"{one['errors_apart']:.1f} standard errors apart"
+    """List the objections to other designs of the front, and the designs not confirmed."""
+    objections = []
+    for trial, words in out_at_new_angles(result).items():
+        if trial != result["best"]["trial"]:
+            verb = "is " if words.startswith(UNCLEAR) else ""
+            objections.append(f"design {trial} {verb}{words}")
+    if objections:
+        yield "designs out at the new angles", "; ".join(objections)
+    for trial, confirmed in confirmed_designs(result).items():
+        if confirmed.get("agrees") is False:
+            words = f"{confirmed['errors_apart']:.1f} standard errors apart"
             yield f"search and new angles of design {trial}", Bad(words)
-    if left := result["confirmation"].get("left_out"):
-        yield "designs not confirmed", f"{', '.join(map(str, left))}; raise search.confirm_designs"
+    trials = result["confirmation"].get("left_out")
+    if trials:
+        words = f"{', '.join(map(str, trials))}; raise search.confirm_designs"
+        yield "designs not confirmed", words
 
 
 def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
-    """List the facts of a chosen design beside the prototype."""
-    c, best = result["confirmation"], result["best"]
-    for goal, (before, _), _, (gain, error) in gained(result):
+    """List the facts that compare the chosen design with the prototype."""
+    confirmation = result["confirmation"]
+    best = result["best"]
+    for goal, (before, _), _, (gain, error) in compare_objectives(result):
         words = f"{goal.difference(gain, error)} {goal.unit}".strip()
-        words += minus(f" ({100 * gain / abs(before):.0f} %)") if before else ""
-        words += WITHIN_ERROR * unclear(gain, error)
-        yield f"gain in the {goal.label}", Bad(words) if gain < 0.0 else words
-    if difference(c["prototype"], c["best"]):
-        found = point_differences(c["prototype"], c["best"])
-        most = max(found, key=lambda one: float(one["difference_s"]))
-        slower = [one for one in found if one["difference_s"] > 0.0]
-        clear = [one for one in slower
-                 if one["difference_s"] >= 2.0 * (one["standard_error_s"] or math.inf)]  # fmt: skip
-        words = f"{len(slower)} of {len(found)}"
-        if slower:
-            loss = ms_with_error(most["difference_s"], most["standard_error_s"])
-            words += f" ({len(clear)} clearly), most by {loss} ms at {place_name(most)}"
-        yield "operating points slower than the prototype", Bad(words) if clear else words
-    yield from _hang_facts(c)
-    (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
-    words = f"{own} of {n} shifts; prototype {other} of {m}"
-    yield "engaged at the first try", Bad(words) if own < n else words
+        if before:
+            words += minus(f" ({100 * gain / abs(before):.0f} %)")
+        if is_unclear(gain, error):
+            words += UNCLEAR_NOTE
+        yield f"gain in the {goal.label}", _bad_unless(gain >= 0.0, words)
+    if time_difference(confirmation["prototype"], confirmation["best"]):
+        yield "operating points slower than the prototype", _slower_points(confirmation)
+    yield from _hang_facts(confirmation)
+    engaged, shifts = engaged_shifts(confirmation["best"])
+    words = "{} of {} shifts; prototype {} of {}".format(
+        engaged, shifts, *engaged_shifts(confirmation["prototype"])
+    )
+    yield "engaged at the first try", _bad_unless(engaged >= shifts, words)
     for side, name in SIDES.items():
-        if words := quantile_words(c[side].get("quantiles") or ()):
+        words = quantile_words(confirmation[side].get("quantiles") or ())
+        if words:
             yield f"shift time over the life, {name}", words
-    if within := best["time_within_tolerances"]:
-        words = f"{1e3 * within['root_sum_square_s']:.2g} ms by root sum of squares, "
-        words += f"{1e3 * within['worst_case_s']:.2g} ms at the worst"
+    change = best["time_within_tolerances"]
+    if change:
+        words = (
+            f"{1e3 * change['root_sum_square_s']:.2g} ms by root sum of squares, "
+            f"{1e3 * change['worst_case_s']:.2g} ms at the worst"
+        )
         yield "change of the expected shift time within tolerances", words
-    ends = [
-        f"{label(name)} {value(name, best[name])}"
-        for name, (low, high) in study.variables.items()
-        if min(best[name] - low, high - best[name]) <= (name != "count") * END * (high - low)
-    ]
-    for other in c.get("shapes") or ():
-        if less := difference(c["best"], other):
-            words = f"{ms_with_error(*less, '+')} ms" + WITHIN_ERROR * unclear(*less)
-            words += _shape_state(other)
-            yield f"with {other['shape']}", words
+    yield from _shape_facts(confirmation)
+    ends = _range_ends(study, best)
     if ends:
         yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
 
 
+def _slower_points(confirmation: Row) -> str:
+    """Count the operating points at which the chosen design is slower, with the largest loss."""
+    differences = point_differences(confirmation["prototype"], confirmation["best"])
+    slower = [point for point in differences if point["difference_s"] > 0.0]
+    words = f"{len(slower)} of {len(differences)}"
+    if not slower:
+        return words
+    clear = [
+        point
+        for point in slower
+        if point["difference_s"] >= 2.0 * (point["standard_error_s"] or math.inf)
+    ]
+    worst = max(differences, key=lambda point: float(point["difference_s"]))
+    loss = ms_with_error(worst["difference_s"], worst["standard_error_s"])
+    words += f" ({len(clear)} clearly), most by {loss} ms at {place_name(worst)}"
+    return _bad_unless(not clear, words)
+
+
+def _range_ends(study: Setup, row: Row) -> list[str]:
+    """List the variables of a design that lie at an end of their search range, with values."""
+    ends = []
+    for name, (low, high) in study.variables.items():
+        distance = min(row[name] - low, high - row[name])
+        tolerance = 0.0 if name == "count" else RANGE_END * (high - low)
+        if distance <= tolerance:
+            ends.append(f"{label(name)} {value(name, row[name])}")
+    return ends
+
+
+def _shape_facts(confirmation: Row) -> Iterator[tuple[str, str]]:
+    """List the other shapes of the chosen design with their cost in shift time."""
+    for shape in confirmation.get("shapes") or ():
+        cost = time_difference(confirmation["best"], shape)
+        if cost:
+            note = UNCLEAR_NOTE if is_unclear(*cost) else ""
+            words = f"{ms_with_error(*cost, '+')} ms{note}{_shape_state(shape)}"
+            yield f"with {shape['shape']}", words
+
+
 def _shape_state(shape: Row) -> str:
-    """Name the state of another shape unless it passes; earlier results have no verdict of it."""
-    if verdict := shape.get("verdict"):
+    """Print the verdict on another shape unless it passes; old results have no verdict."""
+    verdict = shape.get("verdict")
+    if verdict:
         return "" if verdict["state"] == "passes" else f", {verdict['line']}"
     return "" if shape["feasible"] else ", fails a check"
 
 
 def _hang_facts(confirmation: Row) -> Iterator[tuple[str, str]]:
-    """List both parts of the expected times; results of earlier versions have none."""
+    """List engaged means and hangs of prototype and chosen design; old results have none."""
     for side, name in SIDES.items():
         if confirmation[side].get("hang_probability") is not None:
             yield f"mean of engaged shifts, {name}", engaged_text(confirmation[side])
             yield f"hangs, {name}", hang_words(confirmation[side])
 
 
-def _most_failed(result: Row) -> str:
-    """Name the checks that most designs fail, and by how much the nearest of them does.
+def _failing_checks(result: Row) -> str:
+    """Compose the checks that most designs fail, with the margin of the nearest design.
 
-    Of the smallest margin within the tolerances the check behind it is named, where it is stored.
+    A limit of the smallest margin within tolerances has the name of its weakest check, if stored.
     """
-    every = []
+    designs = []
     for row in result["trials"]:
-        behind = {n: row.get(f"weakest_check_{kind}") for n, kind in WITHIN.items()}
-        names = {n: f"{check_name(b or n)} {WITHIN_WORDS[n]}" for n, b in behind.items()}
-        every.append({names.get(n, check_name(n)): m for n, m in row["margins"].items()})
-    return failing_words(every)
+        names = {}
+        for name, kind in WITHIN.items():
+            weakest = row.get(f"weakest_check_{kind}") or name
+            names[name] = f"{check_name(weakest)} {WITHIN_WORDS[name]}"
+        margins = row["margins"].items()
+        designs.append({names.get(name, check_name(name)): margin for name, margin in margins})
+    return failing_words(designs)

@@ -26,8 +26,8 @@ LABELS = {
     "force_factor": "factor on the shift force",
     "rise_factor": "factor on its rise time",
 }
-#: Blanks of quantities: beside a ±, before a unit, and behind the S of a safety factor.
-UNIT = "|".join(map(re.escape, ("±", "%", "dogs", *(one for _, one in UNITS.values() if one))))
+#: Blanks of quantities: around a ±, before a unit, and after the S of a safety factor.
+UNIT = "|".join(map(re.escape, ("±", "%", "dogs", *(unit for _, unit in UNITS.values() if unit))))
 BLANK = re.compile(rf"(?<=\d) (?=(?:{UNIT})(?![\w/]))|(?<=±) |(?<=\bS) (?=\d)|(?<=\d N) (?=[ms]\b)")
 PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 ENGINES = {"drake": "Drake", "planar": "the compiled engine"}  #: words for each engine
@@ -43,9 +43,11 @@ CHECKS = {
 }
 
 
-def bound(words: Any) -> Any:
-    """Keep a number, its error and its unit on one line, by blanks that do not break."""
-    return words if type(words) not in (str, Bad) else BLANK.sub("\N{NO-BREAK SPACE}", words)
+def bind_units(words: Any) -> Any:
+    """Replace the blanks in quantities by no-break spaces; other values than text stay."""
+    if type(words) not in (str, Bad):
+        return words
+    return BLANK.sub("\N{NO-BREAK SPACE}", words)
 
 
 def minus(words: str) -> str:
@@ -53,34 +55,43 @@ def minus(words: str) -> str:
     return words.replace("-", MINUS)
 
 
-MAX_PLACES = 6  #: decimals of a value with a tiny error
+MAX_DECIMALS = 6  #: of a value with a tiny error
 
 
 def in_ms(seconds: float | None) -> str:
-    """Print a time in ms to a tenth, or a dash where there is none."""
+    """Print a time, s, in ms to a tenth; a dash for None or NaN."""
     return "-" if seconds is None or math.isnan(seconds) else f"{seconds * 1e3:.1f}"
 
 
-def with_error(shown: float, error: float, sign: str = "") -> str:
-    """Print a value and its standard error: without it where it is zero, as of one shift.
+def with_error(value: float, error: float, sign: str = "") -> str:
+    """Print a value with its standard error, to the decimals that the error decides.
 
-    To a hundredth at most, and to the first digit of a smaller error.
+    A zero error, as of a single shift, is left out; ``sign`` "+" signs positive values.
     """
     if not error:
-        return minus(f"{shown:{sign}z.1f}")
-    places = 2 if error < 0.05 else 1 if error < 9.95 else 0
+        return minus(f"{value:{sign}z.1f}")
+    decimals = _decimals(error)
+    return minus(f"{value:{sign}z.{decimals}f} ± {error:.{decimals}f}")
+
+
+def _decimals(error: float) -> int:
+    """Choose the decimals of a value: at most two, down to the first digit of an error < 0.01."""
     if error < 0.01:
-        places = min(MAX_PLACES, math.ceil(-math.log10(error)))
-    return minus(f"{shown:{sign}z.{places}f} ± {error:.{places}f}")
+        return min(MAX_DECIMALS, math.ceil(-math.log10(error)))
+    if error < 0.05:
+        return 2
+    return 1 if error < 9.95 else 0
 
 
 def ms_with_error(time: float | None, error: float | None, sign: str = "") -> str:
-    """Print a time and its standard error, both in s, in ms; a dash where there is none."""
-    return "-" if time is None else with_error(1e3 * time, 1e3 * (error or 0.0), sign)
+    """Print a time and its standard error, s, in ms; a dash for None."""
+    if time is None:
+        return "-"
+    return with_error(1e3 * time, 1e3 * (error or 0.0), sign)
 
 
 def margin_cell(name: str, margin: float | None, interval: Sequence[float] | None = None) -> str:
-    """Print a margin with its interval, check and safety factor S, below zero as bad."""
+    """Print a margin with its interval, check and safety factor S; ``Bad`` below zero."""
     if margin is None:
         return ""
     safety = safety_factor(RULES[name], margin) if name in RULES else None
@@ -91,22 +102,22 @@ def margin_cell(name: str, margin: float | None, interval: Sequence[float] | Non
 
 
 def place_name(point: Mapping[str, Any]) -> str:
-    """Name the operating point of a record by mismatch and force."""
+    """Print mismatch and force of an operating point."""
     return minus("{mismatch_rpm:.4g} 1/min, {force_N:.4g} N".format(**point))
 
 
 def check_name(name: str) -> str:
-    """Name a check in words, without the unit that a quantity's key ends in."""
+    """Print the name of a check, event or load, without the unit that its key ends in."""
     return CHECKS.get(name) or name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
 def label(name: str) -> str:
-    """Name a variable for people."""
+    """Print the name of a variable."""
     return LABELS.get(name) or check_name(name)
 
 
 def axis(name: str) -> str:
-    """Name a variable with its unit."""
+    """Print the name of a variable with its unit."""
     unit = unit_of(name)
     return f"{label(name)}, {unit}" if unit else label(name)
 
@@ -117,39 +128,44 @@ def value(name: str, number: float) -> str:
 
 
 def time_text(seconds: float | None, error: float | None = None) -> str:
-    """Print a time in ms, with its standard error where it has one; a dash where there is none."""
+    """Print a time, s, in ms with unit, and its standard error unless None; a dash for None."""
     if seconds is None:
         return "-"
-    return f"{in_ms(seconds) if error is None else ms_with_error(seconds, error)} ms"
+    time = in_ms(seconds) if error is None else ms_with_error(seconds, error)
+    return f"{time} ms"
 
 
 def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
-    """Print the times within which shares of all shifts engage, where twice the error is less.
+    """Print the quantiles of the shift time that exceed twice their standard error.
 
     ``QuantileRow`` has the keys.
     """
-    return ", ".join(
-        f"{100 * one['share']:.4g} % of all shifts take at most "
-        f"{time_text(one['time_s'], one['standard_error_s'])}"
-        for one in quantiles
-        if (one["time_s"] or 0.0) > 2.0 * (one["standard_error_s"] or 0.0)
-    )
+    words = []
+    for quantile in quantiles:
+        time = quantile["time_s"]
+        error = quantile["standard_error_s"]
+        if (time or 0.0) > 2.0 * (error or 0.0):
+            share = 100 * quantile["share"]
+            words.append(f"{share:.4g} % of all shifts take at most {time_text(time, error)}")
+    return ", ".join(words)
 
 
-def hang_words(parts: Mapping[str, Any]) -> str:
-    """Print the probability of a hang with its interval and its cost; ``HangKeys`` has the keys."""
-    mean, low, high = (100.0 * parts[f"hang_probability{end}"] for end in ("", "_low", "_high"))
+def hang_words(record: Mapping[str, Any]) -> str:
+    """Print the hang probability of a record with 95 % interval and cost (``HangKeys``)."""
+    mean = 100.0 * record["hang_probability"]
+    low = 100.0 * record["hang_probability_low"]
+    high = 100.0 * record["hang_probability_high"]
     words = f"a shift hangs with {mean:.2g} % (95 %: {low:.2f} to {high:.2g} %)"
-    if parts["retries_s"] is None:
+    if record["retries_s"] is None:
         return words
-    return f"{words}, retries take {time_text(parts['retries_s'], parts['retries_error_s'])}"
+    return f"{words}, retries take {time_text(record['retries_s'], record['retries_error_s'])}"
 
 
-def engaged_text(parts: Mapping[str, Any]) -> str:
-    """Print the mean of engaged shifts; a dash where an operating point has none."""
-    return time_text(parts["engaged_mean_s"], parts["engaged_standard_error_s"])
+def engaged_text(record: Mapping[str, Any]) -> str:
+    """Print the mean time of engaged shifts, ms; a dash if an operating point has none."""
+    return time_text(record["engaged_mean_s"], record["engaged_standard_error_s"])
 
 
 def interval_text(time: float, low: float, high: float, share: str = "95 %") -> str:
-    """Print a time in ms with the interval that holds so much of it; all in s."""
+    """Print a time in ms with its credible interval of a ``share``; all in s."""
     return f"{time_text(time)} ({share}: {time_text(low)} to {time_text(high)})"

@@ -236,7 +236,7 @@ def test_fastest_and_slowest_shift_of_a_design(
     def fails(*_: Any) -> None:
         raise RuntimeError("no solution")
 
-    monkeypatch.setattr(single_shifts, "_write", fails)
+    monkeypatch.setattr(single_shifts, "_write_page", fails)
     write_replays(folder, study, [fast, slow], said.append)
     assert said[0].startswith("animation 1 of 2: prototype, fastest shift, 50.0 ms")
     assert said.count("no page of this shift: no solution") == 2

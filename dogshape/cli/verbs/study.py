@@ -371,7 +371,7 @@ def export(
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
 
     dog_design = named_design(study, set_, chosen=False)
-    setup = dog_design.own_study
+    setup = dog_design.design_study
     dog = setup.clutch.dog
     radius = setup.limits.root_radius
     body = body_mm * MM
