@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 SAVE = "save it as CSV (UTF-8)"  #: remedy, as spreadsheets name it
 NO_TABLE = "is not a table of comma separated values"
 HIDDEN, FILTERED, GROUPED = "hidden", "hidden by a filter", "grouped"
-STRUCK, COLOURED = "struck out", "coloured"
+STRUCK, COLOURED, MASKED = "struck out", "coloured", "hidden by a number format"
 _WORKBOOK = re.compile(r"(.+\.xlsx)(?:#(.+))?", re.IGNORECASE)
 _OTHER_BOOKS = {
     ".xlsm": "a workbook with macros",
@@ -45,6 +45,10 @@ _TEXT_NUMBER = re.compile(r"[+-]?\d[\d.,' ]*[.,]\d+")
 _THOUSANDS = re.compile(r"[0#?.],+(?![0#?.])")
 _PLAIN = re.compile(r"[A-Za-z0-9_.,;:/+-]*")
 _LITERAL = re.compile(r'"([^"]*)"|\\(.)')
+#: Sections of a number format: positive, negative, zero, text; these show nothing.
+_EMPTY_SECTION = re.compile(r"(\[[^\]]*\]|[_*].|\s)*")
+#: A cell between the quotation marks of a word processor.
+_TYPOGRAPHIC = re.compile(r"[“”„‟«»]\s*([^“”„‟«»]*?)\s*[“”‟«»]")
 
 
 @dataclass(frozen=True)
@@ -213,14 +217,18 @@ def _require_closed(path: Path, row: int, lines: Sequence[str], separator: str) 
 def clean_text(cell: str) -> str:
     """Write a cell in one line: ordinary blanks, hyphens of wrapped words removed.
 
-    ``="50"`` and ``'50`` are the texts by which programs protect numbers from a spreadsheet.
+    ``="50"`` and ``'50`` are the texts by which programs protect numbers from a spreadsheet, and
+    “50” has the quotation marks of a word processor.
     """
     if _PLAIN.fullmatch(cell):
         return cell
     text = re.sub(r"(?<=\w)(?:-\s*\n\s*|\xad\s*)(?=[^\W\d_])", _unhyphenated, cell)
     text = re.sub(r"\s*[\n\t]\s*|[^\S ]", " ", text).strip()
     protected = re.fullmatch(r"=\s*\"(.*)\"|'([+-]?[\d.,]+)", text)
-    return (protected[1] or protected[2] or "") if protected else text
+    if protected:
+        return protected[1] or protected[2] or ""
+    quoted = _TYPOGRAPHIC.fullmatch(text)
+    return quoted[1] if quoted else text
 
 
 def _unhyphenated(match: re.Match[str]) -> str:
@@ -334,8 +342,9 @@ def _require_values(
     ]
     if empty:
         more = f" and {len(empty) - 3} more" if len(empty) > 3 else ""
+        hold = "hold formulas whose values were" if empty[1:] else "holds a formula whose value was"
         raise DataError(
-            f"{file}: {', '.join(empty[:3])}{more} hold formulas whose values were never stored; "
+            f"{file}: {', '.join(empty[:3])}{more} {hold} never stored; "
             "open the workbook in a spreadsheet, save it, and try again"
         )
 
@@ -398,12 +407,27 @@ def _row_marks(sheet: Worksheet, number: int, cells: Sequence[Cell]) -> tuple[st
         marks.append(GROUPED)
     if any(cell.font is not None and cell.font.strike for cell in filled):
         marks.append(STRUCK)
+    if any(map(_is_masked, filled)):
+        marks.append(MASKED)
     marks += [
         f"comment '{clean_text(cell.comment.text)}'"
         for cell in cells
         if getattr(cell, "comment", None) is not None
     ]
     return tuple(marks)
+
+
+def _is_masked(cell: Cell) -> bool:
+    """Test that the number format of a cell shows nothing of its value, as ``;;;`` does."""
+    sections = str(cell.number_format).split(";")
+    if len(sections) == 1:
+        return False
+    value = cell.value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return len(sections) == 4 and _EMPTY_SECTION.fullmatch(sections[3]) is not None
+    # A format that blanks zeros alone, such as 0;-0;, rejects nothing.
+    section = sections[1] if value < 0 else sections[0]
+    return _EMPTY_SECTION.fullmatch(section) is not None
 
 
 def _colours(cells: Sequence[Cell]) -> tuple[str, ...]:

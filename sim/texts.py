@@ -17,7 +17,16 @@ from typing import Any
 
 from dogshape.sim.decoding import TableLimits, decoded, read_bytes
 from dogshape.sim.errors import DataError, InputError, did_you_mean
-from dogshape.sim.raw_sheet import FILTERED, HIDDEN, NO_TABLE, SAVE, STRUCK, RawSheet, read_raw
+from dogshape.sim.raw_sheet import (
+    FILTERED,
+    HIDDEN,
+    MASKED,
+    NO_TABLE,
+    SAVE,
+    STRUCK,
+    RawSheet,
+    read_raw,
+)
 
 SEPARATORS = (",", ";", "\t")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -140,7 +149,7 @@ def _separator_of_head(lines: Sequence[str]) -> str:
 
 def _require_plain(sheet: RawSheet) -> None:
     """Raise DataError for rows and cells of a workbook that say more than their values."""
-    rejected = {HIDDEN, FILTERED, STRUCK}
+    rejected = {HIDDEN, FILTERED, STRUCK, MASKED}
     faults = [
         f"row {row.number} is {mark}; show it plainly, or delete it"
         for row in sheet.rows

@@ -39,6 +39,8 @@ from dogshape.sim.versions import bundled_root
 
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
 SCATTER = 0.2  #: of a set value, up to which measured values lie off it
+#: Copies of traces by path in the folder: the user's file, and the rows of a table in it.
+Traces = dict[str, tuple[Path, tuple[int, ...]]]
 TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
 
 
@@ -138,8 +140,9 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Data:
                 "shifts.csv has the operating points of the origin, to be filled in: one row for "
                 "each shift or mean"
             )
+        traces: Traces = {}
         for place in rows.index[rows["trace"].notna()]:
-            rows.loc[place, "trace"] = _copy_trace(rows.loc[place], draft, report, folder)
+            rows.loc[place, "trace"] = _copy_trace(rows.loc[place], draft, report, folder, traces)
         report.require(where)
         values = _values(draft, source, rows, out, report)
         report.require(where)
@@ -152,7 +155,8 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Data:
         try:
             bench = load_bench(folder)
         except DogshapeError as error:
-            raise type(error)(_fault_of(str(error), folder, out, rows)) from error
+            text = _fault_of(_with_given_traces(str(error), folder, traces), folder, out, rows)
+            raise type(error)(text.replace(str(out / "shifts.csv"), where)) from error
         for path in map(file_of, draft.tables):
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
@@ -166,6 +170,16 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Data:
         "assumed": list(dict.fromkeys(report.assumed)),
         "warnings": [finding.sentence for finding in bench.warnings],
     }
+
+
+def _with_given_traces(text: str, folder: Path, traces: Traces) -> str:
+    """Name the user's files and their rows in a fault of copied traces."""
+    for copy, (path, lines) in traces.items():
+        name = re.escape(str(folder / copy))
+        for found in re.finditer(rf"{name}, row (\d+)", text) if lines else ():
+            text = text.replace(found[0], f"{path}, row {lines[int(found[1]) - 2]}")
+        text = text.replace(str(folder / copy), str(path))
+    return text
 
 
 def _fault_of(text: str, folder: Path, out: Path, rows: DataFrame) -> str:
@@ -344,10 +358,10 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Repo
     )
 
 
-def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> str:
+def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path, traces: Traces) -> str:
     """Write the trace of a row in the project's units, other files than CSV as they are.
 
-    Returns its path in the folder.
+    Returns its path in the folder, and enters it in ``traces``.
     """
     path, target = Path(row["file"]).parent / row["trace"].replace("\\", "/"), folder / "traces"
     if not path.is_file():
@@ -357,9 +371,12 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> st
         )
         return ""
     target.mkdir(exist_ok=True)
-    if path.suffix.lower() in READERS:
-        shutil.copyfile(path, target / path.name)
-        return f"traces/{path.name}"
+    is_recorder_file = path.suffix.lower() in READERS
+    name = _trace_name(path, path.suffix if is_recorder_file else ".csv", traces)
+    traces[name] = path, ()
+    if is_recorder_file:
+        shutil.copyfile(path, folder / name)
+        return name
     said = {k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if OF_TRACES in k}
     own = Report()
     try:
@@ -367,13 +384,22 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> st
             read_foreign(path, sums=False, limits=draft.limits), TRACE, said, draft.decimal, own
         )
         columns = pd.DataFrame(reader.read(), dtype=float)
-        columns.to_csv(target / f"{path.stem}.csv", index=False, float_format="%.15g")
+        columns.to_csv(folder / name, index=False, float_format="%.15g")
+        traces[name] = path, reader.table.rows
     except DataError as error:
         report.faults.append(str(error))
     report.faults += own.faults
     report.assumed += [f"traces: {line}" for line in own.assumed]
     report.left_out += [one for one in own.left_out if "row" in one]
-    return f"traces/{path.stem}.csv"
+    return name
+
+
+def _trace_name(path: Path, suffix: str, traces: Traces) -> str:
+    """Give a trace a path in the folder that no other file has: with its folder before it."""
+    stems = [path.stem, f"{path.parent.name}_{path.stem}"]
+    stems += [f"{path.stem}_{count}" for count in range(2, len(traces) + 3)]
+    names = [f"traces/{stem}{suffix}" for stem in stems]
+    return next(name for name in names if traces.get(name, (path, ()))[0] == path)
 
 
 def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: Report) -> Data:

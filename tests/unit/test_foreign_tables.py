@@ -433,24 +433,58 @@ def test_every_fault_is_told_at_once(bench: Bench) -> None:
     assert [p.name for p in Path().iterdir()] == ["m.csv"]
 
 
+POINT = ("mismatch_rpm", "force_N", "force_rise_s", "shift_time_s")
+
+
+def traced_rows() -> list[dict[str, str]]:
+    """List the rows of a good data set that have a trace."""
+    lines = (GOOD / "shifts.csv").read_text().splitlines()
+    return [row for row in csv.DictReader(lines) if row["trace"]]
+
+
+def traced_table(*files: str) -> str:
+    """Write a table of the first of these rows, each with another file of its trace."""
+    rows = [
+        ",".join([*(row[name] for name in POINT), file])
+        for row, file in zip(traced_rows(), files, strict=False)
+    ]
+    return "\n".join(["dn_rpm,force_N,rise_s,t_s,Datei", *rows, ""])
+
+
 def test_traces_of_a_foreign_table_come_along(bench: Bench) -> None:
-    one = next(
-        row
-        for row in csv.DictReader((GOOD / "shifts.csv").read_text().splitlines())
-        if row["trace"]
-    )
     heads = {"t_s": "Zeit [s]", "displacement_mm": "Weg [m]", "force_N": "Kraft [kN]",
              "sliding_speed_rpm": "Antriebsdrehzahl [1/min]",
              "output_speed_rpm": "Abtriebsdrehzahl [1/min]"}  # fmt: skip
-    trace = pd.read_csv(GOOD / one["trace"])[[*heads]]
+    trace = pd.read_csv(GOOD / traced_rows()[0]["trace"])[[*heads]]
     trace[["displacement_mm", "force_N"]] /= 1e3
     trace.rename(columns=heads).to_csv("t1.csv", index=False)
-    row = (one[name] for name in ("mismatch_rpm", "force_N", "force_rise_s", "shift_time_s"))
-    text = f"dn_rpm,force_N,rise_s,t_s,Datei\n{','.join(row)},t1.csv\n"
-    readings = bench.read(text, "--from", str(GOOD)), load_bench(GOOD).readings
+    readings = bench.read(traced_table("t1.csv"), "--from", str(GOOD)), load_bench(GOOD).readings
     found, wanted = (next(r.trace for r in rows if r.trace is not None) for rows in readings)
     assert found.displacement == pytest.approx(wanted.displacement, rel=1e-6, abs=1e-9)
     assert found.force == pytest.approx(wanted.force, rel=1e-6)
+
+
+def test_traces_of_one_name_in_two_folders_stay_apart(bench: Bench) -> None:
+    files = ["run1/trace.csv", "run2/trace.csv"]
+    for file, row in zip(files, traced_rows(), strict=False):
+        Path(file).parent.mkdir()
+        shutil.copyfile(GOOD / row["trace"], file)
+    found = [r.trace for r in bench.read(traced_table(*files), "--from", str(GOOD))]
+    wanted = [r.trace for r in load_bench(GOOD).readings if r.trace is not None][:2]
+    assert not np.array_equal(wanted[0].force, wanted[1].force)
+    for trace, original in zip(found, wanted, strict=True):
+        assert trace is not None
+        assert trace.force == pytest.approx(original.force, rel=1e-6)
+
+
+def test_a_fault_of_a_trace_names_the_file_and_row_of_the_user(bench: Bench) -> None:
+    lines = (GOOD / traced_rows()[0]["trace"]).read_text().splitlines()
+    lines[7] = ",".join([lines[5].split(",")[0], *lines[7].split(",")[1:]])
+    Path("t1.csv").write_text("\n".join(["recorder 4", "", *lines]))
+    said = bench.refused(
+        traced_table("t1.csv"), "--from", str(GOOD), words=[" t1.csv, row 10, column t_s"]
+    )
+    assert "traces" not in said
 
 
 def test_a_bench_from_a_study_has_its_contact_and_what_moves_with_the_ring(bench: Bench) -> None:

@@ -91,6 +91,8 @@ KINDS: dict[str, Case] = {
         words=("row 4", "quotation mark")),
     "inches are no quotation": Case(
         beside("pipe", ['1/4"'] * 6)),
+    "quotes of a word processor": Case(
+        text_of(*("“" + row.replace(";", "”;„") + "“" for row in ROWS))),
     # 9 matrix, transposed
     "matrix with units in its head": Case(
         "dn [1/min];235 N;469 N;642 N\n25;121;93;77\n50;118;88;70\n100;99;81;66\n",
@@ -452,6 +454,11 @@ def with_format(letter: str, form: str, factor: float = 1.0) -> Any:
     return change
 
 
+def masked_row(sheet: Any) -> None:
+    for letter in "ABC":
+        sheet[f"{letter}6"].number_format = ";;;"
+
+
 def decimal_text(sheet: Any) -> None:
     for row in range(2, 8):
         sheet[f"C{row}"] = f"{sheet[f'C{row}'].value:.2f}".replace(".", ",")
@@ -478,8 +485,8 @@ BOOKS: dict[str, tuple[dict[str, Any], tuple[str, ...], tuple[str, ...], Sequenc
     "comment": ({"a": commented}, ("comment 'Ventil klemmt': row 3",), ("--keep", "row=*"), TIMES),
     "hidden column of marks": ({"a": hidden_column}, ("'alt' has a sign", "row 5: 'x'"),
                                ("--drop", "alt=x"), [116, 131, 84, 98, 103]),
-    "formula in a remark": ({"D1": "r", "D2": "=A2"}, ("D2 hold formulas", "save it"), (), []),
-    "formula of a force": ({"B4": "=A4*2"}, ("B4 hold formulas",), (), []),
+    "formula in a remark": ({"D1": "r", "D2": "=A2"}, ("D2 holds a formula", "save it"), (), []),
+    "formula of a force": ({"B4": "=A4*2"}, ("B4 holds a formula",), (), []),
     "formulas of times": ({f"C{k}": f"=D{k}" for k in range(2, 8)}, ("and 3 more",), (), []),
     "merged": ({"a": merged}, (), (), TIMES),
     "merged time": ({"a": merged_time}, ("one result for several rows",), (), []),
@@ -508,6 +515,12 @@ BOOKS: dict[str, tuple[dict[str, Any], tuple[str, ...], tuple[str, ...], Sequenc
                  [116, 71, 98, 103]),
     "hidden time": ({"a": hidden_time}, ("'t_shift [ms]' (hidden in the workbook)",),
                     ("--column", "shift_time_s=t_shift"), TIMES),
+    "a row shows nothing": ({"a": masked_row},
+                           ("hidden by a number format: row 6",),
+                           ("--drop", "row=hidden by a number format"), [116, 131, 84, 71, 103]),
+    "a word shows nothing": ({"D1": "r", "D4": ("x", "0;0;0;")},
+                             ("hidden by a number format: row 4",), ("--rows", "2-7"), TIMES),
+    "zeros are blank": ({"D1": "temperature [°C]", "D2": (0, "0;-0;"), "D3": 7}, (), (), TIMES),
     "error value": ({"C6": "#DIV/0!"}, ("row 6: '#DIV/0!'",), (), []),
 }  # fmt: skip
 
