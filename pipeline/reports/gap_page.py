@@ -174,7 +174,7 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
 def inclusion_table(diagnosis: Diagnosis) -> Table:
     """Tabulate the probability that an effect is part of the cause; causes are marked."""
     causes = diagnosis.verdict.causes
-    rows = []
+    rows = list[Sequence[str]]()
     looks = {}
     for name, probability in diagnosis.inclusion.items():
         if probability < MIN_PROBABILITY and name not in causes:
