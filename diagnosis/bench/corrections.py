@@ -91,6 +91,8 @@ OF_TRACES: dict[str, Callable[[BenchTrace, Row, Sensor], BenchTrace]] = {
     "trace_force=arm": lambda t, _, s: _scaled(t, _factor(s, "force"), "force"),
     "trace_force=zeroed": lambda t, r, _: replace(t, force=t.force - _start(t, r).force),
     "speeds=rad_s": lambda t, _, s: _scaled(t, 1.0 / RPM, "sliding_speed", "output_speed"),
+    "speeds=sliding_rad_s": lambda t, _, s: _scaled(t, 1.0 / RPM, "sliding_speed"),
+    "speeds=output_rad_s": lambda t, _, s: _scaled(t, 1.0 / RPM, "output_speed"),
     "speeds=exchanged": lambda t, _, s: replace(
         t, sliding_speed=t.output_speed, output_speed=t.sliding_speed
     ),

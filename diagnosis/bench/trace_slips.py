@@ -33,6 +33,7 @@ MOVED = 0.005  #: of the travel, least way of the first samples of a record that
 CLEAR = 5.0  #: scatters of a median that a value at rest exceeds, four times 1.25 standard errors
 FALLING = 0.5  #: of the fall, rise of a channel above which it does not only fall
 MIN_SAMPLES_PER_SHIFT = 20  #: samples that marks of a flight need within a shift, judged
+LOCKED = 0.05  #: share by which the last speeds of a shift differ from one unit to the other
 MAX_SPEED = 1.5  #: times the speed from the work of the force: for a force of twice the nominal
 ANOTHER = "shift times that count from another instant than the force"
 DEAD = (
@@ -188,6 +189,31 @@ def _fall(values: Array) -> tuple[float, float] | None:
     return (rest, rest - fall) if fall > CLEAR * scatter(values) and rise < clear else None
 
 
+def trace_lock(stand: Stand, sheet: Sheet) -> Findings:
+    """Find speeds in two units: rings that are engaged turn at one speed.
+
+    A record that ends before the flanks have met shows nothing.
+    """
+    ends = [
+        (np.median(row.trace.sliding_speed[-FIRST:]), np.median(row.trace.output_speed[-FIRST:]))
+        for row in traced(stand, sheet)
+        if row.row.time is not None and not row.short
+    ]
+    ratio = median([sliding / output for sliding, output in ends if output], 1.0)
+    for name, expected, correction in (
+        ("sliding_speed_rpm", RPM, "speeds=sliding_rad_s"),
+        ("output_speed_rpm", 1.0 / RPM, "speeds=output_rad_s"),
+    ):
+        if abs(ratio / expected - 1.0) > LOCKED:
+            continue
+        text = (
+            f"sliding_speed_rpm of finished shifts ends at {short(ratio, 3)} times "
+            "output_speed_rpm, but engaged rings turn at one speed"
+        )
+        cause = f"{name} in radians a second beside the other in 1/min"
+        yield Finding("speeds", text, cause, correction, certain=True)
+
+
 def trace_rate(stand: Stand, sheet: Sheet) -> Findings:
     """Find channels with too few samples in the time of their shift."""
     slow = []
@@ -328,7 +354,7 @@ class Range:
     ``ways`` (correction, unit in words) the first that brings the median ratio into the range is
     the slip, which is refused. Without one the cause is ``other``, which is refused beyond
     ``possible``. Of a sensor at the actuator the range ends at ``soft`` times ``high``.
-    ``alternatives`` are corrections, with their cause, that change the ratio as one of ``ways``.
+    ``alternatives`` are corrections, with their cause, that may do so as one of ``ways`` does.
     """
 
     quantity: str
@@ -346,6 +372,18 @@ class Range:
     def _middle(self, stand: Stand, sheet: Sheet) -> float:
         return median([self.ratio(one) for one in traced(stand, sheet)], 1.0)
 
+    def _is_cure(self, stand: Stand, sheet: Sheet, correction: str, high: float) -> bool:
+        """Test that a correction brings the ratios of half of the rows into the range."""
+        try:
+            other = corrected(sheet, correction, stand.sensor)
+        except InputError:  # the stand does not say by how much
+            return False
+        ratios = np.array([self.ratio(row) for row in traced(stand, other)])
+        ratios = ratios[np.isfinite(ratios)]
+        inside = (self.low <= ratios) & (ratios <= high)
+        # A force of the right unit may be too early in its rise for a ratio.
+        return bool(2 * inside.sum() >= inside.size)
+
     def __call__(self, stand: Stand, sheet: Sheet) -> Findings:
         """Find a ratio out of the range."""
         middle, travel = self._middle(stand, sheet), stand.clutch.dog.travel / MM
@@ -354,14 +392,14 @@ class Range:
             return
         found = self.found.format(short(middle, 3), number(travel), short(middle * travel, 3))
         for correction, looks in self.ways:
-            try:
-                other = corrected(sheet, correction, stand.sensor)
-            except InputError:  # the stand does not say by how much
-                continue
-            if self.low <= self._middle(stand, other) <= high:
+            if self._is_cure(stand, sheet, correction, high):
                 quantity = correction.partition("=")[0]
                 text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
-                others = self.alternatives.get(correction, ())
+                others = tuple(
+                    (way, cause)
+                    for way, cause in self.alternatives.get(correction, ())
+                    if self._is_cure(stand, sheet, way, high)
+                )
                 yield Finding(quantity, found, text, correction, True, self.arguable,
                               alternatives=others)  # fmt: skip
                 return
@@ -384,15 +422,20 @@ TRACED: tuple[Callable[[Stand, Sheet], Findings], ...] = (
            ("displacement=arm", "the robot arm's, {} times the sleeve's")),
           "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in "
           "the table [sensor])", possible=(0.5, 2.0), soft=1.8 / 1.15),
+    trace_lock,
     Range("mismatch", speed_ratio, 1.0 / SAME, SAME,
           "the traces begin with {0} times the mismatch_rpm of their rows "
           "(output_speed_rpm less sliding_speed_rpm)",
           (("mismatch=rad_s", "mismatch_rpm in radians a second"),
            ("speeds=rad_s", "the speeds of the traces in radians a second"),
-           ("mismatch=reversed", "a mismatch_rpm of sliding less output speed")),
+           ("mismatch=reversed", "a mismatch_rpm of sliding less output speed"),
+           ("speeds=sliding_rad_s", "sliding_speed_rpm alone in radians a second"),
+           ("speeds=output_rad_s", "output_speed_rpm alone in radians a second")),
           "another speed than the nominal one",
           alternatives={"mismatch=reversed":
-                        (("speeds=exchanged", "the traces' two speed columns exchanged"),)}),
+                        (("speeds=exchanged", "the traces' two speed columns exchanged"),),
+                        "speeds=rad_s":
+                        (("speeds=output_rad_s", "output_speed_rpm alone"),)}),
     Range("trace_force", force_ratio, 0.5, 1.5,
           "force_N of the traces ends at {0} of what force_N of the table makes it",
           (("trace_force=kN", "kilonewtons"),

@@ -17,7 +17,7 @@ from dogshape.diagnosis.bench.samples import dropouts, frozen_runs, held_step, r
 from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
-from dogshape.sim.units import MM
+from dogshape.sim.units import MM, RPM
 from tests.benches import good_set
 from tests.conftest import require_program
 
@@ -270,6 +270,14 @@ SIGNS: dict[str, tuple[Spoil, list[str], str]] = {
         lambda table: table.assign(**{WAY: -1e-3 * table[WAY]}),
         ["displacement=m", "displacement=turned"], "displacement_mm falls in",
     ),
+    "sliding speed in rad/s, the ring at rest": (
+        lambda table: table.assign(**{SLIDING: table[SLIDING] * RPM}),
+        ["speeds=sliding_rad_s"], "engaged rings turn at one speed",
+    ),
+    "output speed in rad/s": (
+        lambda table: table.assign(**{OUTPUT: table[OUTPUT] * RPM}),
+        ["speeds=output_rad_s"], "output_speed_rpm in radians a second beside",
+    ),
     "exchanged speeds": (
         lambda table: table.rename(columns={SLIDING: OUTPUT, OUTPUT: SLIDING}),
         ["speeds=exchanged"], "with -1 times the mismatch_rpm",
@@ -297,6 +305,31 @@ def test_signs_and_exchanged_speeds_are_named_and_turned_as_asked(
         for name in ("displacement", "force", "sliding_speed", "output_speed"):
             ours, theirs = getattr(reading.trace, name), getattr(known.trace, name)
             assert np.allclose(ours, theirs, rtol=1e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize(("column", "way"), [(SLIDING, "sliding"), (OUTPUT, "output")])
+def test_turning_rings_with_speeds_in_two_units_are_named_without_their_lock(
+    tmp_path: Path, column: str, way: str
+) -> None:
+    def spoil(table: pd.DataFrame) -> pd.DataFrame:
+        table[[SLIDING, OUTPUT]] += 150.0
+        table[column] *= RPM
+        return table[: int(np.argmax(table[WAY] > 4.66))]
+
+    with pytest.raises(DataError) as refused:
+        load_bench(spoilt_set(tmp_path, spoil))
+    assert f"--correct speeds={way}_rad_s" in str(refused.value)
+    assert "speeds=rad_s" not in str(refused.value)
+
+
+def test_a_resting_ring_leaves_open_which_speeds_are_in_radians(tmp_path: Path) -> None:
+    def spoil(table: pd.DataFrame) -> pd.DataFrame:
+        table[[SLIDING, OUTPUT]] *= RPM
+        return table[: int(np.argmax(table[SLIDING] > 0.2))]
+
+    with pytest.raises(DataError) as refused:
+        load_bench(spoilt_set(tmp_path, spoil))
+    assert "--correct speeds=rad_s" in str(refused.value)
 
 
 def jumped(table: pd.DataFrame) -> pd.DataFrame:
