@@ -241,7 +241,7 @@ def collect(state: SearchState, journal: ShiftJournal) -> Row:
         "n_simulated_shifts": sum(trial.shifts for trial in state.simulated),
         "failed_shifts": dict(failed_shifts),
         "hang_prior": [vars(prior) for prior in state.priors],
-        **dict.fromkeys(("confirmation", "life", "audit", "surrogate")),
+        **dict.fromkeys(("confirmation", "nearest", "life", "audit", "surrogate")),
         "versions": versions(),
         "config_hash": study.config_hash,
         "physics_hash": study.physics_hash,

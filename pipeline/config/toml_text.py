@@ -102,9 +102,9 @@ def with_values(
         elif old_value != value:
             is_table = "." not in key or isinstance(old_value, Table)
             if isinstance(value, Mapping) and is_table:
-                table[name] = tomlkit.item(dict(value))
+                _put(table, name, tomlkit.item(dict(value)))
             else:
-                table[name] = _item(value, lines=True)
+                _put(table, name, _item(value, lines=True))
             _renew_comment(table[name], key, comments)
             _drop_sources_before(table, name)
         if old_value != value:

@@ -196,10 +196,16 @@ def test_wrong_options_are_one_sentence(program: Call, command: str, words: str)
     assert said.out == ""
 
 
-def test_a_study_without_a_feasible_design_leaves_the_folder_to_the_next(dogshape: Call) -> None:
-    hopeless = ("--set", "manufacturing.tip_width_mm=12", "--out", "x")
-    assert "or use fewer or lower dogs" in dogshape("study", "mq200_paper", *hopeless).sentence
-    assert not (Path("x") / "study.json").exists()
+def test_a_study_without_a_feasible_design_ends_with_a_page_and_status_1(dogshape: Call) -> None:
+    """The nearest designs are simulated, and what would let them pass is said."""
+    hopeless = ["manufacturing.tip_width_mm=12", "search.trials=2", "search.confirm_angles=1"]
+    quick = ["operating.mismatch_rpm=[50]", "operating.force_N=[469.0]", "expectation.angles=3"]
+    options = set_options([*hopeless, *quick, "solver.engine=planar"])
+    outcome = dogshape("study", "mq200_paper", *options, "--out", "x")
+    assert outcome.status == 1
+    assert "fail tip width" in outcome.out
+    assert "or use fewer or lower dogs" in outcome.err
+    assert (Path("x") / "report.html").exists()
 
 
 def test_version_and_status_through_the_entry_point() -> None:

@@ -188,7 +188,7 @@ def test_more_shifts_have_the_mean_that_the_engine_expects() -> None:
 def test_a_test_settles_on_the_truth_or_misleads(
     after: Any, settled: bool, misled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(advised_test, "settle", lambda *_: after)
+    monkeypatch.setattr(advised_test, "update_posterior", lambda *_: after)
     diagnosis = SimpleNamespace(**{**vars(DIAGNOSIS), "tests": [_direct("moving_mass")]})
     advised = judge_test(Path(), MASS, diagnosis, [("moving_mass",)])  # type: ignore[arg-type]
     assert advised is not None
