@@ -57,13 +57,15 @@ _SPREAD = (
     r"\w*std\w*|sd|stabw|sigma|s e m|sem|\w*streuung|\w*abweichung(en)?|\w*deviation|ecart type"
     r"|scarto|desviacion|odchylka|odchylenie|scatter|spread|\w*unsicherheit|uncertainty|incertitude"
     r"|tolerance|toleranz|variance|varianz|range|spannweite|etendue|confidence|konfidenz\w*"
-    r"|vertrauens\w*|ci|\w*standardfehler|(standard |std )error"
+    r"|vertrauens\w*|ci|ki|ic|iqr|mad|\w*standardfehler|(standard |std )error|plus minus"
+    r"|u k \d|u m?s|u ?95|quartil\w*|interquartile|(half|demi) (width|largeur)|halbbreite|s d"
+    r"|dispersion\w*|spreiding|spridning"
 )
 _EXTREME = r"min|max|minimum|maximum|kleinste\w*|groesste\w*"
 _RISE = r"\w*rise|\w*anstieg\w*|ramp\w*|montee|salita|subida"
 _FORCE = r"shift force|(schalt|stell|aktor|axial)kraft|f (shift|axial|act|schalt|ax)"
 _DIFFERENCE = (
-    r"\w*differen\w*|diff|rel|ecart|relativ\w*|rozdil|roznica|verschil|skillnad|ero|kulonbseg|slip"
+    r"\w*dif(f)?eren\w*|\w*verschil|\w*skillnad|diff|rel|ecart|relativ\w*|rozdil|roznica|verschil|skillnad|ero|kulonbseg|slip"
     r"|schlupf|glissement|scorrimento|deslizamiento|skluz|poslizg|\w*mismatch"
 )
 SHAFTS = (
@@ -142,6 +144,7 @@ _REPEATED = (
 def plain_words(name: str) -> str:
     """Write a name in lower case, its words parted by blanks, without accents and signs."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    words = re.sub(r"^\s*(±|\+/?-)", "plus minus ", words)
     for letter, spelling in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("ß", "ss"), ("Δ", "delta "),
                              ("\N{INCREMENT}", "delta "), ("ω", "omega"), ("Ø", "mean "),
                              ("\N{GREEK SMALL LETTER SIGMA}", " sigma "), ("ł", "l"),

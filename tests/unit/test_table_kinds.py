@@ -257,6 +257,18 @@ KINDS: dict[str, Case] = {
         text_of("50;469;00:00,116", "100;469;0:00:00,084", head="dn;F;Schaltzeit"),
         times=[116, 84]),
     # 20 spread
+    "half width of a confidence interval": Case(
+        text_of("50;469;8;116;18", "100;469;8;84;14", head="dn;F;n;t_shift [ms];± 95 % [ms]"),
+        words=("'± 95 % [ms]' may be",), times=[116, 84],
+        option=("--column", "shift_time_sd_s=± 95 % [ms] / 2 * 8 ** 0.5")),
+    "expanded uncertainty": Case(
+        text_of("50;469;8;116;18", "100;469;8;84;14", head="dn;F;n;t_shift [ms];U (k=2) [ms]"),
+        words=("'U (k=2) [ms]' may be",)),
+    "twice sigma behind a sign": Case(
+        text_of("50;469;8;116;18", "100;469;8;84;14", head="dn;F;n;t_shift [ms];± 2 sigma [ms]"),
+        times=[116, 84]),
+    "Spanish difference": Case(
+        text_of(*ROWS, head="Diferencia de velocidad [rpm];Fuerza [N];Tiempo de cambio [ms]")),
     "spread without a word": Case(
         text_of("50;469;8;116;22", "100;469;8;84;17", head="dn;F;n;t_shift [ms];Streuung [ms]"),
         words=("'Streuung [ms]' may be",), times=[116, 84],
