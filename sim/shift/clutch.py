@@ -151,7 +151,7 @@ def contact_set(name: str) -> ContactSet:
 class Rings:
     """Masses that move: sliding ring (kg, kg m2) and output ring (kg m2)."""
 
-    mass: float = within("sliding.mass_kg", 1e-3, 50.0)
+    mass: float = within("sliding.mass_kg", 1e-3, 1e3)
     sliding_inertia: float = within("sliding.inertia_kgm2", 1e-6, 100.0)
     output_inertia: float = within("output.inertia_kgm2", 1e-6, 1e4)
 

@@ -38,6 +38,10 @@ SCOPE = (
     "dog.crest and dog.chamfer_back_deg, to both, backlash (dog.backlash_mm), and equal dogs on "
     "both rings"
 )
+EQUAL_DOGS = (
+    "the model has at least two equal dogs around each ring, which keep the rings parallel; give a "
+    "whole number"
+)
 CREST = "give a share of the tip, 0 for a ridge on the braking and 1 on the traction edge"
 LENGTH = "check the length and that it is in millimetres"
 
@@ -56,7 +60,7 @@ class Dog:
     """
 
     # Ranges are wide enough for any clutch, and narrow enough to catch a wrong unit.
-    count: int = within("count", 2, 10**6, remedy="give a whole number")  #: of a ring
+    count: int = within("count", 2, 1000, remedy=EQUAL_DOGS)  #: of a ring
     chamfer: float = within("chamfer_deg", 0.0, 60.0, remedy=SCOPE)  #: of the face, rad
     #: side angle of the flank, rad; negative is an undercut
     traction: float = within("traction_deg", -10.0, 60.0, remedy=SCOPE)
