@@ -214,20 +214,20 @@ def _silent(force: float, meaning: EmptyCells, **cause: Mapping[str, float]) -> 
 def test_a_meaning_of_empty_cells_that_decides_is_stated_beside_the_answer() -> None:
     """Shifts at 60 N fail by 100 N of friction, which times from 235 N on hardly show."""
     found = _silent(60.0, "unknown", sleeve_friction={"friction_N": 100.0})
-    one, other = found.readings
+    one, other = found.record_meanings
     assert (one.verdict.causes, other.verdict.causes) == ((), ("sleeve_friction",))
     assert found.verdict.causes == other.verdict.causes
     assert f"If shifts without a time were not made ({chance(one.probability)})" in summary(found)
     for meaning, reading in (("not_made", one), ("failed", other)):
         stated = _silent(60.0, meaning, sleeve_friction={"friction_N": 100.0})
-        assert (stated.readings, stated.verdict) == ((), reading.verdict)
+        assert (stated.record_meanings, stated.verdict) == ((), reading.verdict)
         most = max(stated.posterior.values())
         assert max(reading.posterior.values()) == pytest.approx(most, rel=0.01)
 
 
 def test_failures_that_nothing_explains_decide_nothing() -> None:
     found = _silent(600.0, "unknown", actuation_delay={"delay_s": 0.08})
-    assert [one.probability > 0.9 for one in found.readings] == [True, False]
+    assert [one.probability > 0.9 for one in found.record_meanings] == [True, False]
     assert found.verdict.causes == ("actuation_delay",)
     assert "without a time" not in summary(found)
 

@@ -121,14 +121,14 @@ def test_a_reversed_sense_is_named_and_has_no_sizes(sense: Sense) -> None:
 def test_an_unknown_sense_has_an_answer_for_either() -> None:
     found = _found({"moving_mass": {"added_mass_kg": 3.0}}, "unknown", other=True)
     assert found.leading == ("moving_mass", REVERSED)
-    readings = {one.value: one for one in found.readings if one.key == "sense"}
+    readings = {one.value: one for one in found.record_meanings if one.key == "sense"}
     assert set(readings) == {"as_noted", "reversed"}
     assert sum(one.probability for one in readings.values()) == pytest.approx(1.0)
     assert readings["reversed"].probability > 0.9
     mass = found.fits[found.leading].intervals["added_mass_kg"]
     assert mass.mean == pytest.approx(3.0, rel=0.3)
     known = _found({"moving_mass": {"added_mass_kg": 3.0}}, "known", other=False)
-    assert not [one for one in known.readings if one.key == "sense"]
+    assert not [one for one in known.record_meanings if one.key == "sense"]
 
 
 def _heavier(setting: Setting, values: Values) -> Setting:
