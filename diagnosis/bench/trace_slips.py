@@ -346,13 +346,16 @@ def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
         yield Finding("trace_force", found, looks, "trace_force=zeroed")
 
 
+MIN_CURED = 0.5  #: share of the rows that the correction of a slip brings into the range
+
+
 @dataclass(frozen=True)
 class Range:
     """Range of a ratio of traces to their rows.
 
     ``found`` is a sentence with the ratio as {0}, travel and ratio in mm as {1} and {2}. Of
-    ``ways`` (correction, unit in words) the first that brings the median ratio into the range is
-    the slip, which is refused. Without one the cause is ``other``, which is refused beyond
+    ``ways`` (correction, unit in words) the one that brings most rows into the range is the slip,
+    which is refused. Without one the cause is ``other``, which is refused beyond
     ``possible``. Of a sensor at the actuator the range ends at ``soft`` times ``high``.
     ``alternatives`` are corrections, with their cause, that may do so as one of ``ways`` does.
     """
@@ -372,17 +375,17 @@ class Range:
     def _middle(self, stand: Stand, sheet: Sheet) -> float:
         return median([self.ratio(one) for one in traced(stand, sheet)], 1.0)
 
-    def _is_cure(self, stand: Stand, sheet: Sheet, correction: str, high: float) -> bool:
-        """Test that a correction brings the ratios of half of the rows into the range."""
+    def _cured_share(self, stand: Stand, sheet: Sheet, correction: str, high: float) -> float:
+        """Compute the share of rows whose ratio a correction brings into the range."""
         try:
             other = corrected(sheet, correction, stand.sensor)
         except InputError:  # the stand does not say by how much
-            return False
+            return 0.0
         ratios = np.array([self.ratio(row) for row in traced(stand, other)])
         ratios = ratios[np.isfinite(ratios)]
         inside = (self.low <= ratios) & (ratios <= high)
         # A force of the right unit may be too early in its rise for a ratio.
-        return bool(2 * inside.sum() >= inside.size)
+        return float(inside.mean()) if inside.size else 1.0
 
     def __call__(self, stand: Stand, sheet: Sheet) -> Findings:
         """Find a ratio out of the range."""
@@ -391,18 +394,25 @@ class Range:
         if self.low <= middle <= high:
             return
         found = self.found.format(short(middle, 3), number(travel), short(middle * travel, 3))
-        for correction, looks in self.ways:
-            if self._is_cure(stand, sheet, correction, high):
-                quantity = correction.partition("=")[0]
-                text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
-                others = tuple(
-                    (way, cause)
-                    for way, cause in self.alternatives.get(correction, ())
-                    if self._is_cure(stand, sheet, way, high)
-                )
-                yield Finding(quantity, found, text, correction, True, self.arguable,
-                              alternatives=others)  # fmt: skip
-                return
+        shares = {way: self._cured_share(stand, sheet, way, high) for way, _ in self.ways}
+        correction, looks = max(self.ways, key=lambda way: shares[way[0]])
+        if shares[correction] >= MIN_CURED:
+            text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
+            others = tuple(
+                (way, cause)
+                for way, cause in self.alternatives.get(correction, ())
+                if self._cured_share(stand, sheet, way, high) >= MIN_CURED
+            )
+            yield Finding(
+                correction.partition("=")[0],
+                found,
+                text,
+                correction,
+                certain=True,
+                arguable=self.arguable,
+                alternatives=others,
+            )
+            return
         certain = not self.possible[0] < middle < self.possible[1]
         yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
 
