@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
-from dogshape.diagnosis.bench.force_start import FIRST, ForceStart, find_force_start
+from dogshape.diagnosis.bench.force_start import (
+    ForceStart,
+    displacement_at_rest,
+    find_force_start,
+)
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import Row, Sheet, joined_rows
 from dogshape.diagnosis.bench.traces import BenchTrace
@@ -62,8 +64,7 @@ def _from_force(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
 
 def _turned_displacement(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
     """Count the displacement from its reading at rest, in the other direction."""
-    start = find_force_start(trace, row.rise)
-    rest = start.displacement if start else float(np.median(trace.displacement[:FIRST]))
+    rest = displacement_at_rest(trace, row.rise)
     return replace(trace, displacement=rest - trace.displacement)
 
 

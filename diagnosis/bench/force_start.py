@@ -78,6 +78,12 @@ def find_force_start(trace: BenchTrace, rise: float) -> ForceStart | None:
     return ForceStart(start, error, level, float(np.median(still)))
 
 
+def displacement_at_rest(trace: BenchTrace, rise: float) -> float:
+    """Read the displacement before the force, m; the first samples where no force starts."""
+    start = find_force_start(trace, rise)
+    return start.displacement if start else float(np.median(trace.displacement[:FIRST]))
+
+
 def _fit_start(time: Array, force: Array, place: int, rise: float) -> tuple[float, float, float]:
     span = float(time[-1] - time[place])
     # Times in lengths of the fitted rise keep the fit well conditioned.
@@ -115,8 +121,9 @@ def _undisturbed(trace: BenchTrace) -> int:
 
 
 def _fit(time: Array, force: Array, shape: Shape, low: float) -> tuple[float, float, float, float]:
-    """Fit a shape that starts after ``low``: information criterion, start and its standard error,
-    and force at rest.
+    """Fit a shape that starts after ``low`` to a force.
+
+    Returns information criterion, start and its standard error, s, and force at rest, N.
     """
 
     def columns(starts: Array) -> Array:

@@ -14,7 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dogshape.diagnosis.bench.corrections import Finding, Findings, corrected
-from dogshape.diagnosis.bench.force_start import FIRST, ForceStart, find_force_start
+from dogshape.diagnosis.bench.force_start import (
+    FIRST,
+    ForceStart,
+    displacement_at_rest,
+    find_force_start,
+)
 from dogshape.diagnosis.bench.samples import scatter, smoothed, step_of
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
@@ -68,8 +73,15 @@ class TracedRow:
         """Displacement at rest, m; zero where the record begins after the force."""
         if self.moving or (self.start and self.start.time < self.trace.time[0]):
             return 0.0
-        first = float(np.median(self.trace.displacement[:FIRST]))
-        return self.start.displacement if self.start else first
+        return displacement_at_rest(self.trace, self.row.rise)
+
+    @property
+    def profile(self) -> ForceProfile | None:
+        """Nominal force of the row; None where its values make none."""
+        try:
+            return ForceProfile(self.row.force, self.row.rise)
+        except InputError:
+            return None
 
     @property
     def short(self) -> bool:
@@ -110,9 +122,8 @@ def force_ratio(one: TracedRow) -> float:
 
     A ratio below ``KILO`` counts at any time: no delay makes it so small.
     """
-    try:
-        profile = ForceProfile(one.row.force, one.row.rise)
-    except InputError:
+    profile = one.profile
+    if profile is None:
         return np.nan
     if not one.start or not (nominal := profile.at(float(one.trace.time[-1]) - one.start.time)):
         return np.nan
@@ -181,12 +192,13 @@ def trace_signs(stand: Stand, sheet: Sheet) -> Findings:
 
 
 def _fall(values: Array) -> tuple[float, float] | None:
-    """Give first and lowest reading of a channel that falls further than it rises, else None."""
+    """Return first and lowest reading of a channel that falls further than it rises, or None."""
     smooth = smoothed(values)
     rest = float(np.median(values[:FIRST]))
     fall, rise = rest - float(smooth.min()), float(smooth.max()) - rest
-    clear = max(CLEAR * scatter(values), FALLING * fall)
-    return (rest, rest - fall) if fall > CLEAR * scatter(values) and rise < clear else None
+    noise = CLEAR * scatter(values)
+    falls = fall > noise and rise < max(noise, FALLING * fall)
+    return (rest, rest - fall) if falls else None
 
 
 def trace_lock(stand: Stand, sheet: Sheet) -> Findings:
@@ -237,18 +249,17 @@ def trace_rate(stand: Stand, sheet: Sheet) -> Findings:
 def trace_jumps(stand: Stand, sheet: Sheet) -> Findings:
     r"""Find displacements that jump further than the sleeve can go within a sample step.
 
-    By the work of the force the sleeve has at most the speed :math:`\\sqrt{2 F s/m}` after the way
+    By the work of the force the sleeve has at most the speed :math:`\sqrt{2 F s/m}` after the way
     s, with the largest force F up to then, measured or nominal.
     """
     jumps = []
     for row in traced(stand, sheet):
         trace, mass = row.trace, stand.clutch.rings.mass
-        try:
-            profile = ForceProfile(row.row.force, row.row.rise)
-        except InputError:
+        profile = row.profile
+        if profile is None:
             continue
         way, noise = smoothed(trace.displacement), CLEAR * scatter(trace.displacement)
-        nominal = np.array([profile.at(float(time)) for time in trace.time])
+        nominal = profile.at(trace.time)
         force = np.maximum.accumulate(np.maximum(smoothed(trace.force), nominal))
         work = np.maximum(force, 0.0) * (abs(np.maximum.accumulate(way) - way[0]) + noise)
         speed = np.sqrt(2.0 * work / mass)

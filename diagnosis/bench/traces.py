@@ -13,7 +13,7 @@ import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
@@ -151,6 +151,11 @@ def _distance(time: Array, samples: Array) -> float:
     return float(nearest.max())
 
 
+def _clock_name(name: str) -> str:
+    """Name the times of a channel in messages."""
+    return f"column {TIME}" if name == LEAD else f"the time of {name}"
+
+
 def _examined(path: Path, name: str, channel: Channel) -> Channel:
     """Leave out samples that are none, and name faults of the recording.
 
@@ -158,9 +163,9 @@ def _examined(path: Path, name: str, channel: Channel) -> Channel:
     """
     _require_samples(path, name, channel)
     time, values = channel.time, channel.values
-    clock = f"column {TIME}" if name == LEAD else f"the time of {name}"
-    doubled = np.append(False, (np.diff(time) == 0.0) & (np.diff(values) == 0.0))
+    clock = _clock_name(name)
     still = np.append(False, np.diff(time) == 0.0)
+    doubled = still & np.append(False, np.diff(values) == 0.0)
     if doubled.any() and (doubled == still).all() and (np.diff(time[~doubled]) > 0.0).all():
         row = channel.rows[int(doubled.argmax())]
         text = f"{doubled.sum()} of {time.size} samples are there twice (row {row}) and left out"
@@ -180,7 +185,7 @@ def _examined(path: Path, name: str, channel: Channel) -> Channel:
             f"{number(0.5 * resolution / MS)} ms"
         )
         fault = Fault(text, "an export with too few digits")
-        channel = channel.selected(np.ones(channel.time.size, dtype=bool), fault)
+        channel = replace(channel, faults=(*channel.faults, fault))
     return _without_faults(path, name, channel)
 
 
@@ -218,13 +223,13 @@ def _without_faults(path: Path, name: str, channel: Channel) -> Channel:
         if extreme:
             cause = "a sensor or amplifier at the end of its range"
         faults.append(Fault(text, cause))
-    return channel.selected(np.ones(channel.values.size, dtype=bool), *faults)
+    return replace(channel, faults=(*channel.faults, *faults))
 
 
 def _require_samples(path: Path, name: str, channel: Channel) -> None:
     """Raise DataError for values that are not finite, and for few samples."""
     time = channel.time
-    clock = f"column {TIME}" if name == LEAD else f"the time of {name}"
+    clock = _clock_name(name)
     for place_name, values in ((f"column {name}", channel.values), (clock, time)):
         for place in np.flatnonzero(~np.isfinite(values)).tolist():
             raise bad_cell(path, channel.rows[place], place_name, values[place], "a finite number")
@@ -314,7 +319,7 @@ def _only(path: Path, name: str, groups: Sequence[Any], known: Iterable[str]) ->
 
 
 def _as_numbers(path: Path, name: str, samples: Any) -> Array:
-    kind = getattr(np.asarray(samples), "dtype", np.dtype(float)).kind
+    kind = np.asarray(samples).dtype.kind
     try:
         if kind in "Mm":
             raise TypeError("dates")
@@ -429,6 +434,13 @@ def _cut_short(path: Path, sizes: Mapping[str, int]) -> tuple[Fault, ...]:
     return (Fault(text, "a copy or a recording that was interrupted"),)
 
 
+def _require_units(path: Path, name: str, channel: Any) -> None:
+    """Raise DataError for a unit property of a TDMS channel that contradicts its name."""
+    for key, text in channel.properties.items():
+        if key.lower() in UNIT_PROPERTIES:
+            _require_unit(path, name, text)
+
+
 def _tdms_channel(
     path: Path, name: str, group: Any, lead: Any, faults: tuple[Fault, ...]
 ) -> Channel:
@@ -439,9 +451,7 @@ def _tdms_channel(
             f"'{group.name}' only, so that their clocks cannot be compared; write it in both"
         )
     channel = group[name]
-    for key, text in channel.properties.items():
-        if key.lower() in UNIT_PROPERTIES:
-            _require_unit(path, name, text)
+    _require_units(path, name, channel)
     values = _as_numbers(path, name, channel[:])
     if TIME not in group:
         time = _waveform(path, channel, lead[LEAD])
@@ -452,9 +462,7 @@ def _tdms_channel(
             text = f"{TIME} holds dates, and its seconds count from the first, {first[0]}"
             faults = (*faults, Fault(text, "a clock that does not start with the force"))
         else:
-            for key, text in group[TIME].properties.items():
-                if key.lower() in UNIT_PROPERTIES:
-                    _require_unit(path, TIME, text)
+            _require_units(path, TIME, group[TIME])
             time = _as_numbers(path, TIME, stamps)
     size = min(time.size, values.size)
     if time.size != values.size and not faults:
