@@ -150,6 +150,11 @@ def keys_of(
     return create_model(f"{of.__name__}Keys", __base__=Base, **keys)
 
 
+def mm_per_deg(outer: float, inner: float) -> float:
+    """Convert a degree about the shaft to mm at the mean radius of two diameters, mm."""
+    return 0.25 * DEG * (outer + inner)
+
+
 class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "backlash"))):  # type: ignore[misc]
     """Geometry of the dogs of both rings."""
 
@@ -170,7 +175,7 @@ class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "bac
             wrong: Any = {"type": "float_type", "input": angle}
             raise ValueError(broken_rule(name, wrong))
         try:
-            per_deg = 0.25 * DEG * (data["outer_diameter_mm"] + data["inner_diameter_mm"])
+            per_deg = mm_per_deg(data["outer_diameter_mm"], data["inner_diameter_mm"])
             most = ranges_of(Dog)["backlash"].high / per_deg
         except (KeyError, TypeError, ZeroDivisionError):  # keys that are refused in their own words
             return given

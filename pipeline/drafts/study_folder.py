@@ -36,7 +36,7 @@ from dogshape.pipeline.diagnose.study_keys import Data, clutch_tables, rounded, 
 from dogshape.pipeline.drafts.answers import read_numbers
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.sim.clutch_tables import validate
+from dogshape.sim.clutch_tables import mm_per_deg, validate
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -46,7 +46,7 @@ from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import Tolerances
 from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
-from dogshape.sim.units import DEG, RPM, from_si, unit_of
+from dogshape.sim.units import RPM, from_si, unit_of
 
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 COMMENTED = "mq200"  #: the bundled study whose file explains its keys
@@ -139,12 +139,12 @@ BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
 DECIDING: dict[str, tuple[str, ...]] = {
     "the shift time": (
         "shift.timeout_s", "shift.retraction_s", *ACTUATION, *OPERATION, "operating",
-        COUNT, BACKLASH, "dog.backlash_deg", "dog.axial_gap_mm", MASS, "drive", "mechanism",
-        "dog.chamfer_deg", "dog.chamfer_back_deg", *INERTIAS, "contact",
+        COUNT, BACKLASH, BACKLASH_DEG, "dog.axial_gap_mm", MASS, "drive", "mechanism",
+        *CHAMFERS, *INERTIAS, "contact",
     ),
     "the checks": (
-        TORQUE, "load.application_factor", "load.coast_share", SHARE, HELD,
-        "load.release_by_itself", "load.faces_release",
+        TORQUE, "load.application_factor", COAST, SHARE, HELD,
+        "load.release_by_itself", RELEASE,
         "load.shifts", "load.accuracy", MATERIAL, "manufacturing.root_radius_mm", "dog",
     ),
 }  # fmt: skip
@@ -267,7 +267,8 @@ def write_study(
     study, all mistakes at once, and StorageError for a folder that holds files, without ``force``.
     """
     name, source = out.resolve().name, str(out / "study.toml")
-    text, given, whence, said = _drafted(origin, {"name": name, **(values or {})})
+    all_values = {"name": name, **(values or {})}
+    text, given, whence, said = _drafted(source_of(origin), origin, all_values)
     done = re.sub(r"\A(#.*\n|\s*\n)*", "", text)  # comments on top are about the study copied
     study = build_study(validate(StudyFile, tomllib.loads(done), source))
     with draft_folder(out, force) as folder:
@@ -287,7 +288,8 @@ def write_study(
 
 def check_draft(origin: str, values: Mapping[str, Any]) -> None:
     """Raise the DogshapeError of a draft that makes no study."""
-    build_study(validate(StudyFile, tomllib.loads(_drafted(origin, values)[0]), "the draft"))
+    text, *_ = _drafted(source_of(origin), origin, values)
+    build_study(validate(StudyFile, tomllib.loads(text), "the draft"))
 
 
 def questions_of(
@@ -297,7 +299,8 @@ def questions_of(
 
     ``part`` is one of the tables of words. Points that are no lists are asked for as lists.
     """
-    source, (text, *_) = source_of(origin), _drafted(origin, values)
+    source = source_of(origin)
+    text, *_ = _drafted(source, origin, values)
     tables = partial(value_at, tomllib.loads(text))
     sources, own = sources_of(text), {key: tables(key) for key in WORDS}
     points = validate(OperatingSection, tables("operating"), "[operating]").rows()
@@ -341,7 +344,7 @@ def _defaults(tables: Callable[[str], Any]) -> list[tuple[str, Any, str]]:
         (DRAG, 0.0, "none, an assumption"),
         (SHARE, 1.0, "all of it"),
     ]
-    if tables("dog.backlash_deg") is None:
+    if tables(BACKLASH_DEG) is None:
         found.append((BACKLASH, 0.0, "none"))
     return [(key, value, reason) for key, value, reason in found if tables(key) is None]
 
@@ -354,9 +357,11 @@ def value_at(tables: Mapping[str, Any], key: str) -> Any:
     return found
 
 
-def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Data, str, list[str]]:
+def _drafted(
+    source: Source, origin: str, values: Mapping[str, Any]
+) -> tuple[str, Data, str, list[str]]:
     """Return the text of a draft, the values put into it, its origin, and what was assumed."""
-    source, taken, whence = source_of(origin), Data(), f"the study '{origin}'"
+    taken, whence = Data(), f"the study '{origin}'"
     if source.taken:
         taken, whence = source.dog_values | source.taken, f"the bench data of '{source.name}'"
     given, text = {**taken, **values}, text_of(source.file)
@@ -372,7 +377,7 @@ def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Data, str, li
 
 
 def _complete_strike(given: Data, tables: Data) -> None:
-    """Take a list of one for its number, and leave a strike out whose ring or shaft is unknown."""
+    """Replace lists of one number by the number, and drop a strike of unknown ring or shaft."""
     for key in STRIKE:
         if isinstance(given.get(key), list) and len(given[key]) == 1:
             given[key] = given[key][0]
@@ -384,7 +389,7 @@ def _complete_strike(given: Data, tables: Data) -> None:
 
 
 def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
-    """List values that are as in the study that was copied: those that decide, then the others."""
+    """List the values kept from the copied study: deciding ones first, then the others."""
     kept = {
         f"{section}.{key}": value
         for section, table in tomllib.loads(text).items()
@@ -515,7 +520,7 @@ def _widened_ranges(tables: Callable[[str], Any]) -> Data:
     for key, (low, high) in (tables("variables") or {}).items():
         own = tables(f"dog.{key}")
         if f"dog.{key}" == BACKLASH and tables(BACKLASH_DEG) is not None:
-            own = tables(BACKLASH_DEG) * _mm_per_deg(*map(tables, DIAMETERS))
+            own = tables(BACKLASH_DEG) * mm_per_deg(*map(tables, DIAMETERS))
         if not isinstance(own, (int, float)) or low <= own <= high:
             continue
         number = type(low)
@@ -524,11 +529,6 @@ def _widened_ranges(tables: Callable[[str], Any]) -> Data:
             max(high, number(math.ceil(own))),
         ]
     return found
-
-
-def _mm_per_deg(outer: float, inner: float) -> float:
-    """Convert a degree about the shaft to mm at the mean radius of two diameters, mm."""
-    return 0.25 * (outer + inner) * DEG
 
 
 def is_void(key: str, answers: Mapping[str, Any]) -> bool:
@@ -545,7 +545,7 @@ def value_of(key: str, text: str, *, default: Any, answers: Mapping[str, Any]) -
     """
     others: dict[str, float] = {}
     if key == BACKLASH and answers.keys() >= set(DIAMETERS):
-        others["deg"] = _mm_per_deg(*map(answers.__getitem__, DIAMETERS))
+        others["deg"] = mm_per_deg(*map(answers.__getitem__, DIAMETERS))
     if key == COAST and answers.get(TORQUE, 0.0) > 0.0:
         others["Nm"] = 1.0 / answers[TORQUE]
     answer = read_numbers(text, unit_of(key), others)
