@@ -159,9 +159,14 @@ _BRACKETS = re.compile(r"^(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _LAST = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|[\s_,.]+)([^\s_]+)$")
 
 
+def bare_unit(text: str) -> str:
+    """Write the spelling of a unit without blanks and in plain signs, ``N·mm²`` as ``N*mm2``."""
+    return re.sub(r"\s+", "", text).translate(_UNIT_SIGNS)
+
+
 def unit_named(text: str) -> Unit | None:
     """Find the unit of a spelling, None where it is none that is known."""
-    bare = re.sub(r"\s+", "", text).translate(_UNIT_SIGNS)
+    bare = bare_unit(text)
     unit = UNITS.get(bare if bare in ("N", "n") else bare.lower())
     return None if unit is None else replace(unit, text=text.strip())
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dogshape.diagnosis.bench.cell_values import FORCE, LENGTH, SPEED, TIME, unit_named
+from dogshape.diagnosis.bench.cell_values import FORCE, LENGTH, SPEED, TIME, bare_unit, unit_named
 from dogshape.sim.errors import InputError, meant_number
 from dogshape.sim.units import DEG
 
@@ -26,10 +26,6 @@ SPELLINGS: dict[str, dict[str, float]] = {
 }
 #: Dimension of a unit that tables of benches have too.
 DIMENSIONS = {"1/min": SPEED, "N": FORCE, "s": TIME, "mm": LENGTH}
-_SIGNS = str.maketrans({
-    "\N{SUPERSCRIPT TWO}": "2", "\N{DEGREE SIGN}": "deg", "\N{MICRO SIGN}": "u",
-    "\N{MIDDLE DOT}": "", "*": "", " ": "",
-})  # fmt: skip
 _RANGE = re.compile(r"\s+(?:to|bis)\s+|\s*(?:\.\.\.?|\N{HORIZONTAL ELLIPSIS})\s*")
 _NUMBER = re.compile(
     r"(?P<number>[-+\N{MINUS SIGN}\N{EN DASH}]?(?:\d+(?:[.,]\d+)*[.]?|[.]\d+)(?:[eE][-+]?\d+)?)"
@@ -101,7 +97,7 @@ def _factor(word: str, unit: str, others: Mapping[str, float]) -> float:
     """Return the factor from the unit that a ``word`` spells to ``unit``; InputError if unknown."""
     if not word:
         return 1.0
-    spelled = word.translate(_SIGNS)
+    spelled = bare_unit(word).replace("*", "")
     factors = {**SPELLINGS.get(unit, {}), **others}
     if spelled in factors:
         return factors[spelled]
