@@ -218,9 +218,11 @@ def open_live_page(
 
 def _matching_result(config: Setup, folders: Sequence[StudyFolder]) -> Row | None:
     """Read the last ``result.json`` of the study's physics; None without one."""
+    if set(config.shape_keys) != set(config.variables):
+        return None
     matching = None
     for folder in folders:
-        if folder.result.is_file() and set(config.shape_keys) == set(config.variables):
+        if folder.result.is_file():
             result = folder.stored_result()
             physics = config.in_engine(result.get("engine", "drake")).physics_hash
             if result.get("physics_hash") == physics:
@@ -356,7 +358,7 @@ def answer_at_once(live_page: LivePage, question: Row) -> tuple[dict[str, str], 
 
 
 def answer_by_simulation(live_page: LivePage, question: Row) -> Answer:
-    """Simulate a design; content of the page for its time, and its checks with the landing."""
+    """Simulate a design; return the page's content for its time and checks, with landing."""
     try:
         check = live_page.modify_study(question["texts"]).check(**_point(**question))
     except DogshapeError as error:

@@ -22,10 +22,8 @@ END_SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 SIGNAL_STATUS = 128  #: exit status by a signal, less its number
 CLOSED_PIPE_STATUS = SIGNAL_STATUS + 13  #: SIGPIPE, when the reader of a pipe has gone
 REPLACEMENT_HANDLER = "dogshape.replaced"  #: error handler of standard output and error
-BYTE_SURROGATES = (
-    0xDC80,
-    0xDCFF,
-)  #: first and last code point for a byte of a path that is no text
+#: First and last code point for a byte of a path that is no text.
+BYTE_SURROGATES = (0xDC80, 0xDCFF)
 #: Spellings of signs that an encoding lacks; letters with accents lose these.
 SPELLINGS = {
     "\N{PLUS-MINUS SIGN}": "+/-",
