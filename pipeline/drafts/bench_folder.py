@@ -20,7 +20,12 @@ from pandas import DataFrame
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_columns import NONE
 from dogshape.diagnosis.bench.foreign_readings import Report, TableReader
-from dogshape.diagnosis.bench.foreign_table import read_foreign, read_sheet, table_of
+from dogshape.diagnosis.bench.foreign_table import (
+    ForeignTable,
+    read_foreign,
+    read_sheet,
+    table_of,
+)
 from dogshape.diagnosis.bench.quantities import SHIFTS, TRACE
 from dogshape.diagnosis.bench.row_marks import RowChoice
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
@@ -50,7 +55,7 @@ class BenchDraft:
 
     tables: tuple[Path, ...] = ()  #: CSV or .xlsx files of the stand (``FILE.xlsx#SHEET``)
     origin: str = PUBLISHED  #: study or bench with clutch, contact, set values, rise of the force
-    #: quantity to column, unit or formula (``foreign_columns.said_match``)
+    #: quantity to column, unit or formula (``foreign_columns.stated_match``)
     columns: Mapping[str, str] = field(default_factory=dict)
     rise_s: float | None = None  #: of the force for rows that have none; None takes the origin's
     values: Mapping[str, Any] = field(default_factory=dict)  #: of ``bench.toml`` by dotted key
@@ -63,7 +68,7 @@ class BenchDraft:
 
     @property
     def choice(self) -> RowChoice:
-        """What the user has said of rows."""
+        """Answers of the user on rows."""
         return RowChoice(self.drop, self.keep, bool(self.rows), self.fill_down)
 
     @property
@@ -92,6 +97,7 @@ def guessed(draft: BenchDraft) -> Data:
 
 def explained(draft: BenchDraft) -> Data:
     """Read the tables of a draft step by step: lines of each step as far as it gets, and faults."""
+    _require_readable(draft)
     steps: list[dict[str, str]] = []
     report = Report()
     for path in draft.tables:
@@ -105,10 +111,7 @@ def explained(draft: BenchDraft) -> Data:
         except DataError as error:
             report.faults.append(str(error))
             continue
-        reader = TableReader(
-            table, SHIFTS, draft.columns, draft.decimal, report, choice=draft.choice
-        )
-        _completed(pd.DataFrame({"row": reader.table.rows, **reader.read()}), reader)
+        reader, _ = _read_rows(table, draft, report)
         rows = [(step, line) for step, line in reader.lines() if step != "raw sheet"]
         steps += [{"file": str(path), "step": step, "line": line} for step, line in rows]
     return {
@@ -201,8 +204,8 @@ def _fault_of(text: str, folder: Path, out: Path, rows: DataFrame) -> str:
     return text.replace(str(folder), str(out))
 
 
-def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
-    """Read the rows of all tables, with their file and row beside the columns of ``shifts.csv``."""
+def _require_readable(draft: BenchDraft) -> None:
+    """Raise InputError for tables of one file name, and for another decimal sign."""
     if len({path.name for path in draft.tables}) < len(draft.tables):
         raise InputError(
             "two of the tables have the same file name, but both are kept beside each other; "
@@ -210,7 +213,21 @@ def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
         )
     if draft.decimal not in (None, ".", ","):
         raise InputError(f"--decimal is '{draft.decimal}', but must be a point or a comma: . or ,")
-    said = {k: v for k, v in draft.columns.items() if not k.startswith(OF_TRACES)}
+
+
+def _read_rows(
+    table: ForeignTable, draft: BenchDraft, report: Report
+) -> tuple[TableReader, DataFrame]:
+    """Read the rows of a table, with its file and their numbers, and complete them."""
+    columns = {k: v for k, v in draft.columns.items() if not k.startswith(OF_TRACES)}
+    reader = TableReader(table, SHIFTS, columns, draft.decimal, report, choice=draft.choice)
+    values = {"file": str(table.path), "row": reader.table.rows, **reader.read()}
+    return reader, _completed(pd.DataFrame(values), reader)
+
+
+def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
+    """Read the rows of all tables, with their file and row beside the columns of ``shifts.csv``."""
+    _require_readable(draft)
     found = [pd.DataFrame(columns=["file", "row", *COLUMNS])]
     for path in draft.tables:
         try:
@@ -218,9 +235,7 @@ def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
         except DataError as error:
             report.faults.append(str(error))
             continue
-        reader = TableReader(table, SHIFTS, said, draft.decimal, report, choice=draft.choice)
-        values = {"file": str(path), "row": reader.table.rows, **reader.read()}
-        found.append(_completed(pd.DataFrame(values), reader))
+        found.append(_read_rows(table, draft, report)[1])
     return pd.concat(found[len(found) > 1 :], ignore_index=True)
 
 
@@ -377,7 +392,9 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path, trace
     if is_recorder_file:
         shutil.copyfile(path, folder / name)
         return name
-    said = {k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if OF_TRACES in k}
+    said = {
+        k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if k.startswith(OF_TRACES)
+    }
     own = Report()
     try:
         reader = TableReader(

@@ -594,6 +594,16 @@ def test_the_steps_of_reading_are_printed(dogshape: Call) -> None:
     assert [path.name for path in Path().iterdir()] == ["m.csv"]
 
 
+def test_the_steps_are_printed_of_what_is_read_and_refused_alike(dogshape: Call) -> None:
+    """Columns of traces are no quantities of the table; another decimal sign is refused."""
+    Path("m.csv").write_text(text_of("50;469;116", "100;469;84"))
+    of_trace = ("--column", "trace.force_N=F [N]")
+    assert dogshape("init", "bench", "m.csv", "--explain", *of_trace).status == 0
+    for explain in ((), ("--explain",)):
+        refused = dogshape("init", "bench", "m.csv", *explain, "--decimal", ";")
+        assert "--decimal is ';', but must be a point or a comma" in refused.sentence
+
+
 @pytest.mark.parametrize(
     ("option", "words"),
     [
