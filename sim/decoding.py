@@ -86,9 +86,8 @@ def decoded(raw: bytes) -> str:
         # Bytes that no text has give away anything else.
         if wide or not _BINARY.isdisjoint(raw):
             raise DataError("it is no text") from error
-        pages = [page for page in CODE_PAGES if _is_decodable(raw, page)]
-        page = max(pages, key=lambda name: _likelihood(raw.decode(name)))
-        text = raw.decode(page)
+        texts = [_decoded_by(raw, page) for page in CODE_PAGES]
+        text = max((text for text in texts if text is not None), key=_likelihood)
     return text if text.isascii() else unicodedata.normalize("NFC", text.translate(_INVISIBLE))
 
 
@@ -106,13 +105,12 @@ def _wide_coding(raw: bytes) -> str:
     return "utf-16-be" if even > 0.7 * characters and not odd else ""
 
 
-def _is_decodable(raw: bytes, page: str) -> bool:
+def _decoded_by(raw: bytes, page: str) -> str | None:
     # cp1252 leaves five bytes without a character; the others have one for each.
     try:
-        raw.decode(page)
+        return raw.decode(page)
     except UnicodeDecodeError:
-        return False
-    return True
+        return None
 
 
 def _likelihood(text: str) -> float:

@@ -1,4 +1,4 @@
-"""A table as a person sees it: rows with the text of their cells, their numbers and their marks.
+"""Raw sheet of a table: rows with the text of their cells, their numbers and their marks.
 
 First of the five steps by which a foreign table is read. Text has cells between separators. A sheet
 of a workbook, ``FILE.xlsx`` or ``FILE.xlsx#SHEET``, also has what its values do not say: hidden,
@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, datetime, time, timedelta
 from functools import cached_property
@@ -94,6 +94,11 @@ class RawSheet:
     def width(self) -> int:
         """Cells of the longest row."""
         return max((len(row.cells) for row in self.rows), default=0)
+
+    @cached_property
+    def cells(self) -> list[tuple[str, ...]]:
+        """Cells of each row, filled to the width of the sheet."""
+        return [(*row.cells, *[""] * (self.width - len(row.cells))) for row in self.rows]
 
     def lines(self) -> Iterator[str]:
         """Describe the sheet, a line each: size, marks and cells with notes."""
@@ -251,7 +256,6 @@ def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
         sheet = _named_sheet(file, names, wanted)
         if not sheet:
             return RawSheet(path, "\t", ())
-        formulas = load_workbook(file)[sheet]
         values = load_workbook(file, data_only=True)[sheet]
     except FileNotFoundError:
         raise
@@ -263,9 +267,9 @@ def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
         raise DataError(
             f"{file} is no workbook that can be read; save its sheet alone as .xlsx, or as CSV"
         ) from error
-    last_row, width = names[sheet]
+    last_row, width, formulas = names[sheet]
     cells = [list(row) for row in values.iter_rows(max_row=last_row, max_col=width)]
-    _require_values(file, [*formulas.iter_rows(max_row=last_row, max_col=width)], cells)
+    _require_values(file, formulas, values)
     texts = [[_cell_text(cell) for cell in row] for row in cells]
     for number, row in enumerate(texts, start=1):
         longest = max(map(len, row), default=0)
@@ -292,8 +296,10 @@ def _require_packed(file: Path, limits: TableLimits) -> None:
     limits.require("unpacked_bytes", unpacked, str(file), "save the sheet alone")
 
 
-def _filled_sheets(file: Path, limits: TableLimits, wanted: str) -> dict[str, tuple[int, int]]:
-    """Find last row and column with a value of each sheet that has one, row by row.
+def _filled_sheets(
+    file: Path, limits: TableLimits, wanted: str
+) -> dict[str, tuple[int, int, list[str]]]:
+    """Find last row, last column and cells of formulas of each sheet with a value, row by row.
 
     Sheets that are not ``wanted`` are looked at until the first value.
     """
@@ -304,8 +310,10 @@ def _filled_sheets(file: Path, limits: TableLimits, wanted: str) -> dict[str, tu
     for sheet in book.worksheets:
         sheet.reset_dimensions()  # what the file says of its size may be wrong
         last_row, width = 0, 0
-        for number, cells in enumerate(sheet.iter_rows(values_only=True), start=1):
-            filled = [place for place, value in enumerate(cells, start=1) if value is not None]
+        formulas: list[str] = []
+        for number, cells in enumerate(sheet.iter_rows(), start=1):
+            filled = [place for place, cell in enumerate(cells, start=1) if cell.value is not None]
+            formulas += [cell.coordinate for cell in cells if cell.data_type == "f"]
             if filled:
                 last_row, width = number, max(width, filled[-1])
                 where = f"{file}, sheet {sheet.title}"
@@ -315,13 +323,13 @@ def _filled_sheets(file: Path, limits: TableLimits, wanted: str) -> dict[str, tu
             if last_row and wanted not in ("", sheet.title):
                 break
         if last_row:
-            sizes[sheet.title] = last_row, width
+            sizes[sheet.title] = last_row, width, formulas
     states = {sheet.title: sheet.sheet_state for sheet in book.worksheets}
     book.close()
     return {name: sizes[name] for name in sorted(sizes, key=lambda name: states[name] != "visible")}
 
 
-def _named_sheet(file: Path, names: dict[str, tuple[int, int]], wanted: str) -> str:
+def _named_sheet(file: Path, names: Collection[str], wanted: str) -> str:
     if wanted in names or (not wanted and len(names) < 2):
         return wanted or next(iter(names), "")
     fault = f"there is no sheet '{wanted}' with cells" if wanted else "several sheets have cells"
@@ -330,15 +338,14 @@ def _named_sheet(file: Path, names: dict[str, tuple[int, int]], wanted: str) -> 
     raise DataError(f"{file}: {fault}; {rule}")
 
 
-def _require_values(
-    file: Path, formulas: Sequence[Sequence[Cell]], values: Sequence[Sequence[Cell]]
-) -> None:
-    """Raise DataError for formulas whose value was never stored."""
+def _require_values(file: Path, formulas: Sequence[str], values: Worksheet) -> None:
+    """Raise DataError for cells of formulas whose value was never stored."""
+    from openpyxl.cell.cell import MergedCell  # noqa: PLC0415
+
     empty = [
-        cell.coordinate
-        for row, value_row in zip(formulas, values, strict=True)
-        for cell, value in zip(row, value_row, strict=True)
-        if cell.data_type == "f" and value.value is None
+        coordinate
+        for coordinate in formulas
+        if values[coordinate].value is None and not isinstance(values[coordinate], MergedCell)
     ]
     if empty:
         more = f" and {len(empty) - 3} more" if len(empty) > 3 else ""
