@@ -256,7 +256,7 @@ def durations_of(cells: Sequence[str]) -> list[str]:
 
 
 def stamps_of(cells: Sequence[str], form: str) -> tuple[list[str], str]:
-    """Convert dates to ISO 8601, and clocks without a date to s; also tell the form they have.
+    """Convert dates to ISO 8601, and clocks without a date to s; also return their form.
 
     ``form`` has directives such as ``%d/%m/%Y``; empty finds one of ``FORMS``. Raises DataError for
     other cells.
@@ -295,7 +295,7 @@ def answer_of(cell: str) -> str:
     return "empty" if cell.lower() in NOTHING else "".join(cell.lower().split())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # compared and hashed by identity, not by all of its cells
 class Column:
     """A column: its place from 1, head, name without unit, unit, an unknown unit, and cells.
 
@@ -312,6 +312,11 @@ class Column:
     true_numbers: bool = False
     hidden: bool = False
     repeats: int = 0
+
+    @cached_property
+    def is_dated(self) -> bool:
+        """Whether most cells are dates or clocks."""
+        return is_dated(self.cells)
 
     @cached_property
     def values(self) -> Array:

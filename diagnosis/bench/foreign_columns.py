@@ -23,7 +23,6 @@ from dogshape.diagnosis.bench.cell_values import (
     TIME,
     Column,
     Unit,
-    is_dated,
     is_number,
     numbers_of,
     split_quantity,
@@ -286,7 +285,7 @@ def _missing_time(free: Sequence[Column]) -> str:
             f"--column shift_time_s='{second.head} - {first.head}'"
         )
     time = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
-    clocks = [c.head for c in free if is_dated(c.cells) and has_word(time.words, names[c])]
+    clocks = [c.head for c in free if c.is_dated and has_word(time.words, names[c])]
     if clocks:
         return f"'{clocks[0]}' (shift_time_s) holds clock times; write durations in s or ms"
     grown = [c.head for c in free if c.unit and c.unit.dimension == TIME and grows(c)]
@@ -453,7 +452,6 @@ def with_repeats(
         table,
         layout=replace(table.layout, name=REPEATS, body=body),
         columns=tuple(sorted([*repeated, times], key=lambda column: column.place)),
-        rows=tuple(table.rows[k] for k, _ in places),
         left_out=sorted([*table.left_out, *empty]),
         summaries=tuple((column.head, "summary of the repeats") for column in summaries),
     )

@@ -1,6 +1,6 @@
 """Readings of a foreign table: the values of its quantities, in the project's units.
 
-Last step of reading. Faults of all columns are collected, so that they are told at once.
+Last step of reading. Faults of all columns are collected and raised together.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from dogshape.diagnosis.bench.cell_values import (
     answer_of,
     decimal_sign,
     is_date,
-    is_dated,
     is_number,
     numbers_of,
     split_quantity,
@@ -167,7 +166,7 @@ class TableReader:
         cells = {
             column.head: [split_quantity(cell)[0] for cell in self._plain_cells(column)]
             for column in read
-            if not is_dated(column.cells) and not column.true_numbers
+            if not column.is_dated and not column.true_numbers
         }
         table = self.table
         try:
@@ -533,7 +532,7 @@ def _filled_rows(read: Mapping[Column, str], count: int) -> list[int]:
 
 
 def _remedy_of(cells: Sequence[str]) -> str:
-    """Say what to do with cells that are no numbers."""
+    """Choose the remedy for cells that are no numbers."""
     if any("±" in cell or "+-" in cell or "+/-" in cell for cell in cells):
         return "write what stands behind ± into a column of its own, named standard deviation"
     if any(re.search(r"\d\s*[,;/|]\s+\d", cell) for cell in cells):
@@ -554,6 +553,6 @@ def _reason(column: Column) -> str:
         return "hidden in the workbook"
     if counts_up(column):
         return f"numbers the rows; --column order='{column.head}' takes it as order of the shifts"
-    if is_dated(column.cells) or (column.unit and column.unit.dimension == TIME and grows(column)):
+    if column.is_dated or (column.unit and column.unit.dimension == TIME and grows(column)):
         return f"clock; --column timestamp='{column.head}' takes it as times of the shifts"
     return "no quantity of this name" if any(column.cells) else "empty"

@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +86,7 @@ _TITLE_VALUE = re.compile(r"[^\W\d]\w*\s*[=:]\s*[+-]?\d|\d\s*(?:1/min|rpm|U/min|
 class Layout:
     """Where a sheet has its names, units and shifts.
 
-    ``questions`` are those on rows, ``repeats`` the places of columns that are shifts of their own.
+    ``questions`` are those on rows.
     """
 
     name: str
@@ -113,17 +114,21 @@ class ForeignTable:
     """A table as it stands: raw sheet, layout, columns, and the rows of its shifts.
 
     ``place_questions`` are pairs of a column's place and a question on one of its words. ``stated``
-    is the decimal sign that the file says.
+    is the decimal sign that the file states.
     """
 
     sheet: RawSheet
     layout: Layout
     columns: tuple[Column, ...]
-    rows: tuple[int, ...]
     left_out: Reasons
     stated: str | None
     place_questions: Reasons = field(default_factory=list)
     summaries: tuple[tuple[str, str], ...] = ()  #: heads of columns left out, and why
+
+    @cached_property
+    def rows(self) -> tuple[int, ...]:
+        """Row numbers of the shifts in the file."""
+        return tuple(row.number for row in self.layout.body)
 
     @property
     def path(self) -> Path:
@@ -132,11 +137,11 @@ class ForeignTable:
 
     @property
     def separator(self) -> str:
-        """What parts the cells."""
+        """Separator between the cells."""
         return self.sheet.separator
 
     def taking(self, places: Sequence[int], reasons: Reasons) -> ForeignTable:
-        """Keep the rows at these places alone; ``reasons`` are those of the others."""
+        """Keep only the rows at these places; ``reasons`` say why the others are left out."""
         columns = tuple(
             replace(column, cells=tuple(column.cells[k] for k in places)) for column in self.columns
         )
@@ -145,7 +150,6 @@ class ForeignTable:
             self,
             layout=replace(self.layout, body=body),
             columns=columns,
-            rows=tuple(self.rows[k] for k in places),
             left_out=sorted([*self.left_out, *reasons]),
         )
 
@@ -160,7 +164,7 @@ class _Grid:
         width = sheet.width
         self.raw = sheet.rows
         self.rows = [row.number for row in sheet.rows]
-        self.cells = [(*row.cells, *[""] * (width - len(row.cells))) for row in sheet.rows]
+        self.cells = sheet.cells
         test = _is_quantity if loose else is_number
         shape = (len(self.cells), width)
         self.numeric = _table_of([[test(cell) for cell in row] for row in self.cells], shape)
@@ -245,7 +249,7 @@ def table_of(
         sheet, name = _transposed(sheet), TRANSPOSED
         grid = _Grid(sheet)
     if not grid.data.any():
-        _require_words(path, grid)
+        _require_no_blocks(path, grid, range(len(grid.rows)))
         raise DataError(
             f"{path} has no rows of numbers; save the table as CSV with semicolons, tabs or commas "
             "between cells, and a name and unit above each column"
@@ -276,7 +280,6 @@ def table_of(
         sheet,
         layout,
         columns,
-        tuple(grid.rows[k] for k in body),
         sorted(left),
         stated,
         place_questions,
@@ -316,13 +319,6 @@ def _require_width(path: Path, grid: _Grid, body: Sequence[int], width: int) -> 
         )
 
 
-def _require_words(path: Path, grid: _Grid) -> None:
-    """Raise DataError for blocks of a column each, whose titles hold the operating point."""
-    titles = _titles(grid, range(len(grid.rows)))
-    if len(titles) > 1:
-        raise DataError(_block_sentence(path, titles))
-
-
 def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) -> Layout:
     """Divide rows into names, units, rows below them, and rows left out with their reasons."""
     asked = [any(number in span for span in chosen) for number in grid.rows]
@@ -344,9 +340,7 @@ def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) ->
         if grid.cells[k] in repeated:
             left.append((grid.rows[k], "repeats the head"))
         elif k in heads:
-            titles = _titles(grid, [j for j in range(k + 1) if not grid.data[j]])
-            if len(titles) > 1:
-                raise DataError(_block_sentence(path, titles))
+            _require_no_blocks(path, grid, [j for j in range(k + 1) if not grid.data[j]])
             raise DataError(
                 f"{path}: another table begins in row {grid.rows[k]}; save each as a file of its "
                 "own, or name the rows of shifts, such as --rows "
@@ -479,11 +473,12 @@ def _foot_words(grid: _Grid, body: Sequence[int], questions: Reasons) -> Reasons
     number = grid.numeric[body][:, place] if body else np.zeros(0)
     if all(2 * part.sum() <= len(part) for part in (number, number[: len(body) // 2 + 1])):
         return reasons  # words or codes name the rows
+    last = body[int(np.flatnonzero(number)[-1])]
     for k in body:
         word = grid.cells[k][place]
         if grid.numeric[k, place]:
             continue
-        if word and k > body[int(np.flatnonzero(number)[-1])]:
+        if word and k > last:
             reasons.append((grid.rows[k], f"word where other rows have a number ('{word}')"))
         elif not re.search(r"\d", word):  # a code such as 2b
             questions.append(
@@ -523,14 +518,15 @@ def _named_needs(names: Cells) -> int:
 
 def _is_transposed(grid: _Grid) -> bool:
     """Test that the first cells of rows name quantities, with two numbers or more behind each."""
-    needs: set[str] = set()
-    for cells in grid.cells:
-        if is_number(cells[0]) or sum(map(begins_with_number, cells[1:])) < 2:
-            continue
-        if sum(bool(cell) for cell in cells) < 3 or not cells[0]:
-            continue
-        needs |= _needs_of(Column(1, cells[0], *split_head(cells[0])))
-    return len(needs) >= 2
+    heads = {
+        cells[0]
+        for cells in grid.cells
+        if cells[0]
+        and not is_number(cells[0])
+        and sum(map(bool, cells)) >= 3
+        and sum(map(begins_with_number, cells[1:])) >= 2
+    }
+    return _named_needs(tuple(heads)) >= 2
 
 
 def _transposed(sheet: RawSheet) -> RawSheet:
@@ -540,27 +536,27 @@ def _transposed(sheet: RawSheet) -> RawSheet:
             f"{sheet.path} is transposed, a column for each shift, and has hidden, merged or marked"
             " cells; paste it transposed (rows for columns) and save it again"
         )
-    cells = [(*row.cells, *[""] * (sheet.width - len(row.cells))) for row in sheet.rows]
     columns = [
         RawRow(number, tuple(column))
-        for number, column in enumerate(zip(*cells, strict=True), start=1)
+        for number, column in enumerate(zip(*sheet.cells, strict=True), start=1)
         if any(column)
     ]
     return replace(sheet, rows=tuple(columns))
 
 
-def _titles(grid: _Grid, places: Sequence[int]) -> list[tuple[int, str]]:
-    """Find rows of words that hold an operating point, such as ``dn = 50 1/min``."""
+def _require_no_blocks(path: Path, grid: _Grid, places: Iterable[int]) -> None:
+    """Raise DataError for blocks whose titles among these rows hold the operating point.
+
+    A title is such as ``dn = 50 1/min``.
+    """
     texts = [(grid.rows[k], ", ".join(filter(None, grid.cells[k]))) for k in places]
-    return [(number, text) for number, text in texts if _TITLE_VALUE.search(text)]
-
-
-def _block_sentence(path: Path, titles: Sequence[tuple[int, str]]) -> str:
-    number, text = titles[0]
-    return (
-        f"{path} is in blocks with the operating point in titles ({len(titles)}: row {number} "
-        f"'{text}' ...); write these values into columns of their own, beside each shift"
-    )
+    titles = [(number, text) for number, text in texts if _TITLE_VALUE.search(text)]
+    if len(titles) > 1:
+        number, text = titles[0]
+        raise DataError(
+            f"{path} is in blocks with the operating point in titles ({len(titles)}: row {number} "
+            f"'{text}' ...); write these values into columns of their own, beside each shift"
+        )
 
 
 def _require_rows_of_shifts(table: ForeignTable, grid: _Grid) -> None:
@@ -569,11 +565,9 @@ def _require_rows_of_shifts(table: ForeignTable, grid: _Grid) -> None:
     needs = [_needs_of(column) for column in columns]
     names = set().union(*needs)
     if len(names) < 3:
-        texts = [k for k in range(len(grid.rows)) if not grid.data[k]]
-        titles = _titles(grid, texts)
         speeds = [c for c in columns if c.unit and c.unit.dimension == SPEED]
-        if len(titles) > 1 and len(names) < 2 and not speeds:
-            raise DataError(_block_sentence(path, titles))
+        if len(names) < 2 and not speeds:
+            _require_no_blocks(path, grid, np.flatnonzero(~grid.data).tolist())
         if _is_matrix(table, grid):
             raise DataError(
                 f"{path} is a matrix, with one quantity in its first row and one in its first "

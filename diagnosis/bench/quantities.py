@@ -22,7 +22,6 @@ from dogshape.diagnosis.bench.cell_values import (
     TIME,
     UNITS,
     Column,
-    is_dated,
 )
 
 #: Scores of a column: its unit alone, a loose word, one of its words, its name; a unit beside them.
@@ -177,7 +176,7 @@ def score(quantity: Quantity, column: Column) -> float:
 
 
 def _is_stamp(quantity: Quantity, column: Column) -> bool:
-    return quantity.name == "timestamp" and is_dated(column.cells)
+    return quantity.name == "timestamp" and column.is_dated
 
 
 def _is_other(quantity: Quantity, column: Column, name: str) -> bool:
@@ -186,7 +185,7 @@ def _is_other(quantity: Quantity, column: Column, name: str) -> bool:
         return True
     if column.unit and column.unit.dimension != quantity.dimension:
         return True
-    if quantity.dimension and quantity.name != "timestamp" and is_dated(column.cells):
+    if quantity.dimension and quantity.name != "timestamp" and column.is_dated:
         return True
     numeric = any(re.search(r"\d", cell) for cell in column.cells)
     if quantity.needed and any(column.cells) and not numeric:

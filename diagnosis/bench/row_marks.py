@@ -1,10 +1,10 @@
-"""Rows and marks of a foreign table: whatever says that a row may be no shift is asked about.
+"""Rows and marks of a foreign table: questions on rows that may be no shifts.
 
-Fourth step of reading. What nobody asked for is looked at before it is left out: a column in which
-few rows have a sign, words that split the shifts into groups, numbers of engaged shifts, and what a
-workbook shows on a row (hidden, filtered, grouped, struck out, coloured, with a comment). Each is
-one question with the rows that it concerns, and three answers: ``--drop 'COLUMN=VALUE'`` leaves
-rows out, ``--keep 'COLUMN=VALUE'`` takes these rows alone, ``--rows 2-7,10`` names the shifts.
+Fourth step of reading. Four kinds of evidence raise a question: a column in which few rows have a
+sign, words that split the shifts into groups, numbers of engaged shifts, and what a workbook shows
+on a row (hidden, filtered, grouped, struck out, coloured, with a comment). Each is one question
+with the rows that it concerns, and three answers: ``--drop 'COLUMN=VALUE'`` leaves rows out,
+``--keep 'COLUMN=VALUE'`` takes these rows alone, ``--rows 2-7,10`` names the shifts.
 ``*`` is any sign, ``--keep 'COLUMN=*'`` takes all rows. The column of a workbook's marks is
 ``row``: ``--drop 'row=hidden'``.
 """
@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from dogshape.diagnosis.bench.cell_values import (
     ANSWERS,
@@ -82,7 +83,7 @@ _FRACTION = re.compile(
 
 @dataclass(frozen=True)
 class RowChoice:
-    """What the user has said of rows: texts ``COLUMN=VALUE`` to drop and to keep.
+    """Answers of the user on rows: texts ``COLUMN=VALUE`` to drop and to keep.
 
     ``named`` says that the rows of shifts are named one by one, which answers all questions on
     rows; ``fill_down`` that an empty set value is that of the row above.
@@ -140,6 +141,8 @@ def chosen_rows(table: ForeignTable, choice: RowChoice) -> tuple[ForeignTable, f
 
     Raises InputError for a column or value that the table does not have.
     """
+    if not (choice.drop or choice.keep):
+        return table, frozenset()
     marks = marks_of(table)
     taken = dict.fromkeys(range(len(table.rows)), "")
     settled: set[str] = set()
@@ -198,17 +201,17 @@ def row_plan(
 ) -> RowPlan:
     """Ask about marks, and about columns that are no quantity but may say what a row is."""
     questions = [*table.layout.questions]
+    shares = _shares(table, read, settled)
     if not choice.named:
         questions += _mark_questions(table, settled)
         outcome = next((column for column, name in read.items() if name == "engaged"), None)
         for column in table.columns:
-            if column in read or column.head in settled or _is_share(column, _has_means(read)):
+            if column in read or column.head in settled or column in shares:
                 continue
             questions += filter(None, [_column_question(table, column, outcome)])
         questions += filter(
             None, [_mean_question(table, read), *_code_questions(table, read, settled)]
         )
-    shares = _shares(table, read, settled)
     questions += [_share_question(column) for column in shares]
     return RowPlan(table.rows, tuple(questions), settled, next(iter(shares), None))
 
@@ -235,7 +238,7 @@ def _mean_question(table: ForeignTable, read: Mapping[Column, str]) -> str:
     if len(blocks) < 2 or not all(means):
         return ""
     rows = [table.rows[block[-1]] for block in blocks]
-    others = spans_of([row for row in table.rows if row not in rows])
+    others = _other_spans(table, rows)
     return (
         f"rows {_shown(rows)} are the means of those above them at the same operating point; name "
         f"the rows of shifts with --rows, such as {others}"
@@ -287,13 +290,18 @@ def _mark_questions(table: ForeignTable, settled: frozenset[str]) -> list[str]:
     if not groups:
         return []
     shown = "; ".join(f"{mark}: row {_shown(rows)}" for mark, rows in groups.items())
-    marked = {row for rows in groups.values() for row in rows}
-    others = spans_of([row for row in table.rows if row not in marked])
+    others = _other_spans(table, chain.from_iterable(groups.values()))
     return [
         f"rows are marked in the workbook ({shown}): are they shifts? "
         f"--drop '{ROW}={next(iter(groups)) if len(groups) == 1 else ANY}' leaves them out, "
         f"--keep '{ROW}={ANY}' takes all rows, --rows {others} names the shifts"
     ]
+
+
+def _other_spans(table: ForeignTable, rows: Iterable[int]) -> str:
+    """Write the rows of a table that are not among ``rows``, as ``--rows`` reads them."""
+    named = set(rows)
+    return spans_of([row for row in table.rows if row not in named])
 
 
 def _shown(rows: Sequence[int]) -> str:
@@ -342,7 +350,7 @@ def _is_code(column: Column, cells: Sequence[str], name: str) -> bool:
     """Test that cells are words or signs, or few whole numbers without a unit."""
     filled = [cell for cell in cells if cell]
     if not all(map(is_number, filled)):
-        return any(not is_number(cell) for cell in filled) and column.unit is None
+        return column.unit is None
     if column.unit is not None or column.strange or has_word(_PHYSICAL, name):
         return False
     whole = all(re.fullmatch(r"[+-]?\d{1,2}([.,]0+)?", cell) for cell in filled)
@@ -384,7 +392,7 @@ def _outcome_question(column: Column, groups: Mapping[str, Sequence[int]]) -> st
 def _flag_question(table: ForeignTable, column: Column, groups: Mapping[str, Sequence[int]]) -> str:
     rare = min(groups, key=lambda word: len(groups[word]))
     shown = "; ".join(f"'{word}': row {_shown(rows)}" for word, rows in groups.items())
-    others = spans_of([row for row in table.rows if row not in groups[rare]])
+    others = _other_spans(table, groups[rare])
     return (
         f"'{column.head}' marks rows ({shown}): which are no shifts? --drop "
         f"'{column.head}={rare}' leaves these out, --keep '{column.head}={ANY}' takes all rows, "
@@ -396,8 +404,7 @@ def _sign_question(table: ForeignTable, column: Column, signs: Mapping[str, Sequ
     shown = "; ".join(
         f"row {_shown(rows)}: '{word[:40]}'" for word, rows in [*signs.items()][:MAX_SHOWN]
     )
-    marked = {row for rows in signs.values() for row in rows}
-    others = spans_of([row for row in table.rows if row not in marked])
+    others = _other_spans(table, chain.from_iterable(signs.values()))
     every = all(not cell or cell in signs for cell in column.cells)
     value = ANY if every else next(iter(signs))
     return (
@@ -435,12 +442,13 @@ def _shares(
     table: ForeignTable, read: Mapping[Column, str], settled: frozenset[str]
 ) -> list[Column]:
     """Find columns with numbers or shares of shifts that engaged, which one row cannot hold."""
+    of_means = _has_means(read)
     return [
         column
         for column in table.columns
         if read.get(column, "engaged") == "engaged"
         and column.head not in settled
-        and _is_share(column, _has_means(read))
+        and _is_share(column, of_means)
     ]
 
 
