@@ -166,12 +166,7 @@ def _add_worth(diagnosis: Diagnosis, test: NextTest, seed: int = 1) -> NextTest:
     odds = imitator_odds(diagnosis.settings)
     prior = _prior(diagnosis, test.outcome)
     worth = test.outcome.worth(prior, odds, diagnosis.settings, seed)
-    return replace(
-        test,
-        information=worth.information,
-        settles=worth.settles,
-        misleads=worth.misleads,
-    )
+    return replace(test, **worth._asdict())
 
 
 def _prior(diagnosis: Diagnosis, outcome: PredictedOutcome) -> Array:

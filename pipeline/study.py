@@ -146,7 +146,7 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> Row:
     write_json(folder.rows, {"rows": list(chain(*(t.rows for t in confirmed_state.simulated)))})
     result = collect(searched_state, kept_journal)
     if confirmation is not None:
-        rows = {trial.number: row_of(state, trial) for trial in state.trials}
+        rows = {trial.number: row_of(state, trial) for trial in state.trials if trial.confirmed}
         result["best"] = rows[confirmation["chosen"]]
         result["front"] = [rows[trial.number] for trial in state.front if trial.confirmed]
         result["n_simulated_shifts"] += _confirmation_shifts(confirmation, rows)

@@ -12,6 +12,7 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -88,16 +89,23 @@ def log_prior(
     if hypothesis == UNKNOWN:
         return math.log(settings.unlisted)
     odds = {name: settings.prior(name) / (1.0 - settings.prior(name)) for name in model.effects}
-    # Elementary symmetric sums: all sets up to the largest size have probability 1 together.
-    sums = np.eye(1, settings.most + 1)[0]
-    for value in odds.values():
-        sums[1:] = sums[1:] + value * sums[:-1]
-    log = math.log1p(-settings.unlisted) - math.log(float(sums.sum()))
+    # All sets up to the largest size have probability 1 together.
+    total = _sum_over_sets(tuple(odds.values()), settings.most)
+    log = math.log1p(-settings.unlisted) - math.log(total)
     log += sum(math.log(odds[name]) for name in strip_sense(hypothesis))
     if model.reversed_model is None:
         return log
     sense_prior = reversed_prior if REVERSED in hypothesis else 1.0 - reversed_prior
     return log + math.log(sense_prior)
+
+
+@lru_cache(maxsize=16)
+def _sum_over_sets(odds: tuple[float, ...], max_size: int) -> float:
+    """Sum the odds of all sets up to a size, by elementary symmetric sums."""
+    sums = np.eye(1, max_size + 1)[0]
+    for value in odds:
+        sums[1:] = sums[1:] + value * sums[:-1]
+    return float(sums.sum())
 
 
 def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:

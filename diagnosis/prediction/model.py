@@ -264,16 +264,21 @@ class Model:
         return np.clip(excess, MIN_KURTOSIS, MAX_KURTOSIS)
 
     @cached_property
+    def _level_times(self) -> Array:
+        """Times of all levels by operating point, s, (C, levels, angles)."""
+        return np.moveaxis(self.simulated.times, 1, 0)
+
+    @cached_property
     def _pooled_times(self) -> Array:
         """Times of the baseline and all levels, s, (C, n)."""
-        levels = np.moveaxis(self.simulated.times, 1, 0)
-        return np.hstack([self.simulated.baseline, levels.reshape(self.cell_count, -1)])
+        level_times = self._level_times.reshape(self.cell_count, -1)
+        return np.hstack([self.simulated.baseline, level_times])
 
     @cached_property
     def _pooled_is_late(self) -> np.ndarray:
         """Whether the shifts of baseline and levels are late, (C, n)."""
-        levels = np.moveaxis(self.simulated.times, 1, 0)
-        late_levels = mark_late(levels, self.min_late_delay[:, None]).reshape(self.cell_count, -1)
+        late_levels = mark_late(self._level_times, self.min_late_delay[:, None])
+        late_levels = late_levels.reshape(self.cell_count, -1)
         return np.hstack([mark_late(self.simulated.baseline, self.min_late_delay), late_levels])
 
     @cached_property
@@ -290,7 +295,7 @@ class Model:
         """
         times = self._pooled_times
         is_late = self._pooled_is_late
-        (level_medians,) = quantiles(np.moveaxis(self.simulated.times, 1, 0), (0.5,))
+        (level_medians,) = quantiles(self._level_times, (0.5,))
         baseline_count = self.simulated.baseline.shape[1]
         timeout = np.array([setting.clutch.timeout for setting in self.settings])
         mean = np.minimum(LATE_SLOTS * self.passing_times, 0.5 * timeout)
@@ -327,14 +332,14 @@ class Model:
         Times until the gap is closed multiply and times of contact multiply; pairs that were
         simulated together correct that.
         """
+        space = self.space(hypothesis)
         contact_effects = [name for name in hypothesis if name not in self.reading_effects]
-        sums = self._sum_changes(hypothesis, contact_effects, values)
+        sums = self._sum_changes(space, contact_effects, values)
         mean = self.base_mean * np.exp(sums.moments[..., LOG_MEAN])
         if len(contact_effects) > 1:
             gap_time = self._approach.time * np.exp(sums.flight)
             contact_time = self._contact_time * np.exp(sum(sums.contact_logs))
             mean = (gap_time + contact_time) * np.exp(sums.reading_log)
-        space = self.space(hypothesis)
         pair_error = np.zeros_like(mean)
         for first, second in itertools.combinations(range(len(contact_effects)), 2):
             pair = (contact_effects[first], contact_effects[second])
@@ -353,20 +358,19 @@ class Model:
         return self._with_errors(sums, mean, pair_error)
 
     def _sum_changes(
-        self, hypothesis: Hypothesis, contact_effects: Sequence[str], values: Array
+        self, space: ParameterSpace, contact_effects: Sequence[str], values: Array
     ) -> _EffectSums:
         """Sum the changes by the effects of a hypothesis at values (m, p).
 
         Effects of the reading come last: uneven angles weigh the times with all other effects.
         """
-        space = self.space(hypothesis)
         shape = (len(values), self.cell_count)
         ones = np.ones(shape)
         sums = _EffectSums(
             moments=np.zeros((*shape, MOMENTS)), modes=Modes(ones, ones, ones, self.kurtosis * ones)
         )
         approach = self._approach
-        for name in sorted(hypothesis, key=lambda name: name in self.reading_effects):
+        for name in sorted(space.hypothesis, key=lambda name: name in self.reading_effects):
             change = self.changes(name, values[:, space.columns(name)])
             if change.angles is not None:
                 turn = (approach.pace + sums.slip) * approach.time * np.exp(sums.flight)

@@ -236,10 +236,7 @@ def _settings(
 
 def _pool_hangs(timed: Sequence[tuple[Expectation, Check]]) -> list[tuple[Expectation, Check]]:
     """Estimate times by a prior of hangs that is fitted to all designs."""
-    hangs = []
-    for expectation, _ in timed:
-        hangs.append([(point.hangs, point.n) for point in expectation.points])
-    priors = pool(hangs)
+    priors = pool([expectation.hang_counts for expectation, _ in timed])
     return [(expectation.under(priors), check) for expectation, check in timed]
 
 

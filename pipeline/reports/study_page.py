@@ -13,7 +13,7 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import Bad, Table, percent, tabulate
+from dogshape.pipeline.record import Bad, Record, Table, percent, tabulate
 from dogshape.pipeline.reports.charts import (
     ENTRY_NOTE,
     assumptions_figure,
@@ -74,6 +74,11 @@ from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import naming, without_formulas
 from dogshape.surrogate.store import Validation
 
+#: Limits of engagement: key of the record, its kind, and what is limited.
+LIMITS: tuple[tuple[str, type[Record], str], ...] = (
+    ("engagement_limits", LimitRow, "speed"),
+    ("engagement_torque_limits", TorqueLimitRow, "torque"),
+)
 HINGES_TITLE = "Assumptions that decide the smallest margin"
 
 
@@ -277,15 +282,11 @@ def _entry_tables(confirmation: Row) -> list[Table]:
         if cells:
             heads = (axis("mismatch_rpm"), axis("force_N"), "direct entry", "closed form")
             tables.append(Table(heads, cells, note=f"Direct entry, {name}."))
-        limits = [LimitRow(**limit) for limit in confirmation[side].get("engagement_limits") or ()]
-        if limits:
-            table = tabulate(LimitRow, limits)
-            tables.append(replace(table, note=f"Limit engagement speed, {name}; 95 % interval."))
-        records = confirmation[side].get("engagement_torque_limits") or ()
-        torque_limits = [TorqueLimitRow(**record) for record in records]
-        if torque_limits:
-            table = tabulate(TorqueLimitRow, torque_limits)
-            tables.append(replace(table, note=f"Limit engagement torque, {name}; 95 % interval."))
+        for key, kind, quantity in LIMITS:
+            limits = [kind(**record) for record in confirmation[side].get(key) or ()]
+            if limits:
+                note = f"Limit engagement {quantity}, {name}; 95 % interval."
+                tables.append(replace(tabulate(kind, limits), note=note))
     return tables
 
 

@@ -197,7 +197,7 @@ def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> li
     forget_designs(study, executors.search, angles, _seed(study))
     sound = [(trial, one) for trial, one in zip(trials, found, strict=True) if one.is_complete]
     counts = [trial.counts for trial in searched.simulated if trial.times]
-    counts += [[(p.hangs, p.n) for p in one.expectation.points] for _, one in sound]
+    counts += [one.expectation.hang_counts for _, one in sound]
     priors = pool(counts) if counts else ()
     return [
         {"trial": trial.number, **_confirmed(study, trial.params, one.under(priors))}
@@ -241,7 +241,7 @@ def _renewed_state(
     counts, none = [], [(0, 0)] * len(searched.study.points)
     for trial in searched.simulated:
         one = found.get(trial.number)
-        new = [(p.hangs, p.n) for p in one.expectation.points] if one else none
+        new = one.expectation.hang_counts if one else none
         pairs = zip(trial.counts or none, new, strict=True)
         counts.append([(k + more, n + shifts) for (k, n), (more, shifts) in pairs])
     priors = pool(counts)
@@ -340,7 +340,7 @@ def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -
             "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
             "or without the objective peak_impact_force_N"
         )
-    blocks = [block for params in designs for block in _thinned(study, params)]
+    blocks = [b for params in designs for b in _thinned(study, _new_blocks(study, params))]
     if study.reference_setup is None:
         executors.kept.run(blocks)  # for the single shifts of the report
     else:
@@ -362,11 +362,16 @@ def _executor(study: Setup, executors: Executors) -> Executor:
     return executors.kept if study.clutch.solver.engine == "drake" else executors.search
 
 
-def _thinned(study: Setup, params: Params) -> list[Block]:
-    """Return the shifts of a design at ``search.confirm_angles`` of its new angles."""
+def _new_blocks(study: Setup, params: Params) -> list[Block]:
+    """Build the shifts of a design at its new angles."""
+    return design_blocks(study, params, new_angles(study), _seed(study))
+
+
+def _thinned(study: Setup, blocks: Sequence[Block]) -> list[Block]:
+    """Select the shifts at ``search.confirm_angles`` of the new angles."""
     many = new_angles(study)
     places = range(0, many, many // study.file.search.confirm_angles)
-    return [block.only(places) for block in design_blocks(study, params, many, _seed(study))]
+    return [block.only(places) for block in blocks]
 
 
 def _record(
@@ -385,10 +390,10 @@ def _record(
     params, same = trials[chosen].params, trials[chosen].prototype
     executor, both = _executor(study, executors), list[Evaluation]()
     for design, one in ((study.prototype, own), (params, found[chosen])):
-        blocks = _thinned(study, design)  # repeated, some of the shifts tell the numerical error
-        error = numerical_error(blocks, executor.run(blocks), executor.run)
+        blocks = _new_blocks(study, design)
+        sample = _thinned(study, blocks)  # repeated for the numerical error
+        error = numerical_error(sample, executor.run(sample), executor.run)
         expectation = replace(one.expectation, numerical_error=error)
-        blocks = design_blocks(study, design, new_angles(study), _seed(study))
         expectation = with_torques(study.with_operation(design), expectation, blocks, executor.run)
         both.append(replace(one, expectation=expectation))
     old, new = both

@@ -188,9 +188,10 @@ class Guide:
         """Return the constraints of trials by number, limits on times with pooled hangs."""
         found = {trial.number: dict(trial.constraints) for trial in trials}
         known, _ = pooled(self.study, [trial_of(trial) for trial in trials])
+        limits = limits_of(self.study)
         for trial in known:
             limited = {} if trial.measured is None else trial.measured.limited
-            for quantity, limit in limits_of(self.study):
+            for quantity, limit in limits:
                 if quantity.name in limited:
                     check = Check(quantity.rule, limited[quantity.name], limit)
                     found[trial.number][quantity.name] = -check.margin
@@ -256,9 +257,10 @@ class Pool:
         self.refusal = ""
         if not self._drawn[0]:
             study = guide.study
-            self.refusal = explain_infeasible(study, TRIES * wide)
-            nearest = nearest_filling(study)[: study.file.search.trials]
-            self._drawn = [[design.params for design, _ in nearest]]
+            nearest = nearest_filling(study)
+            self.refusal = explain_infeasible(study, TRIES * wide, nearest)
+            tried = nearest[: study.file.search.trials]
+            self._drawn = [[design.params for design, _ in tried]]
 
     def untaken(self, taken: Sequence[Params]) -> list[Params]:
         """Return up to ``wide`` allowed designs that were not taken; none where every one was."""

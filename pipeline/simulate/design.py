@@ -49,7 +49,7 @@ WITHIN: dict[str, Kind] = {WORST: "worst_case", STATISTICAL: "root_sum_square"}
 WITHIN_WORDS = {WORST: "at worst-case tolerances", STATISTICAL: "at statistical tolerances"}
 #: Quantities that sum up other checks: a limit on one of them is no check of its own.
 SUMMARIES = (*WITHIN, "smallest_margin", "utilisation")
-KINDS: tuple[Kind, ...] = ("worst_case", "root_sum_square")
+KINDS: tuple[Kind, ...] = tuple(WITHIN.values())
 FILLING_DESIGNS = 512  #: designs that fill the ranges to explain why none is feasible
 MAX_NAMED = 3  #: failed checks that a message names
 Bounds = Sequence[tuple["Objective", float]]  #: upper ones where less is better
@@ -489,13 +489,14 @@ def failing_words(margins: Sequence[Mapping[str, float]]) -> str:
     return "; ".join(clauses)
 
 
-def explain_infeasible(study: Setup, drawn: int) -> str:
+def explain_infeasible(
+    study: Setup, drawn: int, designs: Sequence[tuple[Design, dict[str, float]]]
+) -> str:
     """Explain which checks fail in a study of which none of ``drawn`` designs is feasible.
 
-    The checks are those of designs that fill the search ranges.
+    ``designs`` fill the search ranges, as ``nearest_filling`` lists them.
     """
     fault = f"none of {drawn} designs drawn from the search ranges"
-    designs = nearest_filling(study)
     if not designs:
         return f"{fault} passes every check: no dog has such a shape; widen [variables]"
     bounds = [name for name in WITHIN if name in (study.file.search.limits or {})]

@@ -475,12 +475,12 @@ def life_of(
     stages = list[LifeStage]()
     crest_loss = 0.0
     for life in STAGES:
-        if stages:
+        if wear.crest_loss is not None:
+            crest_loss = life * wear.crest_loss
+        elif stages:
             crest_loss += _loss_since(
                 stages[-1], life, wear, dog=worn(new_dog, crest_loss), study=study
             )
-        if wear.crest_loss is not None:
-            crest_loss = life * wear.crest_loss
         dog = worn(new_dog, crest_loss) if crest_loss else new_dog
         dog = replace(dog, edge_radius=wear.edges(new_dog, life))
         expectation, rows = _expect_worn(design_study, dog, executor, priors)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.record import (
@@ -470,8 +471,13 @@ def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
             looks[len(cells)] = "group"
             cells += [[title], *tabulate(CheckRow, members, *columns).rows]
     text_columns = ("unit", "meaning", "formula", "source")
-    words = [index for index, name in enumerate(columns) if name in text_columns]
+    words = _places(columns, text_columns)
     return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
+
+
+def _places(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
+    """List the places of wanted names."""
+    return [index for index, name in enumerate(names) if name in wanted]
 
 
 def _check_columns(rows: Sequence[CheckRow]) -> tuple[str, ...]:
@@ -563,12 +569,8 @@ def hinge_table(rows: Sequence[HingeRow], *names: str) -> Table:
         "Smallest margin at either end of the range of an assumption, the others as given, by the "
         "closed forms; landings scale with the root of the contact's stiffness."
     )
-    return Table(
-        heads=tabulate(HingeRow, (), *names).heads,
-        rows=tabulate(HingeRow, rows, *names).rows,
-        words=[index for index, name in enumerate(names) if name in text_columns],
-        note=note,
-    )
+    table = tabulate(HingeRow, rows, *names)
+    return replace(table, words=_places(names, text_columns), note=note)
 
 
 class EngineAgreement(Record):

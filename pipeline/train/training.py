@@ -22,7 +22,7 @@ from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
-from dogshape.pipeline.simulate.design import explain_infeasible, mark_worthy
+from dogshape.pipeline.simulate.design import explain_infeasible, mark_worthy, nearest_filling
 from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import (
@@ -120,7 +120,7 @@ def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Pa
                 yielded.add(values)
                 yield design
     if not yielded and not beyond:
-        raise InputError(explain_infeasible(study, MAX_MISSES))
+        raise InputError(explain_infeasible(study, MAX_MISSES, nearest_filling(study)))
 
 
 def _design(study: Setup, shares: Array) -> Params:

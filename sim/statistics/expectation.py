@@ -234,6 +234,11 @@ class Expectation:
         """Number of the shifts that are tried again."""
         return sum(p.hangs for p in self.points)
 
+    @property
+    def hang_counts(self) -> list[tuple[int, int]]:
+        """Numbers of hangs and shifts by operating point."""
+        return [(point.hangs, point.n) for point in self.points]
+
     def under(self, priors: Sequence[HangPrior]) -> Expectation:
         """Return the expectation by other priors, one for each operating point."""
         pairs = zip(self.points, priors, strict=True)
