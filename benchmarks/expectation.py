@@ -151,7 +151,7 @@ def print_coverage(study: Setup, dense: Dense) -> None:
     print(
         f"  {np.mean([r.shifts for r in runs]):.0f} shifts of Drake, {np.mean(cpu):.1f} s CPU; "
         f"error {_rms_ms([r.mean - reference.mean for r in runs]):.2f} ms, "
-        f"told {_rms_ms([r.standard_error for r in runs]):.2f} ms"
+        f"stated {_rms_ms([r.standard_error for r in runs]):.2f} ms"
     )
     keys = {
         "with retries": ("mean", "standard_error"),

@@ -42,12 +42,12 @@ def plain(cell: str) -> str:
 
 
 def is_number(cell: str) -> bool:
-    """Test that a cell is a number, whatever its decimal sign."""
+    """Test that a cell is a number with either decimal sign."""
     return bool(_NUMBER.fullmatch(plain(cell)))
 
 
 def begins_with_number(cell: str) -> bool:
-    """Test that a cell begins as a number does, such as ``>1000`` and ``116 ± 12``."""
+    """Test that a cell begins with a number, such as ``>1000`` and ``116 ± 12``."""
     return bool(_BEGINS.match(plain(cell)))
 
 
@@ -110,7 +110,7 @@ PRESSURE, AREA = "pressure", "area"
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: its spelling, what it measures, and the factor to 1/min, N, s, mm, N/cm² or cm²."""
+    """Unit: spelling, dimension, and factor to 1/min, N, s, mm, N/cm² or cm²."""
 
     text: str
     dimension: str
@@ -165,7 +165,7 @@ def bare_unit(text: str) -> str:
 
 
 def unit_named(text: str) -> Unit | None:
-    """Find the unit of a spelling, None where it is none that is known."""
+    """Find the unit of a spelling, None for an unknown one."""
     bare = bare_unit(text)
     unit = UNITS.get(bare if bare in ("N", "n") else bare.lower())
     return None if unit is None else replace(unit, text=text.strip())
@@ -206,7 +206,7 @@ def split_quantity(cell: str) -> tuple[str, Unit | None]:
 
 
 def split_head(text: str, below: str = "") -> tuple[str, Unit | None, str | None]:
-    """Divide the head of a column into name, unit, and what stands as a unit but is none known.
+    """Divide the head of a column into name, unit, and the text of an unknown unit.
 
     A unit stands in brackets at the end (``F [kN]``), after "in" or a stroke (``F/kN``), last
     (``t_shift ms``), or in a cell of its own ``below``.
@@ -247,7 +247,7 @@ def is_dated(cells: Sequence[str]) -> bool:
 
 
 def durations_of(cells: Sequence[str]) -> list[str]:
-    """Write clocks of less than a minute, such as ``00:00.116``, in s; empty where any is none."""
+    """Convert clocks below a minute, such as ``00:00.116``, to s; empty if any cell is none."""
     matches = [_DURATION.fullmatch(cell) for cell in cells if cell]
     if not matches or not all(matches):
         return []

@@ -28,7 +28,7 @@ KINDS = {"from_force": "zero", "zeroed": "zero", "turned": "sign", "exchanged": 
 
 
 def _scaled(one: Any, by: float, *names: str) -> Any:
-    """Multiply fields of a row or a trace, where they have a value."""
+    """Multiply fields of a row or a trace that have a value by a factor."""
     values = {name: getattr(one, name) for name in names}
     return replace(one, **{name: v * by for name, v in values.items() if v is not None})
 
@@ -111,7 +111,7 @@ def contradict(one: str, other: str) -> bool:
 
 
 def parse(texts: Iterable[str]) -> tuple[str, ...]:
-    """Read corrections such as ``time=ms``; one that is wrong or contradicts raises InputError.
+    """Parse corrections such as ``time=ms``; InputError for unknown or contradicting ones.
 
     They come once each, in the order in which they are made.
     """

@@ -95,7 +95,7 @@ class Match:
 
 @dataclass(frozen=True)
 class Matching:
-    """Matches of columns and quantities, and questions on what is not decided."""
+    """Matches of columns and quantities, with questions on undecided ones."""
 
     matches: tuple[Match, ...] = ()
     questions: tuple[str, ...] = field(default=())
@@ -116,7 +116,7 @@ class Matching:
 def matched(
     columns: Sequence[Column], quantities: Sequence[Quantity], options: Mapping[str, str]
 ) -> Matching:
-    """Match columns with quantities, best first, and ask about what is not decided.
+    """Match columns with quantities, best first, and ask about undecided ones.
 
     ``options`` maps quantities to column options (``stated_match``), which come first, or to
     ``NONE``.
@@ -413,7 +413,7 @@ def _area_in_cm2(match: re.Match[str]) -> str:
 def with_repeats(
     table: ForeignTable, options: Mapping[str, str]
 ) -> tuple[ForeignTable, Mapping[str, str], list[str]]:
-    """Give each repeat of a shift that is a column a row of its own.
+    """Reshape columns of repeats into rows, one for each shift.
 
     Returns the table, the options with the column that holds all repeats, and questions.
     """

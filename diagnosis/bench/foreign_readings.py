@@ -162,7 +162,7 @@ class TableReader:
             self.matching = matched(self.table.columns, self.quantities, options)
 
     def _find_sign(self, decimal: str | None, read: Mapping[Column, str]) -> list[str]:
-        """Decide on the decimal sign of texts; list the fault where it is open."""
+        """Determine the decimal sign of texts; record a fault where it is ambiguous."""
         cells = {
             column.head: [split_quantity(cell)[0] for cell in self._plain_cells(column)]
             for column in read
@@ -203,7 +203,7 @@ class TableReader:
         return ["" if row in noted else cell for row, cell in zip(rows, column.cells, strict=True)]
 
     def _cell_faults(self, read: Mapping[Column, str]) -> list[str]:
-        """List cells of a workbook that cannot be read as they stand."""
+        """List unreadable cells of a workbook with their reasons."""
         sheet, rows = self.table.sheet, set(self.table.rows)
         missing = any(q.needed and q.name not in self.matches for q in self.quantities)
         heads = {
@@ -478,7 +478,7 @@ class TableReader:
         return self._record(match, [cell or None for cell in match.terms[0][0].cells], "")
 
     def _answers(self, match: Match) -> Values:
-        """Read yes and no; an option such as ``gut=yes,empty=no`` goes first."""
+        """Convert answers to yes and no; an option such as ``gut=yes,empty=no`` prevails."""
         cells = [answer_of(cell) for cell in match.terms[0][0].cells]
         pairs = (pair.split("=", 1) for pair in match.option.split(",") if "=" in pair)
         stated = {answer_of(word): answer_of(answer) for word, answer in pairs}

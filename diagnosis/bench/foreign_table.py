@@ -1,4 +1,4 @@
-"""Layout of a foreign table: its head, the rows below it, and the rows left out with their reasons.
+"""Layout of a foreign table: head, rows of shifts, and excluded rows with their reasons.
 
 A foreign table is read in five steps, each a frozen value that ``init bench FILE --explain``
 prints: *raw sheet* (``sim.raw_sheet``), *layout* (here), *columns and units*
@@ -111,7 +111,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class ForeignTable:
-    """A table as it stands: raw sheet, layout, columns, and the rows of its shifts.
+    """Foreign table: raw sheet, layout, columns and rows of shifts.
 
     ``place_questions`` are pairs of a column's place and a question on one of its words. ``stated``
     is the decimal sign that the file states.
@@ -320,7 +320,7 @@ def _require_width(path: Path, grid: _Grid, body: Sequence[int], width: int) -> 
 
 
 def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) -> Layout:
-    """Divide rows into names, units, rows below them, and rows left out with their reasons."""
+    """Divide rows into names, units, shifts, and excluded rows with their reasons."""
     asked = [any(number in span for span in chosen) for number in grid.rows]
     heads = [k for k in range([*asked, True].index(True)) if grid.is_head(k)]
     above = heads[-1 if chosen else 0] if heads else -1

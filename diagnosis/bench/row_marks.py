@@ -199,7 +199,7 @@ def _selected(
 def row_plan(
     table: ForeignTable, read: Mapping[Column, str], choice: RowChoice, settled: frozenset[str]
 ) -> RowPlan:
-    """Ask about marks, and about columns that are no quantity but may say what a row is."""
+    """Collect questions on marks, and on columns that may mark rows as no shifts."""
     questions = [*table.layout.questions]
     shares = _shares(table, read, settled)
     if not choice.named:
@@ -217,7 +217,7 @@ def row_plan(
 
 
 def _mean_question(table: ForeignTable, read: Mapping[Column, str]) -> str:
-    """Ask about rows that are the mean of those before them at the same operating point."""
+    """Ask about rows that are means of those before them at one operating point."""
     by_name = {name: column for column, name in read.items()}
     time = by_name.get("shift_time_s")
     points = [by_name[name] for name in ("mismatch_rpm", "force_N") if name in by_name]
@@ -311,7 +311,7 @@ def _shown(rows: Sequence[int]) -> str:
 
 
 def _column_question(table: ForeignTable, column: Column, outcome: Column | None) -> str:
-    """Ask about a column that no quantity takes, empty where it says nothing of its rows."""
+    """Ask about an unused column; empty where it distinguishes no rows."""
     cells = ["" if cell.lower() in NOTHING else cell for cell in column.cells]
     groups: dict[str, list[int]] = {}
     for row, cell in zip(table.rows, cells, strict=True):

@@ -64,7 +64,7 @@ class Channel:
         return step_of(self.time)
 
     def selected(self, chosen: Mask | NDArray[np.int_], *faults: Fault) -> Channel:
-        """Keep some of the samples, with the faults for which the others are left out."""
+        """Select samples; ``faults`` are the reasons for the others' absence."""
         places = np.arange(self.time.size)[chosen]
         rows = [self.rows[place] for place in places.tolist()]
         return Channel(self.time[places], self.values[places], rows, (*self.faults, *faults))

@@ -103,7 +103,7 @@ def _too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
 
 
 def _share_impossible(stand: Stand, sheet: Sheet) -> float:
-    """Compute the number of rows that cannot be true over that of times."""
+    """Compute the ratio of physically impossible rows to rows with a time."""
     wrong = [impossible(stand, row) or np.isinf(_free_flight(stand, row)) for row in sheet.rows]
     return sum(map(bool, wrong)) / max(1, _column(sheet, "time").size)
 
@@ -212,7 +212,7 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
 
 
 def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
-    """Find rows whose set values are nearly, but not just, those of others."""
+    """Find rows whose set values nearly equal those of others."""
     values, groups = near_groups(sheet.rows)
     lead = np.unique(groups, return_index=True)[1][groups]
     near = np.flatnonzero((values != values[lead]).any(axis=1))

@@ -162,7 +162,7 @@ def near_groups(rows: Sequence[Row]) -> tuple[Array, np.ndarray]:
 
 
 def joined_rows(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """Give rows with nearly the same set values the mean of their shifts."""
+    """Set nearly equal set values of rows to their mean."""
     weights = np.array([row.n for row in rows], dtype=float)
     values, groups = near_groups(rows)
     for group in range(groups.max() + 1):

@@ -1,4 +1,4 @@
-"""Slips that traces show beside the table of shifts: they say most of it again.
+"""Slips of a bench that its traces reveal: they measure most of the table again.
 
 A ratio of traces to table out of its range is another unit, which a correction brings back into the
 range; times and readings at rest show another zero.
@@ -49,7 +49,7 @@ DEAD = (
 
 @dataclass(frozen=True)
 class TracedRow:
-    """A row with its trace, and what it shows of the stand."""
+    """Row of a table with its trace, and quantities derived from both."""
 
     stand: Stand
     row: Row

@@ -121,7 +121,7 @@ def read_trace(path: Path) -> BenchTrace:
 
 
 def _notes(channels: Mapping[str, Channel], time: Array, margin: float) -> list[str]:
-    """List what was interpolated, cut and lost, in sentences."""
+    """List sentences on interpolated, cut and lost samples."""
     lead = channels[LEAD]
     apart = [
         f"{name} ({channel.time.size} samples, every {number(channel.step / MS)} ms)"

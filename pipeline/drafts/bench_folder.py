@@ -240,7 +240,7 @@ def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
 
 
 def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
-    """Complete the rows of a table by what its columns say of each other."""
+    """Fill cells of a table from its other columns."""
     path, report = reader.table.path, reader.report
     numbers = [name for name in NUMERIC if name not in ("n_shifts", "timestamp")]
     rows[numbers] = rows[numbers].astype(float)

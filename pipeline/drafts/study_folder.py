@@ -260,7 +260,7 @@ def write_study(
     out: Path, origin: str = COMMENTED, values: Mapping[str, Any] | None = None,
     *, force: bool = False,
 ) -> Data:  # fmt: skip
-    """Write a folder with a commented ``study.toml``; tell what was taken over and assumed.
+    """Write a folder with a commented ``study.toml``; return inherited and assumed values.
 
     ``origin`` is the study whose file is copied, or the bench whose clutch and operating points are
     taken; ``values`` by dotted key, None takes a key out. Raises InputError for what makes no
@@ -295,7 +295,7 @@ def check_draft(origin: str, values: Mapping[str, Any]) -> None:
 def questions_of(
     origin: str, values: Mapping[str, Any], part: Mapping[str, str]
 ) -> tuple[Data, dict[str, str]]:
-    """List defaults, and words with their sources, of what a draft with ``values`` asks for.
+    """List defaults and questions, with sources, of a draft with ``values``.
 
     ``part`` is one of the tables of words. Points that are no lists are asked for as lists.
     """
@@ -360,7 +360,7 @@ def value_at(tables: Mapping[str, Any], key: str) -> Any:
 def _drafted(
     source: Source, origin: str, values: Mapping[str, Any]
 ) -> tuple[str, Data, str, list[str]]:
-    """Return the text of a draft, the values put into it, its origin, and what was assumed."""
+    """Compose the text of a draft; also return its values, origin and assumptions."""
     taken, whence = Data(), f"the study '{origin}'"
     if source.taken:
         taken, whence = source.dog_values | source.taken, f"the bench data of '{source.name}'"

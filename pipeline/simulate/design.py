@@ -233,7 +233,7 @@ def dogs_of(study: Setup, names: Sequence[str], x: Array) -> Dogs:
 
 
 def mark_worthy(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
-    """Return which designs are ``worth_simulating``, (n,).
+    """Mark the designs that are ``worth_simulating``, (n,).
 
     Designs of one operation are checked together: within tolerances the checks of one design
     take as long as those of a hundred.

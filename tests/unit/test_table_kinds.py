@@ -205,7 +205,7 @@ KINDS: dict[str, Case] = {
         beside("", ["", "", "*", "", "", ""]), words=("row 4: '*'",),
         option=("--drop", "column 4=*"), times=[116, 131, 71, 98, 103]),
     # 19 means
-    "means told by a type": Case(
+    "means named in a column of types": Case(
         beside("Art", ["Einzel", "Einzel", "Mittel", "Einzel", "Einzel", "Mittel"]),
         words=("'Mittel': row 4, 7",), option=("--keep", "Art=Einzel"),
         times=[116, 131, 71, 98]),
