@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from dogshape.gap import plan_shifts as plan_shifts
     from dogshape.gap import update_diagnosis as update_diagnosis
     from dogshape.pipeline.progress import Progress as Progress
-    from dogshape.pipeline.record import Result as Result
     from dogshape.predictions import Predictions as Predictions
+    from dogshape.result import Result as Result
     from dogshape.shift import Shift as Shift
     from dogshape.sim.effect import BenchTest as BenchTest
     from dogshape.sim.effect import Effect as Effect

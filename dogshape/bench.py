@@ -12,10 +12,11 @@ from dogshape.diagnosis.bench.comparison import ANGLES, compare
 from dogshape.diagnosis.bench.comparison import Comparison as Compared
 from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import Progress
-from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, percent, tabulate
+from dogshape.pipeline.record import Figure, Frame, Table, frame_of, percent, tabulate
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.result_records import BenchPoint
+from dogshape.result import Result
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated

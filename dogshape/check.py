@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
-from dogshape.pipeline.record import Frame, Result, Table, frame_of, percent
+from dogshape.pipeline.record import Figure, Frame, Table, frame_of, percent
 from dogshape.pipeline.reports.text import (
     ENGINES,
     engaged_text,
@@ -41,6 +41,7 @@ from dogshape.pipeline.store.result_records import (
     not_judged_row,
 )
 from dogshape.pipeline.train.training_rows import matching_surrogate, study_mix
+from dogshape.result import Result
 from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.strength.checks import smallest_margin
@@ -198,6 +199,12 @@ class Checked(Result):
                 for retention in self.retention
             ],
         }
+
+    def plot(self) -> Figure:
+        """Draw the margin of each check, %, at nominal size; failed checks are hatched."""
+        from dogshape.pipeline.reports.result_figures import margins_figure  # noqa: PLC0415
+
+        return margins_figure({check.name: check.margin for check in self.design.checks})
 
     def to_frame(self) -> Frame:
         """Tabulate checks, a row each: value and limit in ``unit``, margins as shares.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.check import check_design
-from dogshape.pipeline.record import Frame, Result, Table, frame_of
+from dogshape.pipeline.record import Figure, Frame, Table, frame_of
 from dogshape.pipeline.reports.data_sheet import (
     NamedDesign,
     design_record,
@@ -25,6 +25,7 @@ from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import minus
 from dogshape.pipeline.simulate.design import KINDS, weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets
+from dogshape.result import Result
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER, ContactSet
 
@@ -87,6 +88,21 @@ class SideBySide(Result):
     def to_dict(self) -> dict[str, Any]:
         """Convert kind and items to values of JSON."""
         return {"kind": self.kind, "items": list(self.items)}
+
+    def plot(self) -> Figure:
+        """Draw the expected shift times of designs, or contact sets over the first of them."""
+        from dogshape.pipeline.reports import result_figures  # noqa: PLC0415
+
+        labels = [item["label"] for item in self.items]
+        if self.kind == "designs":
+            times = [item.get("expected_shift_time_s") for item in self.items]
+            errors = [item.get("standard_error_s") for item in self.items]
+            return result_figures.times_figure(labels, times, errors)
+        numbers = [
+            {key: value for key, value in flat_keys(item).items() if isinstance(value, int | float)}
+            for item in self.items
+        ]
+        return result_figures.ratios_figure(dict(zip(labels, numbers, strict=True)))
 
     def to_frame(self) -> Frame:
         """Tabulate the items, a column each; nested quantities have dotted keys."""

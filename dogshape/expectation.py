@@ -24,7 +24,6 @@ from dogshape.pipeline.progress import Progress, WorkCounter
 from dogshape.pipeline.record import (
     Figure,
     Frame,
-    Result,
     Table,
     frame_of,
     number_or_none,
@@ -53,6 +52,7 @@ from dogshape.pipeline.store.result_records import (
     PointRow,
     TorqueLimitRow,
 )
+from dogshape.result import Result
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
@@ -309,6 +309,12 @@ class DrawnExpectation(Result):
             "standard_error_of_one_s": number_or_none(self.error_s),
             "times_s": [number_or_none(time) for time in self.times.tolist()],
         }
+
+    def plot(self) -> Figure:
+        """Draw the distribution of the expected shift time over the draws, ms."""
+        from dogshape.pipeline.reports.result_figures import draws_figure  # noqa: PLC0415
+
+        return draws_figure(self.times.tolist(), *self.interval_s)
 
     def to_frame(self) -> Frame:
         """Tabulate time and standard error, s, a row for each draw."""

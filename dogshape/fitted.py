@@ -10,10 +10,11 @@ from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import Progress
-from dogshape.pipeline.record import Frame, Result, Table, percent
+from dogshape.pipeline.record import Figure, Frame, Table, percent
 from dogshape.pipeline.reports.text import ENGINES, in_ms, time_text
 from dogshape.pipeline.store.folder import StudyFolder, default_out, require_targets
 from dogshape.pipeline.train.training import fill, train
+from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.errors import InputError
 from dogshape.study import Study
@@ -78,6 +79,13 @@ class Fitted(Result):
             "designs": len(data),
             "file": str(self.path),
         }
+
+    def plot(self) -> Figure:
+        """Draw the main effect of each variable on the expected shift time, ms."""
+        from dogshape.pipeline.reports.charts import effects_figure  # noqa: PLC0415
+        from dogshape.pipeline.reports.surrogate_findings import effects_record  # noqa: PLC0415
+
+        return effects_figure(effects_record(self.config, self.stored.surrogate))
 
     def to_frame(self) -> Frame:
         """Tabulate the data of the fit, a row for each design and operating point."""

@@ -28,9 +28,10 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
 from dogshape.pipeline.diagnose.consequence import Consequence, compute_consequence, load_candidates
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import Progress
-from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of
+from dogshape.pipeline.record import Figure, Frame, Table, frame_of
 from dogshape.pipeline.reports import gap_page
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
+from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError, number
@@ -107,6 +108,11 @@ class Diagnosis(Result):
     def plot(self) -> Figure:
         """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
         return gap_page.cells_figure(gap_page.cells_of(self.inference))
+
+    def report(self, path: str | Path) -> Path:
+        """Write the page of the diagnosis, as ``out`` of ``diagnose`` does; returns its path."""
+        gap_page.compose_page(self.inference, self.consequence).save(Path(path))
+        return Path(path)
 
     def calibrated(
         self,
@@ -246,6 +252,15 @@ class Update(Result):
         after = self.diagnosis.to_dict()
         return {**self.record, "next_test": after["next_test"], "report": after["report"]}
 
+    def plot(self) -> Figure:
+        """Draw the probabilities of the leading hypotheses before and after the readings."""
+        from dogshape.pipeline.reports.result_figures import probabilities_figure  # noqa: PLC0415
+
+        ranking = self.to_frame().sort_values("after", ascending=False, kind="stable")
+        leading = ranking[:SHOWN_HYPOTHESES]
+        before, after = leading["before"].tolist(), leading["after"].tolist()
+        return probabilities_figure(leading.index.tolist(), before, after)
+
     def to_frame(self) -> Frame:
         """Tabulate probabilities before and after, a row for each hypothesis."""
         columns = {when: self.record[when]["probabilities"] for when in ("before", "after")}
@@ -367,6 +382,17 @@ class Plan(Result):
             ],
             "sheet": None if self.sheet is None else str(self.sheet),
         }
+
+    def plot(self) -> Figure:
+        """Draw the number of planned shifts by operating point."""
+        from dogshape.pipeline.reports.result_figures import plan_figure  # noqa: PLC0415
+
+        points = [cell.point for cell in self.bench.cells]
+        return plan_figure(
+            [point.mismatch / RPM for point in points],
+            [point.profile.force for point in points],
+            [int(count) for count in self.inference.shifts],
+        )
 
     def to_frame(self) -> Frame:
         """Tabulate operating point and number of shifts, a row for each visit."""

@@ -16,10 +16,11 @@ import pandas as pd
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Place, Setup, points_of
-from dogshape.pipeline.record import Result, Table
+from dogshape.pipeline.record import Figure, Table
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.simulate.design import Design, design_of, dogs_of, limits_of
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
+from dogshape.result import Result
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, number_rule
@@ -167,6 +168,19 @@ class Predictions(Result):
         row = times.idxmin()
         values = answers.loc[row, [*self._variables, TIME]].astype(float)
         return {"row": int(row), **values.to_dict()}
+
+    def plot(self) -> Figure:
+        """Draw the predicted times with their 95 % intervals, ms, by the rows of the table."""
+        from dogshape.pipeline.reports.result_figures import predictions_figure  # noqa: PLC0415
+
+        answers = self.answers.dropna(subset=[TIME])
+        return predictions_figure(
+            answers.index.tolist(),
+            answers[TIME].tolist(),
+            low=answers["low_s"].tolist(),
+            high=answers["high_s"].tolist(),
+            feasible=answers["feasible"].tolist(),
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Tabulate designs: variables, predicted time, interval, checks and copied columns.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from dogshape.pipeline.config.study_file import OWN_RISE, Place, Setup, points_of
-from dogshape.pipeline.record import Figure, Frame, Result, Table
+from dogshape.pipeline.record import Figure, Frame, Table
 from dogshape.pipeline.reports.shift_page import (
     curves,
     event_facts,
@@ -17,6 +17,7 @@ from dogshape.pipeline.reports.shift_page import (
     write_animation,
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
+from dogshape.result import Result
 from dogshape.running import in_radians
 from dogshape.sim.files import write_frame
 from dogshape.sim.shift.conclusion import Engagement

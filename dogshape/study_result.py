@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Progress
-from dogshape.pipeline.record import Figure, Frame, Result, Table
+from dogshape.pipeline.record import Figure, Frame, Table
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import designs_frame
@@ -16,8 +17,10 @@ from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.reports.study_summary import chosen_verdict, headline, summary_tables
 from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.clutch_tables import validate
+from dogshape.sim.files import naming
 
 PRINTED_KEYS = (
     "engine",
@@ -107,12 +110,16 @@ class StudyResult(Result):
         searched_design = named_design(f"{self.folder}#{design}")
         return write_data_sheet(searched_design, path, {"why": why, **block})
 
-    def report(self, progress: Progress | bool = False) -> Path:
-        """Write the report into the folder of the study; returns its path.
+    def report(self, path: str | Path | None = None, progress: Progress | bool = False) -> Path:
+        """Write the report into the folder of the study, or to ``path``; returns its path.
 
         ``progress`` as in ``Study.expect``. Example: ``result.report()``
         """
-        return publish(StudyFolder(self.folder), receiver(progress).say)
+        page = publish(StudyFolder(self.folder), receiver(progress).say)
+        if path is None:
+            return page
+        with naming(Path(path)):
+            return Path(shutil.copyfile(page, path))
 
 
 def load_result(folder: str | Path) -> StudyResult:

@@ -2,17 +2,14 @@
 
 A ``Record`` declares each key once (``key``): its meaning and unit, and for people the head of its
 column, the scale from the stored to the printed value and the format. Console and pages print the
-same ``Table``. ``Result`` is the base of the public results: text as on the command line, record
-and table.
+same ``Table``.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from pydantic import BaseModel, Field
@@ -139,34 +136,3 @@ def frame_of(rows: Sequence[Record | dict[str, Any]]) -> pd.DataFrame:
 def number_or_none(value: float | None) -> float | None:
     """Return a number that JSON can hold: None for None, NaN and infinity."""
     return value if value is not None and math.isfinite(value) else None
-
-
-class Result(ABC):
-    """Answer to a problem, with the problem; frozen."""
-
-    @abstractmethod
-    def to_dict(self) -> dict[str, Any]:
-        """Return the record that the command line prints with ``--json``, fit for JSON."""
-
-    @abstractmethod
-    def to_frame(self) -> Frame:
-        """Return the result as a table, columns named with their units."""
-
-    @abstractmethod
-    def to_parts(self) -> list[str | Table]:
-        """Return the sentences and tables that ``print`` and the command line show."""
-
-    def __repr__(self) -> str:
-        return "\n".join(line for part in self.to_parts() for line in _lines(part))
-
-
-def _lines(part: str | Table) -> list[str]:
-    """Format a sentence or a table as lines of text, columns aligned."""
-    if isinstance(part, str):
-        return [part]
-    rows: list[Sequence[str]] = [part.heads]
-    for row in part.rows:
-        rows += zip_longest(*(cell.split("\n") for cell in row), fillvalue="")
-    cells = [row for row in rows if len(row) == len(part.heads)]  # a group has one cell
-    widths = [max(map(len, column)) for column in zip_longest(*cells, fillvalue="")]
-    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

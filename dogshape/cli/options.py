@@ -14,7 +14,8 @@ from dogshape.sim.errors import InputError
 from dogshape.terminal import print_parts, terminal
 
 if TYPE_CHECKING:
-    from dogshape.pipeline.record import Result, Table
+    from dogshape.pipeline.record import Table
+    from dogshape.result import Result
 
     Parts = Callable[[], Sequence[str | Table]]
 

@@ -113,27 +113,40 @@ def publish(
 ) -> Path:
     """Write ``report.html``, ``gap.json`` and ``cells.csv`` into a folder; return the first.
 
-    A missing folder is created, files of these names are replaced. ``consequence`` is the effect of
-    the cause on the choice between designs, ``history`` has sentences on updates, by name.
+    A missing folder is created, files of these names are replaced.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    compose_page(diagnosis, consequence, history).save(folder / REPORT)
+    record = json.dumps(diagnosis.to_dict(), indent=1, allow_nan=False)
+    write_whole(folder / RECORD, f"{record}\n")
+    cells = frame_of(cells_of(diagnosis))
+    write_whole(folder / TABLE, without_formulas(cells).to_csv(index=False))
+    return folder / REPORT
+
+
+def compose_page(
+    diagnosis: Diagnosis,
+    consequence: Consequence | None = None,
+    history: Mapping[str, str] | None = None,
+) -> Report:
+    """Compose the page of a diagnosis.
+
+    ``consequence`` is the effect of the cause on the choice between designs, ``history`` has
+    sentences on updates, by name.
+    """
     title = f"{diagnosis.bench.name}: difference between bench and simulation"
     page = Report(title, headline_of(diagnosis.verdict, diagnosis.effects))
     page.add("", Markup("<p>{}</p>").format(bind_units(summary(diagnosis))))
     page.add("Hypotheses", hypothesis_table(diagnosis), inclusion_table(diagnosis))
     page.add("Next test", advice_table(diagnosis))
-    cells = cells_of(diagnosis)
+    figure = cells_figure(cells_of(diagnosis))
     caption = "Mean shift times with 95 % intervals."
-    page.add("Residuals", residual_table(diagnosis), cells_figure(cells), caption)
+    page.add("Residuals", residual_table(diagnosis), figure, caption)
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
     facts = _facts(diagnosis) | dict(history or {})
     page.add("Data and settings", _meaning_table(diagnosis), Table(("", ""), list(facts.items())))
-    page.save(folder / REPORT)
-    record = json.dumps(diagnosis.to_dict(), indent=1, allow_nan=False)
-    write_whole(folder / RECORD, f"{record}\n")
-    write_whole(folder / TABLE, without_formulas(frame_of(cells)).to_csv(index=False))
-    return folder / REPORT
+    return page
 
 
 def _meaning_table(diagnosis: Diagnosis) -> Table:

@@ -63,7 +63,7 @@ def learn_effects(folder: StudyFolder, say: Say) -> None:
         say(f"no effects in the report: {error}")
         return
     say("what each variable does and each limit costs, from the surrogate")
-    findings = {"effects": _effects_record(study, surrogate), "prices": prices(study, surrogate)}
+    findings = {"effects": effects_record(study, surrogate), "prices": prices(study, surrogate)}
     write_json(folder.effects, {"surrogate": _identity(folder), **findings})
 
 
@@ -83,7 +83,7 @@ def _identity(folder: StudyFolder) -> str:
     return str(read_json(folder.surrogate, "run 'dogshape report' again").get("hash"))
 
 
-def _effects_record(study: Setup, surrogate: Surrogate) -> Row:
+def effects_record(study: Setup, surrogate: Surrogate) -> Row:
     """Record the main effects of the variables, s, means over feasible designs."""
     x = study.rows(first_designs(study, EFFECT_DESIGNS, SEED_OFFSET, border=False))
     variables = []

@@ -285,7 +285,7 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     stored, _ = stored_surrogate(study, None)
     save(folder.surrogate, stored)
     known: Row = {"effects": {"designs": 3}, "prices": []}
-    monkeypatch.setattr(surrogate_findings, "_effects_record", lambda *_: known["effects"])
+    monkeypatch.setattr(surrogate_findings, "effects_record", lambda *_: known["effects"])
     monkeypatch.setattr(surrogate_findings, "prices", lambda *_: [])
     learn_effects(folder, calls.append)
     learn_effects(folder, calls.append)
