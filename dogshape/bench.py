@@ -108,10 +108,11 @@ def validate(
     angles: Angles = None,
     *,
     correct: Sequence[str] = (),
-    engine: str | None = None,
     jobs: int = 0,
+    cluster: str | None = None,
     keep: str | Path | None = None,
     progress: Progress | bool = False,
+    engine: str | None = None,
 ) -> Comparison:
     """Simulate the operating points of a bench data set and compare.
 
@@ -125,8 +126,8 @@ def validate(
     angles : how many evenly spaced relative angles, or the angles themselves, deg; None for those
         of the set, or sixteen.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
+    jobs, cluster, keep, progress : as in ``Study.expect``.
     engine : ``drake`` or ``planar``; None for that of the set's study.
-    jobs, keep, progress : as in ``Study.expect``.
     """
     data = load_bench(bench, correct)
     default_angles = data.relative_angles or ANGLES
@@ -142,7 +143,7 @@ def validate(
     shifts = len(data.cells) * count
     propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
     question = data.name, clutch_record(data.clutch), angles
-    options = RunOptions(jobs, None, keep, receiver(progress))
+    options = RunOptions(jobs, cluster, keep, receiver(progress))
     work = shifts + propagated + repeated(shifts)
     with options.executor("validate", question, work) as (executor, _):
         return Comparison(compare(data, executor.run, relative_angles, checked=True))

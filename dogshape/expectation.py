@@ -330,7 +330,9 @@ def expect_draws(
     *,
     angles: int | None = None,
     jobs: int = 0,
+    cluster: str | None = None,
     progress: Progress | bool = False,
+    engine: str | None = None,
 ) -> DrawnExpectation:
     """Simulate the expected shift time at each draw of some keys of a study.
 
@@ -343,35 +345,36 @@ def expect_draws(
     draws : table whose columns are keys of the study, a row for each draw (``gap --write``).
     settings : further keys, for instance another dog; those of a draw give way to them.
     angles : relative angles at each operating point, at least 3; None for the study's number.
-    jobs, progress : worker processes, 0 for one a core; receives the number of finished draws.
+    jobs, cluster, engine : as in ``Study.expect``.
+    progress : likewise; receives the number of finished draws.
     """
     if angles is not None and angles < MIN_DRAW_ANGLES:
         raise InputError(
             f"angles is {angles}, but must be at least {MIN_DRAW_ANGLES}: of fewer the error is "
             "not known, which all draws have in common"
         )
-    studies = _drawn_studies(study, Path(draws), settings)
+    keys = settings_of(settings)
+    if engine is not None:
+        keys["solver.engine"] = engine
+    studies = _drawn_studies(study, Path(draws), keys)
     means = []
     with WorkCounter(receiver(progress), len(studies), unit="draws") as counter:
         for setup in studies:
-            means.append(simulate_mean(setup, RunOptions(jobs), EVERYWHERE, angles))
+            means.append(simulate_mean(setup, RunOptions(jobs, cluster), EVERYWHERE, angles))
             counter.advance(1)
     times = np.array([mean.time_s for mean in means], dtype=float)
     errors = np.array([mean.standard_error_s for mean in means])
     return DrawnExpectation(tuple(mean.config for mean in means), times, errors)
 
 
-def _drawn_studies(
-    study: str | Path, path: Path, settings: Mapping[str, Any] | Iterable[str]
-) -> list[Setup]:
-    """Load a study for each row of a table of keys; ``settings`` take precedence."""
+def _drawn_studies(study: str | Path, path: Path, common_keys: Mapping[str, Any]) -> list[Setup]:
+    """Load a study for each row of a table of keys; ``common_keys`` take precedence."""
     try:
         table = read_table(path, ())
     except FileNotFoundError as error:
         raise DataError(f"there is no {path}; name a table whose columns are keys") from error
     if not table.rows or set(table.head) <= set(DRAW_LABELS):
         raise DataError(f"{path} has no draws; give a row for each, columns named like keys")
-    common_keys = settings_of(settings)
     studies = []
     for row, cells in table.rows:
         pairs = zip(table.head, cells, strict=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
+from dogshape.pipeline.config.study_file import Setup, require_variables
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, percent
 from dogshape.pipeline.reports.text import ENGINES, in_ms, time_text
@@ -100,6 +100,7 @@ def fit(
     jobs: int = 0,
     cluster: str | None = None,
     progress: Progress | bool = False,
+    engine: str | None = None,
 ) -> Fitted:
     """Fit the surrogate of a study and validate it on designs outside the fit.
 
@@ -112,7 +113,7 @@ def fit(
         which space-filling designs are simulated first into ``results/NAME-space``.
     settings : settings of a study given by file or name, ``["dog.count=18"]``.
     out : file of the surrogate; by default ``surrogate.json`` of the folder.
-    jobs, cluster, progress : as in ``Study.expect``.
+    jobs, cluster, progress, engine : as in ``Study.expect``.
     """
     start = time.perf_counter()
     target = None if out is None else Path(out)
@@ -122,11 +123,14 @@ def fit(
         raise InputError("a Study has its settings already; give them to Study, or name the study")
     folder = None if isinstance(where, Study) else StudyFolder(Path(where))
     if folder is None or not folder.manifest.is_file():
-        config = where.config if isinstance(where, Study) else load_study(where, settings)
+        study = where if isinstance(where, Study) else Study(where, settings)
+        config = (
+            study.config if engine is None else study.replace_keys({"solver.engine": engine}).config
+        )
         folder = StudyFolder(default_out(config, "-space"))
         require_variables(config)
         fill(config, folder, jobs, cluster, listener)
-    elif settings:
+    elif settings or engine is not None:
         remedy = "leave it out, or name the study"
         raise InputError(f"--set cannot change a study that was run; {remedy}")
     stored = train(folder, target, say=listener.say)

@@ -77,6 +77,7 @@ class Study:
         angle_deg: float,
         force_rise_s: float | None = None,
         all_dogs: bool = False,
+        engine: str | None = None,
     ) -> Shift:
         """Simulate one shift, repeated with finer steps if it skips a slot or bounces.
 
@@ -92,11 +93,12 @@ class Study:
         angle_deg : lead of the output ring over dogs facing dogs, deg.
         force_rise_s : rise time of the force, s; None for that of the study's table.
         all_dogs : whether to model every dog instead of one pair with the symmetry of all.
+        engine : ``drake`` or ``planar``; None for that of the study.
         """
         from dogshape.shift import simulate_shift  # noqa: PLC0415
 
         place = mismatch_rpm, force_N, force_rise_s
-        return simulate_shift(self.config, place, angle_deg, all_dogs)
+        return simulate_shift(self._config_in(engine), place, angle_deg, all_dogs)
 
     def expect(
         self,
@@ -110,6 +112,7 @@ class Study:
         cluster: str | None = None,
         keep: str | Path | None = None,
         progress: Progress | bool = False,
+        engine: str | None = None,
     ) -> Expectation:
         """Simulate the expected shift time: in the compiled engine, unless the study names another.
 
@@ -126,13 +129,14 @@ class Study:
         jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
         keep : folder in which a run that was stopped leaves its finished shifts.
         progress : True for a bar in terminal or notebook, or a ``Progress`` of one's own.
+        engine : as in ``shift``.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
         place = mismatch_rpm, force_N, force_rise_s
         options = RunOptions(jobs, cluster, keep, receiver(progress))
-        return simulate_mean(self.config, options, place, angles, precision)
+        return simulate_mean(self._config_in(engine), options, place, angles, precision)
 
     def search(
         self,
@@ -144,6 +148,7 @@ class Study:
         resume: bool = False,
         report: bool = True,
         progress: Progress | bool = False,
+        engine: str | None = None,
     ) -> StudyResult:
         """Search for the best shape, or go on with a search; the report takes half a minute.
 
@@ -157,7 +162,8 @@ class Study:
         out : folder of the results; None for ``results/NAME``.
         storage : PostgreSQL that machines share.
         resume : whether to go on with a search that the folder holds.
-        jobs, cluster, progress : as in ``expect``.
+        report : whether to write the report.
+        jobs, cluster, progress, engine : as in ``expect``.
         """
         from dogshape.pipeline.simulate.executor import end_workers  # noqa: PLC0415
         from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
@@ -165,13 +171,14 @@ class Study:
         from dogshape.study_result import StudyResult  # noqa: PLC0415
 
         start = _processor_time()
-        folder = StudyFolder(default_out(self.config) if out is None else Path(out))
+        config = self._config_in(engine)
+        folder = StudyFolder(default_out(config) if out is None else Path(out))
         listener = receiver(progress)
         options = StudyOptions(folder, jobs, storage, resume, cluster, report, listener)
-        record = run_study(self.config, options)
+        record = run_study(config, options)
         end_workers()  # whose processor time counts once they have ended
         page = folder.report if report else None
-        return StudyResult(self.config, folder.root, record, page, _processor_time() - start)
+        return StudyResult(config, folder.root, record, page, _processor_time() - start)
 
     def check(
         self,
@@ -179,6 +186,7 @@ class Study:
         mismatch_rpm: float | None = None,
         force_N: float | None = None,
         surrogate: str | Path | None = None,
+        engine: str | None = None,
     ) -> Check:
         """Check the design: seconds by the compiled engine, at once by a named surrogate.
 
@@ -190,10 +198,12 @@ class Study:
         mismatch_rpm, force_N : one operating point, 1/min and N; neither for all of the study's.
         surrogate : file that answers in place of the compiled engine. The one of the study's
             results, or the package's, is asked beside the engine.
+        engine : engine of the surrogate's shifts, ``drake`` or ``planar``; None for the study's.
         """
         from dogshape.check import check_design  # noqa: PLC0415
 
-        return check_design(self.config, (mismatch_rpm, force_N, None), surrogate)
+        place = mismatch_rpm, force_N, None
+        return check_design(self._config_in(engine), place, surrogate)
 
     def predict(
         self,
@@ -203,6 +213,7 @@ class Study:
         mismatch_rpm: float | None = None,
         force_N: float | None = None,
         surrogate: str | Path | None = None,
+        engine: str | None = None,
     ) -> Predictions:
         """Predict the shift times of many designs by the surrogate, without simulation.
 
@@ -214,31 +225,34 @@ class Study:
         designs : CSV or .xlsx file (``FILE.xlsx#SHEET``) or frame, a row each, columns named as the
             study's variables; what is missing takes the study's value, other columns are kept.
         out : CSV or .xlsx file for the answers; None writes none.
-        mismatch_rpm, force_N, surrogate : as in ``check``.
+        mismatch_rpm, force_N, surrogate, engine : as in ``check``.
         """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
 
-        return predict_designs(self.config, designs, out, (mismatch_rpm, force_N, None), surrogate)
+        place = mismatch_rpm, force_N, None
+        return predict_designs(self._config_in(engine), designs, out, place, surrogate)
 
     def strength(
         self,
         *,
         simulate: bool = True,
         jobs: int = 0,
+        cluster: str | None = None,
         keep: str | Path | None = None,
         progress: Progress | bool = False,
+        engine: str | None = None,
     ) -> Strength:
         """Check strength, self-locking and manufacturability, and simulate the hardest landing.
 
         ``simulate`` is whether to simulate the landing, dog on dog, at the study's operating points
-        and angles; a dog that cannot be made is not simulated. ``jobs``, ``keep`` and ``progress``
-        as in ``expect``. Example: ``study.strength(simulate=False)``
+        and angles; a dog that cannot be made is not simulated. ``jobs``, ``cluster``, ``keep``,
+        ``progress`` and ``engine`` as in ``expect``. Example: ``study.strength(simulate=False)``
         """
         from dogshape.check import check_strength  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
-        options = RunOptions(jobs, None, keep, receiver(progress))
-        return check_strength(self.config, options, simulate=simulate)
+        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        return check_strength(self._config_in(engine), options, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "", **block: str) -> Path:
         """Write the data sheet of the dog to ``path``, a page for A4 or, by its ending, JSON.
@@ -261,6 +275,12 @@ class Study:
         """
         keys = {**(settings or {}), **{f"dog.{key}": value for key, value in dog.items()}}
         return Study.from_config(replace_keys(self.config, keys))
+
+    def _config_in(self, engine: str | None) -> Setup:
+        """Give the values of the study with another engine, or as they are for None."""
+        if engine is None:
+            return self.config
+        return replace_keys(self.config, {"solver.engine": engine})
 
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())

@@ -10,19 +10,21 @@ import typer
 from typer.core import TyperGroup
 
 from dogshape.cli.options import PLAIN
-from dogshape.cli.verbs import gap, init, study
+from dogshape.cli.renamed import current_words
+from dogshape.cli.verbs import diagnosis, init, study
 from dogshape.python_words import KEEPS_OPTIONS
 from dogshape.sim.errors import DogshapeError, EngineError
 from dogshape.sim.versions import versions
 
 SURROGATES = ("\ud800", "\udfff")  #: first and last letter of bytes that are no text, in a path
-#: Verbs but ``init``, in the order of the help; ``gap_plan`` is ``gap plan``.
+#: Verbs but ``init``, in the order of the help, by the names of Python's.
 VERBS = {
-    verb.__name__.replace("_", " "): verb
+    verb.__name__.replace("_", "-"): verb
     for verb in (
-        *(study.shift, study.expect, study.strength, study.check, study.app, study.export),
-        *(study.study, study.report, study.compare, study.fit, study.validate),
-        *(gap.gap, gap.gap_plan, gap.gap_update),
+        *(study.shift, study.expect, study.expect_draws, study.strength, study.check),
+        *(study.app, study.export, study.search, study.report, study.compare, study.fit),
+        *(study.predict, study.validate),
+        *(diagnosis.diagnose, diagnosis.plan_shifts, diagnosis.update_diagnosis),
     )
 }
 
@@ -41,11 +43,12 @@ class _Verbs(TyperGroup):
         return super().get_command(ctx, cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command; ``gap plan`` is one of two words, ``gap ./plan`` a data set."""
-        pair = " ".join(args[:2])
-        if pair in VERBS:
-            args = [pair, *args[2:]]
-        return super().resolve_command(ctx, args)
+        """Find the command; earlier names of verbs and options work, with a hint in a terminal."""
+        words, renamed = current_words(args)
+        if _shows_hints():
+            for old, new in renamed.items():
+                print(f"hint: {old} is now {new}", file=sys.stderr)
+        return super().resolve_command(ctx, words)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the verb; its errors name options of the command line."""
@@ -74,6 +77,11 @@ class _Verbs(TyperGroup):
             KEEPS_OPTIONS.reset(token)
         print(f"dogshape: {sentence}", file=sys.stderr)
         raise typer.Exit(status)
+
+
+def _shows_hints() -> bool:
+    """Decide whether somebody reads hints: a script's standard error holds refusals alone."""
+    return sys.stderr.isatty()
 
 
 app = typer.Typer(cls=_Verbs, name="dogshape", **PLAIN)

@@ -74,6 +74,7 @@ Cluster = Annotated[str | None, Option(help="Dask scheduler, e.g. tcp://schedule
 Corrections = Annotated[
     list[str] | None, Option("--correct", metavar="QUANTITY=WAY", help="e.g. time=ms")
 ]
+Keep = Annotated[Path | None, Option(help="folder of the shifts of a stopped run")]
 Jobs = Annotated[int, Option("--jobs", min=0, help="worker processes, 0: one a core")]
 SurrogateFile = Annotated[Path | None, Option(help="default: of results/NAME, or the package's")]
 OneMismatch = Annotated[float | None, Option(help="one operating point only")]
@@ -81,11 +82,22 @@ OneForce = Annotated[float | None, Option("--force-N", help="with --mismatch-rpm
 Rise = Annotated[float | None, Option(help="rise time; default: the study's table")]
 
 
-def run_arguments(jobs: int) -> dict[str, Any]:
-    """Compose the arguments of a simulating verb: workers, folder of finished shifts, a bar."""
+def run_arguments(
+    jobs: int, cluster: str | None, keep: Path | None, engine: str | None
+) -> dict[str, Any]:
+    """Compose the arguments of a simulating verb, with a bar of progress.
+
+    Shifts of a stopped run are kept in ``results/shifts`` unless ``keep`` names another folder.
+    """
     from dogshape.pipeline.simulate.executor import SHIFTS  # noqa: PLC0415
 
-    return {"jobs": jobs, "keep": SHIFTS, "progress": True}
+    return {
+        "jobs": jobs,
+        "cluster": cluster,
+        "keep": keep or SHIFTS,
+        "progress": True,
+        "engine": engine,
+    }
 
 
 def angles_of(text: str | None) -> int | tuple[float, ...] | None:
@@ -99,11 +111,3 @@ def angles_of(text: str | None) -> int | tuple[float, ...] | None:
             f"--angles is '{text}', but it must be a whole number or a list of angles in degrees; "
             "write for instance 24 or 0,6,12,18"
         ) from None
-
-
-def with_engine(overrides: list[str] | None, engine: str | None) -> list[str]:
-    """Append the engine to the settings of ``--set``."""
-    settings = list(overrides or [])
-    if engine:
-        settings.append(f"solver.engine={engine}")
-    return settings

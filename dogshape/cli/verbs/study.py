@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option, echo
 
@@ -17,6 +17,7 @@ from dogshape.cli.options import (
     Engine,
     Jobs,
     Json,
+    Keep,
     OneForce,
     OneMismatch,
     Rise,
@@ -28,7 +29,6 @@ from dogshape.cli.options import (
     run_arguments,
     show,
     warn,
-    with_engine,
 )
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
@@ -43,7 +43,7 @@ ENDINGS = {
     "--step": (".step", ".stp"),
     "--svg": (".svg",),
     "--sheet": (".html", ".json"),
-    "--html": (".html", ".htm"),
+    "--report": (".html", ".htm"),
     "--trace": TABLES,
 }
 #: Words for the files of ``export``.
@@ -85,10 +85,10 @@ def shift(
     study: StudyArg,
     mismatch_rpm: Annotated[float, Option(help="+ runs the traction flanks together")],
     force_N: Annotated[float, Option("--force-N", help="final shift force")],
-    relative_angle_deg: Annotated[float, Option(help="from dogs facing dogs")],
+    angle_deg: Annotated[float, Option(help="lead over dogs facing dogs")],
     force_rise_s: Rise = None,
     all_dogs: Annotated[bool, Option("--all-dogs", help="model every dog")] = False,
-    html: Annotated[Path | None, Option(help="write an animation with its curves")] = None,
+    report: Annotated[Path | None, Option(help="write an animation with its curves")] = None,
     trace: Annotated[Path | None, Option(help="write the time series, CSV or .xlsx")] = None,
     engine: Engine = None,
     set_: Sets = None,
@@ -96,25 +96,26 @@ def shift(
 ) -> None:
     """Simulate one engagement.
 
-    Example: dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10
+    Example: dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --angle-deg 10
     """
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
 
-    if html is not None and html == trace:
-        raise InputError(f"--html and --trace both name {html}; give two files")
-    require_targets({"--html": html, "--trace": trace}, ENDINGS)
-    problem = _named_study(study, with_engine(set_, engine))
+    if report is not None and report == trace:
+        raise InputError(f"--report and --trace both name {report}; give two files")
+    require_targets({"--report": report, "--trace": trace}, ENDINGS)
+    problem = _named_study(study, set_ or [])
     result = problem.shift(
         mismatch_rpm=mismatch_rpm,
         force_N=force_N,
-        angle_deg=relative_angle_deg,
+        angle_deg=angle_deg,
         force_rise_s=force_rise_s,
         all_dogs=all_dogs,
+        engine=engine,
     )
-    _warn_of_doubts(problem, [relative_angle_deg])
+    _warn_of_doubts(problem, [angle_deg])
     files = []
-    if html is not None:
-        files.append(result.report(html))
+    if report is not None:
+        files.append(result.report(report))
     if trace is not None:
         files.append(result.write_trace(trace))
     show(result, json, *(f"wrote {path}" for path in files))
@@ -127,43 +128,58 @@ def expect(
     force_rise_s: Rise = None,
     angles: Annotated[str | None, Option(help="how many, or degrees: A,B,C")] = None,
     precision: Annotated[float | None, Option(help="relative standard error")] = None,
-    draws: Annotated[Path | None, Option(metavar="FILE", help="table: keys, a row a draw")] = None,
-    engine: Engine = None,
     set_: Sets = None,
+    engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
+    keep: Keep = None,
     json: Json = False,
 ) -> None:
     """Compute the expected shift time over the relative angle.
 
     Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
     """
-    settings = with_engine(set_, engine)
     relative_angles = angles_of(angles)
-    arguments: dict[str, Any] = {
-        "mismatch_rpm": mismatch_rpm,
-        "force_N": force_N,
-        "force_rise_s": force_rise_s,
-        "precision": precision,
-        "cluster": cluster,
-    }
-    if draws is None:
-        problem = _named_study(study, settings)
-        _warn_of_doubts(problem, relative_angles if isinstance(relative_angles, tuple) else ())
-        result = problem.expect(**arguments, angles=relative_angles, **run_arguments(jobs))
-        if json:
-            warn(warning.removeprefix("warning: ") for warning in result.shortfall)
-        show(result, json)
-        return
-    if any(value is not None for value in arguments.values()):
-        raise InputError(
-            f"--draws is {draws}, which goes with all operating points and --angles, --set, "
-            "--engine and --jobs alone; leave out the others"
-        )
-    if isinstance(relative_angles, tuple):
-        raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
+    problem = _named_study(study, set_ or [])
+    _warn_of_doubts(problem, relative_angles if isinstance(relative_angles, tuple) else ())
+    result = problem.expect(
+        mismatch_rpm=mismatch_rpm,
+        force_N=force_N,
+        force_rise_s=force_rise_s,
+        angles=relative_angles,
+        precision=precision,
+        **run_arguments(jobs, cluster, keep, engine),
+    )
+    if json:
+        warn(warning.removeprefix("warning: ") for warning in result.shortfall)
+    show(result, json)
+
+
+def expect_draws(
+    study: StudyArg,
+    draws: Annotated[str, Argument(metavar="FILE", help="table: keys, a row a draw")],
+    angles: Annotated[int | None, Option(help="at each operating point, at least 3")] = None,
+    set_: Sets = None,
+    engine: Engine = None,
+    jobs: Jobs = 0,
+    cluster: Cluster = None,
+    json: Json = False,
+) -> None:
+    """Compute the expected shift time at each draw of some keys of a study.
+
+    Draws of a diagnosis are in NAME-draws.csv beside its calibrated study.
+
+    Example: dogshape expect-draws stand.toml stand-draws.csv --angles 8
+    """
     expectation = ds.expect_draws(
-        study, draws, settings, angles=relative_angles, jobs=jobs, progress=True
+        study,
+        draws,
+        set_ or [],
+        angles=angles,
+        jobs=jobs,
+        cluster=cluster,
+        progress=True,
+        engine=engine,
     )
     show(expectation, json)
 
@@ -174,34 +190,43 @@ def validate(
     correct: Corrections = None,
     engine: Engine = None,
     jobs: Jobs = 0,
+    cluster: Cluster = None,
+    keep: Keep = None,
     json: Json = False,
 ) -> None:
     """Compare a bench data set with the simulation.
 
     Example: dogshape validate mq200_adams
     """
-    arguments: dict[str, Any] = {"correct": correct or (), "engine": engine, **run_arguments(jobs)}
-    show(ds.validate(bench, angles_of(angles), **arguments), json)
+    comparison = ds.validate(
+        bench,
+        angles_of(angles),
+        correct=correct or (),
+        **run_arguments(jobs, cluster, keep, engine),
+    )
+    show(comparison, json)
 
 
 def strength(
     study: StudyArg,
-    simulation: Annotated[bool, Option(help="simulate the hardest landing, dog on dog")] = True,
+    simulate: Annotated[bool, Option(help="simulate the hardest landing, dog on dog")] = True,
     explain: Annotated[bool, Option("--explain", help="formulas, sources, keys")] = False,
     fem: Annotated[bool, Option("--fem", help="finite elements too; extra [fem]")] = False,
-    engine: Engine = None,
     set_: Sets = None,
+    engine: Engine = None,
     jobs: Jobs = 0,
+    cluster: Cluster = None,
+    keep: Keep = None,
     json: Json = False,
 ) -> None:
     """Check strength, self-locking and manufacture of a design.
 
     The compiled engine simulates the hardest landing over operating points and angles in seconds;
-    --no-simulation leaves it out.
+    --no-simulate leaves it out.
 
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
-    problem = _named_study(study, with_engine(set_, engine))
+    problem = _named_study(study, set_ or [])
     record = {}
     tables = []
     if fem:
@@ -210,7 +235,8 @@ def strength(
         roots = root_stress.root_checks(problem.config.clutch.dog, problem.config.limits)
         record["finite_elements"] = [root.to_dict() for root in roots]
         tables = [root_stress.root_table(roots)]
-    result = problem.strength(simulate=simulation, **run_arguments(jobs))
+    arguments = run_arguments(jobs, cluster, keep, engine)
+    result = problem.strength(simulate=simulate, **arguments)
     parts = result.to_parts()
     if explain:
         parts += result.explained
@@ -223,40 +249,58 @@ def check(
     surrogate: SurrogateFile = None,
     mismatch_rpm: OneMismatch = None,
     force_N: OneForce = None,
-    designs: Annotated[Path | None, Option(help="CSV or .xlsx, columns as chamfer_deg")] = None,
-    out: Annotated[Path | None, Option(help="with --designs: CSV or .xlsx of the answers")] = None,
-    engine: Engine = None,
     set_: Sets = None,
+    engine: Engine = None,
     json: Json = False,
 ) -> None:
-    """Check one design in seconds, or predict times of many.
+    """Check one design in seconds.
 
-    The compiled engine simulates one design in seconds, landing included, beside the surrogate's
-    prediction; --surrogate FILE answers at once, without the landing. Designs of a table are
-    predicted by the surrogate, into NAME-times.csv beside it; status 1 if a row has no answer.
+    The compiled engine simulates the design, landing included, beside the surrogate's prediction;
+    --surrogate FILE answers at once, without the landing.
 
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
-    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
-
-    problem = _named_study(study, with_engine(set_, engine))
-    require_targets({"--out": out}, {"--out": TABLES})
-    arguments: Any = {"mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate}
-    if designs is not None:
-        from dogshape.predictions import answer_path  # noqa: PLC0415
-
-        predictions = problem.predict(designs, out=out or answer_path(designs), **arguments)
-        for line in predictions.notes:
-            echo(line, err=True)
-        show(predictions, json, ok=not predictions.to_dict()["impossible"])
-        return
-    if out is not None:
-        raise InputError("--out is for the answers to --designs; give both or neither")
-    result = problem.check(**arguments)
+    result = _named_study(study, set_ or []).check(
+        mismatch_rpm=mismatch_rpm, force_N=force_N, surrogate=surrogate, engine=engine
+    )
     show(result, json, ok=not result.verdict.failed)
 
 
-def study(
+def predict(
+    study: StudyArg,
+    designs: Annotated[Path, Argument(metavar="DESIGNS", help="CSV or .xlsx, a row a design")],
+    out: Annotated[Path | None, Option(help="CSV or .xlsx; default: NAME-times beside")] = None,
+    surrogate: SurrogateFile = None,
+    mismatch_rpm: OneMismatch = None,
+    force_N: OneForce = None,
+    set_: Sets = None,
+    engine: Engine = None,
+    json: Json = False,
+) -> None:
+    """Predict the shift times of many designs by the surrogate.
+
+    Columns are named as the variables, such as chamfer_deg. Status 1 if a row has no answer.
+
+    Example: dogshape predict mq200 designs.csv
+    """
+    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
+    from dogshape.predictions import answer_path  # noqa: PLC0415
+
+    require_targets({"--out": out}, {"--out": TABLES})
+    predictions = _named_study(study, set_ or []).predict(
+        designs,
+        out=out or answer_path(designs),
+        mismatch_rpm=mismatch_rpm,
+        force_N=force_N,
+        surrogate=surrogate,
+        engine=engine,
+    )
+    for line in predictions.notes:
+        echo(line, err=True)
+    show(predictions, json, ok=not predictions.to_dict()["impossible"])
+
+
+def search(
     study: StudyArg,
     out: Annotated[Path | None, Option(help="default: results/NAME")] = None,
     trials: Annotated[int | None, Option(min=1, help="designs to propose")] = None,
@@ -265,18 +309,18 @@ def study(
     seed: Annotated[int | None, Option(min=0, help="of the search")] = None,
     storage: Annotated[str | None, Option(help="PostgreSQL that machines share")] = None,
     resume: Annotated[bool, Option("--resume", help="continue a stopped study")] = False,
-    no_report: Annotated[bool, Option("--no-report", help="without the report")] = False,
-    engine: Engine = None,
+    report: Annotated[bool, Option(help="write the report")] = True,
     set_: Sets = None,
+    engine: Engine = None,
     json: Json = False,
 ) -> None:
     """Search for the best shape, then write the report.
 
     The report takes half a minute for its effects and animations; --no-report leaves it out.
 
-    Example: dogshape study mq200 --out results/mq200 --trials 48
+    Example: dogshape search mq200 --out results/mq200 --trials 48
     """
-    settings = with_engine(set_, engine)
+    settings = list(set_ or [])
     if trials is not None:
         settings.append(f"search.trials={trials}")
     if seed is not None:
@@ -287,8 +331,9 @@ def study(
         cluster=cluster,
         storage=storage,
         resume=resume,
-        report=not no_report,
+        report=report,
         progress=True,
+        engine=engine,
     )
     show(result, json, ok=result.best is not None)
 
@@ -325,8 +370,10 @@ def fit(
 
     Example: dogshape fit results/mq200
     """
-    settings = with_engine(set_, engine)
-    show(ds.fit(where, settings, out=out, jobs=jobs, cluster=cluster, progress=True), json)
+    surrogate = ds.fit(
+        where, set_ or [], out=out, jobs=jobs, cluster=cluster, progress=True, engine=engine
+    )
+    show(surrogate, json)
 
 
 def compare(

@@ -1,4 +1,4 @@
-"""``gap``, ``gap plan``, ``gap update``: the cause of a difference between bench and simulation."""
+"""Verbs on the cause of a difference between bench and simulation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Bank = Annotated[
 Effects = Annotated[Path | None, Option(help="folder with effects of your own, a file each")]
 
 
-def gap(
+def diagnose(
     bench: BenchArg,
     out: Annotated[Path | None, Option(help="for report.html, gap.json and cells.csv")] = None,
     bank: Bank = None,
@@ -37,7 +37,7 @@ def gap(
 
     Simulations of a clutch and its operating points take some minutes, once.
 
-    Example: dogshape gap mq200_stand --out results/gap-stand
+    Example: dogshape diagnose mq200_stand --out results/gap-stand
     """
     for option, text in (("--base", base), ("--causes", causes)):
         if text is not None and write is None:
@@ -83,7 +83,7 @@ def gap(
     emit(record, json, lambda: [*diagnosis.to_parts(), *lines])
 
 
-def gap_plan(
+def plan_shifts(
     where: Annotated[str, Argument(metavar="BENCH_DIR|STUDY", help="operating points")],
     shifts: Annotated[int, Option(help="shifts in all, at least 20")],
     points: Annotated[int | None, Option(min=1, help="operating points, at most")] = None,
@@ -101,7 +101,7 @@ def gap_plan(
     The order is random but for a reference point at the beginning, in the middle and at the end,
     so that a drift of the stand shows. Times of a data set are not used.
 
-    Example: dogshape gap plan mq200_stand --shifts 120 --out shifts.csv
+    Example: dogshape plan-shifts mq200_stand --shifts 120 --out shifts.csv
     """
     plan = ds.plan_shifts(
         where,
@@ -117,7 +117,7 @@ def gap_plan(
     show(plan, json)
 
 
-def gap_update(
+def update_diagnosis(
     folder: Annotated[Path, Argument(metavar="DIR", help="--out of an earlier diagnosis")],
     new: Annotated[Path, Argument(metavar="NEW.csv", help="or .xlsx; columns as in shifts.csv")],
     bank: Bank = None,
@@ -130,7 +130,7 @@ def gap_update(
     Units, corrections and effects of your own are those of the earlier data. The folder keeps the
     earlier record as gap-0.json, gap-1.json and so on, and all updates in updates.json.
 
-    Example: dogshape gap update results/gap-stand new.csv
+    Example: dogshape update-diagnosis results/gap-stand new.csv
     """
     update = ds.update_diagnosis(folder, new, bank=bank, effects=effects, jobs=jobs, progress=True)
     show(update, json)
