@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from html import escape
@@ -39,9 +40,9 @@ class Result(ABC):
         """
         from dogshape.pipeline.reports.report import Report  # noqa: PLC0415  # plotly
 
-        page = Report(type(self).__name__)
-        page.add("Figure", self.plot())
-        page.add("Values", *self.to_parts())
+        words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(self).__name__)
+        page = Report(words.capitalize())
+        page.add("", self.plot(), *self.to_parts())
         page.save(Path(path))
         return Path(path)
 

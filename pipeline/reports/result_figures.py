@@ -73,7 +73,9 @@ def ratios_figure(items: Mapping[str, Mapping[str, float]]) -> go.Figure:
             for key, value in items[first].items()
             if value and key in items[label]
         }
-        figure.add_bar(x=list(ratios), y=list(ratios.values()), name=label)
+        heights = [ratio - 1.0 for ratio in ratios.values()]
+        texts = [f"{ratio:.3g}" for ratio in ratios.values()]
+        figure.add_bar(x=list(ratios), y=heights, base=1.0, text=texts, name=label)
     figure.add_hline(1.0, line={"color": GREY, "width": 1})
     figure.update_yaxes(title=f"value over that of {first}", type="log")
     return styled(figure, FIGURE_HEIGHT)
