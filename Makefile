@@ -34,7 +34,7 @@ SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so
 .PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps processors figures golden picture tutorial constraints system clean
 
 study: $(VENV)/ready
-	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
+	$(BIN)/dogshape search studies/mq200 --out $(OUT) --resume
 
 # A process for each core, and no threads of linear algebra beside it. Files are taken in their
 # order: the long ones of tests/acceptance and tests/integration first.
@@ -96,7 +96,7 @@ bank: $(VENV)/ready
 STUDIES := mq200 mq200_actuation mq200_both mq200_paper mq200_robust mq200_three amt ev_disconnect motorcycle
 studies: $(VENV)/ready
 	for name in $(STUDIES); do \
-	  $(BIN)/dogshape study studies/$$name --out results/$$name --resume || exit 1; \
+	  $(BIN)/dogshape search studies/$$name --out results/$$name --resume || exit 1; \
 	  cp results/$$name/result.json results/$$name/designs.csv studies/$$name/ || exit 1; done
 	$(call print_tables,contact_sets gearbox_loads)
 
@@ -108,8 +108,8 @@ samplers: $(VENV)/ready
 # The diagnoses that README.md quotes, with what ignoring the stand's causes would cost.
 gaps: $(VENV)/ready
 	mkdir -p build
-	$(BIN)/dogshape gap mq200_stand --study mq200_paper --json > build/gap_stand.json
-	$(BIN)/dogshape gap mq200_adams --json > build/gap_adams.json
+	$(BIN)/dogshape diagnose mq200_stand --study mq200_paper --json > build/gap_stand.json
+	$(BIN)/dogshape diagnose mq200_adams --json > build/gap_adams.json
 	mv build/gap_stand.json build/gap_adams.json docs/evidence/
 
 # Each setting: features that numpy leaves out, kernel and threads of OpenBLAS.
@@ -143,7 +143,7 @@ $(OUT)/report.html:
 # The pictures of the README: one shift at 45 ms and the report, drawn without a screen.
 picture: $(VENV)/ready $(OUT)/report.html
 	mkdir -p build docs
-	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10 \
+	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --angle-deg 10 \
 	  --html build/shift.html
 	$(SHOOT) --window-size=1280,880 --force-device-scale-factor=0.9375 \
 	  --screenshot=docs/shift.png "file://$(CURDIR)/build/shift.html#t=45"

@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 POINT = ("--mismatch-rpm", "50", "--force-N", "469")
 DRAKE = ("--engine", "drake")
 PLANAR = ("--engine", "planar")
-SHIFT = ("shift", "mq200_paper", *POINT, "--relative-angle-deg", "10")
+SHIFT = ("shift", "mq200_paper", *POINT, "--angle-deg", "10")
 #: A study at two operating points, with as little of Drake as it takes.
 SMALL = (
     "operating.mismatch_rpm=[50, 149]",
@@ -43,10 +43,10 @@ CALLS = {
     "expect_planar": ("expect", "mq200", "--angles", "24", *PLANAR),
     "check": ("check", "mq200_paper"),
     "strength": ("strength", "mq200", *PLANAR),
-    "gap_stand": ("gap", "mq200_stand"),
-    "gap_adams": ("gap", "mq200_adams"),
+    "gap_stand": ("diagnose", "mq200_stand"),
+    "gap_adams": ("diagnose", "mq200_adams"),
     "study": (
-        *("study", "mq200_paper", "--trials", "12", "--no-report", "--out", "study"),
+        *("search", "mq200_paper", "--trials", "12", "--no-report", "--out", "study"),
         *chain.from_iterable(("--set", setting) for setting in SMALL),
     ),
 }

@@ -41,6 +41,7 @@ from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import matching_surrogate
 from dogshape.running import receiver
 from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.interface import argument, verb
 from dogshape.sim.texts import is_plain
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
@@ -150,7 +151,7 @@ class LivePage:
     def prediction_refusal(self, study: Study) -> str:
         """Describe why the surrogate does not apply to a study; empty if it applies."""
         if self.stored is None:
-            return "there is no surrogate of the study; 'dogshape fit' makes one"
+            return f"there is no surrogate of the study; {verb('fit')} makes one"
         differences = compare_physics(self.stored.surrogate.data, study.config.physics)
         return f"the surrogate is of other physics: {differences}" if differences else ""
 
@@ -389,7 +390,7 @@ def start_server(live_page: LivePage, port: int) -> BaseWSGIServer:
         listener = socket.create_server((HOST, port))
     except OSError as error:
         fault = f"port {port} cannot be taken ({strerror(error.errno or 0)})"
-        raise InputError(f"{fault}; give another with --port") from error
+        raise InputError(f"{fault}; give another with {argument('port')}") from error
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     number = listener.getsockname()[1]
     descriptor = listener.detach()

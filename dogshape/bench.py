@@ -19,6 +19,7 @@ from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.result import Result
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import InputError
+from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import repeated
 from dogshape.sim.statistics.shift_records import clutch_record
 
@@ -26,7 +27,7 @@ MIN_COMPARED_ANGLES = 3  #: relative angles at each operating point, for an esti
 MIN_FLIP_ERROR_S = 1e-3  #: numerical error of the mean that only a flipped shift explains
 FLIP_NOTE = (
     "so large a numerical error is a shift that flipped: of those repeated with a finer tolerance "
-    "one or more came into another slot, or did not engage; with more --angles one such shift "
+    "one or more came into another slot, or did not engage; with more angles one such shift "
     "counts less"
 )
 
@@ -135,7 +136,7 @@ def validate(
     count = relative_angles if isinstance(relative_angles, int) else len(relative_angles)
     if angles is not None and count < MIN_COMPARED_ANGLES:
         raise InputError(
-            f"--angles is '{angles}', but a comparison needs at least three; give more"
+            f"{argument('angles')} is '{angles}', but a comparison needs at least three; give more"
         )
     require_shifts(data, times=False)
     if engine is not None:

@@ -55,6 +55,7 @@ from dogshape.pipeline.store.result_records import (
 from dogshape.result import Result
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
+from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.statistics.expectation import Expectation as Mean
@@ -232,10 +233,14 @@ def simulate_mean(
     clutch = config.clutch
     settings = config.file.expectation
     if place[2] is not None and place[1] is None:
-        raise InputError("--force-rise-s goes with one operating point; give its speed and force")
+        rise = argument("force_rise_s")
+        raise InputError(f"{rise} goes with one operating point; give its speed and force")
     points = points_of(config, place, OWN_RISE)
     if precision is not None and angles is not None:
-        raise InputError("--precision finds the number of angles itself; leave out --angles")
+        raise InputError(
+            f"{argument('precision')} finds the number of angles itself; leave out "
+            f"{argument('angles')}"
+        )
     question = config.config_hash, *place, angles, precision
     relative_angles = in_radians(settings.angles if angles is None else angles)
     blocks = even_blocks(
@@ -244,7 +249,7 @@ def simulate_mean(
     shifts = sum(len(block.angles) for block in blocks)
     shifts += repeated(shifts) + len(settings.limit_torques_Nm or ()) * shifts
     if precision is not None:
-        require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
+        require_between(argument("precision"), precision, 1e-3, 1.0, "give for instance 0.01")
         shifts = FIRST_ANGLES * len(points)
     with options.executor("expect", question, shifts) as (executor, counter):
         if precision is not None:
@@ -342,7 +347,7 @@ def expect_draws(
     Parameters
     ----------
     study : as for ``Study``.
-    draws : table whose columns are keys of the study, a row for each draw (``gap --write``).
+    draws : table whose columns are keys of the study, a row for each draw (``diagnose --write``).
     settings : further keys, for instance another dog; those of a draw give way to them.
     angles : relative angles at each operating point, at least 3; None for the study's number.
     jobs, cluster, engine : as in ``Study.expect``.

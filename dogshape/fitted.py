@@ -17,6 +17,7 @@ from dogshape.pipeline.train.training import fill, train
 from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.errors import InputError
+from dogshape.sim.interface import argument
 from dogshape.study import Study
 from dogshape.surrogate.store import MIN_Q2, Stored
 
@@ -118,7 +119,7 @@ def fit(
     start = time.perf_counter()
     target = None if out is None else Path(out)
     listener = receiver(progress)
-    require_targets({"--out": target})
+    require_targets({argument("out"): target})
     if settings and isinstance(where, Study):
         raise InputError("a Study has its settings already; give them to Study, or name the study")
     folder = None if isinstance(where, Study) else StudyFolder(Path(where))
@@ -132,7 +133,7 @@ def fit(
         fill(config, folder, jobs, cluster, listener)
     elif settings or engine is not None:
         remedy = "leave it out, or name the study"
-        raise InputError(f"--set cannot change a study that was run; {remedy}")
+        raise InputError(f"{argument('settings')} cannot change a study that was run; {remedy}")
     stored = train(folder, target, say=listener.say)
     seconds = time.perf_counter() - start
     return Fitted(folder.stored_study(), stored, target or folder.surrogate, seconds)

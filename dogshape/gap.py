@@ -36,6 +36,7 @@ from dogshape.running import receiver
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError, number
 from dogshape.sim.files import write_frame, writing
+from dogshape.sim.interface import argument
 from dogshape.sim.units import RPM
 
 SHOWN_HYPOTHESES = 6  #: in the table of an update
@@ -92,7 +93,7 @@ class Diagnosis(Result):
         return parts
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert the diagnosis to the record that ``dogshape gap --json`` prints."""
+        """Convert the diagnosis to the record that ``dogshape diagnose --json`` prints."""
         return {
             **self.inference.to_dict(),
             "summary": summary(self.inference),
@@ -195,7 +196,7 @@ def diagnose(
         load_candidates(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
         inference = diagnose_bench(data, options)
-        report_state = "not written, for lack of --out"
+        report_state = f"not written, for lack of {argument('out')}"
         if folder is not None:
             report_state = f"written to {gap_page.publish(inference, folder)}"
             gap_update.keep_data(data, folder, options.effects)
@@ -215,7 +216,7 @@ def _require_no_study(folder: Path) -> None:
     for file in (StudyFolder(folder).manifest, folder / "study.toml"):
         if file.is_file():
             fault = f"which holds a study ({file.name}), whose report a diagnosis would replace"
-            raise StorageError(f"--out is {folder}, {fault}; name another folder")
+            raise StorageError(f"{argument('out')} is {folder}, {fault}; name another folder")
 
 
 @dataclass(frozen=True, repr=False)
@@ -248,7 +249,7 @@ class Update(Result):
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert the update to the record that ``dogshape gap update --json`` prints."""
+        """Convert the update to the record that ``dogshape update-diagnosis --json`` prints."""
         after = self.diagnosis.to_dict()
         return {**self.record, "next_test": after["next_test"], "report": after["report"]}
 
@@ -345,7 +346,7 @@ class Plan(Result):
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert the plan to the record that ``dogshape gap plan --json`` prints."""
+        """Convert the plan to the record that ``dogshape plan-shifts --json`` prints."""
         plan = self.inference
         names = [h[0] if h else "none" for h in plan.field.hypotheses]
         points = [
@@ -452,8 +453,9 @@ def plan_shifts(
     """
     file = None if out is None else Path(out)
     if file is not None and file.exists():
-        raise StorageError(f"--out is {file}, which is there already; name another file")
-    require_targets({"--out": file})
+        fault = f"{argument('out')} is {file}, which is there already"
+        raise StorageError(f"{fault}; name another file")
+    require_targets({argument("out"): file})
     bench = load_points(where)
     if points is not None and not 1 <= points <= len(bench.cells):
         raise InputError(

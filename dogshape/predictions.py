@@ -25,6 +25,7 @@ from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, number_rule
 from dogshape.sim.files import write_frame
+from dogshape.sim.interface import argument, key_argument
 from dogshape.sim.raw_sheet import file_of
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
@@ -247,11 +248,12 @@ def _read_designs(
         cells = tuple((number, tuple(map(str, row))) for number, row in rows)
         return TextTable(Path("designs"), tuple(map(str, designs.columns)), cells)
     if target is not None and target.resolve() == file_of(Path(designs)).resolve():
-        raise InputError(f"--out is {target}, the table that is read; name another file")
+        fault = f"{argument('out')} is {target}, the table that is read"
+        raise InputError(f"{fault}; name another file")
     try:
         return read_table(Path(designs), variables)
     except FileNotFoundError:
-        missing = f"there is no table of designs at {designs}; check --designs"
+        missing = f"there is no table of designs at {designs}; check {argument('designs')}"
         raise InputError(missing) from None
 
 
@@ -360,9 +362,10 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
         elif name in (*TIMES, *CHECKS, NOT_JUDGED):
             faults.append(f"'{name}' is a column of the answers; take it away")
         elif name in DogSection.model_fields:
+            setting = key_argument("settings", f"dog.{name}", "VALUE")
             faults.append(
                 f"'{name}' is the same for all designs that the surrogate knows; take the column "
-                f"away (--set dog.{name}=VALUE needs a surrogate of its own)"
+                f"away ({setting} needs a surrogate of its own)"
             )
         elif similar:
             faults.append(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.interface import argument
 from dogshape.sim.units import DEG
 
 Angles = int | Sequence[float] | None  #: number of evenly spaced angles, or listed ones, deg
@@ -23,7 +24,7 @@ def receiver(progress: Progress | bool) -> Progress:
 def in_radians(angles: int | Sequence[float]) -> int | tuple[float, ...]:
     """Convert listed relative angles to rad, check a number of angles; InputError out of range."""
     if isinstance(angles, int):
-        require_between("--angles", angles, 1, 100_000, "give for instance 24")
+        require_between(argument("angles"), angles, 1, 100_000, "give for instance 24")
         return angles
     for angle in angles:
         if not abs(angle) <= 1e6:

@@ -77,7 +77,7 @@ class Shift(Result):
             warnings.append(
                 f"not converged: {outcome}{time} with finer steps. "
                 "After slots skipped or bounces a single shift depends on the steps; take a mean "
-                "over angles (dogshape expect)"
+                "over angles ({verb('expect')})"
             )
         for name, value, limit, unit in (
             ("mismatch", abs(point.mismatch) / RPM, MAX_CHECKED_RPM, "1/min"),

@@ -21,6 +21,7 @@ from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.files import naming
+from dogshape.sim.interface import verb
 
 PRINTED_KEYS = (
     "engine",
@@ -67,7 +68,7 @@ class StudyResult(Result):
 
     def to_parts(self) -> list[str | Table]:
         """Describe headline, gain, alternatives, facts and front as in the report."""
-        page = self.page or "none yet, 'dogshape report' makes it"
+        page = self.page or f"none yet, {verb('report')} makes it"
         parts: list[str | Table] = [headline(self.record)]
         for table in summary_tables(self.config, self.record):
             parts += ["", table]

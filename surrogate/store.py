@@ -214,7 +214,7 @@ def load(path: Path) -> Stored:
         return _stored(path, path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise MissingError(
-            f"there is no surrogate at {path}; run 'dogshape study' or 'dogshape fit' first, "
+            f"there is no surrogate at {path}; run 'dogshape search' or 'dogshape fit' first, "
             "or name a file with --surrogate"
         ) from error
     except (OSError, ValueError, RecursionError) as error:

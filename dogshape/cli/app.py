@@ -14,6 +14,7 @@ from dogshape.cli.renamed import current_words
 from dogshape.cli.verbs import diagnosis, init, study
 from dogshape.python_words import KEEPS_OPTIONS
 from dogshape.sim.errors import DogshapeError, EngineError
+from dogshape.sim.interface import command_line
 from dogshape.sim.versions import versions
 
 SURROGATES = ("\ud800", "\udfff")  #: first and last letter of bytes that are no text, in a path
@@ -54,7 +55,8 @@ class _Verbs(TyperGroup):
         """Run the verb; its errors name options of the command line."""
         token = KEEPS_OPTIONS.set(True)
         try:
-            return super().invoke(ctx)
+            with command_line():
+                return super().invoke(ctx)
         except DogshapeError as error:
             sentence = str(error)
             status = 1 if isinstance(error, EngineError) else 2

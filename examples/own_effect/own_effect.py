@@ -3,7 +3,7 @@
     python examples/own_effect/own_effect.py
 
 The diagnosis takes the same folder:
-``dogshape gap BENCH_DIR --effects examples/own_effect/effects``.
+``dogshape diagnose BENCH_DIR --effects examples/own_effect/effects``.
 """
 
 from __future__ import annotations

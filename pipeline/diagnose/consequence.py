@@ -147,11 +147,11 @@ def load_candidates(place: str | Path) -> tuple[Setup, dict[str, Params]]:
     if result_folder.manifest.is_file():
         study = result_folder.stored_study()
         folders = [result_folder]
-        remedy = f"run 'dogshape study' with --resume and --out {place}"
+        remedy = f"run 'dogshape search' with --resume and --out {place}"
     else:
         study = load_study(place)
         folders = [StudyFolder(default_out(study)), StudyFolder(bundled_root() / study.name)]
-        remedy = f"run 'dogshape study {place}' first, or name the folder of its results"
+        remedy = f"run 'dogshape search {place}' first, or name the folder of its results"
     for folder in folders:
         if folder.result.is_file():
             return study, _designs(study, folder.stored_result())

@@ -97,7 +97,7 @@ def read_request(folder: Path) -> Request:
     path = data / REQUEST
     if not path.is_file():
         raise StorageError(
-            f"{folder} holds no diagnosis with its data; make it with: dogshape gap BENCH_DIR "
+            f"{folder} holds no diagnosis with its data; make it with: dogshape diagnose BENCH_DIR "
             f"--out {folder}"
         )
     return _read_json(path, lambda content: Request(**content))
@@ -240,7 +240,7 @@ def require_no_updates(folder: Path) -> None:
     if (folder / UPDATES).is_file():
         raise StorageError(
             f"{folder} holds a diagnosis with updates ({UPDATES}), which a new one would replace; "
-            "name another folder for --out, or join readings with 'dogshape gap update'"
+            "name another folder for --out, or join readings with 'dogshape update-diagnosis'"
         )
 
 

@@ -176,7 +176,7 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     results = Path("results") / source
     if StudyFolder(results).manifest.exists():
         return named_design(f"{results}#{number}")
-    remedy = f"run 'dogshape study {source}' and give the folder of its results"
+    remedy = f"run 'dogshape search {source}' and give the folder of its results"
     raise InputError(f"'{name}' names design {number}, but '{source}' has no result; {remedy}")
 
 

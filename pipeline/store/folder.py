@@ -33,7 +33,7 @@ from dogshape.sim.versions import versions
 
 MAX_LINE = 1 << 22  #: bytes, longest line of a journal: a shift has less than 4 kB
 MAX_FILE = 1 << 28  #: bytes, largest JSON document: 8000 designs of a search at 33 kB each
-WRITE_AGAIN = "run 'dogshape study' with --resume to write it again"  #: remedy
+WRITE_AGAIN = "run 'dogshape search' with --resume to write it again"  #: remedy
 #: Settings that a resumed run may change, by table: budgets.
 FREE_SETTINGS = {
     "search": {"trials", "confirm_designs", "audit_shifts"},
@@ -166,7 +166,7 @@ def _locked_file(path: Path) -> Iterator[int]:
     except OSError as error:
         raise StorageError(
             f"{path} cannot be written ({error.strerror}); the shifts before are kept: make room "
-            "or give the right to write, and run the command again to go on, 'dogshape study' "
+            "or give the right to write, and run the command again to go on, 'dogshape search' "
             "with --resume"
         ) from error
 
@@ -220,7 +220,7 @@ class StudyFolder:
 
     def stored_study(self) -> Setup:
         """Read the study that the folder was started with; StorageError for a bad manifest."""
-        remedy = "run 'dogshape study' first"
+        remedy = "run 'dogshape search' first"
         if self.manifest.exists():
             remedy = "start the study in another --out"
         content = read_json(self.manifest, remedy)

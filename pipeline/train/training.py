@@ -322,7 +322,7 @@ def _require_shape_only(study: Setup) -> None:
     if operation_keys:
         raise InputError(
             f"the study searches {', '.join(operation_keys)}, which the surrogate learns from a "
-            "search alone; run 'dogshape study', which leaves one, or take them out of [variables]"
+            "search alone; run 'dogshape search', which leaves one, or take them out of [variables]"
         )
 
 

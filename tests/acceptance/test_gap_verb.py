@@ -1,4 +1,4 @@
-"""``dogshape gap`` on the published tables."""
+"""``dogshape diagnose`` on the published tables."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def _on(cluster: Cluster, verb: str, *arguments: str) -> Iterator[subprocess.Pop
 def test_a_killed_worker_loses_no_trial(in_drake: Finished, tmp_path: Path) -> None:
     """Its shifts run again on the other one; the result is that of one machine."""
     outs = [tmp_path / "away", in_drake.folder]
-    with dask_cluster(2) as two, _on(two, "study", *STUDY, "--out", str(outs[0])) as process:
+    with dask_cluster(2) as two, _on(two, "search", *STUDY, "--out", str(outs[0])) as process:
         wait_until(lambda: len(lines_of(outs[0])) >= 6)
         os.kill(two.workers[0].pid, signal.SIGKILL)
         two.workers[0].wait()

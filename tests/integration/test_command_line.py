@@ -16,7 +16,7 @@ from tests.conftest import SMALL, Call, require_program, set_options
 from tests.integration.studies import Finished
 from tests.server import command_of
 
-ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
+ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--angle-deg", 10)
 SETS = set_options(SMALL)
 
 
@@ -28,7 +28,7 @@ def test_help_has_an_example(dogshape: Call, verb: str) -> None:
 
 
 def test_shift(dogshape: Call, tmp_path: Path) -> None:
-    files = ("--html", "a.html", "--trace", "a.csv")
+    files = ("--report", "a.html", "--trace", "a.csv")
     said = dogshape("shift", "mq200_paper", *ONE_SHIFT, *files, "--json")
     assert said.status == 0
     assert said.json["outcome"] == "engaged"
@@ -46,7 +46,7 @@ def test_shift(dogshape: Call, tmp_path: Path) -> None:
 
 
 def test_a_blocked_shift_is_an_answer(dogshape: Call) -> None:
-    still = ("--mismatch-rpm", 0, "--force-N", 469, "--relative-angle-deg", 0)
+    still = ("--mismatch-rpm", 0, "--force-N", 469, "--angle-deg", 0)
     said = dogshape("shift", "mq200_paper", *still, "--set", "dog.chamfer_deg=2", "--json")
     assert (said.status, said.json["outcome"], said.json["shift_time_s"]) == (0, "blocked", None)
 
@@ -55,7 +55,7 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     point = ("--mismatch-rpm", 100, "--force-N", 469)
     how = ("--angles", "0,12", "--engine", "drake", "--jobs", 1, "--json")
     said = dogshape("expect", "mq200_paper", *point, *how)
-    shift = ("shift", "mq200_paper", *point, "--json", "--relative-angle-deg")
+    shift = ("shift", "mq200_paper", *point, "--json", "--angle-deg")
     times = [dogshape(*shift, angle).json["shift_time_s"] for angle in (0, 12)]
     assert said.json["engaged_mean_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
     whole = said.json["engaged_mean_s"] + said.json["retries_s"]
@@ -126,8 +126,8 @@ strength mq200_paper --set dog.heigth_mm=3 | did you mean 'dog.height_mm'?
 strength mq200_paper --set 'dog.count=15\ndog.height_mm=3' | more than one value
 shift ONE --force-N -469 | shift force is -469 N
 shift ONE --force-N 5000 | actuation.rise_s, or give --force-rise-s
-shift ONE --html no/such/a.html | --html is no/such/a.html, but there is no folder no/such; make it
-shift ONE --html a.x --trace a.x | give two files
+shift ONE --report no/such/a.html | --report is no/such/a.html, but there is no folder no/such; make it
+shift ONE --report a.x --trace a.x | give two files
 expect mq200_paper --force-rise-s 0.1 | goes with one operating point
 expect mq200_paper --angles few | --angles is 'few'
 expect mq200_paper --precision nan | --precision is nan
@@ -150,7 +150,7 @@ init study --like mq20 | or a kind: amt (30 dogs, 140/124 mm, 2500 N m); ev_disc
 init study --out 'my clutch' | letters, digits
 check mq200_paper --mismatch-rpm 80 | needs --mismatch-rpm and --force-N
 check mq200_paper --surrogate none.json | there is no surrogate at
-check mq200_paper --designs none.csv | there is no table of designs at none.csv
+predict mq200_paper none.csv | there is no table of designs at none.csv
 study mq200_paper --set operating.force_N=[99] | actuation.force_N and actuation.rise_s
 study GOAL="['axial_length_mm']" | has none that needs a simulation
 study GOAL="['expected_shift_time']" | did you mean 'expected_shift_time_s'?
@@ -201,7 +201,7 @@ def test_a_study_without_a_feasible_design_ends_with_a_page_and_status_1(dogshap
     hopeless = ["manufacturing.tip_width_mm=12", "search.trials=2", "search.confirm_angles=1"]
     quick = ["operating.mismatch_rpm=[50]", "operating.force_N=[469.0]", "expectation.angles=3"]
     options = set_options([*hopeless, *quick, "solver.engine=planar"])
-    outcome = dogshape("study", "mq200_paper", *options, "--out", "x")
+    outcome = dogshape("search", "mq200_paper", *options, "--out", "x")
     assert outcome.status == 1
     assert "fail tip width" in outcome.out
     assert "or use fewer or lower dogs" in outcome.err
@@ -211,7 +211,7 @@ def test_a_study_without_a_feasible_design_ends_with_a_page_and_status_1(dogshap
 def test_version_and_status_through_the_entry_point() -> None:
     version = subprocess.run(command_of("--version"), capture_output=True, text=True, check=True)
     assert re.fullmatch(r"dogshape \d+\.\d+\.\d+, drake \S+", version.stdout.strip())
-    weak = command_of("strength", "mq200_paper", "--no-simulation", "--set", "dog.traction_deg=5")
+    weak = command_of("strength", "mq200_paper", "--no-simulate", "--set", "dog.traction_deg=5")
     assert subprocess.run(weak, capture_output=True, check=False).returncode == 1
 
 
@@ -241,7 +241,7 @@ def test_damaged_results_are_refused(dogshape: Call, studied: Path) -> None:
 
 def test_finite_elements_on_request(dogshape: Call) -> None:
     require_program(fem_available(), "scikit-fem")
-    said = dogshape("strength", "mq200_paper", "--no-simulation", "--fem", "--json").json
+    said = dogshape("strength", "mq200_paper", "--no-simulate", "--fem", "--json").json
     rows = {(row["flank"], row["band"]): row for row in said["finite_elements"]}
     assert len(rows) == 6
     for row in rows.values():

@@ -33,7 +33,7 @@ DRAKE = (*SMALL, "solver.engine=drake")  #: shifts that take long enough to be c
 
 def _command(out: Path, *more: str) -> list[str]:
     where = ("--out", str(out), "--resume", "--no-report")
-    return command_of("study", "mq200_paper", *where, *set_options(DRAKE), *more)
+    return command_of("search", "mq200_paper", *where, *set_options(DRAKE), *more)
 
 
 def _done(out: Path) -> int:
@@ -207,7 +207,7 @@ def test_workers_that_die_again_and_again_are_said(small_study: Setup, tmp_path:
     assert len(lines_of(tmp_path, "shifts.jsonl")) == 6
 
 
-SHIFT = ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469", "--relative-angle-deg", "10",
+SHIFT = ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469", "--angle-deg", "10",
          "--engine", "planar"]  # fmt: skip
 
 

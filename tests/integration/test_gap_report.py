@@ -153,7 +153,7 @@ def test_a_diagnosis_is_what_the_command_line_prints(
 
     monkeypatch.setattr("dogshape.gap.diagnose_bench", known)
     out = tmp_path / "out"
-    said = dogshape("gap", "mq200_adams", "--bank", tmp_path, "--out", out, "--json")
+    said = dogshape("diagnose", "mq200_adams", "--bank", tmp_path, "--out", out, "--json")
     assert said.status == 0, said.err
     record = json.loads(json.dumps(found.to_dict()))
     assert record["report"] is None
@@ -163,7 +163,7 @@ def test_a_diagnosis_is_what_the_command_line_prints(
     assert kept.keys() >= KEYS
     assert (out / "report.html").stat().st_size > 1_000_000
     assert (out / "cells.csv").read_text(encoding="utf-8").count("\n") == 13
-    text = " ".join(dogshape("gap", "mq200_adams", "--bank", tmp_path).out.split())
+    text = " ".join(dogshape("diagnose", "mq200_adams", "--bank", tmp_path).out.split())
     assert record["summary"] in text
     assert "next test: " in text
 

@@ -39,9 +39,9 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
     )
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     for status, arguments in (
-        (0, ["strength", "mq200_paper", "--no-simulation"]),
+        (0, ["strength", "mq200_paper", "--no-simulate"]),
         (0, ["validate", "mq200_adams", "--help"]),
-        (2, ["strength", "mq200_paper", "--no-simulation", "--fem"]),
+        (2, ["strength", "mq200_paper", "--no-simulate", "--fem"]),
         (2, ["blind", "run", "cases"]),
     ):
         done = subprocess.run(
@@ -51,6 +51,6 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
         assert done.returncode == status, done.stderr
         assert ("needs a clone of the repository" in done.stderr) == (status == 2)
     shift = ["shift", "mq200_paper", "--mismatch-rpm", "100", "--force-N", "469"]
-    shift += ["--relative-angle-deg", "12", "--html", "a.html"]
+    shift += ["--angle-deg", "12", "--report", "a.html"]
     subprocess.run([sys.executable, "-c", code, *shift], cwd=work, env=environment, check=True)
     assert (work / "a.html").stat().st_size > 1_000_000

@@ -30,7 +30,7 @@ FEW = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s,engaged,trace\n"
 ASKED: dict[str, tuple[Callable[[], Any], str]] = {
     "shift": (
         lambda: ds.Study(PAPER, chamfer_deg=11, count=18).shift(**ONE, angle_deg=10),
-        "shift mq200_paper --mismatch-rpm 100 --force-N 469 --relative-angle-deg 10 "
+        "shift mq200_paper --mismatch-rpm 100 --force-N 469 --angle-deg 10 "
         "--set dog.chamfer_deg=11 --set dog.count=18",
     ),
     "expect": (
@@ -95,7 +95,7 @@ def test_margins_as_table(verb: str) -> None:
 def test_many_designs_are_what_the_command_line_prints(tmp_path: Path, dogshape: Call) -> None:
     table, out = tmp_path / "d.csv", tmp_path / "o.csv"
     table.write_text("chamfer_deg,count,note\n9,14,a\n11,18,b\n8,200,c\n")
-    said = dogshape("check", PAPER, "--designs", table, "--out", out, "--json")
+    said = dogshape("predict", PAPER, table, "--out", out, "--json")
     many = ds.Study(PAPER).predict(table)
     assert many.to_dict() == said.json | {"file": None}
     frame, written = many.to_frame(), pd.read_csv(out)

@@ -35,7 +35,7 @@ def record(found: ds.StudyResult) -> dict[str, Any]:
 def test_a_search_is_what_the_command_line_prints(found: ds.StudyResult, dogshape: Call) -> None:
     """The same study resumed has nothing left to simulate."""
     arguments = ("--out", found.folder, "--resume", "--no-report", "--jobs", "1", "--json")
-    said = dogshape("study", "mq200_paper", *SETS, *arguments)
+    said = dogshape("search", "mq200_paper", *SETS, *arguments)
     assert said.status == 0, said.err
     printed, own = said.json, json.loads(json.dumps(found.to_dict()))
     assert printed.pop("seconds_cpu") > 0.0 < own.pop("seconds_cpu")

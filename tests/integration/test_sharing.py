@@ -35,7 +35,7 @@ def _start(server: Server, name: str, out: Path, *more: str) -> Process:
     # So many angles that the one which starts first does not end before the other begins.
     settings = (*SMALL, "expectation.angles=12", "solver.engine=drake", f"name={name}", *more)
     where = ["--storage", server.url, "--out", str(out), "--resume", "--no-report", "--jobs", "1"]
-    return start_command(command_of("study", "mq200_paper", *where, *set_options(settings)))
+    return start_command(command_of("search", "mq200_paper", *where, *set_options(settings)))
 
 
 def _end(process: Process) -> None:

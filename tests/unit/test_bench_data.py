@@ -100,7 +100,7 @@ def test_a_set_without_times_gets_no_verdict_and_its_shares_compared(
     assert said.status == 2
     assert "no shift with a time and none that is known to have engaged or failed" in said.sentence
     table.write_text(f"{head}\n50,469.0,0.1766,4,,false,\n50,469.0,0.1766,1,,true,\n{nothing}\n")
-    refused = dogshape("gap", folder)
+    refused = dogshape("diagnose", folder)
     assert refused.status == 2
     assert "has no shift with a time (1 of 5 tried ones engaged)" in refused.sentence
     assert "'dogshape validate' compares the shares" in refused.sentence

@@ -144,13 +144,13 @@ def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_verb_writes_a_study_and_prints_the_diagnosis_where_it_cannot(
     dogshape: Call, tmp_path: Path
 ) -> None:
-    said = dogshape("gap", "late", "--write", "late.toml", "--draws", 7, "--json")
+    said = dogshape("diagnose", "late", "--write", "late.toml", "--draws", 7, "--json")
     assert said.status == 0
     told: Mapping[str, Any] = said.json["calibrated"]
     assert (told["study"], told["n_draws"]) == ("late.toml", 7)
     assert load_study(tmp_path / "late.toml").name == "late"
-    assert "7 draws" in dogshape("gap", "late", "--write", "again.toml", "--draws", 7).out
-    refused = dogshape("gap", "none", "--write", "none.toml", "--json")
+    assert "7 draws" in dogshape("diagnose", "late", "--write", "again.toml", "--draws", 7).out
+    refused = dogshape("diagnose", "none", "--write", "none.toml", "--json")
     assert (refused.status, refused.json["verdict"]) == (2, "none")
     assert "names no effect" in refused.sentence
     for arguments, words in (
@@ -161,7 +161,7 @@ def test_the_verb_writes_a_study_and_prints_the_diagnosis_where_it_cannot(
         (("--base", "mq200_paper"), "give --write FILE too"),
         (("--write", "new.toml", "--base", "mq20"), "there is no study at mq20"),
     ):
-        said = dogshape("gap", "late", *arguments)
+        said = dogshape("diagnose", "late", *arguments)
         assert (said.status, words in said.sentence) == (2, True), said.err
 
 

@@ -18,7 +18,7 @@ from tests.conftest import Call, CommandResult
 
 def _asked(dogshape: Call, text: str, *more: object) -> CommandResult:
     Path("designs.csv").write_text(text)
-    return dogshape("check", "mq200_paper", "--designs", "designs.csv", *more)
+    return dogshape("predict", "mq200_paper", "designs.csv", *more)
 
 
 @pytest.mark.parametrize(
@@ -127,12 +127,12 @@ def test_a_file_that_is_no_workbook_is_refused(dogshape: Call) -> None:
 def test_designs_of_a_workbook_are_answered_in_one(dogshape: Call) -> None:
     designs = [["note", "chamfer_deg", "count"], ["a", 11.5, 18], ["b", 12, 20]]
     _book("d.xlsx", Sheet1=designs)
-    assert dogshape("check", "mq200_paper", "--designs", "d.xlsx").status == 0
+    assert dogshape("predict", "mq200_paper", "d.xlsx").status == 0
     found = pd.read_excel("d-times.xlsx")
     assert found["note"].tolist() == ["a", "b"]
     assert found["chamfer_deg"].tolist() == [11.5, 12.0]
     pd.DataFrame(designs[1:], columns=designs[0]).to_csv("d.csv", index=False)
-    assert dogshape("check", "mq200_paper", "--designs", "d.csv").status == 0
+    assert dogshape("predict", "mq200_paper", "d.csv").status == 0
     same = pd.read_csv("d-times.csv")
     assert found["expected_shift_time_s"].to_numpy() == pytest.approx(
         same["expected_shift_time_s"].to_numpy(), rel=1e-5
@@ -140,7 +140,7 @@ def test_designs_of_a_workbook_are_answered_in_one(dogshape: Call) -> None:
 
 
 def test_a_time_series_is_written_as_csv_or_workbook(dogshape: Call) -> None:
-    point = ("--mismatch-rpm", "50", "--force-N", "469", "--relative-angle-deg", "10")
+    point = ("--mismatch-rpm", "50", "--force-N", "469", "--angle-deg", "10")
     engine = ("--engine", "planar")
     for name in ("t.csv", "t.xlsx"):
         assert dogshape("shift", "mq200", *point, *engine, "--trace", name).status == 0

@@ -49,7 +49,7 @@ def test_strength_checks_everything(dogshape: Call) -> None:
 
 def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
     weak = ("--set", "dog.traction_deg=5")
-    bad = dogshape("strength", "mq200_paper", "--no-simulation", "--explain", *weak)
+    bad = dogshape("strength", "mq200_paper", "--no-simulate", "--explain", *weak)
     assert bad.status == 1
     line = next(line for line in bad.out.splitlines() if "traction_release" in line)
     assert line.rstrip().endswith("NO")
@@ -63,7 +63,7 @@ def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
 
 def test_a_tolerance_that_leaves_no_dog_is_null_in_json(dogshape: Call) -> None:
     """At 60 dogs the tip is so narrow that a deviation has the flanks meet."""
-    asked = ("strength", "mq200_paper", "--no-simulation", "--set", "dog.count=60")
+    asked = ("strength", "mq200_paper", "--no-simulate", "--set", "dog.count=60")
     said = dogshape(*asked, "--json")
     assert said.status == 1
     assert any(check["margin_worst_case"] is None for check in said.json["checks"])
@@ -113,7 +113,7 @@ def test_nothing_is_written_where_the_extra_is_missing(
 def test_a_limit_of_manufacture_fails_a_check_and_refuses_no_shift(dogshape: Call) -> None:
     steep = set_options(["dog.count=12", "dog.chamfer_deg=14", "dog.height_mm=3"])
     point = ("--mismatch-rpm", 50, "--force-N", 469)
-    shift = dogshape("shift", "mq200_paper", *steep, *point, "--relative-angle-deg", 5, "--json")
+    shift = dogshape("shift", "mq200_paper", *steep, *point, "--angle-deg", 5, "--json")
     assert (shift.status, shift.json["outcome"]) == (0, "engaged")
     for verb in ("check", "strength"):
         said = dogshape(verb, "mq200_paper", *steep, *QUICK, "--json")
@@ -154,5 +154,5 @@ def test_a_searched_design_is_named_by_its_number(dogshape: Call) -> None:
     said = dogshape("strength", f"results/moto#{number}", "--set", "dog.chamfer_deg=12")
     assert said.status == 2
     assert "is a design as it was simulated, which --set would change" in said.sentence
-    missing = dogshape("strength", "results/moto#9999", "--no-simulation")
+    missing = dogshape("strength", "results/moto#9999", "--no-simulate")
     assert (missing.status, "has no design 9999" in missing.sentence) == (2, True)

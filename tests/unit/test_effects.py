@@ -201,6 +201,6 @@ def test_neutral_values_that_change_a_shift_are_refused(
 ) -> None:
     text = OWN.format(name="thick_oil").replace('"damping_Ns_m", 0.0', '"damping_Ns_m", 400.0')
     (tmp_path / "thick_oil.py").write_text(text)
-    said = dogshape("gap", "mq200_stand", "--effects", tmp_path)
+    said = dogshape("diagnose", "mq200_stand", "--effects", tmp_path)
     assert said.status == 2
     assert "with its neutral values (damping_Ns_m = 400) the effect thick_oil" in said.sentence

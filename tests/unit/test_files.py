@@ -145,7 +145,7 @@ def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
     ("module", "arguments"),
     [
         ("shift.engage", ["shift", "mq200_paper", "--mismatch-rpm", "50", "--force-N", "469",
-                           "--relative-angle-deg", "10", "--trace", "no/x.csv"]),
+                           "--angle-deg", "10", "--trace", "no/x.csv"]),
         ("sim.shift.mesh.to_stl",
          ["export", "mq200_paper", "--svg", "x.svg", "--stl", "no/x.stl"]),
         ("fitted.train", ["fit", "mq200_paper", "--out", "no/x.json"]),

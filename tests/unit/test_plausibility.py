@@ -82,10 +82,10 @@ def test_angles_beyond_a_pitch_and_doubled_keys_are_said(dogshape: Call) -> None
     dog = load_study("mq200_paper").clutch.dog
     assert angle_notes(dog, [0.0, 12.0, -24.0]) == []
     assert "-30 deg is taken modulo the pitch of 24 deg: 18 deg" in angle_notes(dog, [-30.0])[0]
-    said = dogshape("shift", "mq200_paper", *POINT, "--relative-angle-deg", "1000")
+    said = dogshape("shift", "mq200_paper", *POINT, "--angle-deg", "1000")
     assert "1000 deg is taken modulo the pitch of 24 deg: 16 deg" in said.err
     twice = ("--set", "dog.count=20", "--set", "dog.count=18")
-    said = dogshape("strength", "mq200_paper", "--no-simulation", *twice)
+    said = dogshape("strength", "mq200_paper", "--no-simulate", *twice)
     assert "--set gives dog.count more than once; the last one counts, dog.count=18" in said.err
 
 
@@ -176,7 +176,7 @@ def test_the_speed_of_the_shafts_is_said(
     dogshape: Call, settings: tuple[str, ...], words: str
 ) -> None:
     given = set_options(settings)
-    said = dogshape("shift", "mq200_paper", *POINT, "--relative-angle-deg", "3", *given)
+    said = dogshape("shift", "mq200_paper", *POINT, "--angle-deg", "3", *given)
     assert words in said.out
     found = dogshape("expect", "mq200_paper", "--angles", "3", *POINT[2:], *given, "--json")
     assert words.removeprefix("shafts ") in found.json["shafts"]

@@ -16,7 +16,7 @@ from tests.conftest import Call
         ("gap plan mq200 --shifts 40", "plan-shifts mq200 --shifts 40"),
         ("gap update results/gap new.csv", "update-diagnosis results/gap new.csv"),
         ("gap ./plan", "diagnose ./plan"),
-        ("shift mq200 --relative-angle-deg=3 --html a.html", "shift mq200 --angle-deg=3 --report a.html"),
+        ("shift s --relative-angle-deg=3 --html a.html", "shift s --angle-deg=3 --report a.html"),
         ("strength mq200 --no-simulation", "strength mq200 --no-simulate"),
         ("check mq200 --designs d.csv --json", "predict mq200 --json d.csv"),
         ("check --designs=d.csv mq200 --out o.csv", "predict mq200 --out o.csv d.csv"),

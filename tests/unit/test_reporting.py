@@ -268,7 +268,7 @@ def test_command_runs_the_same_study_again(changes: list[str]) -> None:
     study = load_study("mq200_paper", changes)
     command = command_of(study, "study")
     assert command is not None
-    assert command.startswith("dogshape study mq200_paper")
+    assert command.startswith("dogshape search mq200_paper")
     overrides = [word for word in shlex.split(command)[3:] if word != "--set"]
     assert load_study("mq200_paper", overrides).config_hash == study.config_hash
     file = study.file.model_copy(update={"name": "elsewhere"})

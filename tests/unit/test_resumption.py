@@ -104,7 +104,7 @@ def test_the_diagnosis_is_written_before_its_price(
     bench = simulated_bench({"actuation_delay": {"delay_s": 0.08}})
     found = simulated_diagnosis(bench, advise=True)
     monkeypatch.setattr("dogshape.gap.diagnose_bench", lambda *_: found)
-    asked = ("gap", "mq200_stand", "--study", "mq200_paper", "--out", "g", "--jobs", 1)
+    asked = ("diagnose", "mq200_stand", "--study", "mq200_paper", "--out", "g", "--jobs", 1)
     quick.stop = 100
     stopped = dogshape(*asked)
     assert stopped.status == 130

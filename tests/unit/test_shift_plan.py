@@ -1,4 +1,4 @@
-"""Plans of shifts: distances in closed form, limits, order, and the verb ``gap plan``."""
+"""Plans of shifts: distances in closed form, limits, order, and the verb ``plan-shifts``."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("_toy")
 def test_the_verb_plans_and_writes_a_table_to_fill_in(dogshape: Call, tmp_path: Path) -> None:
-    said = dogshape("gap", "plan", "mq200_adams", "--shifts", 40, "--out", "s.csv", "--json")
+    said = dogshape("plan-shifts", "mq200_adams", "--shifts", 40, "--out", "s.csv", "--json")
     assert said.status == 0, said.err
     record = said.json
     assert sum(visit["shifts"] for visit in record["order"]) == record["shifts"] == 40
@@ -125,7 +125,7 @@ def test_the_verb_plans_and_writes_a_table_to_fill_in(dogshape: Call, tmp_path: 
     assert float(rows[0]["mismatch_rpm"]) == pytest.approx(first["mismatch_rpm"])
     assert rows[0]["shift_time_s"] == ""
     assert [row["order"] for row in rows] == [str(k) for k in range(1, 41)]
-    text = dogshape("gap", "plan", "mq200_paper", "--shifts", 40, "--points", 2).out
+    text = dogshape("plan-shifts", "mq200_paper", "--shifts", 40, "--points", 2).out
     assert "operating points, about" in text
 
 
@@ -143,5 +143,5 @@ def test_the_verb_plans_and_writes_a_table_to_fill_in(dogshape: Call, tmp_path: 
 def test_a_plan_that_cannot_be_is_a_sentence(
     dogshape: Call, arguments: tuple[object, ...], words: str
 ) -> None:
-    said = dogshape("gap", "plan", *arguments)
+    said = dogshape("plan-shifts", *arguments)
     assert (said.status, words in said.sentence) == (2, True), said.err

@@ -197,7 +197,7 @@ def bench(
         *_remarks(record),
         "next:" if record["with_time"] else "next: fill in shifts.csv, then",
         f"  dogshape validate {quote(folder)}",
-        f"  dogshape gap {quote(folder)} --out {quote(folder + '/gap')}",
+        f"  dogshape diagnose {quote(folder)} --out {quote(folder + '/gap')}",
     ]
     emit(record, json, lambda: [*_reading_parts(record), *lines])
 

@@ -1,0 +1,91 @@
+"""Arguments, keys and verbs in the words of the interface in use: Python, or the command line.
+
+A sentence of the library names what a user may give next. The command line, which calls the same
+verbs, selects its options; everything else reads the arguments of Python.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+#: Whether sentences name options of the command line.
+_ON_COMMAND_LINE: ContextVar[bool] = ContextVar("_ON_COMMAND_LINE", default=False)
+
+#: Options whose name is not that of the argument.
+OPTIONS = {"origin": "from", "settings": "set", "values": "set", "columns": "column"}
+#: Objects of Python whose methods the verbs of the command line call; ``ds`` without an entry.
+OWNERS = {
+    "search": "study",
+    "check": "study",
+    "expect": "study",
+    "predict": "study",
+    "strength": "study",
+    "report": "result",
+}
+#: Functions of Python for verbs of another name.
+FUNCTIONS = {"init bench": "write_bench", "export": "data_sheet"}
+
+
+@contextmanager
+def command_line() -> Iterator[None]:
+    """Name options of the command line in all sentences that are written within."""
+    token = _ON_COMMAND_LINE.set(True)
+    try:
+        yield
+    finally:
+        _ON_COMMAND_LINE.reset(token)
+
+
+def argument(name: str, value: object = None) -> str:
+    """Write an argument of a verb: ``--rise-s 0.1`` or ``rise_s=0.1``.
+
+    Without a value the name alone, ``--rise-s`` or ``rise_s``; True is a flag.
+    """
+    if _ON_COMMAND_LINE.get():
+        option = "--" + OPTIONS.get(name, name).replace("_", "-")
+        return option if value in (None, True) else f"{option} {shlex.quote(str(value))}"
+    return name if value is None else f"{name}={_literal(value)}"
+
+
+def listed_argument(name: str, value: str) -> str:
+    """Write one value of an argument that takes several: ``--drop 'gear=2'``, ``drop=[...]``."""
+    if _ON_COMMAND_LINE.get():
+        return argument(name, value)
+    return f"{name}=[{_literal(value)}]"
+
+
+def key_argument(name: str, key: str, value: str) -> str:
+    """Write one entry of an argument that maps keys: ``--column force_N=F:kN``, ``columns={...}``.
+
+    ``settings`` and ``values`` are ``--set`` of the command line.
+    """
+    if _ON_COMMAND_LINE.get():
+        return argument(name, f"{key}={value}")
+    return f"{name}={{{_literal(key)}: {_literal(value)}}}"
+
+
+def verb(name: str, subject: str = "", **arguments: object) -> str:
+    """Write a call of a verb: ``'dogshape search mq200 --resume'``, ``study.search(resume=True)``.
+
+    ``subject`` is the study, bench or folder that it is called with.
+    """
+    words = [argument(key, value) for key, value in arguments.items()]
+    if _ON_COMMAND_LINE.get():
+        call = ["dogshape", name, *([shlex.quote(subject)] if subject else []), *words]
+        return f"'{' '.join(call)}'"
+    owner = OWNERS.get(name, "ds")
+    function = FUNCTIONS.get(name, name.replace("-", "_"))
+    if subject and owner == "study":
+        owner = f"ds.Study({_literal(subject)})"
+    elif subject:
+        words.insert(0, _literal(subject))
+    return f"{owner}.{function}({', '.join(words)})"
+
+
+def _literal(value: object) -> str:
+    """Write a value as Python does, texts in double quotation marks."""
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

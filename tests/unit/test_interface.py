@@ -1,0 +1,46 @@
+"""Sentences name options on the command line, and arguments in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from dogshape.sim.interface import argument, command_line, key_argument, listed_argument, verb
+
+WORDS: list[tuple[Callable[[], str], str, str]] = [
+    (lambda: argument("force_rise_s"), "--force-rise-s", "force_rise_s"),
+    (lambda: argument("rise_s", 0.1), "--rise-s 0.1", "rise_s=0.1"),
+    (lambda: argument("resume", value=True), "--resume", "resume=True"),
+    (lambda: argument("origin", "mq 200"), "--from 'mq 200'", 'origin="mq 200"'),
+    (lambda: listed_argument("drop", "gear=*"), "--drop 'gear=*'", 'drop=["gear=*"]'),
+    (
+        lambda: key_argument("columns", "force_N", "F [N]:kN"),
+        "--column 'force_N=F [N]:kN'",
+        'columns={"force_N": "F [N]:kN"}',
+    ),
+    (
+        lambda: key_argument("settings", "dog.count", "18"),
+        "--set dog.count=18",
+        'settings={"dog.count": "18"}',
+    ),
+    (lambda: verb("fit"), "'dogshape fit'", "ds.fit()"),
+    (
+        lambda: verb("search", "mq200", resume=True),
+        "'dogshape search mq200 --resume'",
+        'ds.Study("mq200").search(resume=True)',
+    ),
+    (
+        lambda: verb("update-diagnosis", "results/gap"),
+        "'dogshape update-diagnosis results/gap'",
+        'ds.update_diagnosis("results/gap")',
+    ),
+]
+
+
+@pytest.mark.parametrize(("write", "option", "python"), WORDS, ids=lambda word: str(word)[:30])
+def test_words_of_both_interfaces(write: Callable[[], str], option: str, python: str) -> None:
+    assert write() == python
+    with command_line():
+        assert write() == option
+    assert write() == python
