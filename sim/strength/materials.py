@@ -73,28 +73,88 @@ class Material:
         return self.surface_hardness * HARDNESS / 3.0
 
 
-MATERIALS: dict[str, Material] = {
-    name: Material(
-        name, source, proof * MPA, bending * MPA, static, pressure * MPA, hardness, depth * MM
+def _material(
+    name: str,
+    *,
+    proof_stress_MPa: float,
+    bending_endurance_MPa: float,
+    static_factor: float,
+    allowable_pressure_MPa: float,
+    surface_hardness_HV: float,
+    case_depth_mm: float,
+    source: str,
+) -> Material:
+    """Build a material from values in the units of a study file."""
+    return Material(
+        name,
+        source,
+        proof_stress=proof_stress_MPa * MPA,
+        bending_endurance=bending_endurance_MPa * MPA,
+        static_factor=static_factor,
+        allowable_pressure=allowable_pressure_MPa * MPA,
+        surface_hardness=surface_hardness_HV,
+        case_depth=case_depth_mm * MM,
     )
-    for name, proof, bending, static, pressure, hardness, depth, source in (
-        ("16MnCr5", 735.0, 430.0, 2.5, 200.0, 700.0, 0.4,
-         "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
-         "ISO 6336-5 MQ, lowest core hardness"),
-        ("20MnCr5", 930.0, 461.0, 2.5, 200.0, 700.0, 0.4,
-         "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
-         "ISO 6336-5 MQ, middle core hardness"),
-        ("18CrNiMo7-6", 835.0, 500.0, 2.5, 200.0, 720.0, 0.4,
-         "case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
-         "MPa; ISO 6336-5 MQ, core of 30 HRC and more"),
-        ("42CrMo4", 900.0, 369.0, 2.5, 160.0, 600.0, 1.0,
-         "quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
-         "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root"),
-        ("31CrMoV9", 900.0, 420.0, 1.6, 140.0, 750.0, 0.3,
-         "quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
-         "ISO 6336-5 MQ, nitriding steel"),
-    )
-}  # fmt: skip
+
+
+_SETS = (
+    _material(
+        "16MnCr5",
+        proof_stress_MPa=735.0,
+        bending_endurance_MPa=430.0,
+        static_factor=2.5,
+        allowable_pressure_MPa=200.0,
+        surface_hardness_HV=700.0,
+        case_depth_mm=0.4,
+        source="case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
+        "ISO 6336-5 MQ, lowest core hardness",
+    ),
+    _material(
+        "20MnCr5",
+        proof_stress_MPa=930.0,
+        bending_endurance_MPa=461.0,
+        static_factor=2.5,
+        allowable_pressure_MPa=200.0,
+        surface_hardness_HV=700.0,
+        case_depth_mm=0.4,
+        source="case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
+        "ISO 6336-5 MQ, middle core hardness",
+    ),
+    _material(
+        "18CrNiMo7-6",
+        proof_stress_MPa=835.0,
+        bending_endurance_MPa=500.0,
+        static_factor=2.5,
+        allowable_pressure_MPa=200.0,
+        surface_hardness_HV=720.0,
+        case_depth_mm=0.4,
+        source="case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
+        "MPa; ISO 6336-5 MQ, core of 30 HRC and more",
+    ),
+    _material(
+        "42CrMo4",
+        proof_stress_MPa=900.0,
+        bending_endurance_MPa=369.0,
+        static_factor=2.5,
+        allowable_pressure_MPa=160.0,
+        surface_hardness_HV=600.0,
+        case_depth_mm=1.0,
+        source="quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
+        "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root",
+    ),
+    _material(
+        "31CrMoV9",
+        proof_stress_MPa=900.0,
+        bending_endurance_MPa=420.0,
+        static_factor=1.6,
+        allowable_pressure_MPa=140.0,
+        surface_hardness_HV=750.0,
+        case_depth_mm=0.3,
+        source="quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
+        "ISO 6336-5 MQ, nitriding steel",
+    ),
+)
+MATERIALS: dict[str, Material] = {material.name: material for material in _SETS}
 
 
 def material_of(name: str) -> Material:
