@@ -41,15 +41,20 @@ RULES: Mapping[str, str] = {
     **dict.fromkeys(("float_parsing", "float_type"), _NUMBER),
     **dict.fromkeys(("int_from_float", "int_parsing", "int_type"), _WHOLE),
     "int_parsing_size": f"{_WHOLE} of a few digits",
-    "greater_than": "above {gt}", "greater_than_equal": "at least {ge}",
-    "less_than": "below {lt}", "less_than_equal": "at most {le}",
-    "literal_error": "one of {expected}", "path_type": "a path",
-    "string_type": "a text in quotation marks", "string_pattern_mismatch": NAME,
-    "string_too_long": "not longer than {max_length} characters", "string_too_short": "not empty",
+    "greater_than": "above {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "below {lt}",
+    "less_than_equal": "at most {le}",
+    "literal_error": "one of {expected}",
+    "path_type": "a path",
+    "string_type": "a text in quotation marks",
+    "string_pattern_mismatch": NAME,
+    "string_too_long": "not longer than {max_length} characters",
+    "string_too_short": "not empty",
     "list_type": "a list in square brackets",
     "too_long": "a list of at most {max_length} values",
     "too_short": "a list of at least {min_length} values",
-}  # fmt: skip
+}
 
 
 def broken_rule(name: str, error: ErrorDetails) -> str:
@@ -121,9 +126,13 @@ class Keys(Section):
 
 
 def keys_of(
-    of: Any, named_by: Any = None, *, leave: Sequence[str] = (), late: Sequence[str] = (),
+    of: Any,
+    named_by: Any = None,
+    *,
+    leave: Sequence[str] = (),
+    late: Sequence[str] = (),
     kind_of_number: Any = None,
-) -> Any:  # fmt: skip
+) -> Any:
     """Make the base of a section from the ranges of a value of ``sim`` (``within``).
 
     An absent key has the value's default, or None beside the ``set`` that a name gives. Fields of

@@ -127,27 +127,52 @@ ANY = (*RING, MASS, TORQUE, ACTUATOR)
 #: Keys and tables that hold for one clutch, after the keys of the clutch that void them.
 BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
     RING: (
-        RADIUS, DRAG, "mechanism.ring_inertia_kgm2",
-        "mechanism.input_stiffness_Nm_rad", "mechanism.spline_backlash_deg",
-        "mechanism.wheel_inertia_kgm2", "mechanism.output_stiffness_Nm_rad",
+        RADIUS,
+        DRAG,
+        "mechanism.ring_inertia_kgm2",
+        "mechanism.input_stiffness_Nm_rad",
+        "mechanism.spline_backlash_deg",
+        "mechanism.wheel_inertia_kgm2",
+        "mechanism.output_stiffness_Nm_rad",
         "driveline.stiffness_Nm_rad",
     ),
     (MASS,): (ADDED,),
     ANY: (HELD, "strike", "load.pull_out_force_limit_N", "load.abuse_torque_Nm", "search.within_s"),
-}  # fmt: skip
+}
 #: Keys and tables that decide an answer, the most influential first.
 DECIDING: dict[str, tuple[str, ...]] = {
     "the shift time": (
-        "shift.timeout_s", "shift.retraction_s", *ACTUATION, *OPERATION, "operating",
-        COUNT, BACKLASH, BACKLASH_DEG, "dog.axial_gap_mm", MASS, "drive", "mechanism",
-        *CHAMFERS, *INERTIAS, "contact",
+        "shift.timeout_s",
+        "shift.retraction_s",
+        *ACTUATION,
+        *OPERATION,
+        "operating",
+        COUNT,
+        BACKLASH,
+        BACKLASH_DEG,
+        "dog.axial_gap_mm",
+        MASS,
+        "drive",
+        "mechanism",
+        *CHAMFERS,
+        *INERTIAS,
+        "contact",
     ),
     "the checks": (
-        TORQUE, "load.application_factor", COAST, SHARE, HELD,
-        "load.release_by_itself", RELEASE,
-        "load.shifts", "load.accuracy", MATERIAL, "manufacturing.root_radius_mm", "dog",
+        TORQUE,
+        "load.application_factor",
+        COAST,
+        SHARE,
+        HELD,
+        "load.release_by_itself",
+        RELEASE,
+        "load.shifts",
+        "load.accuracy",
+        MATERIAL,
+        "manufacturing.root_radius_mm",
+        "dog",
     ),
-}  # fmt: skip
+}
 ROOF_CREST = 0.5  #: place of the ridge of a roof tip: alike for either sign of the mismatch
 #: Limits of a search in units of their own are void with any of these.
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
@@ -257,9 +282,12 @@ def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
 
 
 def write_study(
-    out: Path, origin: str = COMMENTED, values: Mapping[str, Any] | None = None,
-    *, force: bool = False,
-) -> Data:  # fmt: skip
+    out: Path,
+    origin: str = COMMENTED,
+    values: Mapping[str, Any] | None = None,
+    *,
+    force: bool = False,
+) -> Data:
     """Write a folder with a commented ``study.toml``; return inherited and assumed values.
 
     ``origin`` is the study whose file is copied, or the bench whose clutch and operating points are
@@ -463,8 +491,11 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
         found[STRIKE_MISMATCH] = [spread["low"], spread["high"]]  # no draw has its ends
     found |= _tip(new, changed=any(old(key) != new(key) for key in CHAMFERS))
     found |= _widened_ranges(lambda key: new(key) if key in given else found.get(key, new(key)))
-    found = {key: value for key, value in found.items()
-             if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip
+    found = {
+        key: value
+        for key, value in found.items()
+        if not any(key == one or key.startswith(f"{one}.") for one in given)
+    }
     follows = ", ".join(f"{key} {value}" for key, value in found.items() if value is not None)
     lacks = ", ".join(key for key, value in found.items() if value is None)
     said = [f"follows from your clutch: {follows}"] if follows else []

@@ -337,9 +337,18 @@ def expect_point(
     hang = prior.posterior(n - times.size, n)
     if times.size == 0:
         return PointExpectation(
-            point, engaged_mean=timeout, engaged_error=0.0, mean_engaged=None, sd=0.0, engaged=0.0,
-            n=n, retry_cost=lost, hang=hang, blocked=blocked, prior=prior,
-        )  # fmt: skip
+            point,
+            engaged_mean=timeout,
+            engaged_error=0.0,
+            mean_engaged=None,
+            sd=0.0,
+            engaged=0.0,
+            n=n,
+            retry_cost=lost,
+            hang=hang,
+            blocked=blocked,
+            prior=prior,
+        )
     variance = variance_of_mean(times, even=even and times.size == n)
     kept = [s.shift_time for s in shifts if s.outcome is not Outcome.BLOCKED and s.shift_time]
     return PointExpectation(

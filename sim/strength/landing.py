@@ -319,9 +319,13 @@ def worn(dog: Dog, loss: float) -> Dog:
     Raises GeometryError where nothing of the dog is left.
     """
     lower = replace(
-        dog, height=dog.height - 2.0 * loss, axial_gap=dog.axial_gap + 2.0 * loss,
-        chamfer=0.0, chamfer_back=0.0, crest=1.0,
-    )  # fmt: skip
+        dog,
+        height=dog.height - 2.0 * loss,
+        axial_gap=dog.axial_gap + 2.0 * loss,
+        chamfer=0.0,
+        chamfer_back=0.0,
+        crest=1.0,
+    )
     back, face = (max(0.0, drop - loss) for drop in dog.drops_at(dog.mean_radius))
     if face == back == 0.0:
         return lower
@@ -330,6 +334,8 @@ def worn(dog: Dog, loss: float) -> Dog:
         return math.atan2(drop, share * lower.tip_width + drop * math.tan(lean))
 
     return replace(
-        lower, crest=dog.crest, chamfer=fall(face, dog.crest, dog.braking),
+        lower,
+        crest=dog.crest,
+        chamfer=fall(face, dog.crest, dog.braking),
         chamfer_back=fall(back, 1.0 - dog.crest, dog.traction),
-    )  # fmt: skip
+    )

@@ -214,9 +214,12 @@ def _contact(dog: Dog, root_radius: float) -> dict[str, float]:
 
 
 def tolerance_checks(
-    dog: Dog, root_radius: float, tolerances: Tolerances, seated: float,
+    dog: Dog,
+    root_radius: float,
+    tolerances: Tolerances,
+    seated: float,
     kind: Kind = "root_sum_square",
-) -> tuple[Check, ...]:  # fmt: skip
+) -> tuple[Check, ...]:
     """Return the checks of contact and of the gap in neutral within tolerances; lengths in m."""
     spreads, contact = losses(dog, root_radius, tolerances, _contact), _contact(dog, root_radius)
     short = seated / dog.height
@@ -224,7 +227,9 @@ def tolerance_checks(
     losses_of_gap = {"axial_gap": tolerances.axial_gap, "height": 2.0 * tolerances.height}
     total = sum(losses_of_gap.values())
     gap = dog.axial_gap - getattr(Spread(losses_of_gap, total, tolerances.statistical_share), kind)
-    return checks_of([
-        ("contact_ratio", largest(smallest(*left), -1.0), tolerances.contact_ratio),
-        ("clearance", gap, tolerances.clearance),
-    ])  # fmt: skip
+    return checks_of(
+        [
+            ("contact_ratio", largest(smallest(*left), -1.0), tolerances.contact_ratio),
+            ("clearance", gap, tolerances.clearance),
+        ]
+    )

@@ -28,8 +28,11 @@ from dogshape.sim.units import MM, short, suffix_of, unit_of
 
 State = Literal["passes", "fails", "not_judged", "not_clear"]
 WORDS: dict[State, str] = {
-    "passes": "passes", "fails": "fails", "not_judged": "not judged", "not_clear": "not clear",
-}  # fmt: skip
+    "passes": "passes",
+    "fails": "fails",
+    "not_judged": "not judged",
+    "not_clear": "not clear",
+}
 
 
 @dataclass(frozen=True)
@@ -49,33 +52,41 @@ class Standard:
 SIMULATION = "a simulation (dogshape check, without --surrogate)"
 STANDARD = (
     Standard(
-        "flank_strike", ("flank_strike_root", "flank_strike_flank"),
+        "flank_strike",
+        ("flank_strike_root", "flank_strike_flank"),
         "strike.ring_inertia_kgm2 and strike.input_stiffness_Nm_rad",
         "flanks meet in each shift, and that load can exceed the rated torque many times",
     ),
     Standard(
-        "landing", tuple(rule.name for rule in LANDING_RULES), SIMULATION,
+        "landing",
+        tuple(rule.name for rule in LANDING_RULES),
+        SIMULATION,
         "crests land on each other in each shift that is not direct",
     ),
     Standard(
-        "engagement", ("engagement",), SIMULATION,
+        "engagement",
+        ("engagement",),
+        SIMULATION,
         "a dog that does not engage has neither a shift time nor a use",
     ),
     Standard(
-        "retention", (*(f"retention_{flank}" for flank in FLANKS), "retention_reversal"),
+        "retention",
+        (*(f"retention_{flank}" for flank in FLANKS), "retention_reversal"),
         "load.separating_force_limit_N, or mechanism.detent_N and mechanism.detent_seat_mm",
         "a worn flank that pushes the ring out without friction, or vibration as the torque "
         "reverses, needs a force that holds it",
-        lambda dog, limits: blocking_force(dog, limits.load) > 0.0
-        or limits.load.vibration_force > 0.0,
+        lambda dog, limits: (
+            blocking_force(dog, limits.load) > 0.0 or limits.load.vibration_force > 0.0
+        ),
     ),
     Standard(
-        "pull_out_force", ("pull_out_force", *(f"{flank}_release" for flank in FLANKS)),
+        "pull_out_force",
+        ("pull_out_force", *(f"{flank}_release" for flank in FLANKS)),
         "mechanism.spline_friction, or load.pull_out_force_limit_N",
         "a ring that does not come out under torque locks the gearbox; flanks that release by "
         "themselves judge it too",
     ),
-)  # fmt: skip
+)
 #: Checks that a design may have, with their keys. A rim is one of a thin ring alone, and a drawing
 #: shows a thicker one.
 OPTIONAL = {"rim": "manufacturing.rim_mm"}
@@ -148,8 +159,9 @@ class Spans:
     load_sharing: Span = Span(0.7, 1.4, "a third to two thirds carry", "assumption", "factor")
     accuracy: Span = Span(-1.0, 1.0, "a class of ISO 1328-1", "assumption", "step")
     ring_inertia: Span = Span(0.5, 2.0, "what turns with the ring", "assumption", "factor")
-    input_stiffness: Span = Span(0.5, 2.0, "diameter of the shaft by a fifth", "assumption",
-                                 "factor")  # fmt: skip
+    input_stiffness: Span = Span(
+        0.5, 2.0, "diameter of the shaft by a fifth", "assumption", "factor"
+    )
     contact_stiffness: Span = Span(
         0.5, 1.8, "ring that gives as much as the dogs, to 25 N/(mm um)", "estimate", "factor"
     )
@@ -198,11 +210,16 @@ class Hinge:
     def to_dict(self) -> dict[str, Any]:
         """Give the assumption as JSON takes it."""
         return {
-            "assumption": self.key, "value": self.value, "range": [self.low, self.high],
-            "unit": unit_of(self.key), "source": self.source, "status": self.status,
+            "assumption": self.key,
+            "value": self.value,
+            "range": [self.low, self.high],
+            "unit": unit_of(self.key),
+            "source": self.source,
+            "status": self.status,
             "smallest_margin": [self.margin_low, self.margin_high],
-            "weakest_check": [self.check_low, self.check_high], "flips": self.flips,
-        }  # fmt: skip
+            "weakest_check": [self.check_low, self.check_high],
+            "flips": self.flips,
+        }
 
 
 @dataclass(frozen=True)
@@ -359,11 +376,16 @@ def hinges(
     moves += _strike_moves(limits, mechanism, given, spans)
     if contact_stiffness is not None:
         span = spans.contact_stiffness
-        moves.append(_Move(
-            "contact.stiffness_Pa_m", contact_stiffness, span.ends(contact_stiffness), span,
-            partial(_stiffened, limits, contact_stiffness),
-            lambda end: math.sqrt(end / contact_stiffness),
-        ))  # fmt: skip
+        moves.append(
+            _Move(
+                "contact.stiffness_Pa_m",
+                contact_stiffness,
+                span.ends(contact_stiffness),
+                span,
+                partial(_stiffened, limits, contact_stiffness),
+                lambda end: math.sqrt(end / contact_stiffness),
+            )
+        )
     for move in moves:
         (low, check_low), (high, check_high) = (
             smallest(move.limits(end), move.landing_scale(end)) for end in move.ends
@@ -456,8 +478,10 @@ def _strike_moves(
         kept = [one for one in strikes if getattr(one, name) == end]
         return replace(limits, strikes=tuple(kept or (_struck(one, name, end) for one in strikes)))
 
-    for key, name in (("ring_inertia_kgm2", "ring_inertia"),
-                      ("input_stiffness_Nm_rad", "input_stiffness")):  # fmt: skip
+    for key, name in (
+        ("ring_inertia_kgm2", "ring_inertia"),
+        ("input_stiffness_Nm_rad", "input_stiffness"),
+    ):
         values = [getattr(strike, name) for strike in strikes]
         span: Span = getattr(spans, name)
         ends = min(values), max(values)
