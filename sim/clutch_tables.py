@@ -27,7 +27,7 @@ from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
-from dogshape.sim.texts import listed
+from dogshape.sim.texts import join_faults
 from dogshape.sim.units import DEG, from_si, suffix_of, to_si, unit_of
 
 SHOWN = 60  #: characters of a value that a sentence shows
@@ -328,7 +328,7 @@ def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(listed(source, _faults(model, error.errors()))) from error
+        raise InputError(join_faults(source, _faults(model, error.errors()))) from error
 
 
 def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile, ZipFile
 
-from dogshape.sim.decoding import TableLimits, decoded, read_bytes
+from dogshape.sim.decoding import TableLimits, decode_text, read_bytes
 from dogshape.sim.errors import DataError
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
             raise DataError(
                 "it is a workbook or an archive; save it as .xlsx, with this ending, or as CSV"
             )
-        text = decoded(raw)
+        text = decode_text(raw)
     except FileNotFoundError:
         raise
     except OSError as error:

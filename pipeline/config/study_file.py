@@ -48,7 +48,7 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
-from dogshape.sim.texts import listed, place_of, read_toml
+from dogshape.sim.texts import join_faults, place_of, read_toml
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
@@ -469,7 +469,7 @@ def _require_parts(file: StudyFile) -> None:
         except DogshapeError as error:
             faults[str(error)] = error
     if len(faults) > 1:
-        raise InputError(listed(f"the study {file.name}", faults))
+        raise InputError(join_faults(f"the study {file.name}", faults))
     for fault in faults.values():
         raise fault
 

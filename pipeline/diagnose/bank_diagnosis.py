@@ -41,7 +41,7 @@ from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load, own_files
 from dogshape.sim.errors import EffectError, InputError, StorageError
-from dogshape.sim.files import writing
+from dogshape.sim.files import lock_folder
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -101,7 +101,7 @@ def shifts_of(
     if not bank.missing(blocks):
         return bank.times(blocks, lambda _: [])
     progress = options.progress
-    with writing(options.bank, LOCK_TIMEOUT_S, progress.say):
+    with lock_folder(options.bank, LOCK_TIMEOUT_S, progress.say):
         bank.read()  # another run may have written since
         missing = bank.missing(blocks)
         journal = ShiftJournal(options.bank / SHIFTS)

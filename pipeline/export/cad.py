@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dogshape.sim.errors import InputError
-from dogshape.sim.files import naming
+from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.part import between, dog_corners, require_room
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Corner, Lines, Vertices, rotation
@@ -83,7 +83,7 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
     pair = cad.Compound(label="dog clutch", children=[sliding_ring, output_ring])
     buffer = io.BytesIO()
     cad.export_step(pair, buffer, timestamp=HEADER_TIME)
-    with naming(path):
+    with name_file_in_errors(path):
         path.write_bytes(_number_parts(buffer.getvalue()))
 
 

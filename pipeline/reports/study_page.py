@@ -71,7 +71,7 @@ from dogshape.pipeline.store.result_records import (
     hinge_table,
 )
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.files import naming, without_formulas
+from dogshape.sim.files import name_file_in_errors, without_formulas
 from dogshape.surrogate.store import Validation
 
 #: Limits of engagement: key of the record, its kind, and what is limited.
@@ -100,7 +100,7 @@ def write_report(folder: StudyFolder) -> Path:
     """Write ``report.html`` and ``designs.csv`` of a stored study; return the report's path."""
     study = folder.stored_study()
     result = folder.stored_result()
-    with naming(folder.designs):
+    with name_file_in_errors(folder.designs):
         rows = [row for row in result["trials"] if row[SIMULATED] is not None]
         designs = designs_frame(result, [*study.variables], rows)
         without_formulas(designs).to_csv(folder.designs, index=False)

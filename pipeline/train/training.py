@@ -37,7 +37,7 @@ from dogshape.pipeline.store.folder import (
 from dogshape.pipeline.train.training_rows import row_record, with_rows
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.files import naming, writing
+from dogshape.sim.files import lock_folder, name_file_in_errors
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
@@ -305,7 +305,7 @@ def fill(
     angle_count = count * angles_of(study) + reference_count * settings.reference_angles
     resumption = f"{folder.root}; the same command goes on"
     connect(cluster)
-    with writing(folder.root):
+    with lock_folder(folder.root):
         folder.open(study, resume=True)
         shift_count = angle_count * len(study.points)
         with WorkCounter(progress, shift_count, resumption=resumption) as counter:
@@ -398,6 +398,6 @@ def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say
     references = [simulated_data(study, path, part) for part in parts]
     stored = Stored(surrogate, validate(surrogate, *references))
     save(out or folder.surrogate, stored)
-    with naming(folder.points):
+    with name_file_in_errors(folder.points):
         data.frame().to_csv(folder.points, index=False)
     return stored

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dogshape.sim.elementwise import Array, by_weight
+from dogshape.sim.elementwise import Array, empirical_distribution
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.hangs import HangPosterior, HangPrior, interval, weak_priors
@@ -445,7 +445,7 @@ def time_quantile(
     times = np.concatenate([times[sizes > 0.0] for times, sizes in points])
     sized = zip(parts, (sizes for _, sizes in points), strict=True)
     masses = np.concatenate([w * sizes[sizes > 0.0] / sizes.shape[1] for w, sizes in sized])
-    places, times = by_weight(times, masses / masses.sum())
+    places, times = empirical_distribution(times, masses / masses.sum())
 
     def at(wanted: float) -> float:
         return float(np.interp(wanted, places, times))

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import each, hypot, largest, log, smallest, sqrt, tan, where
+from dogshape.sim.elementwise import hypot, largest, log, map_elements, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
 from dogshape.sim.strength.checks import Check, checks_of, feasible, worse
@@ -241,7 +241,7 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
         if loads:
             stresses = [tension(flank, share) for share, _ in loads]
             bears = partial(reserve, limits.material, [cycles for _, cycles in loads])
-            factor = each(bears, *(stress / endurance for stress in stresses))
+            factor = map_elements(bears, *(stress / endurance for stress in stresses))
             worst = where(factor < least, largest(*stresses), worst)
             least = smallest(factor, least)
     return worst, least * worst
@@ -254,7 +254,7 @@ _torque = lru_cache(maxsize=2**14)(Strike.torque)
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
     """Return the torque of a strike on a flank, N m."""
     stiffness = dog.count * limits.load.stiffness(dog) * dog.mean_radius**2
-    return each(partial(_torque, strike), strike.speed(flank), stiffness)
+    return map_elements(partial(_torque, strike), strike.speed(flank), stiffness)
 
 
 def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:

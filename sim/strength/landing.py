@@ -39,7 +39,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import Array, by_weight, sqrt
+from dogshape.sim.elementwise import Array, empirical_distribution, sqrt
 from dogshape.sim.errors import InputError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.trace import OVERLAPS
@@ -84,7 +84,9 @@ def exceeded(demands: Array, weights: Sequence[float], share: float) -> Demand:
     largest nothing is known.
     """
     mass = np.array(weights) / sum(weights)
-    return Demand(*(float(np.interp(1.0 - share, *by_weight(one, mass))) for one in demands.T))
+    return Demand(
+        *(float(np.interp(1.0 - share, *empirical_distribution(one, mass))) for one in demands.T)
+    )
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dogshape.sim.elementwise import ARRAY, Array, each, largest, where
+from dogshape.sim.elementwise import ARRAY, Array, largest, map_elements, where
 from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
@@ -70,7 +70,9 @@ def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
 
 def exact_share(count: int, size: float, scatter: float, wave: float) -> float:
     """Compute ``load_share`` of errors as for ``tabled_share``."""
-    return each(lambda n, *errors: load_share(int(n), *errors), count, size * scatter, size * wave)
+    return map_elements(
+        lambda n, *errors: load_share(int(n), *errors), count, size * scatter, size * wave
+    )
 
 
 def tabled_share(count: int, size: float, scatter: float, wave: float) -> float:
@@ -79,10 +81,10 @@ def tabled_share(count: int, size: float, scatter: float, wave: float) -> float:
     Errors are ``size`` times ``scatter`` and ``wave``, of which the larger is 1.
     """
     if isinstance(count + scatter + wave, ARRAY):  # of ``Dogs``, many of which are alike
-        return each(tabled_share, count, size, scatter, wave)
+        return map_elements(tabled_share, count, size, scatter, wave)
     tabled = (size > LEAST_ERROR) & (size < MOST_ERROR)
     beyond, within_it = where(tabled, LEAST_ERROR, size), where(tabled, size, LEAST_ERROR)
-    exact = each(landing_share, int(count), beyond * scatter, beyond * wave)
+    exact = map_elements(landing_share, int(count), beyond * scatter, beyond * wave)
     found = np.interp(np.log(within_it), *_share_table(int(count), scatter, wave))
     return where(tabled, found, exact)
 

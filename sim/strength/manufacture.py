@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dogshape.sim.elementwise import hypot, key, largest, smallest, where
+from dogshape.sim.elementwise import hashable, hypot, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import RULES, Check, checks_of
@@ -200,7 +200,7 @@ def losses(
     for name in nominal:
         sides = {size: (down[name], up[name]) for size, (down, up) in falls.items()}
         signs = {size: where(down >= up, *SIDES) for size, (down, up) in sides.items()}
-        corner = tuple(map(key, signs.values()))
+        corner = tuple(map(hashable, signs.values()))
         if corner not in corners:
             corners[corner] = fall(signs)
         by_dimension = {size: largest(*two, 0.0) for size, two in sides.items()}
