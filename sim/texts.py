@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dogshape.sim.decoding import TableLimits, read_bytes
+from dogshape.sim.decoding import TableLimits, decode_text, read_bytes
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 from dogshape.sim.raw_sheet import (
     FILTERED,

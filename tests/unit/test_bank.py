@@ -189,7 +189,7 @@ def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_a
         with lock_folder(folder, *waiting):
             yield
 
-    monkeypatch.setattr(bank_diagnosis, "writing", late)
+    monkeypatch.setattr(bank_diagnosis, "lock_folder", late)
     found = _model(tmp_path, _bench())
     done, quick.done = quick.done, 0
     assert _same(_model(tmp_path / "alone", _bench()), found)
