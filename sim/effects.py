@@ -1,10 +1,10 @@
-"""Effects that may explain why a bench differs from the simulation: the package's, and a user's.
+"""Effects that may explain why a bench differs from the simulation: of the package and of a user.
 
-A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. Those of the package are
-of the dogs, of the mechanism, of the operating point. ``docs/effects.md`` has the meaning of each,
-and the source of each range; all are judged. Masses count as felt at the sleeve (times ratio
-squared), on the far side of a linkage, and add up; a force that is scaled or reduced keeps its rise
-time; an offset of the mismatch counts along the nominal one.
+A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. Effects of the package
+concern the dogs, the mechanism or the operating point. ``docs/effects.md`` has the meaning of each
+and the source of each range; all are judged. Masses are referred to the sleeve (times ratio
+squared), on the actuator's side of a linkage, and add up; a force that is scaled or reduced keeps
+its rise time; an offset of the mismatch counts along the nominal one.
 """
 
 from __future__ import annotations
@@ -26,12 +26,18 @@ from dogshape.sim.units import suffix_of, to_si
 
 Change = Callable[[Setting, Values], Setting]
 LOG: Scale = "log-uniform"
-EVEN: Scale = "uniform"
+LINEAR: Scale = "uniform"
 
 
-def _changed(part: str, law: Callable[[float, float], float], *own: str, **other: str) -> Change:
-    """Return a change of fields of a part by parameters of ``own`` or other names, in SI units."""
-    names = {name.removesuffix(suffix_of(name)): name for name in own} | other
+def _change_of(
+    part: str, law: Callable[[float, float], float], *parameters: str, **parameters_by_field: str
+) -> Change:
+    """Return a change of fields of a part of the clutch, or of the force profile.
+
+    ``law`` maps old value and parameter, both SI, to the new value. ``parameters`` are named as
+    their fields with a unit, ``parameters_by_field`` otherwise.
+    """
+    names = {name.removesuffix(suffix_of(name)): name for name in parameters} | parameters_by_field
 
     def change(setting: Setting, values: Values) -> Setting:
         old: Any = setting.point.profile if part == "profile" else getattr(setting.clutch, part)
@@ -43,12 +49,12 @@ def _changed(part: str, law: Callable[[float, float], float], *own: str, **other
     return change
 
 
-def _new(_: float, value: float) -> float:
+def _set_value(_: float, value: float) -> float:
     return value
 
 
 def _unless_zero(name: str, change: Change) -> Change:
-    """Return a change that leaves the setting as it is where a parameter is zero."""
+    """Return ``change``, skipped if the parameter ``name`` is zero."""
     return lambda setting, values: change(setting, values) if values[name] else setting
 
 
@@ -78,15 +84,15 @@ def _with_mismatch(setting: Setting, values: Values) -> Setting:
 
 
 def _with_reversed_sense(setting: Setting, _: Values) -> Setting:
-    """Turn the whole stand the other way: the mismatch, and shafts that turn."""
+    """Reverse the sense of rotation of mismatch and shafts."""
     # Zero stays +0, so that the point keeps its key.
-    found = setting.with_point(mismatch=0.0 - setting.point.mismatch)
+    reversed_setting = setting.with_point(mismatch=0.0 - setting.point.mismatch)
     drive = setting.clutch.drive
     if not drive.turns:
-        return found
+        return reversed_setting
     side: EngineSide = "output" if drive.engine_side == "sliding" else "sliding"
-    turned = replace(found.clutch, drive=replace(drive, engine_side=side))
-    return replace(found, clutch=turned)
+    clutch = replace(reversed_setting.clutch, drive=replace(drive, engine_side=side))
+    return replace(reversed_setting, clutch=clutch)
 
 
 def _with_angles(setting: Setting, values: Values) -> Setting:
@@ -104,7 +110,7 @@ _EFFECTS = (
                 neutral=attrgetter("clutch.contact.static_friction"),
                 low=0.05,
                 high=0.45,
-                scale=EVEN,
+                scale=LINEAR,
                 least=0.01,
                 most=1.0,
             ),
@@ -113,12 +119,12 @@ _EFFECTS = (
                 neutral=attrgetter("clutch.contact.dynamic_friction"),
                 low=0.03,
                 high=0.35,
-                scale=EVEN,
+                scale=LINEAR,
                 least=0.01,
                 most=1.0,
             ),
         ),
-        change=_changed("contact", _new, "static_friction", "dynamic_friction"),
+        change=_change_of("contact", _set_value, "static_friction", "dynamic_friction"),
         test=BenchTest(
             "tilt test of the dogs",
             "Press two dog faces on each other under a known load and measure the tangential "
@@ -139,7 +145,7 @@ _EFFECTS = (
                 most=1e14,
             ),
         ),
-        change=_changed("contact", _new, "stiffness_Pa_m"),
+        change=_change_of("contact", _set_value, "stiffness_Pa_m"),
         test=BenchTest(
             "static stiffness of the engaged pair",
             "Load the engaged pair with a torque and measure the twist between both rings.",
@@ -159,7 +165,7 @@ _EFFECTS = (
                 most=3000.0,
             ),
         ),
-        change=_changed("contact", _new, "dissipation_s_m"),
+        change=_change_of("contact", _set_value, "dissipation_s_m"),
         test=BenchTest(
             "drop test of the ring",
             "Drop the ring on the fixed output ring, dog on dog, from some millimetres and record "
@@ -174,7 +180,7 @@ _EFFECTS = (
                 "stiction_factor", neutral=1.0, low=0.5, high=2.0, scale=LOG, least=0.5, most=2.0
             ),
         ),
-        change=_changed("contact", mul, stiction_velocity="stiction_factor"),
+        change=_change_of("contact", mul, stiction_velocity="stiction_factor"),
         test=BenchTest(
             "creep of held faces",
             "Press two dog faces on each other under a known load, pull with half the friction "
@@ -184,8 +190,10 @@ _EFFECTS = (
     Effect(
         "chamfer_angle",
         title="chamfer angle off nominal",
-        parameters=(Parameter("chamfer_offset_deg", neutral=0.0, low=-4.0, high=4.0, scale=EVEN),),
-        change=_changed("dog", add, chamfer="chamfer_offset_deg"),
+        parameters=(
+            Parameter("chamfer_offset_deg", neutral=0.0, low=-4.0, high=4.0, scale=LINEAR),
+        ),
+        change=_change_of("dog", add, chamfer="chamfer_offset_deg"),
         test=BenchTest(
             "chamfer by profile",
             "Measure the profile of some dogs of either ring on a measuring machine or an imprint.",
@@ -194,8 +202,8 @@ _EFFECTS = (
     Effect(
         "axial_gap",
         title="axial gap off nominal",
-        parameters=(Parameter("gap_offset_mm", neutral=0.0, low=-0.8, high=0.8, scale=EVEN),),
-        change=_changed("dog", add, axial_gap="gap_offset_mm"),
+        parameters=(Parameter("gap_offset_mm", neutral=0.0, low=-0.8, high=0.8, scale=LINEAR),),
+        change=_change_of("dog", add, axial_gap="gap_offset_mm"),
         test=BenchTest(
             "gap by feeler or travel",
             "Push the ring from neutral until dogs meet dogs, face on face, and read the "
@@ -216,7 +224,7 @@ _EFFECTS = (
                 ordinary=(0.3, "a new fork in its groove"),
             ),
         ),
-        change=_changed("mechanism", _new, "free_play_mm"),
+        change=_change_of("mechanism", _set_value, "free_play_mm"),
         test=BenchTest(
             "hand test of the play",
             "Hold the ring and move the actuator to and fro by hand with a dial gauge on it.",
@@ -266,7 +274,7 @@ _EFFECTS = (
                 ordinary=(1.0, "fork and rod"),
             ),
         ),
-        change=_changed("mechanism", add, "added_mass_kg"),
+        change=_change_of("mechanism", add, "added_mass_kg"),
         test=BenchTest(
             "free flight at the sleeve",
             "Shift with the output ring taken out and record the displacement at the sleeve: its "
@@ -279,7 +287,7 @@ _EFFECTS = (
         parameters=(
             Parameter("friction_N", neutral=0.0, low=3.0, high=200.0, scale=LOG, most=1000.0),
         ),
-        change=_changed("mechanism", _new, "friction_N"),
+        change=_change_of("mechanism", _set_value, "friction_N"),
         test=_SLOW_PUSH,
     ),
     Effect(
@@ -296,7 +304,7 @@ _EFFECTS = (
                 ordinary=(5.0, "shear of oil in a spline"),
             ),
         ),
-        change=_changed("mechanism", _new, "damping_Ns_m"),
+        change=_change_of("mechanism", _set_value, "damping_Ns_m"),
         test=BenchTest(
             "free flight at two forces",
             "Shift with the output ring taken out at two forces and two oil temperatures and "
@@ -317,11 +325,12 @@ _EFFECTS = (
                 ordinary=(100.0, "ball detents of passenger cars"),
             ),
             Parameter(
-                "position_mm", neutral=0.5, low=0.5, high=4.5, scale=EVEN, least=0.5, most=4.5
+                "position_mm", neutral=0.5, low=0.5, high=4.5, scale=LINEAR, least=0.5, most=4.5
             ),
         ),
         change=_unless_zero(
-            "detent_N", _changed("mechanism", _new, "detent_N", detent_position="position_mm")
+            "detent_N",
+            _change_of("mechanism", _set_value, "detent_N", detent_position="position_mm"),
         ),
         test=_SLOW_PUSH,
     ),
@@ -352,7 +361,7 @@ _EFFECTS = (
                 ordinary=(0.5, "bearings and seals of an input shaft"),
             ),
         ),
-        change=_changed("mechanism", _new, drag_torque="drag_Nm"),
+        change=_change_of("mechanism", _set_value, drag_torque="drag_Nm"),
         test=BenchTest(
             "run-down of the sliding ring",
             "Turn the free sliding ring and record how its speed falls, or turn it by a torque "
@@ -374,7 +383,7 @@ _EFFECTS = (
                 ordinary=(2.0, "other wheels in mesh"),
             ),
         ),
-        change=_changed("rings", mul, sliding_inertia="inertia_factor"),
+        change=_change_of("rings", mul, sliding_inertia="inertia_factor"),
         test=BenchTest(
             "run-up of the sliding side",
             "Turn the free sliding side by a weight on a cord and record its speed: torque over "
@@ -390,7 +399,7 @@ _EFFECTS = (
                 neutral=0.0,
                 low=0.0,
                 high=0.4,
-                scale=EVEN,
+                scale=LINEAR,
                 least=0.0,
                 most=1.0,
                 ordinary=(0.15, "valve, pipe and filling of a cylinder"),
@@ -418,7 +427,7 @@ _EFFECTS = (
                 ordinary=(0.3, "a cylinder behind its valve"),
             ),
         ),
-        change=_changed("profile", lambda old, value: value or old, "lag_s"),
+        change=_change_of("profile", lambda old, value: value or old, "lag_s"),
         test=BenchTest(
             _FORCE,
             "Record the force at the shift fork while the ring is blocked: its course after the "
@@ -433,7 +442,7 @@ _EFFECTS = (
                 "rise_factor", neutral=1.0, low=0.4, high=2.5, scale=LOG, least=0.05, most=20.0
             ),
         ),
-        change=_changed("profile", mul, rise="rise_factor"),
+        change=_change_of("profile", mul, rise="rise_factor"),
         test=BenchTest(
             _FORCE,
             "Record the force at the shift fork while the ring is blocked: from its first rise to "
@@ -445,10 +454,10 @@ _EFFECTS = (
         title="shift force off nominal",
         parameters=(
             Parameter(
-                "force_factor", neutral=1.0, low=0.5, high=1.5, scale=EVEN, least=0.05, most=3.0
+                "force_factor", neutral=1.0, low=0.5, high=1.5, scale=LINEAR, least=0.05, most=3.0
             ),
         ),
-        change=_changed("profile", mul, force="force_factor"),
+        change=_change_of("profile", mul, force="force_factor"),
         test=BenchTest(
             "static force at the sleeve",
             "Block the ring and measure the force at the shift fork with a load cell at each "
@@ -469,7 +478,7 @@ _EFFECTS = (
                 ordinary=(50.0, "return spring and seals of a cylinder"),
             ),
         ),
-        change=_changed("profile", add, loss="loss_N"),
+        change=_change_of("profile", add, loss="loss_N"),
         test=BenchTest(
             "static force at the sleeve",
             "Block the ring and measure the force at the shift fork with a load cell at each "
@@ -480,13 +489,13 @@ _EFFECTS = (
         "mismatch_speed",
         title="mismatch off nominal",
         parameters=(
-            Parameter("offset_rpm", neutral=0.0, low=-4.0, high=4.0, scale=EVEN),
+            Parameter("offset_rpm", neutral=0.0, low=-4.0, high=4.0, scale=LINEAR),
             Parameter(
                 "mismatch_factor",
                 neutral=1.0,
                 low=0.75,
                 high=1.25,
-                scale=EVEN,
+                scale=LINEAR,
                 least=0.05,
                 most=3.0,
             ),
@@ -515,7 +524,7 @@ _EFFECTS = (
         parameters=(
             Parameter("concentration", neutral=0.0, low=0.1, high=10.0, scale=LOG, most=100.0),
             Parameter(
-                "centre_pitch", neutral=0.0, low=0.0, high=1.0, scale=EVEN, least=0.0, most=1.0
+                "centre_pitch", neutral=0.0, low=0.0, high=1.0, scale=LINEAR, least=0.0, most=1.0
             ),
         ),
         change=_unless_zero("concentration", _with_angles),
@@ -531,15 +540,16 @@ EFFECTS = {effect.name: effect for effect in _EFFECTS}
 
 
 def load(folder: Path | None = None) -> dict[str, Effect]:
-    """Return all effects by name, in the order of their names.
+    """Return all effects, sorted by name.
 
-    ``folder`` is one with effects of the user's. Files that begin with an underscore are no
-    effects. Raises InputError where the folder is missing, a file cannot be run, has no
-    ``EFFECT`` or another name than the effect, or a name is taken.
+    ``folder`` holds effects of the user; files that begin with an underscore are no effects. Raises
+    InputError if the folder is missing, a file cannot be run, has no ``EFFECT`` or another name
+    than its effect, or a name is taken.
     """
     effects = dict(EFFECTS)
-    for path in own_files(folder).values() if folder else ():
-        effect = _own_effect(path)
+    paths = effect_files(folder) if folder else {}
+    for path in paths.values():
+        effect = _load_effect(path)
         if effect.name in effects:
             raise InputError(
                 f"{path} defines the effect '{effect.name}', but there is one of that name; "
@@ -549,15 +559,15 @@ def load(folder: Path | None = None) -> dict[str, Effect]:
     return dict(sorted(effects.items()))
 
 
-def own_files(folder: Path) -> dict[str, Path]:
-    """Return the files of a folder that ``load`` takes effects from, by the effects' names."""
+def effect_files(folder: Path) -> dict[str, Path]:
+    """Return the effect files of a user's folder by the names of their effects."""
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}; give one with effects as Python files")
     paths = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
     return {path.stem: path for path in paths}
 
 
-def _own_effect(path: Path) -> Effect:
+def _load_effect(path: Path) -> Effect:
     try:
         module = runpy.run_path(str(path), run_name=f"user_effect_{path.stem}")
     except Exception as error:
