@@ -59,6 +59,14 @@ RULES: Mapping[str, str] = {
     "too_short": "a list of at least {min_length} values",
 }
 
+#: Remedy for a value beyond a limit, by the first words of the rule.
+LIMIT_REMEDIES = {
+    "at least": "raise it",
+    "above": "raise it",
+    "at most": "lower it",
+    "below": "lower it",
+}
+
 
 def broken_rule(name: str, error: ErrorDetails) -> str:
     """Return the message on a value that breaks a rule: name, value, rule and remedy."""

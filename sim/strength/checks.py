@@ -1,6 +1,6 @@
 """A check: a number of a design against its limit, with the rule that it follows.
 
-The module with the closed form gives value and limit by the name in ``RULES`` (``Row``).
+The module with the closed form computes value and limit by the name in ``RULES`` (``Row``).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dogshape.sim.units import from_si
 
 Group = Literal["make", "load", "lock", "impact", "tolerance", "goal"]
 
-#: What the groups are about, in the order of reports.
+#: Subject of each group, in the order of reports.
 GROUPS: dict[Group, str] = {
     "make": "manufacture",
     "load": "strength",
@@ -36,7 +36,7 @@ class Rule:
     formula: str
     source: str
     unit: str
-    key: str  #: of the study file, which sets the limit
+    key: str  #: key of the study file that sets the limit
     at_most: bool
     summary: bool = False  #: whether the value sums up other checks
 
@@ -53,7 +53,7 @@ class Check:
     rule: Rule
     value: float
     limit: float
-    ends: str = ""  #: of ranges in the study file at which the margin is smallest
+    ends: str = ""  #: ends of ranges in the study file at which the margin is smallest
     interval: tuple[float, float] | None = None  #: of the value, 95 %; None where it is exact
 
     @property
@@ -67,8 +67,8 @@ class Check:
         return self._margin_of(self.value)
 
     def _margin_of(self, value: float) -> float:
-        left = self.limit - value if self.rule.at_most else value - self.limit
-        return left / (abs(self.limit) + (self.limit == 0.0))  # over 1 where the limit is 0
+        distance = self.limit - value if self.rule.at_most else value - self.limit
+        return distance / (abs(self.limit) + (self.limit == 0.0))  # over 1 where the limit is 0
 
     @property
     def margin_interval(self) -> tuple[float, float] | None:
@@ -87,24 +87,29 @@ class Check:
     @property
     def utilisation(self) -> float:
         """Value over an upper limit, or lower limit over value; 1 at the limit, at most 1000."""
-        over, under = (self.value, self.limit) if self.rule.at_most else (self.limit, self.value)
-        share = largest(over, 0.0) / where(under > 0.0, under, 1.0)
-        return where(under > 0.0, smallest(share, 1e3), 1e3)
+        numerator, denominator = self.limit, self.value
+        if self.rule.at_most:
+            numerator, denominator = self.value, self.limit
+        share = largest(numerator, 0.0) / where(denominator > 0.0, denominator, 1.0)
+        return where(denominator > 0.0, smallest(share, 1e3), 1e3)
 
     @property
     def remedy(self) -> str:
         """Dimensions and settings that raise the margin, or the limit."""
-        by = self.name.removesuffix("_traction").removesuffix("_braking")
-        known = REMEDIES.get(by) or REMEDIES.get(self.rule.group)
-        return f"{known}, or change {self.rule.key}" if known else f"change {self.rule.key}"
+        name = self.name.removesuffix("_traction").removesuffix("_braking")
+        change = f"change {self.rule.key}"
+        remedy = REMEDIES.get(name) or REMEDIES.get(self.rule.group)
+        return f"{remedy}, or {change}" if remedy else change
 
     @property
     def fault(self) -> str:
         """Value and limit in words, for a check that fails."""
-        value, limit = (f"{one:.4g} {self.rule.unit}".strip() for one in (self.value, self.limit))
+        value = f"{self.value:.4g} {self.rule.unit}".strip()
+        limit = f"{self.limit:.4g} {self.rule.unit}".strip()
+        if self.ends:
+            value = f"{value} at {self.ends}"
         bound = "at most" if self.rule.at_most else "at least"
-        at = f" at {self.ends}" if self.ends else ""
-        return f"{self.rule.meaning} is {value}{at}, but it must be {bound} {limit}"
+        return f"{self.rule.meaning} is {value}, but it must be {bound} {limit}"
 
     @property
     def passed(self) -> bool:
@@ -114,25 +119,30 @@ class Check:
 
 def safety_factor(rule: Rule, margin: float) -> float | None:
     """Compute the upper limit of a stress or force over its value; None for other checks."""
-    loaded = rule.at_most and rule.unit in ("MPa", "N") and margin < 1.0
-    return 1.0 / (1.0 - margin) if loaded else None
+    if not rule.at_most or rule.unit not in ("MPa", "N") or margin >= 1.0:
+        return None
+    return 1.0 / (1.0 - margin)
 
 
 def feasible(checks: Iterable[Check]) -> bool:
-    """Decide whether every check passes."""
+    """Test whether every check passes."""
     return all(check.passed for check in checks)
 
 
 def smallest_margin(checks: Iterable[Check]) -> Check:
-    """Return the check with the smallest margin; one that sums up others names none of them."""
+    """Return the check with the smallest margin, without those that sum up others."""
     return min((c for c in checks if not c.rule.summary), key=lambda check: check.margin)
 
 
-def worse(one: Check, other: Check) -> Check:
+def worse_check(first: Check, second: Check) -> Check:
     """Return the check with the smaller margin of two of one rule, design by design."""
-    first = one.margin <= other.margin
-    value, limit = where(first, one.value, other.value), where(first, one.limit, other.limit)
-    return Check(one.rule, value, limit, where(first, one.ends, other.ends))
+    is_first = first.margin <= second.margin
+    return Check(
+        first.rule,
+        value=where(is_first, first.value, second.value),
+        limit=where(is_first, first.limit, second.limit),
+        ends=where(is_first, first.ends, second.ends),
+    )
 
 
 _NARROW = "use fewer or lower dogs or smaller side angles"
@@ -476,8 +486,10 @@ Row = tuple[str, float, float]  #: name of a rule, value and limit, SI
 
 
 def checks_of(rows: Iterable[Row], ends: str = "") -> tuple[Check, ...]:
-    """Return the checks of values and limits, which turn from SI to the units of their rules."""
-    return tuple(
-        Check(rule, from_si(f"_{rule.unit}", value), from_si(f"_{rule.unit}", limit), ends)
-        for rule, value, limit in ((RULES[name], value, limit) for name, value, limit in rows)
-    )
+    """Build the checks of values and limits in SI, in the units of their rules."""
+    checks = []
+    for name, value, limit in rows:
+        rule = RULES[name]
+        suffix = f"_{rule.unit}"
+        checks.append(Check(rule, from_si(suffix, value), from_si(suffix, limit), ends))
+    return tuple(checks)

@@ -25,7 +25,7 @@ import numpy as np
 from dogshape.sim.elementwise import hypot, largest, log, map_elements, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
-from dogshape.sim.strength.checks import Check, checks_of, feasible, worse
+from dogshape.sim.strength.checks import Check, checks_of, feasible, worse_check
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
@@ -42,7 +42,7 @@ from dogshape.sim.strength.materials import (
     MATERIALS,
     STATIC_CYCLES,
     Material,
-    reserve,
+    stress_reserve,
 )
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.units import DEG, MM
@@ -240,7 +240,7 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
         loads = [(sign * share, cycles) for share, cycles in case.spectrum if sign * share > 0.0]
         if loads:
             stresses = [tension(flank, share) for share, _ in loads]
-            bears = partial(reserve, limits.material, [cycles for _, cycles in loads])
+            bears = partial(stress_reserve, limits.material, [cycles for _, cycles in loads])
             factor = map_elements(bears, *(stress / endurance for stress in stresses))
             worst = where(factor < least, largest(*stresses), worst)
             least = smallest(factor, least)
@@ -343,7 +343,7 @@ def _strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         endured = root if strike.strikes is None else min(root, limits.endurance(strike.strikes))
         rows = ("flank_strike_root", tension, endured), ("flank_strike_flank", pressure, bears)
         found.append(checks_of(rows, strike.ends))
-    return tuple(reduce(worse, ends) for ends in zip(*found, strict=True))
+    return tuple(reduce(worse_check, ends) for ends in zip(*found, strict=True))
 
 
 #: Groups of checks, cheap and often failing ones first; the last has the tolerances in it.
