@@ -61,7 +61,7 @@ from dogshape.sim.strength.landing import (
     Landings,
     Wear,
     demand_checks,
-    worn,
+    wear_crests,
 )
 from dogshape.sim.units import DEG, MM, RPM
 from dogshape.surrogate.dataset import rows_of
@@ -479,9 +479,9 @@ def life_of(
             crest_loss = life * wear.crest_loss
         elif stages:
             crest_loss += _loss_since(
-                stages[-1], life, wear, dog=worn(new_dog, crest_loss), study=study
+                stages[-1], life, wear, dog=wear_crests(new_dog, crest_loss), study=study
             )
-        dog = worn(new_dog, crest_loss) if crest_loss else new_dog
+        dog = wear_crests(new_dog, crest_loss) if crest_loss else new_dog
         dog = replace(dog, edge_radius=wear.edges(new_dog, life))
         expectation, rows = _expect_worn(design_study, dog, executor, priors)
         demand = landings_over(expectation, rows).demand(dog, design_study.limits)
