@@ -320,11 +320,12 @@ class Wear:
         if self.edge_radius is None:
             return dog.edge_radius
         if self.edge_radius < dog.edge_radius:
+            new_radius = f"dog.edge_radius_mm = {dog.edge_radius / MM:.6g}"
             sentence = refusal(
                 "wear.edge_radius_mm",
                 self.edge_radius / MM,
                 "mm",
-                rule=f"edges do not get sharper than dog.edge_radius_mm = {dog.edge_radius / MM:.6g}",
+                rule=f"edges do not get sharper than {new_radius}",
                 remedy="give the radius at the end of the life",
             )
             raise InputError(sentence)
