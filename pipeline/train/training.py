@@ -38,10 +38,15 @@ from dogshape.pipeline.train.training_rows import row_record, with_rows
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.files import lock_folder, name_file_in_errors
-from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
-from dogshape.sim.statistics.shift_records import Record, content_key, result_of, unfinished
+from dogshape.sim.statistics.shift_records import (
+    Record,
+    content_key,
+    diverged,
+    result_of,
+    unfinished,
+)
 from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.locking import face_angle
@@ -259,7 +264,7 @@ def _row(study: Setup, job: Job, shifts: Sequence[Record]) -> list[float] | None
     gaps = np.diff(phases[order], append=phases[order[0]] + 1.0)
     widths = 0.5 * (gaps + np.roll(gaps, 1))
     engaged_share = float(widths @ np.isfinite(times[order]))
-    valid_count = sum(result_of(shift).outcome is not Outcome.DIVERGED for shift in shifts)
+    valid_count = sum(not diverged(shift) for shift in shifts)
     values = {
         "mean_s": mean,
         "standard_error_s": variance**0.5,
