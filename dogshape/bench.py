@@ -18,13 +18,13 @@ from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.blocks import repeated
+from dogshape.sim.statistics.blocks import repeat_count
 from dogshape.sim.statistics.shift_records import clutch_record
 
 MIN_COMPARED_ANGLES = 3  #: relative angles at each operating point, for an estimate of the spread
 MIN_FLIP_ERROR_S = 1e-3  #: numerical error of the mean that only a flipped shift explains
 FLIP_NOTE = (
-    "so large a numerical error is a shift that flipped: of those repeated with a finer tolerance "
+    "so large a numerical error is a shift that flipped: of those repeat_count with a finer tolerance "
     "one or more came into another slot, or did not engage; with more --angles one such shift "
     "counts less"
 )
@@ -142,6 +142,6 @@ def validate(
     propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
     question = data.name, clutch_record(data.clutch), angles
     options = RunOptions(jobs, None, keep, receiver(progress))
-    work = shifts + propagated + repeated(shifts)
+    work = shifts + propagated + repeat_count(shifts)
     with options.executor("validate", question, work) as (executor, _):
         return Comparison(compare(data, executor.run, relative_angles, checked=True))
