@@ -24,7 +24,7 @@ from dogshape.sim.statistics.shift_records import clutch_record
 MIN_COMPARED_ANGLES = 3  #: relative angles at each operating point, for an estimate of the spread
 MIN_FLIP_ERROR_S = 1e-3  #: numerical error of the mean that only a flipped shift explains
 FLIP_NOTE = (
-    "so large a numerical error is a shift that flipped: of those repeat_count with a finer tolerance "
+    "so large a numerical error is a shift that flipped: of those repeated with a finer tolerance "
     "one or more came into another slot, or did not engage; with more --angles one such shift "
     "counts less"
 )
