@@ -228,7 +228,7 @@ class Source:
         tables = clutch_tables(self.clutch)
         moving_mass = self.clutch.rings.mass + self.clutch.mechanism.added_mass
         tables["sliding"]["mass_kg"] = rounded(moving_mass)
-        values = {}
+        values: Data = {}
         for name, table in tables.items():
             values |= {f"{name}.{key}": value for key, value in table.items()}
         return values
@@ -390,8 +390,8 @@ def questions_of(
     answers = {key: answers[key] for key in part if key in answers}
     questions = {}
     for key in answers:
-        reason = sources.get(key)
-        questions[key] = f"{WORDS[key]} ({reason})" if reason else WORDS[key]
+        words = WORDS[key]
+        questions[key] = f"{words} ({sources[key]})" if sources.get(key) else words
     return answers, questions
 
 

@@ -126,13 +126,17 @@ def even_block(
 
     ``draw`` is seed and index of even angles and of uncertain factors.
     """
-    seed = draw[0] if isinstance(angles, int) else None
+    seed = None
+    angle_list: Sequence[float]
     if isinstance(angles, int):
-        angles = (even_phases(angles, *draw, base) * clutch.dog.pitch_angle).tolist()
+        seed = draw[0]
+        angle_list = (even_phases(angles, *draw, base) * clutch.dog.pitch_angle).tolist()
+    else:
+        angle_list = angles
     variants: tuple[Variant, ...] = ()
     if uncertainty:
-        variants = _draw_variants(uncertainty, point, len(angles), *draw, base)
-    return Block(clutch, point, tuple(angles), seed=seed, variants=variants)
+        variants = _draw_variants(uncertainty, point, len(angle_list), *draw, base)
+    return Block(clutch, point, tuple(angle_list), seed=seed, variants=variants)
 
 
 #: All designs share the draws of an operating point.
