@@ -133,7 +133,7 @@ class Keys(Section):
     set_named: ClassVar[Any] = None  #: function that returns a set by its name
 
     def si(self, *without: str) -> dict[str, Any]:
-        """Return the keys in the file as SI fields, except ``set`` and those of ``without``."""
+        """Return the keys in the file as SI fields, except ``set`` and ``without``."""
         values = self.model_dump(exclude={"set", *without}, exclude_none=True)
         numbers = {key: value for key, value in values.items() if isinstance(value, float)}
         others = {key: value for key, value in values.items() if key not in numbers}
@@ -407,7 +407,7 @@ def _is_unmodelled(path: list[str]) -> bool:
 
 
 def _unknown_key(model: type[BaseModel], error: ErrorDetails) -> str:
-    """Word the error of an unknown key, with a similar key or the same name in another table."""
+    """Word the error of an unknown key; suggest a similar key, or its name in another table."""
     key = _key(error)
     *tables, name = _path(error)
     if _is_unmodelled([*tables, name]):

@@ -192,7 +192,7 @@ DECIDING: dict[str, tuple[str, ...]] = {
     ),
 }
 ROOF_CREST = 0.5  #: ridge of a roof tip in the middle, for either sign of the mismatch
-#: Limits of a search in units of their own are void with any of these.
+#: Units of the absolute limits of a search, which are void for another clutch.
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
 
 
@@ -626,7 +626,7 @@ def _scale_height(change: _Change, derived: Data) -> None:
 
 
 def _remove_bound_values(change: _Change, derived: Data) -> None:
-    """Remove values of another clutch, and limits of the search in units of their own."""
+    """Remove values of the copied clutch, and absolute limits of the search."""
     names = change.before("search.limits") or ()
     limits = tuple(f"search.limits.{name}" for name in names if name.endswith(UNITS))
     for changing_keys, bound_keys in (*BOUND.items(), (ANY, limits)):
@@ -659,7 +659,7 @@ def _set_simulated_strike(change: _Change, derived: Data) -> None:
 
 
 def _limit_forces(change: _Change, derived: Data) -> None:
-    """Replace forces of the operating points beyond the actuator's by those of the actuator."""
+    """Limit the forces of the operating points to the range of the actuator's."""
     available = change.after(ACTUATOR)
     required = _required_forces(change)
     if not isinstance(available, list) or not isinstance(required, list):

@@ -134,7 +134,7 @@ def first_windows(records: Sequence[Record]) -> int:
 
 
 def diverged(record: Record) -> bool:
-    """Test whether the integration of a shift failed; such a shift has no time."""
+    """Test whether the integration of a shift failed; it has no shift time then."""
     return record["outcome"] == Outcome.DIVERGED.value
 
 

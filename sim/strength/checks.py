@@ -470,7 +470,7 @@ _TABLE = (
 
 
 def _rules_of(rule: Rule) -> tuple[Rule, ...]:
-    """Expand a rule of ``{flank}`` into those of both flanks."""
+    """Expand a rule with ``{flank}`` into the rules of both flanks."""
     if "{flank}" not in rule.name:
         return (rule,)
     return tuple(

@@ -175,7 +175,7 @@ class Limits:
         return self.manufacturing.root_radius
 
     def with_root_radius(self, radius: float) -> Limits:
-        """Return the same limits for another radius of root and tip edges, m."""
+        """Return the limits with another ``radius`` of root and tip edges, m."""
         return replace(self, manufacturing=replace(self.manufacturing, root_radius=radius))
 
     @property

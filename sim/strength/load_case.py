@@ -120,7 +120,7 @@ def _gaps(count: int, scatter: float, wave: float) -> Array:
 def _approaches(
     count: int, scatter: float, wave: float, approach_of: Callable[[int, Array, Array], Array]
 ) -> Array:
-    """Compute the approach of the rings, (samples,), with as many dogs touching as it closes.
+    """Compute the approach of the rings at which the touching dogs carry the load, (samples,).
 
     ``approach_of`` computes it from the number of touching dogs, the sum of their gaps and that of
     the squares, (samples,).

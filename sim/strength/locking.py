@@ -97,7 +97,7 @@ def retention(dog: Dog, load: LoadCase, flank: Flank) -> Retention:
 
 
 def retention_force(dog: Dog, load: LoadCase) -> float:
-    """Compute the axial force that pulls in the weaker worn flank, N, less that of vibration.
+    """Compute the axial force that pulls in the weaker worn flank, N, less the vibration force.
 
     Without friction; negative if the flank pushes out.
     """
@@ -117,7 +117,7 @@ def face_angle(dog: Dog) -> float:
 
 
 def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
-    """Return the checks of release, and those of retention and pull-out that have a limit."""
+    """Return the checks of release, and of retention and pull-out if they have a limit."""
     rows = []
     if load.faces_release:
         rows.append(("chamfer_release", face_angle(dog), math.atan(load.face_release_friction)))
