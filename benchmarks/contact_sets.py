@@ -47,8 +47,8 @@ def designs_of(study: Setup) -> Designs:
     best, gearbox_best = (read_result(name)["best"] for name in (study.name, "mq200"))
     return {
         "prototype": study.prototype,
-        "chosen": {key: best[key] for key in study.variables},
-        "gearbox's": {key: gearbox_best[key] for key in study.variables},
+        "chosen": study.select_params(best),
+        "gearbox's": study.select_params(gearbox_best),
     }
 
 

@@ -282,7 +282,7 @@ def print_batch(angles: int) -> None:
     study = load_study("mq200")
     names = ("advance", "summarize")
     study = replace(study, clutch=study.clutch.with_engine("planar"))
-    params = {key: study.prototype[key] for key in study.variables}
+    params = study.prototype
     evaluate(study, [params], scratch_executor(1), 1, 0)  # compiled before it is timed
     cpu = dict.fromkeys((*names, "records", "Drake"), 0.0)
     for name in names:

@@ -57,7 +57,7 @@ def load_designs(study: Setup) -> dict[str, Clutch]:
     result = read_result(study.name)
     chosen = result["confirmation"]["chosen"]
     row = next(row for row in result["trials"] if row["trial"] == chosen)
-    best = replace(study.clutch, dog=study.dog_with({key: row[key] for key in study.variables}))
+    best = replace(study.clutch, dog=study.dog_with(study.select_params(row)))
     return {"prototype": study.clutch, f"chosen ({chosen})": best}
 
 

@@ -20,7 +20,7 @@ from dogshape.result import Result
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import InputError
 from dogshape.sim.interface import argument
-from dogshape.sim.statistics.blocks import repeated
+from dogshape.sim.statistics.blocks import repeat_count
 from dogshape.sim.statistics.shift_records import clutch_record
 
 MIN_COMPARED_ANGLES = 3  #: relative angles at each operating point, for an estimate of the spread
@@ -145,6 +145,6 @@ def validate(
     propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
     question = data.name, clutch_record(data.clutch), angles
     options = RunOptions(jobs, cluster, keep, receiver(progress))
-    work = shifts + propagated + repeated(shifts)
+    work = shifts + propagated + repeat_count(shifts)
     with options.executor("validate", question, work) as (executor, _):
         return Comparison(compare(data, executor.run, relative_angles, checked=True))

@@ -56,7 +56,7 @@ from dogshape.result import Result
 from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.interface import argument
-from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
+from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeat_count
 from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.statistics.expectation import Expectation as Mean
 from dogshape.sim.texts import read_table
@@ -247,7 +247,7 @@ def simulate_mean(
         clutch, points, relative_angles, settings.seed, uncertainty=config.uncertainty
     )
     shifts = sum(len(block.angles) for block in blocks)
-    shifts += repeated(shifts) + len(settings.limit_torques_Nm or ()) * shifts
+    shifts += repeat_count(shifts) + len(settings.limit_torques_Nm or ()) * shifts
     if precision is not None:
         require_between(argument("precision"), precision, 1e-3, 1.0, "give for instance 0.01")
         shifts = FIRST_ANGLES * len(points)

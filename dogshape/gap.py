@@ -35,7 +35,7 @@ from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError, number
-from dogshape.sim.files import write_frame, writing
+from dogshape.sim.files import lock_folder, write_frame
 from dogshape.sim.interface import argument
 from dogshape.sim.units import RPM
 
@@ -194,7 +194,7 @@ def diagnose(
         _require_no_study(folder)
     if study is not None:
         load_candidates(study)  # refuses a study without a result before the long work
-    with nullcontext() if folder is None else writing(folder):
+    with nullcontext() if folder is None else lock_folder(folder):
         inference = diagnose_bench(data, options)
         report_state = f"not written, for lack of {argument('out')}"
         if folder is not None:
@@ -292,7 +292,7 @@ def update_diagnosis(
     """
     target = Path(folder)
     request = gap_update.read_request(target)
-    with writing(target):
+    with lock_folder(target):
         bench, sheet = gap_update.join_readings(target, Path(new), request)
         require_shifts(bench, times=True)
         count = len(request.joined)

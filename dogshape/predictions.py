@@ -31,7 +31,7 @@ from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.strength.verdict import Missing, missing_checks
-from dogshape.sim.texts import TextTable, is_plain, listed, read_table
+from dogshape.sim.texts import TextTable, is_plain, join_faults, read_table
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate, interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
@@ -374,7 +374,7 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
     if not faults and not set(table.head) & set(variables):
         faults.append(f"there is no column of a variable; valid are {', '.join(variables)}")
     if faults:
-        raise InputError(listed(f"{table.path}, row 1", dict.fromkeys(faults)))
+        raise InputError(join_faults(f"{table.path}, row 1", dict.fromkeys(faults)))
 
 
 def _design_values(
@@ -409,5 +409,5 @@ def _design_values(
         listed_messages = messages[:MAX_LISTED_CELLS]
         if len(messages) > MAX_LISTED_CELLS:
             listed_messages.append(f"and {len(messages) - MAX_LISTED_CELLS} more cells")
-        raise InputError(listed(str(table.path), listed_messages))
+        raise InputError(join_faults(str(table.path), listed_messages))
     return x

@@ -40,7 +40,7 @@ from dogshape.pipeline.store.trial_storage import guard_storage, open_storage
 from dogshape.pipeline.train.training import train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import EngineError, GeometryError, InputError
-from dogshape.sim.files import writing
+from dogshape.sim.files import lock_folder
 from dogshape.sim.statistics.expectation import Estimate
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
@@ -75,7 +75,7 @@ def run_study(study: Setup, options: StudyOptions) -> Row:
     if options.storage is not None:
         open_storage(folder, options.storage)  # refused before anything is written
     connect(options.cluster)
-    with writing(folder.root):
+    with lock_folder(folder.root):
         folder.open(study, options.resume)
         with guard_storage(options.storage, folder):
             search = open_search(study.search_setup, folder, options.storage, options.resume)

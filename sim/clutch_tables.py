@@ -1,7 +1,7 @@
-"""Tables of files (study, bench data) that describe a clutch, and their mistakes.
+"""Tables of files (study, bench data) that describe a clutch, and messages on their mistakes.
 
-Here are only keys and types; what a value may be is the business of the physics that uses it. The
-validator names each broken rule by a kind; ``RULES`` has its words.
+A section declares keys and types; ranges are those of the values of ``sim`` that it builds. The
+validator names each broken rule by a kind, which ``RULES`` words.
 """
 
 from __future__ import annotations
@@ -27,58 +27,84 @@ from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
-from dogshape.sim.texts import listed
+from dogshape.sim.texts import join_faults
 from dogshape.sim.units import DEG, from_si, suffix_of, to_si, unit_of
 
-SHOWN = 60  #: characters of a value that a sentence shows
+MAX_VALUE_CHARACTERS = 60  #: of a value in a message
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"
 
-_WHOLE, _NUMBER, _BOOL, _TABLE = "a whole number", "a number", "true or false", "a table of keys"
-#: What a value must be, by the kind of the rule; in braces what the rule limits it to.
+_INTEGER = "a whole number"
+_NUMBER = "a number"
+_BOOL = "true or false"
+_TABLE = "a table of keys"
+#: Requirement on a value by the kind of the rule; braces hold the validator's limits.
 RULES: Mapping[str, str] = {
     **dict.fromkeys(("bool_parsing", "bool_type"), _BOOL),
     **dict.fromkeys(("dict_type", "model_attributes_type", "model_type"), _TABLE),
     **dict.fromkeys(("float_parsing", "float_type"), _NUMBER),
-    **dict.fromkeys(("int_from_float", "int_parsing", "int_type"), _WHOLE),
-    "int_parsing_size": f"{_WHOLE} of a few digits",
-    "greater_than": "above {gt}", "greater_than_equal": "at least {ge}",
-    "less_than": "below {lt}", "less_than_equal": "at most {le}",
-    "literal_error": "one of {expected}", "path_type": "a path",
-    "string_type": "a text in quotation marks", "string_pattern_mismatch": NAME,
-    "string_too_long": "not longer than {max_length} characters", "string_too_short": "not empty",
+    **dict.fromkeys(("int_from_float", "int_parsing", "int_type"), _INTEGER),
+    "int_parsing_size": f"{_INTEGER} of a few digits",
+    "greater_than": "above {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "below {lt}",
+    "less_than_equal": "at most {le}",
+    "literal_error": "one of {expected}",
+    "path_type": "a path",
+    "string_type": "a text in quotation marks",
+    "string_pattern_mismatch": NAME,
+    "string_too_long": "not longer than {max_length} characters",
+    "string_too_short": "not empty",
     "list_type": "a list in square brackets",
     "too_long": "a list of at most {max_length} values",
     "too_short": "a list of at least {min_length} values",
-}  # fmt: skip
+}
+
+#: Remedy for a value beyond a limit, by the first words of the rule.
+LIMIT_REMEDIES = {
+    "at least": "raise it",
+    "above": "raise it",
+    "at most": "lower it",
+    "below": "lower it",
+}
 
 
 def broken_rule(name: str, error: ErrorDetails) -> str:
-    """Return the sentence on a value that breaks a rule: name, value, rule and remedy."""
-    rule, unit = RULES.get(error["type"], "of another kind"), unit_of(name)
+    """Return the message on a value that breaks a rule: name, value, rule and remedy."""
+    rule = RULES.get(error["type"], "of another kind")
     rule = rule.format(**error.get("ctx", {})).replace(" 1 values", " one value")
     remedy = _remedy(rule, error.get("input"))
-    rule += f" in {unit}" if unit and rule == _NUMBER else ""
+    unit = unit_of(name)
+    if unit and rule == _NUMBER:
+        rule += f" in {unit}"
     text = repr(error.get("input"))
-    shown = text if len(text) <= SHOWN else f"{text[:SHOWN]}... ({len(text)} characters)"
-    return f"{name} is {shown}, but it must be {rule}; {remedy}"
+    if len(text) > MAX_VALUE_CHARACTERS:
+        text = f"{text[:MAX_VALUE_CHARACTERS]}... ({len(text)} characters)"
+    return f"{name} is {text}, but it must be {rule}; {remedy}"
 
 
-def _remedy(rule: str, given: Any) -> str:
-    if "number" in rule and isinstance(given, str):
-        meant = meant_number(given)
+def _remedy(rule: str, value: Any) -> str:
+    """Return the remedy for a ``value`` that breaks a rule in words."""
+    if "number" in rule and isinstance(value, str):
+        meant = meant_number(value)
         if meant is None:
             return "write the number alone, without a unit"
         if rule == _NUMBER or meant == round(meant):
             return f"write {meant:g}"
     if rule == RULES["list_type"]:
-        text = str(given).strip("[]() ")
-        parts = re.split(r",?[\s;]+" if re.search(r"[\s;]", text) else ",", text)
-        numbers = [f"{one:g}" for one in map(meant_number, parts) if one is not None]
-        return f"write [{','.join(numbers or [repr(text[:SHOWN])])}]"
+        return f"write [{_list_text(str(value))}]"
     if rule == _TABLE:
         return "give its keys one by one"
-    low, high = rule.startswith(("at least", "above")), rule.startswith(("at most", "below"))
-    return "raise it" if low else "lower it" if high else "correct the value"
+    remedies = (remedy for prefix, remedy in LIMIT_REMEDIES.items() if rule.startswith(prefix))
+    return next(remedies, "correct the value")
+
+
+def _list_text(text: str) -> str:
+    """Return the numbers of a text with commas between, or the text in quotation marks."""
+    stripped = text.strip("[]() ")
+    separator = r",?[\s;]+" if re.search(r"[\s;]", stripped) else ","
+    numbers = map(meant_number, re.split(separator, stripped))
+    texts = [f"{number:g}" for number in numbers if number is not None]
+    return ",".join(texts) or repr(stripped[:MAX_VALUE_CHARACTERS])
 
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -91,67 +117,81 @@ class Section(BaseModel):
 
 
 def later(default: Any = None) -> Any:
-    """Return the default of a key that came later: as such it is no part of a file's hash."""
+    """Declare the default of a key added later; a file's hash omits the key at its default."""
     return Field(default=default, exclude_if=lambda value: value == default)
 
 
 def or_one(*kinds: type) -> BeforeValidator:
-    """Let one value of some kinds stand for a list of it."""
+    """Accept a single value of one of ``kinds`` in place of a list."""
     return BeforeValidator(lambda value: [value] if type(value) in kinds else value)
 
 
 class Keys(Section):
-    """A section of keys that make a value of ``sim``: all of it, or what differs from a set."""
+    """A section that builds a value of ``sim``, whole or over a named set."""
 
     kind: ClassVar[Any]
-    named: ClassVar[Any] = None  #: gives a set by its name
+    set_named: ClassVar[Any] = None  #: function that returns a set by its name
 
     def si(self, *without: str) -> dict[str, Any]:
-        """Return the values that are given as SI fields, but for the set and some keys."""
-        given = self.model_dump(exclude={"set", *without}, exclude_none=True)
-        numbers = {key: value for key, value in given.items() if isinstance(value, float)}
-        return {k: v for k, v in given.items() if k not in numbers} | si_fields(numbers)
+        """Return the keys in the file as SI fields, except ``set`` and ``without``."""
+        values = self.model_dump(exclude={"set", *without}, exclude_none=True)
+        numbers = {key: value for key, value in values.items() if isinstance(value, float)}
+        others = {key: value for key, value in values.items() if key not in numbers}
+        return others | si_fields(numbers)
 
     @property
     def value(self) -> Any:
         """The value; InputError for mistakes."""
-        if self.named is None:
+        if self.set_named is None:
             return self.kind(**self.si())
-        return replace(type(self).named(getattr(self, "set")), **self.si())  # noqa: B009
+        base = type(self).set_named(getattr(self, "set"))  # noqa: B009
+        return replace(base, **self.si())
 
 
 def keys_of(
-    of: Any, named_by: Any = None, *, leave: Sequence[str] = (), late: Sequence[str] = (),
+    of: Any,
+    named_by: Any = None,
+    *,
+    leave: Sequence[str] = (),
+    late: Sequence[str] = (),
     kind_of_number: Any = None,
-) -> Any:  # fmt: skip
-    """Make the base of a section from the ranges of a value of ``sim`` (``within``).
+) -> Any:
+    """Create the base class of a section from the ranges of the dataclass ``of`` (``within``).
 
-    An absent key has the value's default, or None beside the ``set`` that a name gives. Fields of
-    ``leave`` have no key. Those of ``late``, and of the default None, came later (``later``).
-    ``kind_of_number`` is what keys hold where that is not a number alone.
+    Parameters
+    ----------
+    of : dataclass of ``sim`` that the section builds.
+    named_by : function that returns a set by name; absent keys then keep the values of the set.
+    leave : fields without a key.
+    late : fields whose keys came later (``later``), as those with the default None.
+    kind_of_number : type of the keys if it is not that of the fields.
     """
 
     class Base(Keys):
         kind = of
-        named = named_by
+        set_named = named_by
 
     keys: dict[str, Any] = {}
     hints = get_type_hints(of)
     for name, (key, *_) in ranges_of(of).items():
-        default: Any = None if named_by else getattr(of, name, None if name in late else ...)
+        if name in leave:
+            continue
+        default: Any = None
+        if not named_by:
+            default = getattr(of, name, None if name in late else ...)
         hint = kind_of_number or hints[name]
-        hint = Optional[hint] if default is None else hint  # noqa: UP045  # no '|' for Annotated
-        if default not in (None, ...):
+        if default is None:
+            hint = Optional[hint]  # noqa: UP045  # no '|' for Annotated
+        elif default is not ...:
             default = from_si(key, default)
         if name in late or (default is None and not named_by):
             default = later(default)
-        if name not in leave:
-            keys[key] = (hint, default)
+        keys[key] = (hint, default)
     return create_model(f"{of.__name__}Keys", __base__=Base, **keys)
 
 
 def mm_per_deg(outer: float, inner: float) -> float:
-    """Convert a degree about the shaft to mm at the mean radius of two diameters, mm."""
+    """Compute the arc of 1 degree at the mean radius, mm; diameters ``outer``, ``inner`` in mm."""
     return 0.25 * DEG * (outer + inner)
 
 
@@ -161,28 +201,30 @@ class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "bac
     @model_validator(mode="before")
     @classmethod
     def _lengths(cls, data: Any) -> Any:
-        """Turn ``backlash_deg`` into ``backlash_mm``; its faults join those of other keys."""
+        """Convert ``backlash_deg`` to ``backlash_mm``; ValueError, which the validator collects."""
         if not isinstance(data, dict) or "backlash_deg" not in data:
             return data
-        given, name = dict(data), "dog.backlash_deg"
-        angle = given.pop("backlash_deg")
+        name = "dog.backlash_deg"
+        lengths = dict(data)
+        angle = lengths.pop("backlash_deg")
         if "backlash_mm" in data:
             raise ValueError(
-                f"{name} is {angle} deg beside dog.backlash_mm = {given['backlash_mm']}, but both "
-                "are one play; give one of them"
+                f"{name} is {angle} deg beside dog.backlash_mm = {lengths['backlash_mm']}, but "
+                "both are one play; give one of them"
             )
         if isinstance(angle, bool) or not isinstance(angle, int | float):
-            wrong: Any = {"type": "float_type", "input": angle}
-            raise ValueError(broken_rule(name, wrong))
+            fault: Any = {"type": "float_type", "input": angle}
+            raise ValueError(broken_rule(name, fault))
         try:
             per_deg = mm_per_deg(data["outer_diameter_mm"], data["inner_diameter_mm"])
-            most = ranges_of(Dog)["backlash"].high / per_deg
-        except (KeyError, TypeError, ZeroDivisionError):  # keys that are refused in their own words
-            return given
-        if not 0.0 <= angle <= abs(most):
-            rule = f"it must lie between 0 and {abs(most):.6g} deg"
-            raise ValueError(refusal(name, angle, "deg", rule, "check the angle and its unit"))
-        return given | {"backlash_mm": angle * per_deg}
+            max_angle = abs(ranges_of(Dog)["backlash"].high / per_deg)
+        except (KeyError, TypeError, ZeroDivisionError):  # the validator refuses these diameters
+            return lengths
+        if not 0.0 <= angle <= max_angle:
+            rule = f"it must lie between 0 and {max_angle:.6g} deg"
+            remedy = "check the angle and its unit"
+            raise ValueError(refusal(name, angle, "deg", rule=rule, remedy=remedy))
+        return lengths | {"backlash_mm": angle * per_deg}
 
 
 class SlidingSection(Section):
@@ -190,7 +232,7 @@ class SlidingSection(Section):
 
     mass_kg: float
     inertia_kgm2: float
-    initial_speed_rpm: float = 0.0  #: of earlier files, which may say that the ring stands
+    initial_speed_rpm: float = 0.0  #: of earlier files, where it may be 0
 
 
 class OutputSection(Section):
@@ -257,22 +299,23 @@ class MechanismSection(_Keys):  # type: ignore[misc]
     def mechanism(self, dog: Dog) -> Mechanism:
         """Build the mechanism around a ring with this dog.
 
-        What belongs to a part is dropped with that part, so that nothing has one key. Raises
-        InputError for a value out of range, or one that belongs to a part that is not given.
+        A part that is 0 resets the values that belong to it, so that equal mechanisms have equal
+        records. Raises InputError for a value out of range, or without the part it belongs to.
         """
-        given = {FIELDS[key]: to_si(key, v) for key, v in self.given.items() if key in FIELDS}
-        for place, part in PLACES.items():
-            if place in given and part not in given:
-                key, other = (f"mechanism.{_KEYS[name]}" for name in (place, part))
-                raise InputError(f"{key} belongs to {other}, which is not given; give it too")
-        given.setdefault("spline_radius", SPLINE * dog.inner_radius)
-        whole = Mechanism(**given)
-        parts = [place for place, part in PLACES.items() if getattr(whole, part) == 0.0]
-        return replace(whole, **{name: getattr(NOTHING, name) for name in parts})
+        fields = {FIELDS[key]: to_si(key, v) for key, v in self.given.items() if key in FIELDS}
+        for name, part in PARTS.items():
+            if name in fields and part not in fields:
+                key = f"mechanism.{_KEYS[name]}"
+                part_key = f"mechanism.{_KEYS[part]}"
+                raise InputError(f"{key} belongs to {part_key}, which is not given; give it too")
+        fields.setdefault("spline_radius", SPLINE * dog.inner_radius)
+        mechanism = Mechanism(**fields)
+        unused = [name for name, part in PARTS.items() if getattr(mechanism, part) == 0.0]
+        return replace(mechanism, **{name: getattr(NOTHING, name) for name in unused})
 
 
-#: What belongs to a part of a mechanism (where it acts, what holds it), and that part.
-PLACES = {
+#: Field of a mechanism that has a meaning only with a part, and that part.
+PARTS = {
     "spline_radius": "spline_friction",
     "detent_position": "detent",
     "detent_width": "detent",
@@ -283,7 +326,7 @@ PLACES = {
 }
 _KEYS = {name: key for key, name in FIELDS.items()}
 
-#: Parts of names that ask for more than ``SCOPE`` has.
+#: Parts of the names of unknown keys for geometry beyond ``SCOPE``.
 UNMODELLED = (
     *("play", "lash", "clearance", "window", "slot_", "space", "undercut", "taper", "dovetail"),
     *("roof", "ridge", "dog2", "mating", "second"),
@@ -293,47 +336,59 @@ UNMODELLED = (
 def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
     """Build both rings; InputError for the speed that ``[drive]`` has replaced."""
     if sliding.initial_speed_rpm != 0.0:
-        rule = "drive.shaft_speed_rpm, of the ring on the wheels' side, and drive.engine_side "
-        rule += "have replaced it"
-        name, speed = "sliding.initial_speed_rpm", sliding.initial_speed_rpm
-        raise InputError(refusal(name, speed, "1/min", rule, "give these, and leave it out"))
+        sentence = refusal(
+            "sliding.initial_speed_rpm",
+            sliding.initial_speed_rpm,
+            "1/min",
+            rule="drive.shaft_speed_rpm, of the ring on the wheels' side, and drive.engine_side "
+            "have replaced it",
+            remedy="give these, and leave it out",
+        )
+        raise InputError(sentence)
     return Rings(sliding.mass_kg, sliding.inertia_kgm2, output.inertia_kgm2)
 
 
 def dog_fields(values: dict[str, float]) -> dict[str, Any]:
-    """Turn keys of a dog in edge units (``height_mm``) into fields of ``Dog`` in SI."""
-    count = {"count": int(values["count"])} if "count" in values else {}
-    return {**si_fields(values), **count}
+    """Convert keys of a dog in the units of files (``height_mm``) to fields of ``Dog`` in SI."""
+    fields: dict[str, Any] = si_fields(values)
+    if "count" in values:
+        fields["count"] = int(values["count"])
+    return fields
 
 
 def si_fields(values: dict[str, float]) -> dict[str, float]:
-    """Turn keys in edge units (``height_mm``) into SI fields without them (``height``)."""
+    """Convert keys in the units of files (``height_mm``) to SI fields (``height``)."""
     return {key.removesuffix(suffix_of(key)): to_si(key, value) for key, value in values.items()}
 
 
 def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
-    """Validate ``data`` and turn its mistakes into sentences, all at once.
+    """Validate ``data`` against the section ``model``.
 
-    Raises InputError that names ``source``, and of each mistake key, value and rule.
+    Raises one InputError for all mistakes; it names ``source``, and key, value and rule of each.
     """
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(listed(source, _faults(model, error.errors()))) from error
+        raise InputError(join_faults(source, _faults(model, error.errors()))) from error
 
 
 def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
-    unknown = [_unknown(model, e) for e in errors if e["type"] == "extra_forbidden"]
+    """Word the errors of the validator: unknown keys, missing keys, broken rules."""
+    unknown = [_unknown_key(model, e) for e in errors if e["type"] == "extra_forbidden"]
     # A misspelt key is also a missing one; the spelling is the better hint.
-    missing = [f"'{_key(e)}'" for e in errors if e["type"] == "missing"]
-    absent = [f"{key} is missing; add it" for key in missing if key not in " ".join(unknown)]
-    broken = [e for e in errors if e["type"] not in {"extra_forbidden", "missing"}]
-    own = (e.get("ctx", {}).get("error") or broken_rule(_key(e), e) for e in broken)
-    return [*unknown, *absent, *map(str, own)]
+    hints = " ".join(unknown)
+    missing_keys = [f"'{_key(e)}'" for e in errors if e["type"] == "missing"]
+    missing = [f"{key} is missing; add it" for key in missing_keys if key not in hints]
+    broken = []
+    for error in errors:
+        if error["type"] not in {"extra_forbidden", "missing"}:
+            validator_error = error.get("ctx", {}).get("error")
+            broken.append(str(validator_error or broken_rule(_key(error), error)))
+    return [*unknown, *missing, *broken]
 
 
 def _path(error: ErrorDetails) -> list[str]:
-    # Pydantic names which of several kinds a value was taken for; no key has a space.
+    # Pydantic adds the kind of value that it tried, which unlike a key has a space.
     return [str(part) for part in error["loc"] if " " not in str(part)]
 
 
@@ -341,7 +396,8 @@ def _key(error: ErrorDetails) -> str:
     return ".".join(_path(error)) or "the file"
 
 
-def _unmodelled(path: list[str]) -> bool:
+def _is_unmodelled(path: list[str]) -> bool:
+    """Test whether an unknown key asks for geometry beyond ``SCOPE``."""
     *tables, name = path
     if tables in (["sliding"], ["output"]):
         return name in DogSection.model_fields
@@ -350,19 +406,25 @@ def _unmodelled(path: list[str]) -> bool:
     )
 
 
-def _unknown(model: type[BaseModel], error: ErrorDetails) -> str:
-    path = _path(error)
-    if _unmodelled(path):
-        return f"'{_key(error)}' is not a known key: {SCOPE}; leave it out"
-    stem = "".join(f"{part}." for part in path[:-1])
-    valid = [stem + name for name in _keys(model, path[:-1])]
-    meant = [f"{n}.{path[-1]}" for n in _keys(model, []) if path[-1] in _keys(model, [n])]
-    hint = f"did you mean '{meant[0]}'?" if meant else did_you_mean(_key(error), valid)
-    return f"'{_key(error)}' is not a known key; {hint}"
+def _unknown_key(model: type[BaseModel], error: ErrorDetails) -> str:
+    """Word the error of an unknown key; suggest a similar key, or its name in another table."""
+    key = _key(error)
+    *tables, name = _path(error)
+    if _is_unmodelled([*tables, name]):
+        return f"'{key}' is not a known key: {SCOPE}; leave it out"
+    other_tables = [table for table in _keys(model, []) if name in _keys(model, [table])]
+    if other_tables:
+        return f"'{key}' is not a known key; did you mean '{other_tables[0]}.{name}'?"
+    stem = "".join(f"{table}." for table in tables)
+    valid_keys = [stem + valid_name for valid_name in _keys(model, tables)]
+    return f"'{key}' is not a known key; {did_you_mean(key, valid_keys)}"
 
 
 def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
-    for name in (part for part in path if not part.isdecimal()):  # numbers are places in lists
+    """Return the keys of the table at ``path``; empty for a path without a table."""
+    for name in path:
+        if name.isdecimal():  # index in a list
+            continue
         field = model.model_fields.get(name)
         section = section_in(field.annotation) if field else None
         if section is None:
@@ -372,8 +434,8 @@ def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
 
 
 def section_in(annotation: Any) -> type[BaseModel] | None:
-    """Return the section that an annotation allows, alone or beside other kinds of value."""
+    """Return the section in a type annotation, alone or in a union or list; None without one."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (section_in(one) for one in get_args(annotation))
-    return next((section for section in found if section is not None), None)
+    sections = map(section_in, get_args(annotation))
+    return next((section for section in sections if section is not None), None)

@@ -1,9 +1,9 @@
-"""Text of a file: bytes within a limit, and the encoding they have.
+"""Text of a file: size limits and detection of the encoding.
 
 Tried in this order: byte-order marks of UTF-8 and UTF-16, UTF-16 without a mark (every second byte
-is zero), UTF-8, and the four code pages of western Windows, DOS and Macintosh. Of the code pages
-that one is taken in which most characters are letters and signs as Europe's tables have them.
-Composed letters replace two-character umlauts (NFC).
+is zero), UTF-8, and the four code pages of western Windows, DOS and Macintosh. Among the code pages
+the best score of European letters and signs decides. Composed letters replace two-character umlauts
+(NFC).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from pathlib import Path
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 
 _WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-CODE_PAGES = ("cp1252", "cp850", "cp437", "mac_roman")  #: the first of equally likely ones is taken
+CODE_PAGES = ("cp1252", "cp850", "cp437", "mac_roman")  #: by precedence where scores are equal
 _BINARY = frozenset(range(32)) - set(b"\t\n\r\f")
-_LETTERS = dict.fromkeys("ëâîïôûùáíóúñÀÇåøæÅØÆãõìòÁÍÓÚÑ", 0.8) | dict.fromkeys(
-    "äöüÄÖÜßéèêàçÉÈ", 1.2
-)
+_RARE_LETTERS = "ëâîïôûùáíóúñÀÇåøæÅØÆãõìòÁÍÓÚÑ"
+_FREQUENT_LETTERS = "äöüÄÖÜßéèêàçÉÈ"
+_LETTER_SCORES = dict.fromkeys(_RARE_LETTERS, 0.8) | dict.fromkeys(_FREQUENT_LETTERS, 1.2)
 _SIGNS = frozenset(
     "°µ²³±·\N{MULTIPLICATION SIGN}Ø\N{EN DASH}\N{MINUS SIGN}\N{RIGHT SINGLE QUOTATION MARK}"
     "“”„Δσ√…§€«»\N{NO-BREAK SPACE}"
@@ -33,7 +33,7 @@ MIN_WIDE_BYTES = 4
 
 @dataclass(frozen=True)
 class TableLimits:
-    """Sizes up to which a table is read; what exceeds them is refused before it fills the memory.
+    """Largest sizes of a table to read; larger ones are refused before they fill the memory.
 
     Assumptions: a bench makes thousands of shifts, not millions; a trace of 1 s at 100 kHz has
     100000 lines of 60 characters.
@@ -46,18 +46,18 @@ class TableLimits:
     workbook_cells: int = 300_000  #: rows times columns of a sheet
     cell_characters: int = 10_000
 
-    def require(self, name: str, size: int, where: str, remedy: str) -> None:
-        """Raise DataError where a size exceeds the limit of this name."""
+    def require(self, name: str, size: int, place: str, remedy: str) -> None:
+        """Raise DataError if ``size`` exceeds the limit ``name``; ``place`` begins the message."""
         limit = getattr(self, name)
         if size > limit:
             raise DataError(
-                f"{where}: {name.replace('_', ' ')} are {size}, but at most {limit} are read; "
+                f"{place}: {name.replace('_', ' ')} are {size}, but at most {limit} are read; "
                 f"{remedy}, or raise the limit: --limit {name}={size}"
             )
 
 
-def limits_of(values: Mapping[str, str]) -> TableLimits:
-    """Convert options such as ``{"rows": "1000000"}``; raises InputError for other names."""
+def parse_limits(values: Mapping[str, str]) -> TableLimits:
+    """Build limits from options such as ``{"rows": "1000000"}``; InputError for unknown names."""
     names = [field.name for field in fields(TableLimits)]
     for name, text in values.items():
         if name not in names:
@@ -68,7 +68,7 @@ def limits_of(values: Mapping[str, str]) -> TableLimits:
 
 
 def read_bytes(path: Path, limits: TableLimits) -> bytes:
-    """Read a file that has at most ``limits.file_bytes``; raises DataError for a larger one."""
+    """Read a file of at most ``limits.file_bytes``; raises DataError for a larger one."""
     with path.open("rb") as file:
         raw = file.read(limits.file_bytes + 1)
     if len(raw) > limits.file_bytes:
@@ -77,62 +77,66 @@ def read_bytes(path: Path, limits: TableLimits) -> bytes:
     return raw
 
 
-def decoded(raw: bytes) -> str:
-    """Decode a text; raises DataError for bytes that are none."""
-    wide = _wide_coding(raw)
+def decode_text(raw: bytes) -> str:
+    """Decode the bytes of a text of unknown encoding; raises DataError for binary data."""
+    wide_encoding = _wide_encoding(raw)
     try:
-        text = raw.decode(wide or "utf-8-sig")
+        text = raw.decode(wide_encoding or "utf-8-sig")
     except UnicodeDecodeError as error:
-        # Bytes that no text has give away anything else.
-        if wide or not _BINARY.isdisjoint(raw):
+        if wide_encoding or not _BINARY.isdisjoint(raw):
             raise DataError("it is no text") from error
-        texts = [_decoded_by(raw, page) for page in CODE_PAGES]
-        text = max((text for text in texts if text is not None), key=_likelihood)
+        texts = [_decode_by_page(raw, page) for page in CODE_PAGES]
+        text = max((text for text in texts if text is not None), key=_table_score)
     return text if text.isascii() else unicodedata.normalize("NFC", text.translate(_INVISIBLE))
 
 
-def _wide_coding(raw: bytes) -> str:
-    """Find the coding of a text with two bytes a character, empty for another."""
+def _wide_encoding(raw: bytes) -> str:
+    """Detect an encoding of two bytes a character; empty for any other."""
     if raw.startswith(_WIDE_MARKS):
         return "utf-16"
     sample = raw[:4096]
     if len(sample) < MIN_WIDE_BYTES or len(raw) % 2:
         return ""
-    even, odd = sample[::2].count(0), sample[1::2].count(0)
+    even_zeros = sample[::2].count(0)
+    odd_zeros = sample[1::2].count(0)
     characters = len(sample) / 2
-    if odd > 0.7 * characters and not even:
+    if odd_zeros > 0.7 * characters and not even_zeros:
         return "utf-16-le"
-    return "utf-16-be" if even > 0.7 * characters and not odd else ""
+    if even_zeros > 0.7 * characters and not odd_zeros:
+        return "utf-16-be"
+    return ""
 
 
-def _decoded_by(raw: bytes, page: str) -> str | None:
-    # cp1252 leaves five bytes without a character; the others have one for each.
+def _decode_by_page(raw: bytes, page: str) -> str | None:
+    # cp1252 has no character for five of the bytes; the other pages have one for each.
     try:
         return raw.decode(page)
     except UnicodeDecodeError:
         return None
 
 
-def _likelihood(text: str) -> float:
-    """Score how likely the characters beyond ASCII are those of a table."""
-    total = 0.0
+def _table_score(text: str) -> float:
+    """Score the characters beyond ASCII: letters in words and signs of units count up."""
+    score = 0.0
     for place, letter in enumerate(text):
         if letter.isascii():
             continue
-        before, after = text[max(0, place - 1) : place], text[place + 1 : place + 2]
-        if letter in _LETTERS:
-            total += _LETTERS[letter] if _fits_word(before, letter, after) else -1.0
-        elif letter in _SIGNS and not (before.isalpha() and after.isalpha()):
-            total += 1.0 if letter + after not in _UNIT_LETTERS else 2.0
+        previous_letter = text[max(0, place - 1) : place]
+        next_letter = text[place + 1 : place + 2]
+        if letter in _LETTER_SCORES:
+            plausible = _fits_word(previous_letter, letter, next_letter)
+            score += _LETTER_SCORES[letter] if plausible else -1.0
+        elif letter in _SIGNS and not (previous_letter.isalpha() and next_letter.isalpha()):
+            score += 2.0 if letter + next_letter in _UNIT_LETTERS else 1.0
         else:
-            total -= 1.0
-    return total
+            score -= 1.0
+    return score
 
 
-def _fits_word(before: str, letter: str, after: str) -> bool:
-    """Test that a letter can stand between its neighbours."""
+def _fits_word(previous_letter: str, letter: str, next_letter: str) -> bool:
+    """Test whether a letter beyond ASCII is plausible between its neighbours."""
     if letter == "ß":
-        return before.lower() in "aeiouäöüy" and bool(before)
-    if letter.isupper() and before.islower():
+        return previous_letter.lower() in "aeiouäöüy" and bool(previous_letter)
+    if letter.isupper() and previous_letter.islower():
         return False
-    return before.isalpha() or (after.isalpha() and after not in ("s", "m"))
+    return previous_letter.isalpha() or (next_letter.isalpha() and next_letter not in ("s", "m"))

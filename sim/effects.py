@@ -1,10 +1,10 @@
-"""Effects that may explain why a bench differs from the simulation: the package's, and a user's.
+"""Effects that may explain why a bench differs from the simulation: of the package and of a user.
 
-A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. Those of the package are
-of the dogs, of the mechanism, of the operating point. ``docs/effects.md`` has the meaning of each,
-and the source of each range; all are judged. Masses count as felt at the sleeve (times ratio
-squared), on the far side of a linkage, and add up; a force that is scaled or reduced keeps its rise
-time; an offset of the mismatch counts along the nominal one.
+A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. Effects of the package
+concern the dogs, the mechanism or the operating point. ``docs/effects.md`` has the meaning of each
+and the source of each range; all are judged. Masses are referred to the sleeve (times ratio
+squared), on the actuator's side of a linkage, and add up; a force that is scaled or reduced keeps
+its rise time; an offset of the mismatch counts along the nominal one.
 """
 
 from __future__ import annotations
@@ -26,12 +26,18 @@ from dogshape.sim.units import suffix_of, to_si
 
 Change = Callable[[Setting, Values], Setting]
 LOG: Scale = "log-uniform"
-EVEN: Scale = "uniform"
+LINEAR: Scale = "uniform"
 
 
-def _changed(part: str, law: Callable[[float, float], float], *own: str, **other: str) -> Change:
-    """Return a change of fields of a part by parameters of ``own`` or other names, in SI units."""
-    names = {name.removesuffix(suffix_of(name)): name for name in own} | other
+def _change_of(
+    part: str, law: Callable[[float, float], float], *parameters: str, **parameters_by_field: str
+) -> Change:
+    """Return a change of fields of a part of the clutch, or of the force profile.
+
+    ``law`` maps old value and parameter, both SI, to the new value. ``parameters`` are named as
+    their fields with a unit, ``parameters_by_field`` otherwise.
+    """
+    names = {name.removesuffix(suffix_of(name)): name for name in parameters} | parameters_by_field
 
     def change(setting: Setting, values: Values) -> Setting:
         old: Any = setting.point.profile if part == "profile" else getattr(setting.clutch, part)
@@ -43,12 +49,12 @@ def _changed(part: str, law: Callable[[float, float], float], *own: str, **other
     return change
 
 
-def _new(_: float, value: float) -> float:
+def _set_value(_: float, value: float) -> float:
     return value
 
 
 def _unless_zero(name: str, change: Change) -> Change:
-    """Return a change that leaves the setting as it is where a parameter is zero."""
+    """Return ``change``, skipped if the parameter ``name`` is zero."""
     return lambda setting, values: change(setting, values) if values[name] else setting
 
 
@@ -59,7 +65,7 @@ def _with_elastic_linkage(setting: Setting, values: Values) -> Setting:
 
 
 _FORCE = "force at the sleeve over time"
-_SLOW_PUSH = (
+_SLOW_PUSH = BenchTest(
     "slow push of the free ring",
     "Push the free ring slowly along its shaft, both ways, and record force over displacement: a "
     "level force is dry friction, a hump a detent.",
@@ -78,15 +84,15 @@ def _with_mismatch(setting: Setting, values: Values) -> Setting:
 
 
 def _with_reversed_sense(setting: Setting, _: Values) -> Setting:
-    """Turn the whole stand the other way: the mismatch, and shafts that turn."""
+    """Reverse the sense of rotation of mismatch and shafts."""
     # Zero stays +0, so that the point keeps its key.
-    found = setting.with_point(mismatch=0.0 - setting.point.mismatch)
+    reversed_setting = setting.with_point(mismatch=0.0 - setting.point.mismatch)
     drive = setting.clutch.drive
     if not drive.turns:
-        return found
+        return reversed_setting
     side: EngineSide = "output" if drive.engine_side == "sliding" else "sliding"
-    turned = replace(found.clutch, drive=replace(drive, engine_side=side))
-    return replace(found, clutch=turned)
+    clutch = replace(reversed_setting.clutch, drive=replace(drive, engine_side=side))
+    return replace(reversed_setting, clutch=clutch)
 
 
 def _with_angles(setting: Setting, values: Values) -> Setting:
@@ -94,150 +100,456 @@ def _with_angles(setting: Setting, values: Values) -> Setting:
     return replace(setting, concentration=values["concentration"], centre=centre)
 
 
-#: What no data of shifts can tell from an effect, in words.
-ALIASES = {"actuation_delay": ("a shifted time zero of the record",)}
-#: Name and title, parameters, change, then name and instruction of the test.
-_TABLE: tuple[tuple[str, str, tuple[Parameter, ...], Change, str, str], ...] = (
-    ("contact_friction", "other friction between the dogs",
-     (Parameter("static_friction", attrgetter("clutch.contact.static_friction"),
-                0.05, 0.45, EVEN, least=0.01, most=1.0),
-      Parameter("dynamic_friction", attrgetter("clutch.contact.dynamic_friction"),
-                0.03, 0.35, EVEN, least=0.01, most=1.0)),
-     _changed("contact", _new, "static_friction", "dynamic_friction"), "tilt test of the dogs",
-     "Press two dog faces on each other under a known load and measure the tangential force, at "
-     "rest and while sliding, oiled as on the bench."),
-    ("contact_stiffness", "other stiffness of the dogs",
-     (Parameter("stiffness_Pa_m", attrgetter("clutch.contact.stiffness"),
-                1e11, 2e13, LOG, least=1e10, most=1e14),),
-     _changed("contact", _new, "stiffness_Pa_m"), "static stiffness of the engaged pair",
-     "Load the engaged pair with a torque and measure the twist between both rings."),
-    ("contact_dissipation", "other rebound of the dogs",
-     (Parameter("dissipation_s_m", attrgetter("clutch.contact.dissipation"),
-                1.0, 300.0, LOG, least=0.1, most=3000.0),),
-     _changed("contact", _new, "dissipation_s_m"), "drop test of the ring",
-     "Drop the ring on the fixed output ring, dog on dog, from some millimetres and record the "
-     "rebound."),
-    ("contact_creep", "other creep of held faces",
-     (Parameter("stiction_factor", 1.0, 0.5, 2.0, LOG, least=0.5, most=2.0),),
-     _changed("contact", mul, stiction_velocity="stiction_factor"), "creep of held faces",
-     "Press two dog faces on each other under a known load, pull with half the friction and record "
-     "how fast they slip."),
-    ("chamfer_angle", "chamfer angle off nominal",
-     (Parameter("chamfer_offset_deg", 0.0, -4.0, 4.0, EVEN),),
-     _changed("dog", add, chamfer="chamfer_offset_deg"), "chamfer by profile",
-     "Measure the profile of some dogs of either ring on a measuring machine or an imprint."),
-    ("axial_gap", "axial gap off nominal", (Parameter("gap_offset_mm", 0.0, -0.8, 0.8, EVEN),),
-     _changed("dog", add, axial_gap="gap_offset_mm"), "gap by feeler or travel",
-     "Push the ring from neutral until dogs meet dogs, face on face, and read the displacement."),
-    ("free_play", "free play of the linkage",
-     (Parameter("free_play_mm", 0.0, 0.05, 2.0, LOG, most=6.0,
-                ordinary=(0.3, "a new fork in its groove")),),
-     _changed("mechanism", _new, "free_play_mm"), "hand test of the play",
-     "Hold the ring and move the actuator to and fro by hand with a dial gauge on it."),
-    ("linkage_compliance", "elastic linkage",
-     (Parameter("compliance_mm_kN", 0.0, 0.3, 35.0, LOG, most=120.0,
-                ordinary=(4.3, "Bowden cables")),
-      Parameter("mass_behind_kg", 0.0, 0.03, 18.0, LOG, most=60.0, ordinary=(1.0, "fork and rod"))),
-     _with_elastic_linkage, "static stiffness of the linkage",
-     "Block the ring, raise the force in steps and read the displacement at the actuator; then "
-     "strike the actuator and record its swing: frequency and stiffness give the mass."),
-    ("moving_mass", "mass of actuator and linkage",
-     (Parameter("added_mass_kg", 0.0, 0.03, 18.0, LOG, most=60.0, ordinary=(1.0, "fork and rod")),),
-     _changed("mechanism", add, "added_mass_kg"), "free flight at the sleeve",
-     "Shift with the output ring taken out and record the displacement at the sleeve: its "
-     "acceleration under a known force is the mass."),
-    ("sleeve_friction", "dry friction of the sliding ring",
-     (Parameter("friction_N", 0.0, 3.0, 200.0, LOG, most=1000.0),),
-     _changed("mechanism", _new, "friction_N"), *_SLOW_PUSH),
-    ("viscous_damping", "oil damping of the sliding ring",
-     (Parameter("damping_Ns_m", 0.0, 5.0, 1600.0, LOG, most=6000.0,
-                ordinary=(5.0, "shear of oil in a spline")),),
-     _changed("mechanism", _new, "damping_Ns_m"), "free flight at two forces",
-     "Shift with the output ring taken out at two forces and two oil temperatures and record the "
-     "displacement."),
-    ("detent_force", "force of a detent",
-     (Parameter("detent_N", 0.0, 10.0, 200.0, LOG, most=1000.0,
-                ordinary=(100.0, "ball detents of passenger cars")),
-      Parameter("position_mm", 0.5, 0.5, 4.5, EVEN, least=0.5, most=4.5)),
-     _unless_zero("detent_N", _changed("mechanism", _new, "detent_N",
-                                       detent_position="position_mm")), *_SLOW_PUSH),
-    ("spline_friction", "friction in the loaded spline",
-     (Parameter("spline_friction", 0.0, 0.01, 0.3, LOG, most=1.0),),
-     _unless_zero("spline_friction", _with_spline), "push of the ring under torque",
-     "Hold the output ring, load the sliding ring with a known torque and measure the force that "
-     "moves it along its shaft."),
-    ("drag_torque", "drag torque on the sliding ring",
-     (Parameter("drag_Nm", 0.0, 0.02, 8.0, LOG, most=40.0,
-                ordinary=(0.5, "bearings and seals of an input shaft")),),
-     _changed("mechanism", _new, drag_torque="drag_Nm"), "run-down of the sliding ring",
-     "Turn the free sliding ring and record how its speed falls, or turn it by a torque wrench."),
-    ("sliding_inertia", "inertia of the sliding side off nominal",
-     (Parameter("inertia_factor", 1.0, 1.1, 8.0, LOG, least=0.1, most=50.0,
-                ordinary=(2.0, "other wheels in mesh")),),
-     _changed("rings", mul, sliding_inertia="inertia_factor"), "run-up of the sliding side",
-     "Turn the free sliding side by a weight on a cord and record its speed: torque over "
-     "acceleration is its inertia."),
-    ("actuation_delay", "dead time of the actuation",
-     (Parameter("delay_s", 0.0, 0.0, 0.4, EVEN, least=0.0, most=1.0,
-                ordinary=(0.15, "valve, pipe and filling of a cylinder")),),
-     lambda setting, values: replace(setting, delay=setting.delay + values["delay_s"]), _FORCE,
-     "Record the trigger and the force at the shift fork on one clock: the force must begin to "
-     "rise at time zero."),
-    ("actuation_lag", "slow rise of the shift force",
-     (Parameter("lag_s", 0.0, 0.003, 0.45, LOG, most=1.0,
-                ordinary=(0.3, "a cylinder behind its valve")),),
-     _changed("profile", lambda old, value: value or old, "lag_s"), _FORCE,
-     "Record the force at the shift fork while the ring is blocked: its course after the nominal "
-     "rise shows the lag."),
-    ("force_rise", "rise time of the shift force off nominal",
-     (Parameter("rise_factor", 1.0, 0.4, 2.5, LOG, least=0.05, most=20.0),),
-     _changed("profile", mul, rise="rise_factor"), _FORCE,
-     "Record the force at the shift fork while the ring is blocked: from its first rise to its "
-     "final value is the rise time."),
-    ("force_scale", "shift force off nominal",
-     (Parameter("force_factor", 1.0, 0.5, 1.5, EVEN, least=0.05, most=3.0),),
-     _changed("profile", mul, force="force_factor"), "static force at the sleeve",
-     "Block the ring and measure the force at the shift fork with a load cell at each pressure."),
-    ("force_loss", "constant loss of shift force",
-     (Parameter("loss_N", 0.0, 2.0, 150.0, LOG, most=1000.0,
-                ordinary=(50.0, "return spring and seals of a cylinder")),),
-     _changed("profile", add, loss="loss_N"), "static force at the sleeve",
-     "Block the ring and measure the force at the shift fork with a load cell at each pressure: "
-     "the same difference from nominal at all of them is a loss."),
-    ("mismatch_speed", "mismatch off nominal",
-     (Parameter("offset_rpm", 0.0, -4.0, 4.0, EVEN),
-      Parameter("mismatch_factor", 1.0, 0.75, 1.25, EVEN, least=0.05, most=3.0)),
-     _with_mismatch, "both speeds at the first touch",
-     "Record the speeds of both rings with encoders on the clock of the displacement and read them "
-     "at the first touch."),
-    ("reversed_mismatch", "reversed sense of rotation", (),
-     _with_reversed_sense,
-     "sense of rotation at the rig",
-     "Look which way the driven ring turns, or which flanks of the dogs are marked after some "
-     "shifts: the traction flanks where the mismatch has the sign of the table."),
-    ("relative_angle", "uneven relative angles",
-     (Parameter("concentration", 0.0, 0.1, 10.0, LOG, most=100.0),
-      Parameter("centre_pitch", 0.0, 0.0, 1.0, EVEN, least=0.0, most=1.0)),
-     _unless_zero("concentration", _with_angles), "angle of each shift",
-     "Record the relative angle at the trigger with encoders of both rings, for some thirty "
-     "shifts."),
-)  # fmt: skip
-EFFECTS = {
-    name: Effect(name, of, change, BenchTest(test, how), ALIASES.get(name, ()), title)
-    for name, title, of, change, test, how in _TABLE
-}
+_EFFECTS = (
+    Effect(
+        "contact_friction",
+        title="other friction between the dogs",
+        parameters=(
+            Parameter(
+                "static_friction",
+                neutral=attrgetter("clutch.contact.static_friction"),
+                low=0.05,
+                high=0.45,
+                scale=LINEAR,
+                least=0.01,
+                most=1.0,
+            ),
+            Parameter(
+                "dynamic_friction",
+                neutral=attrgetter("clutch.contact.dynamic_friction"),
+                low=0.03,
+                high=0.35,
+                scale=LINEAR,
+                least=0.01,
+                most=1.0,
+            ),
+        ),
+        change=_change_of("contact", _set_value, "static_friction", "dynamic_friction"),
+        test=BenchTest(
+            "tilt test of the dogs",
+            "Press two dog faces on each other under a known load and measure the tangential "
+            "force, at rest and while sliding, oiled as on the bench.",
+        ),
+    ),
+    Effect(
+        "contact_stiffness",
+        title="other stiffness of the dogs",
+        parameters=(
+            Parameter(
+                "stiffness_Pa_m",
+                neutral=attrgetter("clutch.contact.stiffness"),
+                low=1e11,
+                high=2e13,
+                scale=LOG,
+                least=1e10,
+                most=1e14,
+            ),
+        ),
+        change=_change_of("contact", _set_value, "stiffness_Pa_m"),
+        test=BenchTest(
+            "static stiffness of the engaged pair",
+            "Load the engaged pair with a torque and measure the twist between both rings.",
+        ),
+    ),
+    Effect(
+        "contact_dissipation",
+        title="other rebound of the dogs",
+        parameters=(
+            Parameter(
+                "dissipation_s_m",
+                neutral=attrgetter("clutch.contact.dissipation"),
+                low=1.0,
+                high=300.0,
+                scale=LOG,
+                least=0.1,
+                most=3000.0,
+            ),
+        ),
+        change=_change_of("contact", _set_value, "dissipation_s_m"),
+        test=BenchTest(
+            "drop test of the ring",
+            "Drop the ring on the fixed output ring, dog on dog, from some millimetres and record "
+            "the rebound.",
+        ),
+    ),
+    Effect(
+        "contact_creep",
+        title="other creep of held faces",
+        parameters=(
+            Parameter(
+                "stiction_factor", neutral=1.0, low=0.5, high=2.0, scale=LOG, least=0.5, most=2.0
+            ),
+        ),
+        change=_change_of("contact", mul, stiction_velocity="stiction_factor"),
+        test=BenchTest(
+            "creep of held faces",
+            "Press two dog faces on each other under a known load, pull with half the friction "
+            "and record how fast they slip.",
+        ),
+    ),
+    Effect(
+        "chamfer_angle",
+        title="chamfer angle off nominal",
+        parameters=(
+            Parameter("chamfer_offset_deg", neutral=0.0, low=-4.0, high=4.0, scale=LINEAR),
+        ),
+        change=_change_of("dog", add, chamfer="chamfer_offset_deg"),
+        test=BenchTest(
+            "chamfer by profile",
+            "Measure the profile of some dogs of either ring on a measuring machine or an imprint.",
+        ),
+    ),
+    Effect(
+        "axial_gap",
+        title="axial gap off nominal",
+        parameters=(Parameter("gap_offset_mm", neutral=0.0, low=-0.8, high=0.8, scale=LINEAR),),
+        change=_change_of("dog", add, axial_gap="gap_offset_mm"),
+        test=BenchTest(
+            "gap by feeler or travel",
+            "Push the ring from neutral until dogs meet dogs, face on face, and read the "
+            "displacement.",
+        ),
+    ),
+    Effect(
+        "free_play",
+        title="free play of the linkage",
+        parameters=(
+            Parameter(
+                "free_play_mm",
+                neutral=0.0,
+                low=0.05,
+                high=2.0,
+                scale=LOG,
+                most=6.0,
+                ordinary=(0.3, "a new fork in its groove"),
+            ),
+        ),
+        change=_change_of("mechanism", _set_value, "free_play_mm"),
+        test=BenchTest(
+            "hand test of the play",
+            "Hold the ring and move the actuator to and fro by hand with a dial gauge on it.",
+        ),
+    ),
+    Effect(
+        "linkage_compliance",
+        title="elastic linkage",
+        parameters=(
+            Parameter(
+                "compliance_mm_kN",
+                neutral=0.0,
+                low=0.3,
+                high=35.0,
+                scale=LOG,
+                most=120.0,
+                ordinary=(4.3, "Bowden cables"),
+            ),
+            Parameter(
+                "mass_behind_kg",
+                neutral=0.0,
+                low=0.03,
+                high=18.0,
+                scale=LOG,
+                most=60.0,
+                ordinary=(1.0, "fork and rod"),
+            ),
+        ),
+        change=_with_elastic_linkage,
+        test=BenchTest(
+            "static stiffness of the linkage",
+            "Block the ring, raise the force in steps and read the displacement at the actuator; "
+            "then strike the actuator and record its swing: frequency and stiffness give the mass.",
+        ),
+    ),
+    Effect(
+        "moving_mass",
+        title="mass of actuator and linkage",
+        parameters=(
+            Parameter(
+                "added_mass_kg",
+                neutral=0.0,
+                low=0.03,
+                high=18.0,
+                scale=LOG,
+                most=60.0,
+                ordinary=(1.0, "fork and rod"),
+            ),
+        ),
+        change=_change_of("mechanism", add, "added_mass_kg"),
+        test=BenchTest(
+            "free flight at the sleeve",
+            "Shift with the output ring taken out and record the displacement at the sleeve: its "
+            "acceleration under a known force is the mass.",
+        ),
+    ),
+    Effect(
+        "sleeve_friction",
+        title="dry friction of the sliding ring",
+        parameters=(
+            Parameter("friction_N", neutral=0.0, low=3.0, high=200.0, scale=LOG, most=1000.0),
+        ),
+        change=_change_of("mechanism", _set_value, "friction_N"),
+        test=_SLOW_PUSH,
+    ),
+    Effect(
+        "viscous_damping",
+        title="oil damping of the sliding ring",
+        parameters=(
+            Parameter(
+                "damping_Ns_m",
+                neutral=0.0,
+                low=5.0,
+                high=1600.0,
+                scale=LOG,
+                most=6000.0,
+                ordinary=(5.0, "shear of oil in a spline"),
+            ),
+        ),
+        change=_change_of("mechanism", _set_value, "damping_Ns_m"),
+        test=BenchTest(
+            "free flight at two forces",
+            "Shift with the output ring taken out at two forces and two oil temperatures and "
+            "record the displacement.",
+        ),
+    ),
+    Effect(
+        "detent_force",
+        title="force of a detent",
+        parameters=(
+            Parameter(
+                "detent_N",
+                neutral=0.0,
+                low=10.0,
+                high=200.0,
+                scale=LOG,
+                most=1000.0,
+                ordinary=(100.0, "ball detents of passenger cars"),
+            ),
+            Parameter(
+                "position_mm", neutral=0.5, low=0.5, high=4.5, scale=LINEAR, least=0.5, most=4.5
+            ),
+        ),
+        change=_unless_zero(
+            "detent_N",
+            _change_of("mechanism", _set_value, "detent_N", detent_position="position_mm"),
+        ),
+        test=_SLOW_PUSH,
+    ),
+    Effect(
+        "spline_friction",
+        title="friction in the loaded spline",
+        parameters=(
+            Parameter("spline_friction", neutral=0.0, low=0.01, high=0.3, scale=LOG, most=1.0),
+        ),
+        change=_unless_zero("spline_friction", _with_spline),
+        test=BenchTest(
+            "push of the ring under torque",
+            "Hold the output ring, load the sliding ring with a known torque and measure the "
+            "force that moves it along its shaft.",
+        ),
+    ),
+    Effect(
+        "drag_torque",
+        title="drag torque on the sliding ring",
+        parameters=(
+            Parameter(
+                "drag_Nm",
+                neutral=0.0,
+                low=0.02,
+                high=8.0,
+                scale=LOG,
+                most=40.0,
+                ordinary=(0.5, "bearings and seals of an input shaft"),
+            ),
+        ),
+        change=_change_of("mechanism", _set_value, drag_torque="drag_Nm"),
+        test=BenchTest(
+            "run-down of the sliding ring",
+            "Turn the free sliding ring and record how its speed falls, or turn it by a torque "
+            "wrench.",
+        ),
+    ),
+    Effect(
+        "sliding_inertia",
+        title="inertia of the sliding side off nominal",
+        parameters=(
+            Parameter(
+                "inertia_factor",
+                neutral=1.0,
+                low=1.1,
+                high=8.0,
+                scale=LOG,
+                least=0.1,
+                most=50.0,
+                ordinary=(2.0, "other wheels in mesh"),
+            ),
+        ),
+        change=_change_of("rings", mul, sliding_inertia="inertia_factor"),
+        test=BenchTest(
+            "run-up of the sliding side",
+            "Turn the free sliding side by a weight on a cord and record its speed: torque over "
+            "acceleration is its inertia.",
+        ),
+    ),
+    Effect(
+        "actuation_delay",
+        title="dead time of the actuation",
+        parameters=(
+            Parameter(
+                "delay_s",
+                neutral=0.0,
+                low=0.0,
+                high=0.4,
+                scale=LINEAR,
+                least=0.0,
+                most=1.0,
+                ordinary=(0.15, "valve, pipe and filling of a cylinder"),
+            ),
+        ),
+        change=lambda setting, values: replace(setting, delay=setting.delay + values["delay_s"]),
+        test=BenchTest(
+            _FORCE,
+            "Record the trigger and the force at the shift fork on one clock: the force must "
+            "begin to rise at time zero.",
+        ),
+        aliases=("a shifted time zero of the record",),
+    ),
+    Effect(
+        "actuation_lag",
+        title="slow rise of the shift force",
+        parameters=(
+            Parameter(
+                "lag_s",
+                neutral=0.0,
+                low=0.003,
+                high=0.45,
+                scale=LOG,
+                most=1.0,
+                ordinary=(0.3, "a cylinder behind its valve"),
+            ),
+        ),
+        change=_change_of("profile", lambda old, value: value or old, "lag_s"),
+        test=BenchTest(
+            _FORCE,
+            "Record the force at the shift fork while the ring is blocked: its course after the "
+            "nominal rise shows the lag.",
+        ),
+    ),
+    Effect(
+        "force_rise",
+        title="rise time of the shift force off nominal",
+        parameters=(
+            Parameter(
+                "rise_factor", neutral=1.0, low=0.4, high=2.5, scale=LOG, least=0.05, most=20.0
+            ),
+        ),
+        change=_change_of("profile", mul, rise="rise_factor"),
+        test=BenchTest(
+            _FORCE,
+            "Record the force at the shift fork while the ring is blocked: from its first rise to "
+            "its final value is the rise time.",
+        ),
+    ),
+    Effect(
+        "force_scale",
+        title="shift force off nominal",
+        parameters=(
+            Parameter(
+                "force_factor", neutral=1.0, low=0.5, high=1.5, scale=LINEAR, least=0.05, most=3.0
+            ),
+        ),
+        change=_change_of("profile", mul, force="force_factor"),
+        test=BenchTest(
+            "static force at the sleeve",
+            "Block the ring and measure the force at the shift fork with a load cell at each "
+            "pressure.",
+        ),
+    ),
+    Effect(
+        "force_loss",
+        title="constant loss of shift force",
+        parameters=(
+            Parameter(
+                "loss_N",
+                neutral=0.0,
+                low=2.0,
+                high=150.0,
+                scale=LOG,
+                most=1000.0,
+                ordinary=(50.0, "return spring and seals of a cylinder"),
+            ),
+        ),
+        change=_change_of("profile", add, loss="loss_N"),
+        test=BenchTest(
+            "static force at the sleeve",
+            "Block the ring and measure the force at the shift fork with a load cell at each "
+            "pressure: the same difference from nominal at all of them is a loss.",
+        ),
+    ),
+    Effect(
+        "mismatch_speed",
+        title="mismatch off nominal",
+        parameters=(
+            Parameter("offset_rpm", neutral=0.0, low=-4.0, high=4.0, scale=LINEAR),
+            Parameter(
+                "mismatch_factor",
+                neutral=1.0,
+                low=0.75,
+                high=1.25,
+                scale=LINEAR,
+                least=0.05,
+                most=3.0,
+            ),
+        ),
+        change=_with_mismatch,
+        test=BenchTest(
+            "both speeds at the first touch",
+            "Record the speeds of both rings with encoders on the clock of the displacement and "
+            "read them at the first touch.",
+        ),
+    ),
+    Effect(
+        "reversed_mismatch",
+        title="reversed sense of rotation",
+        parameters=(),
+        change=_with_reversed_sense,
+        test=BenchTest(
+            "sense of rotation at the rig",
+            "Look which way the driven ring turns, or which flanks of the dogs are marked after "
+            "some shifts: the traction flanks where the mismatch has the sign of the table.",
+        ),
+    ),
+    Effect(
+        "relative_angle",
+        title="uneven relative angles",
+        parameters=(
+            Parameter("concentration", neutral=0.0, low=0.1, high=10.0, scale=LOG, most=100.0),
+            Parameter(
+                "centre_pitch", neutral=0.0, low=0.0, high=1.0, scale=LINEAR, least=0.0, most=1.0
+            ),
+        ),
+        change=_unless_zero("concentration", _with_angles),
+        test=BenchTest(
+            "angle of each shift",
+            "Record the relative angle at the trigger with encoders of both rings, for some thirty "
+            "shifts.",
+        ),
+    ),
+)
+#: By name, as files have it.
+EFFECTS = {effect.name: effect for effect in _EFFECTS}
 
 
 def load(folder: Path | None = None) -> dict[str, Effect]:
-    """Return all effects by name, in the order of their names.
+    """Return all effects, sorted by name.
 
-    ``folder`` is one with effects of the user's. Files that begin with an underscore are no
-    effects. Raises InputError where the folder is missing, a file cannot be run, has no
-    ``EFFECT`` or another name than the effect, or a name is taken.
+    ``folder`` holds effects of the user; files that begin with an underscore are no effects. Raises
+    InputError if the folder is missing, a file cannot be run, has no ``EFFECT`` or another name
+    than its effect, or a name is taken.
     """
     effects = dict(EFFECTS)
-    for path in own_files(folder).values() if folder else ():
-        effect = _own_effect(path)
+    paths = effect_files(folder) if folder else {}
+    for path in paths.values():
+        effect = _load_effect(path)
         if effect.name in effects:
             raise InputError(
                 f"{path} defines the effect '{effect.name}', but there is one of that name; "
@@ -247,15 +559,15 @@ def load(folder: Path | None = None) -> dict[str, Effect]:
     return dict(sorted(effects.items()))
 
 
-def own_files(folder: Path) -> dict[str, Path]:
-    """Return the files of a folder that ``load`` takes effects from, by the effects' names."""
+def effect_files(folder: Path) -> dict[str, Path]:
+    """Return the effect files of a user's folder by the names of their effects."""
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}; give one with effects as Python files")
     paths = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
     return {path.stem: path for path in paths}
 
 
-def _own_effect(path: Path) -> Effect:
+def _load_effect(path: Path) -> Effect:
     try:
         module = runpy.run_path(str(path), run_name=f"user_effect_{path.stem}")
     except Exception as error:

@@ -20,11 +20,13 @@ ARRAY: Any = np.ndarray
 Value = TypeVar("Value", float, str)
 
 
-def _elementwise(one: Callable[[float], float], many: Any) -> Callable[[float], float]:
-    def applied(x: float) -> float:
-        return many(x) if isinstance(x, ARRAY) else one(x)
+def _elementwise(
+    scalar_function: Callable[[float], float], array_function: Any
+) -> Callable[[float], float]:
+    def function(x: float) -> float:
+        return array_function(x) if isinstance(x, ARRAY) else scalar_function(x)
 
-    return applied
+    return function
 
 
 tan = _elementwise(math.tan, np.tan)
@@ -35,58 +37,70 @@ sqrt = _elementwise(math.sqrt, np.sqrt)
 
 
 def hypot(x: float, y: float) -> float:
-    """Compute the root of the sum of squares."""
+    """Compute ``sqrt(x**2 + y**2)``."""
     return np.hypot(x, y) if _hold_array((x, y)) else math.hypot(x, y)
 
 
 def largest(*values: float) -> float:
-    """Select the largest of some values."""
+    """Return the largest of ``values``, element by element."""
     return reduce(np.maximum, values) if _hold_array(values) else max(values)
 
 
 def smallest(*values: float) -> float:
-    """Select the smallest of some values."""
+    """Return the smallest of ``values``, element by element."""
     return reduce(np.minimum, values) if _hold_array(values) else min(values)
 
 
-def where(condition: bool, one: Value, other: Value) -> Value:
-    """Select ``one`` where a condition holds, else ``other``."""
+def where(condition: bool, true_value: Value, false_value: Value) -> Value:
+    """Select ``true_value`` if ``condition`` holds, else ``false_value``."""
     if isinstance(condition, ARRAY):
-        return np.where(condition, one, other)  # type: ignore[return-value]
-    return one if condition else other
+        return np.where(condition, true_value, false_value)  # type: ignore[return-value]
+    return true_value if condition else false_value
 
 
-def each(function: Callable[..., float], *values: float) -> float:
-    """Apply a function of numbers to numbers, or once to equal elements of arrays (n,)."""
-    if _hold_array(values):
-        rows = [*zip(*(one.tolist() for one in np.broadcast_arrays(*values)), strict=True)]
-        found = {row: function(*row) for row in dict.fromkeys(rows)}
-        every: Any = np.array([found[row] for row in rows])
-        return every
-    return function(*values)
+def map_elements(function: Callable[..., float], *values: float) -> float:
+    """Apply a function of numbers to numbers or arrays (n,); equal elements share one call."""
+    if not _hold_array(values):
+        return function(*values)
+    columns = [column.tolist() for column in np.broadcast_arrays(*values)]
+    rows = [*zip(*columns, strict=True)]
+    results = {row: function(*row) for row in dict.fromkeys(rows)}
+    array: Any = np.array([results[row] for row in rows])
+    return array
 
 
-def key(value: float) -> Hashable:
-    """Return a value to compare by: an array's is made of its elements."""
+def hashable(value: float) -> Hashable:
+    """Return a key by which numbers and arrays compare equal; an array becomes its bytes."""
     return value.tobytes() if isinstance(value, ARRAY) else value
 
 
 def bisect(
     holds: Callable[[float], bool], low: float, high: float, *, width: float = 0.0, share: float = 0
 ) -> tuple[float, float]:
-    """Bisect to where a condition that holds from ``low`` on ends: last and first place beside it.
+    """Bisect for the end of a condition that holds from ``low`` on.
 
-    They are ``width``, or a ``share`` of the place, apart at most, by default neighbours.
+    Returns an interval around that end, at most ``width`` or ``share`` times its upper end wide;
+    by default two neighbouring floats.
     """
-    while low < (middle := 0.5 * (low + high)) < high and high - low > max(width, share * high):
-        low, high = (middle, high) if holds(middle) else (low, middle)
+    while high - low > max(width, share * high):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        if holds(middle):
+            low = middle
+        else:
+            high = middle
     return low, high
 
 
-def by_weight(values: Any, weights: Any) -> tuple[Any, Any]:
-    """Sort values (n,); beside them the weights below the middle of each, of a sum of one."""
+def empirical_distribution(values: Any, weights: Any) -> tuple[Any, Any]:
+    """Return cumulative probabilities (n,) and sorted values (n,); ``weights`` sum to one.
+
+    The probability of a value is that below the middle of its weight.
+    """
     order = np.argsort(values, kind="stable")
-    return np.cumsum(weights[order]) - 0.5 * weights[order], values[order]
+    sorted_weights = weights[order]
+    return np.cumsum(sorted_weights) - 0.5 * sorted_weights, values[order]
 
 
 def _hold_array(values: tuple[Any, ...]) -> bool:

@@ -24,7 +24,7 @@ class GeometryError(DogshapeError):
 
 
 class EffectError(DogshapeError):
-    """An effect whose program is wrong, whatever the values of its parameters."""
+    """An effect whose program fails for any values of its parameters."""
 
 
 class DataError(DogshapeError):
@@ -55,7 +55,7 @@ def refusal(quantity: str, value: float, unit: str, rule: str, remedy: str) -> s
 
 
 def require_between(name: str, value: float, low: float, high: float, remedy: str) -> None:
-    """Raise InputError unless ``low <= value <= high``; the unit is what ``name`` ends in."""
+    """Raise InputError unless ``low <= value <= high``; the suffix of ``name`` gives the unit."""
     if not low <= value <= high:
         unit = unit_of(name)
         rule = f"it must lie between {number(low)} and {number(high)} {unit}".rstrip()
@@ -63,12 +63,17 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
 
 
 def require_parts(section: str, parts: Any, sides: Any, remedy: str, *, rest: bool = False) -> None:
-    """Raise InputError where an inertia is more than its side's, or leaves no ``rest``, kg m2."""
+    """Raise InputError if the inertia of ring or wheel exceeds that of its side, kg m2.
+
+    With ``rest`` it must be smaller than that of its side.
+    """
     for name, side in (("ring", "sliding"), ("wheel", "output")):
-        part, whole = getattr(parts, f"{name}_inertia"), getattr(sides, f"{side}_inertia")
-        if part > whole or (rest and part == whole):
-            key, rule = f"{section}.{name}_inertia_kgm2", f"it is a part of {side}.inertia_kgm2"
-            raise InputError(refusal(key, part, "kg m2", f"{rule} = {whole:.6g}", remedy))
+        part_inertia = getattr(parts, f"{name}_inertia")
+        side_inertia = getattr(sides, f"{side}_inertia")
+        if part_inertia > side_inertia or (rest and part_inertia == side_inertia):
+            key = f"{section}.{name}_inertia_kgm2"
+            rule = f"it is a part of {side}.inertia_kgm2 = {side_inertia:.6g}"
+            raise InputError(refusal(key, part_inertia, "kg m2", rule, remedy))
 
 
 class Range(NamedTuple):
@@ -88,56 +93,67 @@ def within(key: str, low: float, high: float, default: Any = MISSING, *, remedy:
 @lru_cache
 def ranges_of(kind: Any) -> dict[str, Range]:
     """Return the ranges of a dataclass by the names of its fields."""
-    return {one.name: one.metadata["range"] for one in fields(kind) if "range" in one.metadata}
+    return {
+        entry.name: entry.metadata["range"] for entry in fields(kind) if "range" in entry.metadata
+    }
 
 
 def ranged_record(value: Any) -> dict[str, Any]:
-    """Return the fields of a value that have a range, by their keys in a file and in its units."""
+    """Return the fields of ``value`` that have a range, by key and in the unit of that key."""
     kind: Any = type(value)
     return {key: from_si(key, getattr(value, name)) for name, (key, *_) in ranges_of(kind).items()}
 
 
 def require_ranges(value: Any, section: str, remedy: str) -> None:
-    """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
+    """Raise InputError if a field of ``value`` is out of its range; None passes.
+
+    ``section`` is the table of the file, ``remedy`` that of fields without one of their own.
+    """
     kind: Any = type(value)
-    for name, (key, low, high, own) in ranges_of(kind).items():
-        given = from_si(key, getattr(value, name))
-        if given is not None and not low <= given <= high:  # in millions of shifts hardly one
-            require_between(f"{section}.{key}".lstrip("."), given, low, high, own or remedy)
+    for name, (key, low, high, field_remedy) in ranges_of(kind).items():
+        number_in_file = from_si(key, getattr(value, name))
+        if number_in_file is None or low <= number_in_file <= high:
+            continue
+        full_key = f"{section}.{key}".lstrip(".")
+        require_between(full_key, number_in_file, low, high, remedy=field_remedy or remedy)
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:
-    """Return a closing remark with the nearest valid names, or the whole list.
+    """Return a hint with up to three valid names similar to ``name``, or all valid names.
 
-    Case is no difference; names that hold the given one are near it.
+    Case is ignored; a valid name that contains ``name`` is similar to it.
     """
     names = sorted(valid)
-    low = {one.lower(): one for one in names}
-    given = name.strip().lower()
-    near = difflib.get_close_matches(given, low, n=1, cutoff=0.6)
-    holding = [one for one in low if len(given) > 3 and given in one]
-    found = [low[one] for one in dict.fromkeys([*near, *holding])][:3]
-    if found:
-        return "did you mean " + " or ".join(f"'{one}'" for one in found) + "?"
+    names_by_lower = {valid_name.lower(): valid_name for valid_name in names}
+    query = name.strip().lower()
+    close_names = difflib.get_close_matches(query, names_by_lower, n=1, cutoff=0.6)
+    containing_names = [lower for lower in names_by_lower if len(query) > 3 and query in lower]
+    matches = [*dict.fromkeys([*close_names, *containing_names])][:3]
+    if matches:
+        return "did you mean " + " or ".join(f"'{names_by_lower[m]}'" for m in matches) + "?"
     return "valid are " + ", ".join(names)
 
 
 def require_known(name: str, value: str, kind: str, valid: Iterable[str]) -> None:
-    """Raise InputError unless a value is one of the valid ones; ``kind`` with its article."""
-    if value not in (known := tuple(valid)):
-        raise InputError(f"{name} is '{value}', which is not {kind}; {did_you_mean(value, known)}")
+    """Raise InputError unless ``value`` is in ``valid``; ``kind`` is a noun with its article."""
+    valid_values = tuple(valid)
+    if value not in valid_values:
+        hint = did_you_mean(value, valid_values)
+        raise InputError(f"{name} is '{value}', which is not {kind}; {hint}")
 
 
 def meant_number(text: str) -> float | None:
-    """Return the number that a text means by a decimal comma or a typeset minus, if it does."""
-    plain = text.strip().replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-")
+    """Parse a number that may have a decimal comma or a typeset minus; None for other text."""
+    ascii_text = text.strip().replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-")
+    if ascii_text.count(",") == 1:
+        ascii_text = ascii_text.replace(",", ".")
     try:
-        return float(plain.replace(",", ".") if plain.count(",") == 1 else plain)
+        return float(ascii_text)
     except ValueError:
         return None
 
 
 def number_rule(text: str) -> str:
-    """Give the rule for a number that a text breaks, with the right spelling where it is plain."""
+    """Return the rule for a number that ``text`` breaks, with the correct spelling if known."""
     meant = meant_number(text)
     return "a number" if meant is None else f"a number with a point and a plain minus, as {meant:g}"

@@ -1,4 +1,4 @@
-"""Files that last: written whole, and on the disk before anything rests on them.
+"""Durable files: atomic writes, folder locks, and frames that spreadsheets open safely.
 
 A rename may reach the disk before the content does, and a new name after it: the content is forced
 to the disk, then the name is exchanged, then the folder is forced. One writer holds a folder.
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file so that a kill or a power cut leaves the old one or the new one, whole.
+    """Write a file atomically: a kill or a power cut leaves the old or the new content.
 
     Text is written as UTF-8. Raises OSError, which names the file.
     """
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     data = content.encode() if isinstance(content, str) else content
-    with naming(path):
+    with name_file_in_errors(path):
         try:
             with part.open("wb") as file:
                 file.write(data)
@@ -47,15 +47,15 @@ def sync_folder(folder: Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno != errno.EINVAL:  # some network file systems know no such thing
+        if error.errno != errno.EINVAL:  # some network file systems cannot do it
             raise
     finally:
         os.close(descriptor)
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Add the file to an OSError that names none, as a full disk raises, or another one."""
+def name_file_in_errors(path: Path) -> Iterator[None]:
+    """Set the file name of any OSError to ``path``; that of a full disk has none."""
     try:
         yield
     except OSError as error:
@@ -64,21 +64,22 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def without_formulas(frame: DataFrame) -> DataFrame:
-    """Put an apostrophe before texts that a spreadsheet would take for formulas.
+    """Put an apostrophe before texts that a spreadsheet would run as formulas.
 
     Numbers with a sign stay. A name such as ``=HYPERLINK(...)`` would run in a spreadsheet.
     """
 
-    def safe(cell: Any) -> Any:
+    def escape(cell: Any) -> Any:
         return f"'{cell}" if isinstance(cell, str) and is_formula(cell) else cell
 
-    texts = [name for name in frame.columns if frame[name].dtype.kind not in "biufc"]
-    columns = {name: safe(name) for name in frame.columns}
-    return frame.assign(**{name: frame[name].map(safe) for name in texts}).rename(columns=columns)
+    text_columns = [name for name in frame.columns if frame[name].dtype.kind not in "biufc"]
+    escaped_columns = {name: frame[name].map(escape) for name in text_columns}
+    escaped_names = {name: escape(name) for name in frame.columns}
+    return frame.assign(**escaped_columns).rename(columns=escaped_names)
 
 
 def is_formula(text: str) -> bool:
-    """Test that a spreadsheet would take a text for a formula."""
+    """Test whether a spreadsheet would run ``text`` as a formula."""
     if len(text) < 2 or text[0] not in "=+-@\t\r":
         return False
     try:
@@ -89,28 +90,29 @@ def is_formula(text: str) -> bool:
 
 
 def write_frame(frame: DataFrame, path: Path, digits: int = 9) -> None:
-    """Write a frame as a workbook where the path ends in ``.xlsx``, else as CSV with ``digits``."""
-    with naming(path):
+    """Write a frame as a workbook (``.xlsx``), else as CSV with ``digits`` significant digits."""
+    safe_frame = without_formulas(frame)
+    with name_file_in_errors(path):
         if path.suffix.lower() == ".xlsx":
-            without_formulas(frame).to_excel(path, index=False)
-        else:
-            frame = without_formulas(frame)
-            frame.to_csv(path, index=False, float_format=f"%.{digits}g", lineterminator="\n")
+            safe_frame.to_excel(path, index=False)
+            return
+        number_format = f"%.{digits}g"
+        safe_frame.to_csv(path, index=False, float_format=number_format, lineterminator="\n")
 
 
-PAUSE = 0.2  #: s between two tries to hold a folder
+RETRY_PAUSE_S = 0.2  #: between two attempts to lock a folder
 
 
 @contextmanager
-def writing(
+def lock_folder(
     root: Path, patience: float = 0.0, say: Callable[[str], None] | None = None
 ) -> Iterator[None]:
-    """Hold a folder for writing, made where it is missing; another writer raises StorageError.
+    """Lock a folder for writing, and create it if missing.
 
-    That it does after ``patience`` s of waiting, of which ``say`` tells. The lock is the operating
-    system's and ends with the process, killed or not.
+    Raises StorageError if another process holds it for ``patience`` s; ``say`` receives the message
+    that one waits. The lock is the operating system's and ends with the process.
     """
-    until = time.monotonic() + patience
+    deadline = time.monotonic() + patience
     try:
         root.mkdir(parents=True, exist_ok=True)
         handle = (root / ".lock").open("w")
@@ -124,12 +126,12 @@ def writing(
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
             except OSError:
-                if time.monotonic() >= until:
+                if time.monotonic() >= deadline:
                     raise StorageError(
                         f"{root} is in use by another run; wait for it or choose another folder"
                     ) from None
                 if say is not None:
                     say(f"waiting for another run that uses {root}")
                     say = None
-            time.sleep(PAUSE)
+            time.sleep(RETRY_PAUSE_S)
         yield

@@ -2,10 +2,10 @@ r"""The ring as a part: a closed surface for printing and drawing, and its volum
 
 All corners of the dogs are straight lines, so a fillet or rounding is a cylinder about one, and the
 toothed side is ruled by lines that end on the cylinders of inner and outer radius. There a strip
-joins their ends to a row of points a little below the floors, in the same order and, but below an
-undercut or upright flank (``waist``), at the same angles: the surface cannot cut itself while the
-lines keep their order. Like rings never overlap: rounded tips are all that a ball can reach from
-inside the dog, filled slots all that it can reach inside the slot (``require_room``).
+joins their ends to a row of points a little below the floors, in the same order and, except below
+an undercut or upright flank (``waist``), at the same angles: the surface cannot cut itself while
+the lines keep their order. Like rings never overlap: rounded tips are the reach of a ball inside
+the dog, filled slots its reach inside the slot (``require_room``).
 """
 
 from __future__ import annotations
@@ -33,47 +33,48 @@ from dogshape.sim.shift.mesh import (
 SMALLEST_RADIUS = 1e-6
 SEGMENTS = 8  #: of the arc of a fillet or rounding
 STEP = math.radians(2.0)  #: largest angle between neighbouring lines, rad
-WAIST = 0.1  #: depth of the row below the floors over the body or, if less, the dog's height
-APART = 0.01  #: share of a tip's width by which the row keeps off the line of a flank
+WAIST_DEPTH = 0.1  #: of the row below the floors, over the smaller of body and dog height
+WAIST_MARGIN = 0.01  #: distance of the row from the line of a flank, over the width of the tip
 
 
 def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
     """Return braking root, braking edge, traction edge and traction root of the dog at angle 0.
 
-    A ridge between two faces stands between the edges.
+    The ridge of a roof comes between the edges.
     """
     planes = dog_planes(dog)
     floor = Plane(np.array([0.0, 0.0, 1.0]), -0.5 * dog.height)
     sides = [planes[name] for name in ("braking", "face", "back", "traction") if name in planes]
-    radii = (-root_radius, *(len(sides) - 1) * [tip_radius(dog, root_radius)], -root_radius)
+    tip_radii = (len(sides) - 1) * [tip_radius(dog, root_radius)]
+    radii = (-root_radius, *tip_radii, -root_radius)
+    pairs = pairwise([floor, *sides, floor])
     return tuple(
-        corner_of(first, last, radius)
-        for (first, last), radius in zip(pairwise([floor, *sides, floor]), radii, strict=True)
+        corner_of(first, last, radius) for (first, last), radius in zip(pairs, radii, strict=True)
     )
 
 
 def profile(dog: Dog, root_radius: float, segments: int, step: float) -> list[Lines]:
-    """Return the lines of one pitch: four corners, each with the face that follows it.
+    """Return the lines of one pitch: each corner of the dog, then the face behind it.
 
-    A face has only the lines between its corners that keep neighbours within ``step`` (rad), and
-    may have none. The floor leads to the next dog.
+    Lines of a face are those needed to keep neighbours within ``step`` (rad), possibly none. The
+    last face is the floor up to the next dog.
     """
     require_room(dog, root_radius)
     corners = [corner.lines(segments) for corner in dog_corners(dog, root_radius)]
-    following = [*corners[1:], corners[0].turned(dog.pitch_angle)]
-    ends = (dog.inner_radius, dog.outer_radius)
-    result = []
-    for here, there in zip(corners, following, strict=True):
-        result += [here, between(here[-1:], there[:1], ends, step)]
-    return result
+    next_corners = [*corners[1:], corners[0].turned(dog.pitch_angle)]
+    radii = (dog.inner_radius, dog.outer_radius)
+    pieces = []
+    for corner, next_corner in zip(corners, next_corners, strict=True):
+        pieces += [corner, fill_plane(corner[-1:], next_corner[:1], radii, step)]
+    return pieces
 
 
-def between(here: Lines, there: Lines, radii: tuple[float, float], step: float) -> Lines:
-    """Return lines between two lines of a plane, ``step`` (rad) apart at most at ``radii`` (m).
+def fill_plane(first: Lines, last: Lines, radii: tuple[float, float], step: float) -> Lines:
+    """Return lines of a plane between two of its lines, at most ``step`` (rad) from each other.
 
-    They lie in the plane, and none crosses another.
+    Angles count at both ``radii`` (m). No line crosses another.
     """
-    ends = [(here.at(radius)[0], there.at(radius)[0]) for radius in radii]
+    ends = [(first.at(radius)[0], last.at(radius)[0]) for radius in radii]
     spans = [math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]) for a, b in ends]
     count = max(1, *(math.ceil(span / step) for span in spans))
     shares = np.linspace(0.0, 1.0, count + 1)[1:-1, None]
@@ -82,27 +83,29 @@ def between(here: Lines, there: Lines, radii: tuple[float, float], step: float) 
 
 
 def lands(dog: Dog, root_radius: float) -> Array:
-    """Compute what is left of braking flank, face, traction flank and floor, m, (2, 4).
+    """Compute the flat lengths of braking flank, face, traction flank and floor, m, (2, 4).
 
-    A back stands between face and traction flank, (2, 5). At inner and outer radius; negative where
-    the roundings or fillets on either side overlap.
+    Rows are at inner and outer radius; a back comes between face and traction flank, (2, 5).
+    Negative where the roundings or fillets at both ends overlap.
     """
     corners = dog_corners(dog, root_radius)
-    directions = np.array([corner.direction for corner in corners])
-    first, last = (
-        np.array([corner.axis + corner.radius * getattr(corner, face) for corner in corners])
-        for face in ("first", "last")
-    )
-    begin, end = Lines(last, directions), Lines(first, directions)
-    axis, across = np.array([0.0, 0.0, 1.0]), -flank_line(dog, -1)[1]
-    ways = np.array([axis, *(len(corners) - 3) * [across], -axis, flank_line(dog, +1)[1]])
-    result = []
+    line_directions = np.array([corner.direction for corner in corners])
+    first_tangents = np.array([corner.axis + corner.radius * corner.first for corner in corners])
+    last_tangents = np.array([corner.axis + corner.radius * corner.last for corner in corners])
+    starts = Lines(last_tangents, line_directions)
+    ends = Lines(first_tangents, line_directions)
+    axial = np.array([0.0, 0.0, 1.0])
+    tangential = -flank_line(dog, -1)[1]
+    tips = (len(corners) - 3) * [tangential]
+    face_directions = np.array([axial, *tips, -axial, flank_line(dog, +1)[1]])
+    lengths = []
     for radius in (dog.inner_radius, dog.outer_radius):
-        stop = np.roll(end.at(radius), -1, axis=0)
-        stop[-1] = rotation(dog.pitch_angle) @ stop[-1]
-        gap = stop - begin.at(radius)
-        result.append(np.copysign(np.linalg.norm(gap, axis=1), (gap * ways).sum(1)))
-    return np.array(result)
+        end_points = np.roll(ends.at(radius), -1, axis=0)
+        end_points[-1] = rotation(dog.pitch_angle) @ end_points[-1]
+        gaps = end_points - starts.at(radius)
+        signs = (gaps * face_directions).sum(1)
+        lengths.append(np.copysign(np.linalg.norm(gaps, axis=1), signs))
+    return np.array(lengths)
 
 
 def require_room(dog: Dog, root_radius: float) -> None:
@@ -110,39 +113,45 @@ def require_room(dog: Dog, root_radius: float) -> None:
 
     ``Dog`` subtracts straight widths from arcs: a sharp tip some micrometres wide may be none.
     """
-    left = float(lands(dog, root_radius).min())
-    if root_radius == 0.0 and left <= 0.0:
+    shortest_land = float(lands(dog, root_radius).min())
+    if root_radius == 0.0 and shortest_land <= 0.0:
         rule = "some of it must be left (more than 0 mm)"
         remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
         name = "length of tip or floor at the inner radius"
-        raise GeometryError(refusal(name, left * 1e3, "mm", rule, remedy))
-    if root_radius == 0.0 or (root_radius >= SMALLEST_RADIUS and left >= LAND):
+        raise GeometryError(refusal(name, shortest_land * 1e3, "mm", rule=rule, remedy=remedy))
+    if root_radius == 0.0 or (root_radius >= SMALLEST_RADIUS and shortest_land >= LAND):
         return
     span = f"{SMALLEST_RADIUS * 1e3:.4g} and {root_radius_room(dog) * 1e3:.4g} mm"
     rule = f"it must be 0 or lie between {span} to leave floor, face and flanks"
     remedy = "use a smaller root radius, or fewer or higher dogs"
-    raise GeometryError(refusal("root_radius_mm", root_radius * 1e3, "mm", rule, remedy))
+    raise GeometryError(
+        refusal("root_radius_mm", root_radius * 1e3, "mm", rule=rule, remedy=remedy)
+    )
 
 
 def waist(ends: list[Array], level: float) -> Array:
-    """Compute growing angles, rad, at which the row at height ``level`` (m) joins a pitch.
+    """Compute growing angles of the waist points of a pitch at height ``level`` (m), rad, (n,).
 
-    ``ends`` are those of ``profile``'s pieces at one radius, m. Below a root the angle is its own
-    or, if farther inwards, that of the ray from the flank's upper end through the root; below the
-    dog its own, limited to between both roots. No two are alike.
+    ``ends`` are the line ends of each piece of ``profile`` at one radius, m, (k, 3). Below a root
+    the angle is that of the root or, if farther inwards, of the ray from the flank's upper end
+    through the root; below the dog that of the line, clipped to between both roots.
     """
-    angles = [np.arctan2(y, x) for x, y, _ in (end.T for end in ends)]
-    apart = APART * (angles[-4][-1] - angles[2][0])
-    roots = []
-    for sign, root, top, end in ((1.0, 0, 2, 0), (-1.0, -2, -4, -1)):
-        eye, height = angles[top][end], ends[top][end, 2]
-        seen = eye + (angles[root] - eye) * (height - level) / (height - ends[root][:, 2])
-        roots.append(sign * np.maximum(sign * angles[root], sign * seen + apart))
-    first, last = roots
-    dog = np.concatenate(angles[1:-2])
-    even = np.linspace(first[-1], last[0], len(dog) + 2)[1:-1]
-    dog = (1.0 - APART) * np.clip(dog, first[-1], last[0]) + APART * even
-    return np.concatenate([first, dog, last, angles[-1]])
+    angles = [np.arctan2(y, x) for x, y, _ in (points.T for points in ends)]
+    margin = WAIST_MARGIN * (angles[-4][-1] - angles[2][0])
+    root_angles = []
+    for sign, root, top, corner in ((1.0, 0, 2, 0), (-1.0, -2, -4, -1)):
+        top_angle = angles[top][corner]
+        top_height = ends[top][corner, 2]
+        heights = top_height - ends[root][:, 2]
+        ray = top_angle + (angles[root] - top_angle) * (top_height - level) / heights
+        root_angles.append(sign * np.maximum(sign * angles[root], sign * ray + margin))
+    first, last = root_angles
+    dog_angles = np.concatenate(angles[1:-2])
+    even_angles = np.linspace(first[-1], last[0], len(dog_angles) + 2)[1:-1]
+    # A small even share keeps clipped angles distinct.
+    clipped = np.clip(dog_angles, first[-1], last[0])
+    dog_angles = (1.0 - WAIST_MARGIN) * clipped + WAIST_MARGIN * even_angles
+    return np.concatenate([first, dog_angles, last, angles[-1]])
 
 
 def ring_part(
@@ -157,23 +166,29 @@ def ring_part(
     Raises GeometryError where roundings do not fit.
     """
     pieces = profile(dog, root_radius, segments, step)
-    floor, depth = -0.5 * dog.height, WAIST * min(body, dog.height)
+    floor = -0.5 * dog.height
+    depth = WAIST_DEPTH * min(body, dog.height)
     turns = dog.pitch_angle * np.arange(dog.count)
     rows = []
     for radius in (dog.inner_radius, dog.outer_radius):
         ends = [lines.at(radius) for lines in pieces]
-        feet = np.add.outer(turns, waist(ends, floor - depth)).ravel()
         edge = np.concatenate([np.vstack(ends) @ rotation(float(turn)).T for turn in turns])
-        x, y, one = radius * np.cos(feet), radius * np.sin(feet), np.ones_like(feet)
-        rows += [edge, *(np.array([x, y, (floor - down) * one]).T for down in (depth, body))]
+        angles = np.add.outer(turns, waist(ends, floor - depth)).ravel()
+        x = radius * np.cos(angles)
+        y = radius * np.sin(angles)
+        waist_row = np.array([x, y, np.full_like(angles, floor - depth)]).T
+        foot_row = np.array([x, y, np.full_like(angles, floor - body)]).T
+        rows += [edge, waist_row, foot_row]
     # Around the section: inner edge, waist and foot, then outer foot, waist and edge.
     points = np.array([*rows[:3], *rows[:2:-1]])
-    here = np.arange(points[..., 0].size).reshape(points.shape[:2])
-    after = np.roll(here, -1, axis=1)
-    quads = np.array([here, after, np.roll(after, -1, axis=0), np.roll(here, -1, axis=0)]).T
+    indices = np.arange(points[..., 0].size).reshape(points.shape[:2])
+    next_indices = np.roll(indices, -1, axis=1)
+    quads = np.array(
+        [indices, next_indices, np.roll(next_indices, -1, axis=0), np.roll(indices, -1, axis=0)]
+    ).T
     return Mesh(points.reshape(-1, 3), quads[..., [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
 
 
 def part_volume(dog: Dog, root_radius: float, body: float) -> float:
-    """Return the volume of one ring, m3, by a surface so fine that it errs by some 1e-6."""
+    """Compute the volume of one ring, m3, to a relative error of about 1e-6."""
     return ring_part(dog, root_radius, body, 8 * SEGMENTS, 0.1 * STEP).volume

@@ -1,7 +1,7 @@
 """Raw sheet of a table: rows with the text of their cells, their numbers and their marks.
 
 First of the five steps by which a foreign table is read. Text has cells between separators. A sheet
-of a workbook, ``FILE.xlsx`` or ``FILE.xlsx#SHEET``, also has what its values do not say: hidden,
+of a workbook, ``FILE.xlsx`` or ``FILE.xlsx#SHEET``, also has marks beside its values: hidden,
 filtered and grouped rows, cells that are struck out, coloured, merged or annotated, and numbers
 that their format shows as others. Formulas without a stored value are refused.
 """
@@ -17,10 +17,10 @@ from datetime import date, datetime, time, timedelta
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from zipfile import BadZipFile, ZipFile
 
-from dogshape.sim.decoding import TableLimits, decoded, read_bytes
+from dogshape.sim.decoding import TableLimits, decode_text, read_bytes
 from dogshape.sim.errors import DataError
 
 if TYPE_CHECKING:
@@ -29,8 +29,12 @@ if TYPE_CHECKING:
 
 SAVE = "save it as CSV (UTF-8)"  #: remedy, as spreadsheets name it
 NO_TABLE = "is not a table of comma separated values"
-HIDDEN, FILTERED, GROUPED = "hidden", "hidden by a filter", "grouped"
-STRUCK, COLOURED, MASKED = "struck out", "coloured", "hidden by a number format"
+HIDDEN = "hidden"
+FILTERED = "hidden by a filter"
+GROUPED = "grouped"
+STRUCK = "struck out"
+COLOURED = "coloured"
+MASKED = "hidden by a number format"
 _WORKBOOK = re.compile(r"(.+\.xlsx)(?:#(.+))?", re.IGNORECASE)
 _OTHER_BOOKS = {
     ".xlsm": "a workbook with macros",
@@ -75,11 +79,10 @@ class CellNote:
 
 @dataclass(frozen=True)
 class RawSheet:
-    """All rows that have cells, and the knowledge of a workbook on them.
+    """Rows of a sheet that have cells, with the marks of a workbook.
 
-    ``true_numbers`` are the places of columns whose numbers are numbers and no text. ``notes`` are
-    cells that cannot be read as they stand; ``merged`` are those that have the value of a cell
-    above.
+    ``true_numbers`` are the places of columns that hold numbers and not their texts. ``notes`` are
+    on cells that cannot be read, ``merged`` on those that have the value of a cell above.
     """
 
     path: Path
@@ -102,9 +105,9 @@ class RawSheet:
 
     def lines(self) -> Iterator[str]:
         """Describe the sheet, a line each: size, marks and cells with notes."""
-        kinds = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "strokes"}
-        between = kinds.get(self.separator, repr(self.separator))
-        yield f"{len(self.rows)} rows with cells, up to {self.width} cells between {between}"
+        words = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "strokes"}
+        separators = words.get(self.separator, repr(self.separator))
+        yield f"{len(self.rows)} rows with cells, up to {self.width} cells between {separators}"
         for row in self.rows:
             if row.marks:
                 yield f"row {row.number}: {', '.join(row.marks)}"
@@ -115,13 +118,13 @@ class RawSheet:
 
 
 def file_of(table: Path) -> Path:
-    """Give the file of a table, without the sheet that may be named behind it."""
+    """Return the path of a table's file, without the name of a sheet behind ``#``."""
     match = _WORKBOOK.fullmatch(str(table))
     return Path(match[1]) if match else table
 
 
 def is_workbook(path: Path) -> bool:
-    """Test that a path names a workbook or one of its sheets."""
+    """Test whether a path names a workbook or one of its sheets."""
     return bool(_WORKBOOK.fullmatch(str(path)))
 
 
@@ -130,8 +133,8 @@ def read_raw(
 ) -> RawSheet:
     """Read a text or a sheet of a workbook.
 
-    ``choose`` gives the separator of the lines of a text. Raises DataError with the remedy for what
-    is no table or exceeds ``limits``, FileNotFoundError for a missing file.
+    ``choose`` returns the separator for the lines of a text. Raises DataError with the remedy if
+    the file is no table or exceeds ``limits``, FileNotFoundError for a missing file.
     """
     limits = limits or TableLimits()
     if is_workbook(path):
@@ -141,7 +144,7 @@ def read_raw(
 
 
 def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
-    """Read the lines of a text with their ends, without Excel's own line on the separator.
+    """Read the lines of a text with their ends, without Excel's line ``sep=;`` at the top.
 
     Raises as ``read_raw``.
     """
@@ -149,13 +152,27 @@ def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
     kind = _OTHER_BOOKS.get(path.suffix.lower())
     if kind and path.exists():
         raise DataError(f"{path} is {kind} ({path.suffix}); save it as .xlsx or as CSV")
+    text = _read_text(path, limits)
+    if "\0" in text:
+        raise DataError(f"{path} {NO_TABLE}: it is no text; {SAVE}")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    limits.require("rows", text.count("\n"), str(path), "divide the table")
+    *complete_lines, last_line = text.split("\n")
+    lines = [f"{line}\n" for line in complete_lines]
+    if last_line:
+        lines.append(last_line)
+    return lines[1:] if lines and re.fullmatch(r"sep=.\s*", lines[0]) else lines
+
+
+def _read_text(path: Path, limits: TableLimits) -> str:
+    """Read and decode the text of a table; raises as ``read_raw``."""
     try:
         raw = read_bytes(path, limits)
         if raw.startswith((_ZIP, _OLE)):
             raise DataError(
                 "it is a workbook or an archive; save it as .xlsx, with this ending, or as CSV"
             )
-        text = decoded(raw)
+        return decode_text(raw)
     except FileNotFoundError:
         raise
     except OSError as error:
@@ -164,30 +181,24 @@ def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
         if ";" in str(error):
             raise
         raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
-    if "\0" in text:
-        raise DataError(f"{path} {NO_TABLE}: it is no text; {SAVE}")
-    text = text.replace("\r\n", "\n").replace("\r", "\n")
-    limits.require("rows", text.count("\n"), str(path), "divide the table")
-    lines = text.split("\n")
-    lines = [f"{line}\n" for line in lines[:-1]] + [line for line in lines[-1:] if line]
-    return lines[1:] if lines and re.fullmatch(r"sep=.\s*", lines[0]) else lines
 
 
 def text_sheet(
     path: Path, lines: Sequence[str], separator: str, limits: TableLimits | None = None
 ) -> RawSheet:
-    """Part lines into cells; raises DataError for a quotation mark that swallows rows."""
+    """Divide lines into cells; raises DataError for a quotation mark that swallows rows."""
     limits = limits or TableLimits()
     rows = []
     reader = csv.reader(lines, delimiter=separator)
-    first_line, number = 0, 0
-    before = csv.field_size_limit(limits.cell_characters)
+    first_line = 0
+    number = 0
+    default_size_limit = csv.field_size_limit(limits.cell_characters)
     try:
         for cells in reader:
             number += 1
-            swallowed = lines[first_line + 1 : reader.line_num]
-            if swallowed:
-                _require_closed(path, number, lines[first_line : reader.line_num], separator)
+            row_lines = lines[first_line : reader.line_num]
+            if len(row_lines) > 1:
+                _require_closed(path, number, row_lines, separator)
             first_line = reader.line_num
             limits.require("columns", len(cells), f"{path}, row {number}", "divide the table")
             if any(cells):
@@ -201,18 +212,18 @@ def text_sheet(
             "characters; shorten it, or raise the limit: --limit cell_characters=NUMBER"
         ) from None
     finally:
-        csv.field_size_limit(before)
+        csv.field_size_limit(default_size_limit)
     return RawSheet(path, separator, tuple(rows))
 
 
 def _require_closed(path: Path, row: int, lines: Sequence[str], separator: str) -> None:
-    """Raise DataError where the quotation mark in the first of these lines holds later rows."""
-    marks = sum(line.count('"') for line in lines)
+    """Raise DataError if the quotation mark in the first of these lines encloses later rows."""
+    mark_count = sum(line.count('"') for line in lines)
     rows_inside = [line for line in lines[1:] if line.count(separator) >= 1]
     # A head or a remark may be wrapped; a number before each separator is a row of its own.
-    numbers = [line for line in rows_inside if re.match(r"\s*[\"+-]?\d", line)]
-    if marks % 2 or numbers:
-        end = "is never closed" if marks % 2 else f"is closed {len(lines) - 1} lines later"
+    number_rows = [line for line in rows_inside if re.match(r"\s*[\"+-]?\d", line)]
+    if mark_count % 2 or number_rows:
+        end = "is never closed" if mark_count % 2 else f"is closed {len(lines) - 1} lines later"
         raise DataError(
             f"{path}, row {row}: a quotation mark begins a cell and {end}, so that "
             f"{len(lines) - 1} lines would be lost; remove the mark, or close it in its row"
@@ -220,10 +231,9 @@ def _require_closed(path: Path, row: int, lines: Sequence[str], separator: str) 
 
 
 def clean_text(cell: str) -> str:
-    """Write a cell in one line: ordinary blanks, hyphens of wrapped words removed.
+    """Return the text of a cell in one line, without hyphens of wrapped words and outer quotes.
 
-    ``="50"`` and ``'50`` are the texts by which programs protect numbers from a spreadsheet, and
-    “50” has the quotation marks of a word processor.
+    ``="50"`` and ``'50`` protect numbers from a spreadsheet; “50” comes from a word processor.
     """
     if _PLAIN.fullmatch(cell):
         return cell
@@ -245,18 +255,51 @@ def _unhyphenated(match: re.Match[str]) -> str:
 
 
 def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
-    """Read a sheet; DataError where none is named of several, or for what is no workbook."""
+    """Read a sheet; raises DataError for a file that is no workbook or an ambiguous sheet."""
+    file = file_of(path)
+    opened = _open_sheet(path, file, limits)
+    if opened is None:
+        return RawSheet(path, "\t", ())
+    sheet, content = opened
+    cells = [list(row) for row in sheet.iter_rows(max_row=content.last_row, max_col=content.width)]
+    _require_values(file, content.formulas, sheet)
+    texts = [[_cell_text(cell) for cell in row] for row in cells]
+    for number, row in enumerate(texts, start=1):
+        longest = max(map(len, row), default=0)
+        limits.require("cell_characters", longest, f"{file}, row {number}", "shorten the cell")
+    merged = _fill_merged(sheet, texts)
+    rows = [
+        RawRow(number, tuple(row), _row_marks(sheet, number, row_cells), _colours(row_cells))
+        for number, (row, row_cells) in enumerate(zip(texts, cells, strict=True), start=1)
+        if any(row)
+    ]
+    hidden = {place for place in range(1, content.width + 1) if _is_hidden(sheet, place)}
+    raw_sheet = RawSheet(path, "\t", tuple(rows), merged=merged, hidden_columns=frozenset(hidden))
+    return _with_number_notes(raw_sheet, cells)
+
+
+class _SheetContent(NamedTuple):
+    """Last row and column with a value, and coordinates of the formulas."""
+
+    last_row: int
+    width: int
+    formulas: list[str]
+
+
+def _open_sheet(
+    path: Path, file: Path, limits: TableLimits
+) -> tuple[Worksheet, _SheetContent] | None:
+    """Open the sheet that ``path`` names, with its content; None for a workbook without values."""
     from openpyxl import load_workbook  # noqa: PLC0415  # half a second that texts do not need
 
-    file = file_of(path)
-    wanted = str(path)[len(str(file)) + 1 :]
+    title = str(path)[len(str(file)) + 1 :]
     try:
         _require_packed(file, limits)
-        names = _filled_sheets(file, limits, wanted)
-        sheet = _named_sheet(file, names, wanted)
-        if not sheet:
-            return RawSheet(path, "\t", ())
-        values = load_workbook(file, data_only=True)[sheet]
+        contents = _filled_sheets(file, limits, title)
+        name = _named_sheet(file, contents, title)
+        if not name:
+            return None
+        return load_workbook(file, data_only=True)[name], contents[name]
     except FileNotFoundError:
         raise
     except OSError as error:
@@ -267,72 +310,61 @@ def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
         raise DataError(
             f"{file} is no workbook that can be read; save its sheet alone as .xlsx, or as CSV"
         ) from error
-    last_row, width, formulas = names[sheet]
-    cells = [list(row) for row in values.iter_rows(max_row=last_row, max_col=width)]
-    _require_values(file, formulas, values)
-    texts = [[_cell_text(cell) for cell in row] for row in cells]
-    for number, row in enumerate(texts, start=1):
-        longest = max(map(len, row), default=0)
-        where = f"{file}, row {number}"
-        limits.require("cell_characters", longest, where, "shorten the cell")
-    merged = _fill_merged(values, texts)
-    rows = [
-        RawRow(number, tuple(row), _row_marks(values, number, row_cells), _colours(row_cells))
-        for number, (row, row_cells) in enumerate(zip(texts, cells, strict=True), start=1)
-        if any(row)
-    ]
-    hidden = {place for place in range(1, width + 1) if _is_hidden(values, place)}
-    sheet_of_book = RawSheet(
-        path, "\t", tuple(rows), merged=merged, hidden_columns=frozenset(hidden)
-    )
-    return _with_number_notes(sheet_of_book, cells)
 
 
 def _require_packed(file: Path, limits: TableLimits) -> None:
-    """Raise DataError for a workbook that is large, or that unpacks to more than the limit."""
+    """Raise DataError for a workbook that exceeds a limit, packed or unpacked."""
     limits.require("file_bytes", file.stat().st_size, str(file), "divide the workbook")
     with ZipFile(file) as archive:
         unpacked = sum(part.file_size for part in archive.infolist())
     limits.require("unpacked_bytes", unpacked, str(file), "save the sheet alone")
 
 
-def _filled_sheets(
-    file: Path, limits: TableLimits, wanted: str
-) -> dict[str, tuple[int, int, list[str]]]:
-    """Find last row, last column and cells of formulas of each sheet with a value, row by row.
+def _filled_sheets(file: Path, limits: TableLimits, title: str) -> dict[str, _SheetContent]:
+    """Scan the sheets that have values, visible ones first, by their titles.
 
-    Sheets that are not ``wanted`` are looked at until the first value.
+    With a ``title``, other sheets are scanned up to their first value.
     """
     from openpyxl import load_workbook  # noqa: PLC0415
 
-    sizes = {}
     book = load_workbook(file, read_only=True)
+    contents = {}
     for sheet in book.worksheets:
-        sheet.reset_dimensions()  # what the file says of its size may be wrong
-        last_row, width = 0, 0
-        formulas: list[str] = []
-        for number, cells in enumerate(sheet.iter_rows(), start=1):
-            filled = [place for place, cell in enumerate(cells, start=1) if cell.value is not None]
-            formulas += [cell.coordinate for cell in cells if cell.data_type == "f"]
-            if filled:
-                last_row, width = number, max(width, filled[-1])
-                where = f"{file}, sheet {sheet.title}"
-                limits.require("columns", width, where, "divide the table")
-                limits.require("rows", last_row, where, "divide the table")
-                limits.require("workbook_cells", last_row * width, where, "divide the table")
-            if last_row and wanted not in ("", sheet.title):
-                break
-        if last_row:
-            sizes[sheet.title] = last_row, width, formulas
+        sheet.reset_dimensions()  # the size that the file states may be wrong
+        complete = title in ("", sheet.title)
+        content = _scan_sheet(sheet, f"{file}, sheet {sheet.title}", limits, complete=complete)
+        if content.last_row:
+            contents[sheet.title] = content
     states = {sheet.title: sheet.sheet_state for sheet in book.worksheets}
     book.close()
-    return {name: sizes[name] for name in sorted(sizes, key=lambda name: states[name] != "visible")}
+    titles = sorted(contents, key=lambda name: states[name] != "visible")
+    return {name: contents[name] for name in titles}
 
 
-def _named_sheet(file: Path, names: Collection[str], wanted: str) -> str:
-    if wanted in names or (not wanted and len(names) < 2):
-        return wanted or next(iter(names), "")
-    fault = f"there is no sheet '{wanted}' with cells" if wanted else "several sheets have cells"
+def _scan_sheet(sheet: Any, place: str, limits: TableLimits, *, complete: bool) -> _SheetContent:
+    """Find last row, width and formulas of a sheet; up to the first value if not ``complete``."""
+    last_row = 0
+    width = 0
+    formulas: list[str] = []
+    for number, cells in enumerate(sheet.iter_rows(), start=1):
+        filled = [column for column, cell in enumerate(cells, start=1) if cell.value is not None]
+        formulas += [cell.coordinate for cell in cells if cell.data_type == "f"]
+        if filled:
+            last_row = number
+            width = max(width, filled[-1])
+            limits.require("columns", width, place, "divide the table")
+            limits.require("rows", last_row, place, "divide the table")
+            limits.require("workbook_cells", last_row * width, place, "divide the table")
+        if last_row and not complete:
+            break
+    return _SheetContent(last_row, width, formulas)
+
+
+def _named_sheet(file: Path, names: Collection[str], title: str) -> str:
+    """Return the title of the sheet to read, empty if no sheet has values."""
+    if title in names or (not title and len(names) < 2):
+        return title or next(iter(names), "")
+    fault = f"there is no sheet '{title}' with cells" if title else "several sheets have cells"
     example = next(iter(names), "SHEET")
     rule = f"name one of {', '.join(names)}, as {file}#{example}"
     raise DataError(f"{file}: {fault}; {rule}")
@@ -347,39 +379,45 @@ def _require_values(file: Path, formulas: Sequence[str], values: Worksheet) -> N
         for coordinate in formulas
         if values[coordinate].value is None and not isinstance(values[coordinate], MergedCell)
     ]
-    if empty:
-        more = f" and {len(empty) - 3} more" if len(empty) > 3 else ""
-        hold = "hold formulas whose values were" if empty[1:] else "holds a formula whose value was"
-        raise DataError(
-            f"{file}: {', '.join(empty[:3])}{more} {hold} never stored; "
-            "open the workbook in a spreadsheet, save it, and try again"
-        )
+    if not empty:
+        return
+    cells = ", ".join(empty[:3])
+    if len(empty) > 3:
+        cells += f" and {len(empty) - 3} more"
+    verb = "holds a formula whose value was"
+    if len(empty) > 1:
+        verb = "hold formulas whose values were"
+    raise DataError(
+        f"{file}: {cells} {verb} never stored; "
+        "open the workbook in a spreadsheet, save it, and try again"
+    )
 
 
 def _cell_text(cell: Cell) -> str:
-    """Write the value of a cell; a duration in s, a number with the word that its format adds."""
-    value, form = cell.value, str(cell.number_format)
+    """Format the value of a cell: a duration in s, a number with the word of its number format."""
+    value = cell.value
+    number_format = str(cell.number_format)
     if value is None:
         return ""
     if isinstance(value, timedelta | time):
-        return _clock_text(value, form)
+        return _clock_text(value, number_format)
     if isinstance(value, datetime | date):
         return str(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return clean_text(str(value))
-    shown = form.split(";", maxsplit=1)[0]
-    if "%" in _LITERAL.sub("", shown):
+    positive_format = number_format.split(";", maxsplit=1)[0]
+    if "%" in _LITERAL.sub("", positive_format):
         return f"{100.0 * value:.12g} %"
-    words = "".join(quoted or sign for quoted, sign in _LITERAL.findall(shown)).strip()
+    words = "".join(quoted or sign for quoted, sign in _LITERAL.findall(positive_format)).strip()
     return f"{value} {words}".strip()
 
 
-def _clock_text(value: timedelta | time, form: str) -> str:
-    """Write a duration in s, and a time of day as a clock."""
+def _clock_text(value: timedelta | time, number_format: str) -> str:
+    """Format a duration in s, and a time of day as a clock."""
     if isinstance(value, time):
-        clock = value.strftime("%H:%M:%S")
-        if "h" in form.lower() and "[" not in form:
-            return clock + (f".{value.microsecond:06d}" if value.microsecond else "")
+        if "h" in number_format.lower() and "[" not in number_format:
+            clock = value.strftime("%H:%M:%S")
+            return f"{clock}.{value.microsecond:06d}" if value.microsecond else clock
         value = timedelta(
             hours=value.hour,
             minutes=value.minute,
@@ -390,7 +428,7 @@ def _clock_text(value: timedelta | time, form: str) -> str:
 
 
 def _fill_merged(sheet: Worksheet, texts: list[list[str]]) -> tuple[CellNote, ...]:
-    """Give merged cells the value that a person sees beside their rows; list these cells."""
+    """Fill merged cells with the value of their topmost cell; list the filled cells."""
     notes = []
     for area in sheet.merged_cells.ranges:
         if area.max_row == area.min_row or area.min_row > len(texts):
@@ -403,7 +441,7 @@ def _fill_merged(sheet: Worksheet, texts: list[list[str]]) -> tuple[CellNote, ..
 
 
 def _row_marks(sheet: Worksheet, number: int, cells: Sequence[Cell]) -> tuple[str, ...]:
-    """List what a person sees on a row beside its values."""
+    """List the marks of a row: hidden, filtered, grouped, struck out, masked, comments."""
     line = sheet.row_dimensions[number]
     filled = [cell for cell in cells if cell.value is not None]
     marks = []
@@ -425,7 +463,7 @@ def _row_marks(sheet: Worksheet, number: int, cells: Sequence[Cell]) -> tuple[st
 
 
 def _is_masked(cell: Cell) -> bool:
-    """Test that the number format of a cell shows nothing of its value, as ``;;;`` does."""
+    """Test whether the number format of a cell hides its value, as ``;;;`` does."""
     sections = str(cell.number_format).split(";")
     if len(sections) == 1:
         return False
@@ -470,7 +508,7 @@ def _is_hidden(sheet: Worksheet, place: int) -> bool:
 
 
 def _with_number_notes(sheet: RawSheet, cells: Sequence[Sequence[Cell]]) -> RawSheet:
-    """Add notes on numbers that look otherwise, and the columns whose numbers are no text."""
+    """Add notes on misleading numbers, and the columns that hold numbers and not their texts."""
     notes: list[CellNote] = []
     true_numbers = set()
     for place, column in enumerate(zip(*cells, strict=True), start=1):
@@ -480,56 +518,61 @@ def _with_number_notes(sheet: RawSheet, cells: Sequence[Sequence[Cell]]) -> RawS
             for cell in column
             if isinstance(cell.value, str) and _TEXT_NUMBER.fullmatch(cell.value.strip())
         ]
+        dates = [cell for cell in column if isinstance(cell.value, datetime | date)]
         if numbers and len(texts) < len(numbers):
             true_numbers.add(place)
         if numbers:
-            notes += [
-                CellNote(
-                    cell.row,
-                    place,
-                    f"'{cell.value}' is text among numbers; turn the cell into a number",
-                )
-                for cell in texts
-            ]
-        notes += [
-            CellNote(
-                cell.row,
-                place,
-                f"holds {cell.value}, which the number format "
-                f"'{cell.number_format}' shows divided by thousands; set the format General "
-                "and correct number or unit",
-            )
-            for cell in numbers
-            if _THOUSANDS.search(_LITERAL.sub("", str(cell.number_format).split(";")[0]))
-        ]
-        dated = [cell for cell in column if isinstance(cell.value, datetime | date)]
-        if numbers and dated and len(dated) < len(numbers):
-            notes += [
-                CellNote(
-                    cell.row,
-                    place,
-                    f"'{cell.value}' is a date among numbers: the "
-                    "spreadsheet has taken a number for a date; enter the number again",
-                )
-                for cell in dated
-            ]
+            notes += _notes_on_texts(texts, place)
+        notes += _notes_on_thousands(numbers, place)
+        if len(dates) < len(numbers):
+            notes += _notes_on_dates(dates, place)
     return replace(sheet, notes=tuple(notes), true_numbers=frozenset(true_numbers))
 
 
+def _notes_on_texts(cells: Sequence[Cell], place: int) -> list[CellNote]:
+    remedy = "is text among numbers; turn the cell into a number"
+    return [CellNote(cell.row, place, f"'{cell.value}' {remedy}") for cell in cells]
+
+
+def _notes_on_thousands(cells: Sequence[Cell], place: int) -> list[CellNote]:
+    notes = []
+    for cell in cells:
+        positive_format = str(cell.number_format).split(";", maxsplit=1)[0]
+        if _THOUSANDS.search(_LITERAL.sub("", positive_format)):
+            sentence = (
+                f"holds {cell.value}, which the number format '{cell.number_format}' shows "
+                "divided by thousands; set the format General and correct number or unit"
+            )
+            notes.append(CellNote(cell.row, place, sentence))
+    return notes
+
+
+def _notes_on_dates(cells: Sequence[Cell], place: int) -> list[CellNote]:
+    cause = "is a date among numbers: the spreadsheet has taken a number for a date"
+    remedy = "enter the number again"
+    return [CellNote(cell.row, place, f"'{cell.value}' {cause}; {remedy}") for cell in cells]
+
+
 def odd_colours(rows: Sequence[RawRow]) -> list[int]:
-    """Find places in ``rows`` of those with a cell of another colour than most of its column.
+    """Return indices of the rows with a cell whose colour differs from most of its column.
 
     Bands of every second or third row are no marks.
     """
     width = min((len(row.colours) for row in rows), default=0)
-    usual = [
-        Counter(row.colours[k] for row in rows if row.cells[k]).most_common(1) for k in range(width)
-    ]
-    odd = [
-        place
-        for place, row in enumerate(rows)
-        if any(row.cells[k] and usual[k] and row.colours[k] != usual[k][0][0] for k in range(width))
-    ]
-    steps = {after - before for before, after in pairwise(odd)}
-    banded = len(odd) > 2 and len(steps) == 1 and steps != {1} and 3 * len(odd) >= len(rows) - 2
-    return [] if banded else odd
+    usual_colours = [_usual_colour(rows, column) for column in range(width)]
+
+    def is_odd(row: RawRow) -> bool:
+        colours = zip(row.cells, usual_colours, row.colours, strict=False)
+        return any(cell and usual is not None and c != usual for cell, usual, c in colours)
+
+    odd_rows = [index for index, row in enumerate(rows) if is_odd(row)]
+    steps = {later - earlier for earlier, later in pairwise(odd_rows)}
+    regular = len(odd_rows) > 2 and len(steps) == 1 and steps != {1}
+    banded = regular and 3 * len(odd_rows) >= len(rows) - 2
+    return [] if banded else odd_rows
+
+
+def _usual_colour(rows: Sequence[RawRow], column: int) -> str | None:
+    """Return the most common colour of the filled cells of a column; None for an empty column."""
+    colours = Counter(row.colours[column] for row in rows if row.cells[column])
+    return colours.most_common(1)[0][0] if colours else None

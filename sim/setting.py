@@ -29,55 +29,60 @@ Sensor = Literal["sleeve", "actuator"]
 class Setting:
     """One operating point on a bench."""
 
-    clutch: Clutch  #: what is simulated, at the point
+    clutch: Clutch  #: simulated at the point
     point: OperatingPoint
-    #: of the start of the force behind the time zero of the record, s
+    #: start of the force after time zero of the record, s
     delay: float = within("delay_s", -10.0, 10.0, 0.0, remedy="give the delay in seconds")
     sensor: Sensor = "sleeve"  #: where the displacement is read
-    #: of the relative angles; 0 is uniform
+    #: concentration of the relative angles; 0 is uniform
     concentration: float = within("concentration", 0.0, 100.0, 0.0)
-    centre: float = within("centre", -1.0, 1.0, 0.0)  #: of these, in pitches from dogs facing dogs
+    #: centre of the relative angles in pitches from dogs facing dogs
+    centre: float = within("centre", -1.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "", "correct the value")
 
     def block(self, angles: Sequence[float]) -> Block:
-        """Return the shifts at relative ``angles`` in rad at the start of the force.
+        """Return the block of shifts at relative ``angles`` in rad at the start of the force.
 
-        Settings that differ only in how they are read share theirs.
+        Settings that differ only in reading or weights share blocks.
         """
         return Block(self.clutch, self.point, tuple(angles))
 
     def time_of(self, row: Record) -> float | None:
-        """Return the time that the bench reads of a shift, s; None where it reads none."""
-        at_ring = row["shift_time_s"]
-        time = row.get("actuator_time_s", at_ring) if self.sensor == "actuator" else at_ring
+        """Return the shift time that the bench reads, s; None for a shift that did not engage."""
+        time = row["shift_time_s"]
+        if self.sensor == "actuator":
+            time = row.get("actuator_time_s", time)
         return None if time is None else float(time) + self.delay
 
-    def _with(self, part: str, /, **fields: Any) -> Setting:
-        """Return the same setting with other fields of a part of it, in SI units."""
-        whole: Any = self if part == "point" else self.clutch
-        old = getattr(whole, part)
-        valid = [field.name for field in dataclasses.fields(old)]
-        for name in (name for name in fields if name not in valid):
-            hint = did_you_mean(name, valid)
-            every = "" if hint.startswith("valid") else f" Valid are {', '.join(valid)}"
-            raise EffectError(f"with_{part} has no field '{name}'; {hint}{every}, in SI units")
-        new = replace(whole, **{part: replace(old, **fields)})
-        return new if whole is self else replace(self, clutch=new)
+    def _replace_fields(self, part: str, /, **fields: Any) -> Setting:
+        """Return a copy with other ``fields`` of a ``part`` (mechanism, point ...), in SI units."""
+        owner: Any = self if part == "point" else self.clutch
+        old_part = getattr(owner, part)
+        valid_names = [field.name for field in dataclasses.fields(old_part)]
+        for name in fields:
+            if name not in valid_names:
+                hint = did_you_mean(name, valid_names)
+                if not hint.startswith("valid"):
+                    hint += f" Valid are {', '.join(valid_names)}"
+                raise EffectError(f"with_{part} has no field '{name}'; {hint}, in SI units")
+        new_owner = replace(owner, **{part: replace(old_part, **fields)})
+        return new_owner if owner is self else replace(self, clutch=new_owner)
 
-    with_mechanism = partialmethod(_with, "mechanism")  #: with other fields of its mechanism
-    with_contact = partialmethod(_with, "contact")  #: of its contact set; the solver stays
-    with_dog = partialmethod(_with, "dog")  #: of its dog
-    with_point = partialmethod(_with, "point")  #: of its operating point
+    with_mechanism = partialmethod(_replace_fields, "mechanism")
+    with_contact = partialmethod(_replace_fields, "contact")  #: the solver stays
+    with_dog = partialmethod(_replace_fields, "dog")
+    with_point = partialmethod(_replace_fields, "point")
 
 
 def angle_weights(turns: Array, concentration: float | Array, centre: float | Array) -> Array:
-    """Return the weights of angles (n,) in pitches, (..., n), 1 on average.
+    """Compute weights of relative angles, (..., n), of mean 1; ``turns`` (n,) in pitches.
 
-    Concentration and centre are numbers or (..., 1).
+    ``concentration`` and ``centre`` are numbers or (..., 1).
     """
-    at, middle = 2.0 * np.pi * turns, 2.0 * np.pi * np.asarray(centre)
-    near = np.cos(at) * np.cos(middle) + np.sin(at) * np.sin(middle)
-    raw = np.exp(concentration * (near - 1.0))
-    return raw / raw.mean(axis=-1, keepdims=True)
+    angles = 2.0 * np.pi * turns
+    centre_angle = 2.0 * np.pi * np.asarray(centre)
+    cosine = np.cos(angles) * np.cos(centre_angle) + np.sin(angles) * np.sin(centre_angle)
+    densities = np.exp(concentration * (cosine - 1.0))
+    return densities / densities.mean(axis=-1, keepdims=True)

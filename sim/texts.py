@@ -1,8 +1,8 @@
 """Text files of users as editors and spreadsheets save them: encodings, TOML, tables of text.
 
-Commas, semicolons or tabs part the cells; where these are no commas, numbers may have a decimal
-comma. What could be read in two ways is refused with what to save instead. A sheet of a workbook
-(``sim.raw_sheet``) is read as a table with tabs; one that has marks is refused.
+Commas, semicolons or tabs separate the cells; unless these are commas, numbers may have a decimal
+comma. An ambiguous table is refused with a remedy. A sheet of a workbook (``sim.raw_sheet``) is
+read as a table with tabs; a sheet with marks is refused.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dogshape.sim.decoding import TableLimits, decoded, read_bytes
+from dogshape.sim.decoding import TableLimits, decode_text, read_bytes
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 from dogshape.sim.raw_sheet import (
     FILTERED,
@@ -35,11 +35,11 @@ _POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table as text; in the columns that were named numeric, numbers have a point."""
+    """A table of text; numbers in its numeric columns have a decimal point."""
 
     path: Path
     head: tuple[str, ...]  #: names of the columns
-    rows: tuple[tuple[int, tuple[str, ...]], ...]  #: as long as the head, with number in the file
+    rows: tuple[tuple[int, tuple[str, ...]], ...]  #: number in the file, cells as many as the head
 
     def column(self, name: str) -> list[str]:
         """Return the cells below a name."""
@@ -47,29 +47,40 @@ class TextTable:
         return [cells[place] for _, cells in self.rows]
 
     def require(self, needed: Iterable[str], known: Iterable[str] | None = None) -> None:
-        """Raise DataError with all columns at once that are missing, unknown or there twice.
+        """Raise DataError that lists all missing, unknown and repeated columns.
 
-        ``known`` None lets other columns be.
+        With ``known`` None any other column is allowed.
         """
-        needed, own = tuple(needed), None if known is None else tuple(known)
+        needed = tuple(needed)
         if len(self.head) == 1 < len(needed):
             raise DataError(f"{self.path} {NO_TABLE}: its first line is '{self.head[0]}'; {SAVE}")
-        unknown = {} if own is None else dict.fromkeys(n for n in self.head if n not in own)
-        faults = [f"'{n}' is not a known column; {did_you_mean(n, own or ())}" for n in unknown]
-        others = [name for name in self.head if name not in needed]
-        instead = f" (in the file: {', '.join(others)})" if others and own is None else ""
+        faults: list[str] = []
+        other_names = ""
+        checked_names = needed
+        if known is not None:
+            valid_names = tuple(known)
+            unknown = dict.fromkeys(name for name in self.head if name not in valid_names)
+            faults += [
+                f"'{name}' is not a known column; {did_you_mean(name, valid_names)}"
+                for name in unknown
+            ]
+            checked_names = self.head
+        else:
+            extra_names = [name for name in self.head if name not in needed]
+            if extra_names:
+                other_names = f" (in the file: {', '.join(extra_names)})"
         # A misspelt column is also a missing one; the spelling is the better hint.
-        absent = [n for n in needed if n not in self.head and f"'{n}'" not in " ".join(faults)]
-        faults += [f"the column '{name}' is missing; add it{instead}" for name in absent]
-        looked_at = needed if own is None else self.head
-        twice = sorted({name for name in looked_at if self.head.count(name) > 1})
-        faults += [f"the column '{name}' is there twice; keep one" for name in twice]
+        hints = " ".join(faults)
+        missing = [name for name in needed if name not in self.head and f"'{name}'" not in hints]
+        faults += [f"the column '{name}' is missing; add it{other_names}" for name in missing]
+        repeated = sorted({name for name in checked_names if self.head.count(name) > 1})
+        faults += [f"the column '{name}' is there twice; keep one" for name in repeated]
         if faults:
-            raise DataError(listed(f"{self.path}, row 1", faults))
+            raise DataError(join_faults(f"{self.path}, row 1", faults))
 
 
 def is_plain(text: str) -> bool:
-    """Test that a text is a number as programs write it."""
+    """Test whether Python reads ``text`` as a number."""
     try:
         float(text)
     except ValueError:
@@ -77,24 +88,24 @@ def is_plain(text: str) -> bool:
     return True
 
 
-def listed(where: str, faults: Iterable[str]) -> str:
-    """Return one fault behind its place, or several below it, a line each."""
-    faults = list(faults)
-    if len(faults) == 1:
-        return f"{where}: {faults[0]}"
-    return "\n".join([f"{where}: {len(faults)} mistakes", *(f"- {fault}" for fault in faults)])
+def join_faults(place: str, faults: Iterable[str]) -> str:
+    """Return a message of ``place`` and one fault, or of their number and a line for each."""
+    lines = list(faults)
+    if len(lines) == 1:
+        return f"{place}: {lines[0]}"
+    return "\n".join([f"{place}: {len(lines)} mistakes", *(f"- {line}" for line in lines)])
 
 
 def text_of(path: Path) -> str:
-    """Read the text of a file (``sim.decoding``).
+    """Read a text file of any encoding that ``sim.decoding`` detects.
 
-    Raises DataError for what is no text or too large, OSError where the file cannot be read.
+    Raises DataError for binary or too large files, OSError if the file cannot be read.
     """
-    return decoded(read_bytes(path, TableLimits()))
+    return decode_text(read_bytes(path, TableLimits()))
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file; raises InputError with the line, OSError where there is none."""
+    """Read a TOML file; raises InputError that names the line, OSError for a missing file."""
     try:
         return tomllib.loads(text_of(path))
     except tomllib.TOMLDecodeError as error:
@@ -108,7 +119,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def place_of(tables: Any, key: str) -> tuple[Any, str]:
-    """Return the table that holds a dotted key, made where it is missing, and the last name."""
+    """Return the innermost table of a dotted ``key`` and the key's last name; create the table."""
     *names, last = key.split(".")
     for name in names:
         tables = tables.setdefault(name, {})
@@ -121,34 +132,39 @@ def place_of(tables: Any, key: str) -> tuple[Any, str]:
 def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) -> TextTable:
     """Read a table of text; in the ``numeric`` columns a decimal comma becomes a point.
 
-    A column of the file that is one of ``names`` but for its case gets that name, unless the file
-    has a column of exactly that name too. Raises DataError with row and remedy where the file is no
-    table, a row has more cells than the head, or numbers can be read in two ways; else
-    FileNotFoundError.
+    A column whose name differs from one of ``names`` by case alone gets that name, unless the file
+    also has a column of exactly that name. Raises DataError with row and remedy if the file is no
+    table, a row has more cells than the head, or numbers are ambiguous; FileNotFoundError.
     """
     sheet = read_raw(path, _separator_of_head)
     _require_plain(sheet)
     separator = sheet.separator
-    rows = [(row.number, list(row.cells)) for row in sheet.rows]
-    if not rows:
+    if not sheet.rows:
         raise DataError(f"{path} {NO_TABLE}: it is empty; {SAVE}")
-    head = _unpadded(rows[0][1])
-    meant = {name.lower(): name for name in names if name not in head}
-    head = [meant.get(column.lower(), column) for column in head]
-    body = [(number, _fitted(path, number, row, head, separator)) for number, row in rows[1:]]
+    file_head = _strip_empty_cells(list(sheet.rows[0].cells))
+    names_by_lower = {name.lower(): name for name in names if name not in file_head}
+    head = [names_by_lower.get(column.lower(), column) for column in file_head]
+    rows = [
+        (row.number, _pad_row(path, row.number, list(row.cells), head, separator=separator))
+        for row in sheet.rows[1:]
+    ]
     if separator != ",":
-        body = _with_points(path, head, body, frozenset(numeric))
-    return TextTable(path, tuple(head), tuple((number, tuple(row)) for number, row in body))
+        _replace_commas(path, head, rows, frozenset(numeric))
+    return TextTable(path, tuple(head), tuple((number, tuple(cells)) for number, cells in rows))
 
 
 def _separator_of_head(lines: Sequence[str]) -> str:
-    """Choose the separator that parts the head into most cells."""
+    """Choose the separator that divides the head into most cells."""
     head = next((line for line in lines if line.strip()), "")
-    return max(SEPARATORS, key=lambda sign: len(next(csv.reader([head], delimiter=sign), [])))
+
+    def cell_count(separator: str) -> int:
+        return len(next(csv.reader([head], delimiter=separator), []))
+
+    return max(SEPARATORS, key=cell_count)
 
 
 def _require_plain(sheet: RawSheet) -> None:
-    """Raise DataError for rows and cells of a workbook that say more than their values."""
+    """Raise DataError for marked rows and annotated cells of a workbook."""
     rejected = {HIDDEN, FILTERED, STRUCK, MASKED}
     faults = [
         f"row {row.number} is {mark}; show it plainly, or delete it"
@@ -158,41 +174,44 @@ def _require_plain(sheet: RawSheet) -> None:
     ]
     faults += [f"row {note.row}: {note.sentence}" for note in sheet.notes]
     if faults:
-        raise DataError(listed(str(sheet.path), faults))
+        raise DataError(join_faults(str(sheet.path), faults))
 
 
-def _unpadded(row: list[str]) -> list[str]:
-    return row[: max((place for place, cell in enumerate(row, start=1) if cell), default=0)]
+def _strip_empty_cells(cells: list[str]) -> list[str]:
+    """Remove empty cells at the end of a row."""
+    width = max((place for place, cell in enumerate(cells, start=1) if cell), default=0)
+    return cells[:width]
 
 
-def _fitted(path: Path, number: int, row: list[str], head: list[str], separator: str) -> list[str]:
-    """Return a row of the head's length; cells beyond it raise DataError."""
-    row = _unpadded(row)
-    if len(row) > len(head):
-        comma = "; is a decimal comma among them? write numbers with a point"
+def _pad_row(
+    path: Path, number: int, cells: list[str], head: list[str], *, separator: str
+) -> list[str]:
+    """Pad a row with empty cells to the length of ``head``; raises DataError for a longer row."""
+    filled = _strip_empty_cells(cells)
+    if len(filled) > len(head):
+        question = "; is a decimal comma among them? write numbers with a point"
         raise DataError(
-            f"{path}, row {number} has {len(row)} cells for {len(head)} columns: "
-            f"'{row[len(head)]}' stands beyond the last column, '{head[-1]}'"
-            f"{comma if separator == ',' else ''}; take away what is too many"
+            f"{path}, row {number} has {len(filled)} cells for {len(head)} columns: "
+            f"'{filled[len(head)]}' stands beyond the last column, '{head[-1]}'"
+            f"{question if separator == ',' else ''}; take away what is too many"
         )
-    return row + [""] * (len(head) - len(row))
+    return filled + [""] * (len(head) - len(filled))
 
 
-def _with_points(
+def _replace_commas(
     path: Path, head: list[str], rows: list[tuple[int, list[str]]], numeric: frozenset[str]
-) -> list[tuple[int, list[str]]]:
-    """Return rows whose numbers have a decimal point; raises DataError where both stand."""
+) -> None:
+    """Replace decimal commas in ``rows`` by points; raises DataError if the table has both."""
     places = [place for place, name in enumerate(head) if name in numeric]
-    cells = [(number, row[place]) for number, row in rows for place in places]
-    comma = next(((n, cell) for n, cell in cells if _COMMA.fullmatch(cell)), None)
-    point = next(((n, cell) for n, cell in cells if _POINT.fullmatch(cell)), None)
+    numbers = [(number, cells[place]) for number, cells in rows for place in places]
+    comma = next(((row, cell) for row, cell in numbers if _COMMA.fullmatch(cell)), None)
+    point = next(((row, cell) for row, cell in numbers if _POINT.fullmatch(cell)), None)
     if comma and point:
         raise DataError(
             f"{path} has numbers with a comma ('{comma[1]}', row {comma[0]}) and with a point "
             f"('{point[1]}', row {point[0]}), which can be read in two ways; save it with one"
         )
-    for _, row in rows:
+    for _, cells in rows:
         for place in places:
-            if _COMMA.fullmatch(row[place]):
-                row[place] = row[place].replace(",", ".")
-    return rows
+            if _COMMA.fullmatch(cells[place]):
+                cells[place] = cells[place].replace(",", ".")

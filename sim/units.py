@@ -41,7 +41,7 @@ def unit_of(name: str) -> str:
 
 
 def short(value: float, digits: int = 4) -> str:
-    """Print a value to so many digits, below a million without an exponent."""
+    """Format ``value`` with ``digits`` significant digits, below 1e6 without an exponent."""
     return f"{float(f'{value:.{digits}g}'):g}"
 
 
@@ -51,6 +51,6 @@ def to_si(name: str, value: float) -> float:
 
 
 def from_si(name: str, value: Value) -> Value:
-    """Convert an SI ``value`` to the unit that ``name`` ends in; None, and a count, stay."""
+    """Convert an SI ``value`` to the unit that ``name`` ends in; None and pure numbers stay."""
     factor = UNITS[suffix_of(name)][0]
     return value if value is None or factor == 1.0 else value / factor

@@ -16,7 +16,7 @@ def versions() -> dict[str, str]:
 
 
 def engine() -> dict[str, str]:
-    """Return the versions of the programs that a shift depends on: others must not mix."""
+    """Return the versions that a simulated shift depends on; shifts of others must not mix."""
     return {name: versions()[name] for name in ("dogshape", "drake")}
 
 

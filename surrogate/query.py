@@ -13,7 +13,7 @@ import numpy as np
 
 from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.expectation import LEAST_ENGAGED
+from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.surrogate.dataset import Dataset, Mix
 from dogshape.surrogate.model import Expected, Surrogate
@@ -96,7 +96,7 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
     if distance > MAX_DISTANCE and not warnings:
         warnings.append(f"the nearest simulated design is {distance:.1f} median spacings away")
     expected = surrogate.expect(x, mix)
-    if expected.engaged < LEAST_ENGAGED:
+    if expected.engaged < MIN_ENGAGED_SHARE:
         refusal = f"about {100 * expected.engaged:.0f} % engage at the worst point: no time"
         return Answer(None, distance, tuple(warnings), refusal)
     return Answer(expected, distance, tuple(warnings))

@@ -60,10 +60,10 @@ from dogshape.diagnosis.bench.row_marks import RowChoice, RowPlan, chosen_rows, 
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.raw_sheet import CellNote
-from dogshape.sim.texts import listed
+from dogshape.sim.texts import join_faults
 
 SHOWN = 40  #: characters of a cell that a sentence shows
-MOST = 12  #: faults of one kind that are listed one by one
+MOST = 12  #: faults of one kind that are join_faults one by one
 #: Factor between values of one column from which two units are likely.
 MIXED_UNITS = {"force_N": 100.0, "shift_time_s": 300.0}
 #: Quantities of which a merged cell would repeat a result, not a set value.
@@ -88,7 +88,7 @@ class Report:
         """Raise DataError with all faults, if there are any."""
         faults = list(dict.fromkeys(self.faults))
         if faults:
-            raise DataError(listed(where, faults) if len(faults) > 1 else faults[0])
+            raise DataError(join_faults(where, faults) if len(faults) > 1 else faults[0])
 
 
 class TableReader:

@@ -72,9 +72,9 @@ class Measured(Section):
 
 
 class _Contact(keys_of(ContactSet, late=("stiffness", "dissipation"), leave=("face_friction",))):  # type: ignore[misc]
-    # The solver's fall to dynamic friction lies at ten stiction velocities, as in the
-    # published set; the friction velocity is read and not used.
-    friction_velocity_m_s: float
+    # Kept for the reader of the file and not used: the solver's fall to dynamic friction lies at
+    # ten stiction velocities, as in the published set.
+    friction_velocity_m_s: float | None = None
 
 
 class Sensor(Section):
@@ -91,7 +91,7 @@ class Sensor(Section):
 
 
 class Calibration(Section):
-    """A static reading of the actuator."""
+    """A static reading of the actuator; pressure and time are kept for the reader and not used."""
 
     pressure_mbar: float | None = None
     arm_displacement_mm: float | None = None

@@ -20,9 +20,8 @@ from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Sensor, Setting
-from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, Runner, even_block
-from dogshape.sim.statistics.shift_records import Record, content_key
+from dogshape.sim.statistics.shift_records import Record, content_key, diverged
 from dogshape.sim.units import RPM
 
 ANGLES = 16  #: even relative angles of each level
@@ -231,7 +230,7 @@ def read_times(setting: Setting, rows: Sequence[Record]) -> Array:
     times = []
     for row in rows:
         time = setting.time_of(row)
-        if row["outcome"] == Outcome.DIVERGED.value:
+        if diverged(row):
             time = np.nan
         elif time is None:
             time = np.inf

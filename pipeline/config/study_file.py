@@ -48,7 +48,7 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
-from dogshape.sim.texts import listed, place_of, read_toml
+from dogshape.sim.texts import join_faults, place_of, read_toml
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
@@ -199,6 +199,10 @@ class Setup:
         pairs = zip(self.variables, values, strict=True)
         return {key: round(value) if key == "count" else float(value) for key, value in pairs}
 
+    def select_params(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        """Select the values of the searched keys from a row of a design, edge units."""
+        return {key: row[key] for key in self.variables}
+
     def rows(self, designs: Iterable[Mapping[str, Any]]) -> Array:
         """Stack designs as rows in edge units, (n, d), the inverse of ``params_of``."""
         rows = [[design[key] for key in self.variables] for design in designs]
@@ -208,7 +212,7 @@ class Setup:
     def prototype(self) -> dict[str, float]:
         """Values of the searched keys of the study's own dog, edge units."""
         values = {**DEFAULTS, **self.file.dog.model_dump(), **nominal_operation(self.points)}
-        return {key: values[key] for key in self.variables}
+        return self.select_params(values)
 
     @property
     def physics(self) -> Record:
@@ -469,7 +473,7 @@ def _require_parts(file: StudyFile) -> None:
         except DogshapeError as error:
             faults[str(error)] = error
     if len(faults) > 1:
-        raise InputError(listed(f"the study {file.name}", faults))
+        raise InputError(join_faults(f"the study {file.name}", faults))
     for fault in faults.values():
         raise fault
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from dogshape.pipeline.store.folder import append, read_lines, sync
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, Runner
-from dogshape.sim.statistics.shift_records import Record, content_key, unfinished
+from dogshape.sim.statistics.shift_records import Record, content_key, diverged, unfinished
 from dogshape.sim.versions import engine
 
 TICK = 1e-5  #: resolution of stored times, s
@@ -93,7 +93,7 @@ def _series_record(key: str, rows: Sequence[Record]) -> Record:
 
 def _ticks(row: Record, time: float | None) -> int | None:
     """Convert a time of a shift, s, to ticks; None for a failed integration."""
-    if row["outcome"] == Outcome.DIVERGED.value:
+    if diverged(row):
         return None
     return NOT_ENGAGED if time is None else round(time / TICK)
 

@@ -39,9 +39,9 @@ from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effect import Effect
-from dogshape.sim.effects import load, own_files
+from dogshape.sim.effects import effect_files, load
 from dogshape.sim.errors import EffectError, InputError, StorageError
-from dogshape.sim.files import writing
+from dogshape.sim.files import lock_folder
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -101,7 +101,7 @@ def shifts_of(
     if not bank.missing(blocks):
         return bank.times(blocks, lambda _: [])
     progress = options.progress
-    with writing(options.bank, LOCK_TIMEOUT_S, progress.say):
+    with lock_folder(options.bank, LOCK_TIMEOUT_S, progress.say):
         bank.read()  # another run may have written since
         missing = bank.missing(blocks)
         journal = ShiftJournal(options.bank / SHIFTS)
@@ -124,7 +124,7 @@ def shifts_of(
 
 def _require_working(effects: Mapping[str, Effect], bench: Bench, options: BankOptions) -> None:
     """Raise EffectError, with its file, for an effect of the user's that cannot be run."""
-    paths = own_files(options.effects) if options.effects else {}
+    paths = effect_files(options.effects) if options.effects else {}
     if options.effects and not paths:
         options.progress.say(
             f"{options.effects} has no effect: no file NAME.py without an underscore before it"

@@ -174,7 +174,7 @@ def _designs(study: Setup, result: Mapping[str, Any]) -> dict[str, Params]:
     trials.sort(key=lambda trial: (trial["trial"] != chosen, trial["expected_shift_time_s"]))
     designs = {"prototype": study.prototype}
     for trial in trials[:DESIGNS]:
-        designs[f"design {trial['trial']}"] = {key: trial[key] for key in study.variables}
+        designs[f"design {trial['trial']}"] = study.select_params(trial)
     return designs
 
 

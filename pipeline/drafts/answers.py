@@ -38,31 +38,34 @@ _AMBIGUOUS = re.compile(r"[1-9]\d{0,2},\d{3}")
 
 @dataclass(frozen=True)
 class Answer:
-    """Numbers of an answer in the unit of its question; two ends of a range if ``ranged``."""
+    """Numbers of an answer."""
 
-    numbers: tuple[float, ...]
-    ranged: bool = False
+    numbers: tuple[float, ...]  #: in the unit of the question
+    ranged: bool = False  #: whether they are the two ends of a range
 
 
-def read_numbers(text: str, unit: str, others: Mapping[str, float] | None = None) -> Answer:
+def read_numbers(text: str, unit: str, factors: Mapping[str, float] | None = None) -> Answer:
     """Read an answer to a question in ``unit``.
 
-    ``others`` are factors to that unit of further units, by their spelling without blanks. Raises
-    InputError for an answer that is no list of numbers and no range, and for an unknown unit.
+    ``factors`` to that unit are those of further units, by their spelling without blanks. Raises
+    InputError for an answer that is neither a list of numbers nor a range, or an unknown unit.
     """
     parts = [part.strip() for part in _RANGE.split(text.strip())]
+    ranged = len(parts) == 2
     if len(parts) > 2:
         raise InputError("give a range as LOW to HIGH")
-    found = [pair for part in parts for pair in _pairs(part)]
-    if len(parts) == 2:
-        if len(found) != 2:
+    pairs: list[tuple[float, str]] = []
+    for part in parts:
+        pairs += _pairs(part)
+    if ranged:
+        if len(pairs) != 2:
             raise InputError("give a range as LOW to HIGH")
-        (low, low_unit), (high, high_unit) = found
-        found = [(low, low_unit or high_unit), (high, high_unit)]
-    numbers = tuple(number * _factor(word, unit, others or {}) for number, word in found)
-    if len(parts) == 2 and not numbers[0] < numbers[1]:
+        (low, low_unit), (high, high_unit) = pairs
+        pairs = [(low, low_unit or high_unit), (high, high_unit)]
+    numbers = tuple(number * _factor(word, unit, factors or {}) for number, word in pairs)
+    if ranged and not numbers[0] < numbers[1]:
         raise InputError(f"the range {text.strip()} has its larger end first; exchange the ends")
-    return Answer(numbers, ranged=len(parts) == 2)
+    return Answer(numbers, ranged=ranged)
 
 
 def number_of(text: str) -> float:
@@ -75,16 +78,17 @@ def number_of(text: str) -> float:
 
 def _pairs(text: str) -> list[tuple[float, str]]:
     """Divide a text into numbers, each with the unit behind it or ``""``."""
-    pairs, place = list[tuple[float, str]](), 0
+    pairs: list[tuple[float, str]] = []
+    place = 0
     while place < len(text):
         match = _NUMBER.match(text, place)
         number = meant_number(match["number"]) if match else None
         if match is None or number is None or not math.isfinite(number):
             raise InputError(f"'{text[place:]}' is no number")
         if _AMBIGUOUS.fullmatch(match["number"].lstrip("+-\N{MINUS SIGN}\N{EN DASH}")):
-            whole = match["number"].replace(",", "")
+            thousands = match["number"].replace(",", "")
             raise InputError(
-                f"{match['number']} may be {whole} or {number:g}; write it without the comma"
+                f"{match['number']} may be {thousands} or {number:g}; write it without the comma"
             )
         pairs.append((number, (match["unit"] or "").strip()))
         place = match.end()
@@ -93,26 +97,26 @@ def _pairs(text: str) -> list[tuple[float, str]]:
     return pairs
 
 
-def _factor(word: str, unit: str, others: Mapping[str, float]) -> float:
-    """Return the factor from the unit that a ``word`` spells to ``unit``; InputError if unknown."""
+def _factor(word: str, unit: str, other_factors: Mapping[str, float]) -> float:
+    """Return the factor from the unit that ``word`` spells to ``unit``; InputError if unknown."""
     if not word:
         return 1.0
-    spelled = bare_unit(word).replace("*", "")
-    factors = {**SPELLINGS.get(unit, {}), **others}
-    if spelled in factors:
-        return factors[spelled]
-    known = unit_named(word)
-    if known is not None and known.dimension == DIMENSIONS.get(unit):
-        return known.factor
+    spelling = bare_unit(word).replace("*", "")
+    factors = {**SPELLINGS.get(unit, {}), **other_factors}
+    if spelling in factors:
+        return factors[spelling]
+    bench_unit = unit_named(word)
+    if bench_unit is not None and bench_unit.dimension == DIMENSIONS.get(unit):
+        return bench_unit.factor
     remedy = f"give it in {unit or 'plain numbers'}"
-    if unit == "N" and spelled.lower() in ("bar", "mpa"):
+    if unit == "N" and spelling.lower() in ("bar", "mpa"):
         remedy += ", pressure times area: 1 bar on 1 cm2 is 10 N"
     raise InputError(f"'{word}' is no unit of this quantity; {remedy}")
 
 
 def shown_value(value: Any) -> str:
-    """Write a default as a user would type it."""
+    """Format a default as a user would type it."""
     if isinstance(value, Mapping):
         return f"{value['low']:g} to {value['high']:g}"
-    values = value if isinstance(value, (list, tuple)) else [value]
-    return " ".join(f"{one:g}" if isinstance(one, float) else f"{one}" for one in values)
+    parts = value if isinstance(value, (list, tuple)) else [value]
+    return " ".join(f"{part:g}" if isinstance(part, float) else f"{part}" for part in parts)

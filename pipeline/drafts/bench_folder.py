@@ -428,7 +428,9 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         "timeout_s": clutch.timeout,
         "shift_travel_mm": rounded(clutch.shift_travel / MM),
         **source.dog_values,
-        **{f"drive.{key}": value for key, value in (drive.table if source.taken else {}).items()},
+        **{
+            f"drive.{key}": value for key, value in (drive.table if source.is_bench else {}).items()
+        },
         **{f"contact.{key}": value for key, value in clutch.contact.record.items()},
         "source": "not measured yet",
     }
@@ -480,7 +482,9 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
                 f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "
                 "before the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say "
                 "otherwise",
-                drive != NO_DRIVE and not source.taken and not any("drive" in key for key in given),
+                drive != NO_DRIVE
+                and not source.is_bench
+                and not any("drive" in key for key in given),
             ),
             (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),
             (sense, "record.sense" not in given),

@@ -1,9 +1,9 @@
-"""A study folder to begin with: the commented file of a source with values of one's own.
+"""Draft of a study folder: the commented file of a source study with the values of the user.
 
-A study begins as a copy of another one. Values that hold for the other clutch alone are left out,
-but for the height of the dogs, which keeps their shape (mean diameter over count), and forces with
-which it shifts, which are those of the actuator. A value of one's own has the comment of its key in
-the study that explains the keys: one of the other clutch's value would be a wrong source.
+A study begins as a copy of another one. Values that hold for the other clutch alone are left out;
+the height of the dogs scales with their pitch, and forces of the operating points beyond the
+actuator become the actuator's. A new value has the comment of its key in the study that explains
+the keys, as the copied comment would be a wrong source.
 """
 
 from __future__ import annotations
@@ -13,15 +13,14 @@ import re
 import shutil
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import bundled_benches, load_bench
+from dogshape.diagnosis.bench.bench_data import Bench, bundled_benches, load_bench
 from dogshape.pipeline.config.operating import OperatingSection, replaced_keys
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import (
@@ -49,35 +48,48 @@ from dogshape.sim.texts import text_of
 from dogshape.sim.units import RPM, from_si, unit_of
 
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
-COMMENTED = "mq200"  #: the bundled study whose file explains its keys
+COMMENTED = "mq200"  #: bundled study whose file explains the keys
+LookUp = Callable[[str], Any]  #: returns the value of a dotted key, None for a missing one
 HEAD = """\
 # A study of one's own, begun from {origin}. The study mq200 and docs/studies.md explain the keys.
 # Beside the dog look at [load], [material] and [manufacturing]: they decide what may be built.
 """
 DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
-HEIGHT, COUNT, BACKLASH = "dog.height_mm", "dog.count", "dog.backlash_mm"
-CHAMFER, CHAMFER_BACK, CREST = "dog.chamfer_deg", "dog.chamfer_back_deg", "dog.crest"
+HEIGHT = "dog.height_mm"
+COUNT = "dog.count"
+BACKLASH = "dog.backlash_mm"
 BACKLASH_DEG = "dog.backlash_deg"
+CHAMFER = "dog.chamfer_deg"
+CHAMFER_BACK = "dog.chamfer_back_deg"
 CHAMFERS = (CHAMFER, CHAMFER_BACK)
-PLAY_DEVIATION, COAST = "tolerance.backlash_mm", "load.coast_share"
+CREST = "dog.crest"
+PLAY_DEVIATION = "tolerance.backlash_mm"
+TORQUE = "load.torque_Nm"
+COAST = "load.coast_share"
 RELEASE = "load.faces_release"
-HELD, SHARE, POINTS = "load.separating_force_limit_N", "load.pull_out_share", "operating.points"
-MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
-ACTUATOR, OPERATING, MISMATCH = "actuation.force_N", "operating.force_N", "operating.mismatch_rpm"
+HELD = "load.separating_force_limit_N"
+SHARE = "load.pull_out_share"
+MASS = "sliding.mass_kg"
+ADDED = "mechanism.added_mass_kg"
+ACTUATOR = "actuation.force_N"
+OPERATING = "operating.force_N"
+MISMATCH = "operating.mismatch_rpm"
+POINTS = "operating.points"
 STRIKE_MISMATCH = "strike.mismatch_rpm"
-#: Words for the keys of the actuator, and of the operating points, which it has to cover.
+#: Words for the keys of the actuator.
 ACTUATION = {
     ACTUATOR: "final forces of the actuator, N, with blanks between",
     "actuation.rise_s": "rise time of each of these forces, s",
     "shift.timeout_s": "time after which the control gives up an attempt, s",
     "shift.retraction_s": "time to pull back before the next attempt, s",
 }
+#: Words for the keys of the operating points, whose forces the actuator must reach.
 OPERATION = {
     MISMATCH: "mismatches of the shifts, 1/min, with blanks between, or LOW to HIGH",
     OPERATING: "forces of the shifts, N, likewise",
 }
-#: Words for the keys of a clutch that are worth a question.
+#: Words for the keys of a clutch that a dialogue asks for.
 CLUTCH = {
     COUNT: "number of dogs",
     CHAMFER: "chamfer of the face, deg; 0: flat",
@@ -95,13 +107,17 @@ CLUTCH = {
     "sliding.inertia_kgm2": "inertia of the sliding ring and all that turns with it, kg m²",
     "output.inertia_kgm2": "inertia of the output side, referred to the dogs, kg m²",
 }
-RADIUS, DRAG, MATERIAL = "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "material.set"
-STRIKE_RING, STRIKE_SHAFT = "strike.ring_inertia_kgm2", "strike.input_stiffness_Nm_rad"
+RADIUS = "mechanism.spline_radius_mm"
+DRAG = "mechanism.drag_torque_Nm"
+MATERIAL = "material.set"
+STRIKE_RING = "strike.ring_inertia_kgm2"
+STRIKE_SHAFT = "strike.input_stiffness_Nm_rad"
 STRIKE = (STRIKE_RING, STRIKE_SHAFT)  #: keys without which no flank strike is judged
 #: Keys of the same ring and shaft in the shifts.
 NOMINAL = {key: key.replace("strike.", "mechanism.") for key in STRIKE}
-SPEED, SIDE = "drive.shaft_speed_rpm", "drive.engine_side"
-#: Words for keys whose default follows from the clutch, and of what it does and is made of.
+SPEED = "drive.shaft_speed_rpm"
+SIDE = "drive.engine_side"
+#: Words for the use of the clutch, and for keys whose default follows from it.
 USE = {
     HEIGHT: "height of the dogs, mm",
     ADDED: "mass of fork, rod and piston that moves along, kg",
@@ -122,113 +138,163 @@ USE = {
 }
 WORDS = ACTUATION | OPERATION | CLUTCH | USE
 CHOICES = {MATERIAL: tuple(MATERIALS), SIDE: ENGINE_SIDES}
+#: Keys of which one value may stand for a list.
+LIST_KEYS = (ACTUATOR, "actuation.rise_s", *OPERATION)
 RING = (*DIAMETERS, *INERTIAS)
 ANY = (*RING, MASS, TORQUE, ACTUATOR)
-#: Keys and tables that hold for one clutch, after the keys of the clutch that void them.
+#: Keys and tables that hold for one clutch, by the keys of the clutch that void them.
 BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
     RING: (
-        RADIUS, DRAG, "mechanism.ring_inertia_kgm2",
-        "mechanism.input_stiffness_Nm_rad", "mechanism.spline_backlash_deg",
-        "mechanism.wheel_inertia_kgm2", "mechanism.output_stiffness_Nm_rad",
+        RADIUS,
+        DRAG,
+        "mechanism.ring_inertia_kgm2",
+        "mechanism.input_stiffness_Nm_rad",
+        "mechanism.spline_backlash_deg",
+        "mechanism.wheel_inertia_kgm2",
+        "mechanism.output_stiffness_Nm_rad",
         "driveline.stiffness_Nm_rad",
     ),
     (MASS,): (ADDED,),
     ANY: (HELD, "strike", "load.pull_out_force_limit_N", "load.abuse_torque_Nm", "search.within_s"),
-}  # fmt: skip
+}
 #: Keys and tables that decide an answer, the most influential first.
 DECIDING: dict[str, tuple[str, ...]] = {
     "the shift time": (
-        "shift.timeout_s", "shift.retraction_s", *ACTUATION, *OPERATION, "operating",
-        COUNT, BACKLASH, BACKLASH_DEG, "dog.axial_gap_mm", MASS, "drive", "mechanism",
-        *CHAMFERS, *INERTIAS, "contact",
+        "shift.timeout_s",
+        "shift.retraction_s",
+        *ACTUATION,
+        *OPERATION,
+        "operating",
+        COUNT,
+        BACKLASH,
+        BACKLASH_DEG,
+        "dog.axial_gap_mm",
+        MASS,
+        "drive",
+        "mechanism",
+        *CHAMFERS,
+        *INERTIAS,
+        "contact",
     ),
     "the checks": (
-        TORQUE, "load.application_factor", COAST, SHARE, HELD,
-        "load.release_by_itself", RELEASE,
-        "load.shifts", "load.accuracy", MATERIAL, "manufacturing.root_radius_mm", "dog",
+        TORQUE,
+        "load.application_factor",
+        COAST,
+        SHARE,
+        HELD,
+        "load.release_by_itself",
+        RELEASE,
+        "load.shifts",
+        "load.accuracy",
+        MATERIAL,
+        "manufacturing.root_radius_mm",
+        "dog",
     ),
-}  # fmt: skip
-ROOF_CREST = 0.5  #: place of the ridge of a roof tip: alike for either sign of the mismatch
-#: Limits of a search in units of their own are void with any of these.
+}
+ROOF_CREST = 0.5  #: ridge of a roof tip in the middle, for either sign of the mismatch
+#: Units of the absolute limits of a search, which are void for another clutch.
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
 
 
 @dataclass(frozen=True)
 class Source:
-    """A study or a bench that a draft begins from: clutch, rise of the force, operating points.
-
-    A draft of a study is the text of ``file`` with the values of ``taken`` by dotted key.
-    """
+    """A study or a bench from which a draft begins."""
 
     name: str
     clutch: Clutch
-    table: RiseTable
+    table: RiseTable  #: rise time of the shift force
     points: tuple[OperatingPoint, ...]
-    file: Path
-    taken: Data
+    file: Path  #: study file whose text the draft copies
+    bench_values: Data  #: values of a bench by dotted key; empty for a study
+
+    @property
+    def is_bench(self) -> bool:
+        """Whether the source is a bench."""
+        return bool(self.bench_values)
 
     @property
     def mismatches(self) -> list[float]:
-        """Mismatches in 1/min, each once."""
+        """Distinct mismatches, 1/min."""
         return sorted({rounded(point.mismatch / RPM) for point in self.points})
 
     @property
     def forces(self) -> list[float]:
-        """Shift forces in N, each once."""
+        """Distinct shift forces, N."""
         return sorted({rounded(point.profile.force) for point in self.points})
 
     @property
     def dog_values(self) -> Data:
-        """Values of ``[dog]``, ``[sliding]`` (with all that moves along) and ``[output]``."""
-        tables, rings = clutch_tables(self.clutch), self.clutch.rings
-        tables["sliding"]["mass_kg"] = rounded(rings.mass + self.clutch.mechanism.added_mass)
-        return {f"{name}.{key}": v for name, table in tables.items() for key, v in table.items()}
+        """Values of ``[dog]``, ``[sliding]`` (with the total moving mass) and ``[output]``."""
+        tables = clutch_tables(self.clutch)
+        moving_mass = self.clutch.rings.mass + self.clutch.mechanism.added_mass
+        tables["sliding"]["mass_kg"] = rounded(moving_mass)
+        values: Data = {}
+        for name, table in tables.items():
+            values |= {f"{name}.{key}": value for key, value in table.items()}
+        return values
 
 
-def source_of(where: str) -> Source:
-    """Read a study or a bench data set: file, folder or bundled name.
+def source_of(origin: str) -> Source:
+    """Load a study or a bench data set: file, folder or bundled name.
 
-    Raises InputError where it is neither, or a mistake of its files.
+    Raises InputError if it is neither, or for a mistake of its files.
     """
-    path = Path(where)
+    path = Path(origin)
     folder = path.parent if path.name == "bench.toml" else path
-    here = (folder / "bench.toml").is_file()
-    if here or where in bundled_benches():
-        bench = load_bench(folder if here else where)
-        tables, contact = study_of(bench, bench.name), bench.clutch.contact
-        points = tuple(cell.point for cell in bench.cells)
-        rises = RiseTable(*map(tuple, tables["actuation"].values()))
-        taken = {
-            **{f"actuation.{key}": values for key, values in tables["actuation"].items()},
-            "operating": tables["operating"],
-            SPEED: 0.0,
-            **{f"drive.{key}": value for key, value in bench.clutch.drive.table.items()},
-            "contact.static_friction": contact.static_friction,
-            "contact.dynamic_friction": contact.dynamic_friction,
-        }
-        return Source(bench.name, bench.clutch, rises, points, find_study(COMMENTED), taken)
-    if not path.exists() and where not in bundled_studies():
+    is_bench_folder = (folder / "bench.toml").is_file()
+    if is_bench_folder or origin in bundled_benches():
+        return _bench_source(load_bench(folder if is_bench_folder else origin))
+    if not path.exists() and origin not in bundled_studies():
         raise InputError(
-            f"'{where}' is no kind of clutch, no study and no bench data set; give a TOML file, a "
+            f"'{origin}' is no kind of clutch, no study and no bench data set; give a TOML file, a "
             f"folder with study.toml or bench.toml, mq200_stand or a kind: {bundled_kinds()}"
         )
-    own = load_study(where)
-    return Source(own.name, own.clutch, own.actuation.table, own.points, find_study(where), {})
+    study = load_study(origin)
+    return Source(
+        study.name,
+        study.clutch,
+        study.actuation.table,
+        points=study.points,
+        file=find_study(origin),
+        bench_values={},
+    )
+
+
+def _bench_source(bench: Bench) -> Source:
+    """Return the source of a draft with the clutch and the operating points of a bench."""
+    tables = study_of(bench, bench.name)
+    contact = bench.clutch.contact
+    values = {
+        **{f"actuation.{key}": column for key, column in tables["actuation"].items()},
+        "operating": tables["operating"],
+        SPEED: 0.0,
+        **{f"drive.{key}": value for key, value in bench.clutch.drive.table.items()},
+        "contact.static_friction": contact.static_friction,
+        "contact.dynamic_friction": contact.dynamic_friction,
+    }
+    return Source(
+        bench.name,
+        bench.clutch,
+        RiseTable(*map(tuple, tables["actuation"].values())),
+        points=tuple(cell.point for cell in bench.cells),
+        file=find_study(COMMENTED),
+        bench_values=values,
+    )
 
 
 def bundled_kinds() -> str:
     """List the bundled kinds of clutch with dogs, diameters and rated torque."""
     words = "{count} dogs, {outer_diameter_mm:g}/{inner_diameter_mm:g} mm, {load:g} N m"
-    alike: dict[str, list[str]] = {}
+    names_by_ring: dict[str, list[str]] = {}
     for name in bundled_studies():
         file = load_study(name).file
         ring = words.format(load=file.load.torque_Nm, **dict(file.dog))
-        alike.setdefault(ring, []).append(name)
-    return "; ".join(f"{', '.join(names)} ({ring})" for ring, names in alike.items())
+        names_by_ring.setdefault(ring, []).append(name)
+    return "; ".join(f"{', '.join(names)} ({ring})" for ring, names in names_by_ring.items())
 
 
 def require_free(folder: Path, force: bool) -> None:
-    """Raise StorageError where a folder holds files and nobody said to write over them."""
+    """Raise StorageError if a folder holds files, unless ``force`` allows to write over them."""
     if folder.exists() and not folder.is_dir():
         raise StorageError(f"--out is {folder}, which is a file; name a folder")
     if folder.is_dir() and not force and any(folder.iterdir()):
@@ -240,7 +306,7 @@ def require_free(folder: Path, force: bool) -> None:
 
 @contextmanager
 def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
-    """Give a folder to fill, whose files go into ``folder`` once all of them are there."""
+    """Yield an empty folder; on success its files are copied to ``folder``."""
     require_free(folder, force)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -249,7 +315,7 @@ def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
         fault = f"{folder} cannot be written ({error.strerror})"
         raise StorageError(f"{fault}; name another folder with --out") from error
     with draft as part:
-        # A temporary folder is its owner's alone, and modes are copied along.
+        # A temporary folder is private, and modes are copied along.
         place = Path(part) / "draft"
         place.mkdir()
         yield place
@@ -257,30 +323,34 @@ def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
 
 
 def write_study(
-    out: Path, origin: str = COMMENTED, values: Mapping[str, Any] | None = None,
-    *, force: bool = False,
-) -> Data:  # fmt: skip
+    out: Path,
+    origin: str = COMMENTED,
+    values: Mapping[str, Any] | None = None,
+    *,
+    force: bool = False,
+) -> Data:
     """Write a folder with a commented ``study.toml``; return inherited and assumed values.
 
     ``origin`` is the study whose file is copied, or the bench whose clutch and operating points are
-    taken; ``values`` by dotted key, None takes a key out. Raises InputError for what makes no
-    study, all mistakes at once, and StorageError for a folder that holds files, without ``force``.
+    used; ``values`` by dotted key, None removes a key. Raises one InputError for all mistakes of
+    the study, StorageError for a folder that holds files, without ``force``.
     """
-    name, source = out.resolve().name, str(out / "study.toml")
-    all_values = {"name": name, **(values or {})}
-    text, given, whence, said = _drafted(source_of(origin), origin, all_values)
-    done = re.sub(r"\A(#.*\n|\s*\n)*", "", text)  # comments on top are about the study copied
-    study = build_study(validate(StudyFile, tomllib.loads(done), source))
+    name = out.resolve().name
+    path = str(out / "study.toml")
+    draft = _draft_of(source_of(origin), origin, {"name": name, **(values or {})})
+    text = re.sub(r"\A(#.*\n|\s*\n)*", "", draft.text)  # the head comments are on the copied study
+    study = build_study(validate(StudyFile, tomllib.loads(text), path))
     with draft_folder(out, force) as folder:
-        (folder / "study.toml").write_text(HEAD.format(origin=whence) + done, encoding="utf-8")
+        head = HEAD.format(origin=draft.origin)
+        (folder / "study.toml").write_text(head + text, encoding="utf-8")
     return {
         "folder": str(out),
-        "file": source,
+        "file": path,
         "name": name,
-        "from": whence,
-        "set": {key: value for key, value in given.items() if key != "name"},
-        "assumed": said,
-        "warnings": _doubts(study),
+        "from": draft.origin,
+        "set": {key: value for key, value in draft.values.items() if key != "name"},
+        "assumed": draft.notes,
+        "warnings": _warnings_of(study),
         "operating_points": len(study.points),
         "dogs": study.clutch.dog.count,
     }
@@ -288,31 +358,62 @@ def write_study(
 
 def check_draft(origin: str, values: Mapping[str, Any]) -> None:
     """Raise the DogshapeError of a draft that makes no study."""
-    text, *_ = _drafted(source_of(origin), origin, values)
-    build_study(validate(StudyFile, tomllib.loads(text), "the draft"))
+    draft = _draft_of(source_of(origin), origin, values)
+    build_study(validate(StudyFile, tomllib.loads(draft.text), "the draft"))
 
 
 def questions_of(
     origin: str, values: Mapping[str, Any], part: Mapping[str, str]
 ) -> tuple[Data, dict[str, str]]:
-    """List defaults and questions, with sources, of a draft with ``values``.
+    """Return defaults and questions, both by key, of a draft with ``values``.
 
-    ``part`` is one of the tables of words. Points that are no lists are asked for as lists.
+    ``part`` is one of the tables of words. A question contains the source of its default. Points
+    that are no lists are asked for as lists.
     """
     source = source_of(origin)
-    text, *_ = _drafted(source, origin, values)
-    tables = partial(value_at, tomllib.loads(text))
-    sources, own = sources_of(text), {key: tables(key) for key in WORDS}
-    points = validate(OperatingSection, tables("operating"), "[operating]").rows()
-    stated = zip(OPERATION, zip(*points, strict=True), strict=False)
-    own |= {key: sorted(set(v)) for key, v in stated if not isinstance(own[key], list)}
-    ring = rounded(tables(MASS) * (0.25e-3 * sum(map(tables, DIAMETERS))) ** 2)
-    simulated = [
-        (key, value, f"as {there}") for key, there in NOMINAL.items() if (value := tables(there))
-    ]
-    for key, value, whence in (
-        *_defaults(tables),
-        *simulated,
+    text = _draft_of(source, origin, values).text
+    look_up = partial(value_at, tomllib.loads(text))
+    sources = sources_of(text)
+    defaults = {key: look_up(key) for key in WORDS}
+    points = validate(OperatingSection, look_up("operating"), "[operating]").rows()
+    for key, column in zip(OPERATION, zip(*points, strict=True), strict=False):
+        if not isinstance(defaults[key], list):
+            defaults[key] = sorted(set(column))
+    for key, value, reason in (*_defaults(look_up), *_default_answers(look_up)):
+        if defaults[key] is None:
+            defaults[key] = value
+            sources[key] = reason
+        if key in STRIKE and not isinstance(defaults[key], list):
+            defaults[key] = [defaults[key]]
+    answers = source.dog_values
+    answers |= {key: value for key, value in defaults.items() if _is_answer(value)}
+    answers = {key: answers[key] for key in part if key in answers}
+    questions = {}
+    for key in answers:
+        words = WORDS[key]
+        questions[key] = f"{words} ({sources[key]})" if sources.get(key) else words
+    return answers, questions
+
+
+def _is_answer(value: Any) -> bool:
+    """Test whether a value can be typed: a number, a text, or a list of these."""
+    parts = value if isinstance(value, list) else [value]
+    return all(isinstance(part, (int, float, str)) for part in parts)
+
+
+def _default_answers(look_up: LookUp) -> list[tuple[str, Any, str]]:
+    """List keys with the default that a question shows if the file has none, and its reason."""
+    answers = []
+    for key, nominal_key in NOMINAL.items():
+        nominal = look_up(nominal_key)
+        if nominal:
+            answers.append((key, nominal, f"as {nominal_key}"))
+    mass = look_up(MASS)
+    mean_radius = 0.25e-3 * sum(map(look_up, DIAMETERS))
+    ring_inertia = rounded(mass * mean_radius**2)
+    ring_note = f"not judged; {mass:g} kg at the mean radius have {ring_inertia:g}"
+    return [
+        *answers,
         (CHAMFER_BACK, 0.0, ""),
         (CREST, ROOF_CREST, "an assumption"),
         (PLAY_DEVIATION, from_si(PLAY_DEVIATION, Tolerances.backlash), "an assumption"),
@@ -321,243 +422,355 @@ def questions_of(
         (SPEED, 0.0, "the sliding ring stands"),
         (SIDE, "sliding", "an assumption"),
         (HELD, 0.0, "not judged"),
-        (STRIKE_RING, [0.0], f"not judged; {tables(MASS):g} kg at the mean radius have {ring:g}"),
+        (STRIKE_RING, [0.0], ring_note),
         (STRIKE_SHAFT, [0.0], "not judged"),
-    ):
-        if own[key] is None:
-            own[key], sources[key] = value, whence
-        if key in STRIKE and not isinstance(own[key], list):
-            own[key] = [own[key]]
-    parts = {key: value if isinstance(value, list) else [value] for key, value in own.items()}
-    asked = {k: own[k] for k in own if all(isinstance(p, (int, float, str)) for p in parts[k])}
-    found = source.dog_values | asked
-    found = {key: found[key] for key in part if key in found}
-    words = {key: f"{WORDS[key]} ({s})" if (s := sources.get(key)) else WORDS[key] for key in found}
-    return found, words
+    ]
 
 
-def _defaults(tables: Callable[[str], Any]) -> list[tuple[str, Any, str]]:
-    """List the values of keys that decide an answer and are absent, with their reasons."""
-    radius = rounded(0.5 * SPLINE * tables(DIAMETERS[1]))
-    found = [
+def _defaults(look_up: LookUp) -> list[tuple[str, Any, str]]:
+    """List the absent keys that decide an answer, with their defaults and the reasons."""
+    radius = rounded(0.5 * SPLINE * look_up(DIAMETERS[1]))
+    defaults = [
         (RADIUS, radius, f"{SPLINE:g} of the inner radius"),
         (DRAG, 0.0, "none, an assumption"),
         (SHARE, 1.0, "all of it"),
     ]
-    if tables(BACKLASH_DEG) is None:
-        found.append((BACKLASH, 0.0, "none"))
-    return [(key, value, reason) for key, value, reason in found if tables(key) is None]
+    if look_up(BACKLASH_DEG) is None:
+        defaults.append((BACKLASH, 0.0, "none"))
+    return [(key, value, reason) for key, value, reason in defaults if look_up(key) is None]
 
 
 def value_at(tables: Mapping[str, Any], key: str) -> Any:
-    """Look up a dotted key; None where it is missing."""
-    found: Any = tables
+    """Look up a dotted key; None if it is missing."""
+    value: Any = tables
     for name in key.split("."):
-        found = found.get(name) if isinstance(found, Mapping) else None
-    return found
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return value
 
 
-def _drafted(
-    source: Source, origin: str, values: Mapping[str, Any]
-) -> tuple[str, Data, str, list[str]]:
-    """Compose the text of a draft; also return its values, origin and assumptions."""
-    taken, whence = Data(), f"the study '{origin}'"
-    if source.taken:
-        taken, whence = source.dog_values | source.taken, f"the bench data of '{source.name}'"
-    given, text = {**taken, **values}, text_of(source.file)
-    for key in (*ACTUATION, *OPERATION):  # one value is a list of it
-        if key in given and key.split(".")[0] != "shift" and type(given[key]) in (int, float):
-            given[key] = [given[key]]
-    _complete_strike(given, tomllib.loads(text))
-    follows, said = _following(text, given)
-    meanings = meanings_of(text_of(find_study(COMMENTED)))
-    text = with_values(text, {**given, **follows}, meanings)
-    inherited = _inherited(text, COMMENTED if source.taken else origin, {**given, **follows})
-    return text, given, whence, [*inherited, *said]
+@dataclass(frozen=True)
+class _Draft:
+    """Text of a study file with its values by dotted key, its origin and notes for the user."""
+
+    text: str
+    values: Data
+    origin: str  #: in words
+    notes: list[str]  #: on inherited and derived values
 
 
-def _complete_strike(given: Data, tables: Data) -> None:
-    """Replace lists of one number by the number, and drop a strike of unknown ring or shaft."""
+def _draft_of(source: Source, origin: str, user_values: Mapping[str, Any]) -> _Draft:
+    """Compose the draft of a study from its source and the values of the user."""
+    origin_words = f"the study '{origin}'"
+    values = dict(user_values)
+    if source.is_bench:
+        origin_words = f"the bench data of '{source.name}'"
+        values = {**source.dog_values, **source.bench_values, **user_values}
+    text = text_of(source.file)
+    for key in LIST_KEYS:
+        if type(values.get(key)) in (int, float):
+            values[key] = [values[key]]
+    _complete_strike(values, tomllib.loads(text))
+    derived, notes = _derive_values(text, values)
+    all_values = {**values, **derived}
+    draft_text = with_values(text, all_values, meanings_of(text_of(find_study(COMMENTED))))
+    copied_study = COMMENTED if source.is_bench else origin
+    inherited = _notes_on_inherited(draft_text, copied_study, all_values)
+    return _Draft(draft_text, values, origin=origin_words, notes=[*inherited, *notes])
+
+
+def _complete_strike(values: Data, tables: Data) -> None:
+    """Replace lists of one number by the number; drop a strike of unknown ring or shaft."""
     for key in STRIKE:
-        if isinstance(given.get(key), list) and len(given[key]) == 1:
-            given[key] = given[key][0]
-    if any(given.get(key) == 0 for key in STRIKE):
-        for key in [key for key in given if key.startswith("strike.")]:
-            del given[key]
+        if isinstance(values.get(key), list) and len(values[key]) == 1:
+            values[key] = values[key][0]
+    if any(values.get(key) == 0 for key in STRIKE):
+        for key in [key for key in values if key.startswith("strike.")]:
+            del values[key]
         if "strike" in tables:
-            given["strike"] = None
+            values["strike"] = None
 
 
-def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
-    """List the values kept from the copied study: deciding ones first, then the others."""
-    kept = {
-        f"{section}.{key}": value
-        for section, table in tomllib.loads(text).items()
-        if isinstance(table, dict) and section not in own
-        for key, value in table.items()
-        if f"{section}.{key}" not in own
-    }
-    lines = []
-    for answer, keys in DECIDING.items():
-        found = dict.fromkeys(k for one in keys for k in kept if f"{k}.".startswith(f"{one}."))
-        texts = (f"{key} = {toml_value(kept.pop(key))}" for key in found)
-        if found:
-            lines.append(f"as in '{origin}', decides {answer}: {', '.join(texts)}")
-    if kept:
-        others = ", ".join(f"{key} = {toml_value(value)}" for key, value in kept.items())
-        lines.append(f"as in '{origin}', keys of less influence: {others}")
-    if absent := _defaults(partial(value_at, tomllib.loads(text))):
-        words = ", ".join(f"{key} = {value:g} ({reason})" for key, value, reason in absent)
-        lines.append(f"not given, by default: {words}")
-    return lines
+def _notes_on_inherited(text: str, origin: str, new_keys: Iterable[str]) -> list[str]:
+    """List the values inherited from the copied study: those that decide answers first."""
+    tables = tomllib.loads(text)
+    inherited = {}
+    for section, table in tables.items():
+        if not isinstance(table, dict) or section in new_keys:
+            continue
+        for name, value in table.items():
+            if f"{section}.{name}" not in new_keys:
+                inherited[f"{section}.{name}"] = value
+    notes = []
+    for answer, deciding in DECIDING.items():
+        keys = [key for stem in deciding for key in inherited if _is_under(key, stem)]
+        texts = [f"{key} = {toml_value(inherited.pop(key))}" for key in dict.fromkeys(keys)]
+        if texts:
+            notes.append(f"as in '{origin}', decides {answer}: {', '.join(texts)}")
+    if inherited:
+        texts = [f"{key} = {toml_value(value)}" for key, value in inherited.items()]
+        notes.append(f"as in '{origin}', keys of less influence: {', '.join(texts)}")
+    defaults = _defaults(partial(value_at, tables))
+    if defaults:
+        texts = [f"{key} = {value:g} ({reason})" for key, value, reason in defaults]
+        notes.append(f"not given, by default: {', '.join(texts)}")
+    return notes
 
 
-def _doubts(study: Setup) -> list[str]:
-    faults = [
-        f"your own dog fails {one.name}: {one.fault}; {one.remedy}"
-        for one in design_of(study, {}).faults
+def _is_under(key: str, stem: str) -> bool:
+    """Test whether a dotted key is ``stem`` or lies in the table ``stem``."""
+    return f"{key}.".startswith(f"{stem}.")
+
+
+def _warnings_of(study: Setup) -> list[str]:
+    """Describe failed checks, search ranges without the draft's dog, and implausible values."""
+    warnings = [
+        f"your own dog fails {check.name}: {check.fault}; {check.remedy}"
+        for check in design_of(study, {}).faults
     ]
-    outside = [
-        f"variables.{key} is [{low:g}, {high:g}], which does not hold your own {own:g}: no search "
-        "can propose it; widen the range"
-        for key, (low, high) in study.variables.items()
-        if key in study.shape_keys and not low <= (own := study.prototype[key]) <= high
-    ]
-    return [*faults, *outside, *notes_of(study)]
+    for key, (low, high) in study.variables.items():
+        value = study.prototype[key]
+        if key in study.shape_keys and not low <= value <= high:
+            warnings.append(
+                f"variables.{key} is [{low:g}, {high:g}], which does not hold your own {value:g}: "
+                "no search can propose it; widen the range"
+            )
+    return [*warnings, *notes_of(study)]
 
 
-def _following(text: str, given: Mapping[str, Any]) -> tuple[Data, list[str]]:
-    """Compute what follows from given values: values, None to leave out; and sentences.
+@dataclass(frozen=True)
+class _Change:
+    """Values of a study before and after the change of some keys."""
 
-    Given values stay. Nothing follows from values that are none; the study refuses them.
+    values: Mapping[str, Any]  #: given values by dotted key
+    before: LookUp
+    after: LookUp
+    keys: frozenset[str]  #: keys of ``ANY`` that changed
+
+    def differs(self, key: str) -> bool:
+        """Test whether the value of a key changed."""
+        return bool(self.before(key) != self.after(key))
+
+    def gives_strike(self) -> bool:
+        """Test whether a key of the strike has a given value."""
+        return any(key.startswith("strike.") for key in self.values)
+
+
+def _derive_values(text: str, values: Mapping[str, Any]) -> tuple[Data, list[str]]:
+    """Derive the values that follow from the given ones; None removes a key. Return notes too.
+
+    Given values stay. Nothing follows from invalid values, which the study refuses.
     """
-    texts = (text, with_values(text, given))
-    old, new = (partial(value_at, tomllib.loads(one)) for one in texts)
-    points = (old(POINTS) or []) * (old(POINTS) == new(POINTS))
-    has, wants = new(ACTUATOR), [p["force_N"] for p in points] or new(OPERATING)
-    lists = [one for one in (has, wants) if isinstance(one, list)]
-    numbers = [*map(new, (COUNT, HEIGHT, *DIAMETERS)), new(TORQUE) or 1.0, *chain(*lists)]
-    if not all(isinstance(one, (int, float)) and one > 0 for one in numbers):
+    tables = tomllib.loads(with_values(text, values))
+    before = partial(value_at, tomllib.loads(text))
+    after = partial(value_at, tables)
+    changed_keys = {key for key in ANY if before(key) != after(key)}
+    changed_keys |= {MASS} & set(values)  # even if all moving mass equals that of the ring before
+    change = _Change(values, before, after, keys=frozenset(changed_keys))
+    if not _has_valid_numbers(change):
         return {}, []
-    changed = {key for key in ANY if old(key) != new(key)}
-    changed |= {MASS} & set(given)  # also where all that moves is what the ring alone was
-    found: Data = {}
-    if changed & set(DIAMETERS):
-        ring = sum(map(new, DIAMETERS)) / sum(map(old, DIAMETERS))
-        found[HEIGHT] = rounded(new(HEIGHT) * ring * old(COUNT) / new(COUNT), 3)
-    limits = tuple(f"search.limits.{name}" for name in old("search.limits") or ())
-    void = [*BOUND.items(), (ANY, tuple(name for name in limits if name.endswith(UNITS)))]
-    for by, keys in void:
-        if changed & set(by):
-            found |= {key: None for key in keys if old(key) is not None}
-    found |= _simulated_strike(given, lambda key: None if key in found else new(key))
-    if len(lists) == 2 and not min(has) <= min(wants) <= max(wants) <= max(has):
-        found[OPERATING] = has
-        if points:  # a list of points becomes a grid
-            found[MISMATCH] = sorted({point["mismatch_rpm"] for point in points})
-    if "strike" in found and any(key.startswith("strike.") for key in given):
-        del found["strike"]
-        found |= {f"strike.{key}": None for key in old("strike")}
-    spread, strikes = new(MISMATCH), new("strike") and "strike" not in found
-    if strikes and isinstance(spread, dict) and {"low", "high"} <= spread.keys():
-        found[STRIKE_MISMATCH] = [spread["low"], spread["high"]]  # no draw has its ends
-    found |= _tip(new, changed=any(old(key) != new(key) for key in CHAMFERS))
-    found |= _widened_ranges(lambda key: new(key) if key in given else found.get(key, new(key)))
-    found = {key: value for key, value in found.items()
-             if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip
-    follows = ", ".join(f"{key} {value}" for key, value in found.items() if value is not None)
-    lacks = ", ".join(key for key, value in found.items() if value is None)
-    said = [f"follows from your clutch: {follows}"] if follows else []
-    said += [f"left out, absent or unchecked until given: {lacks}"] if lacks else []
-    replaced = replaced_keys({**given, **found}, tomllib.loads(texts[1]))
-    said += [f"replaced by values of yours: {', '.join(replaced)}"] if replaced else []
-    return found | dict.fromkeys(replaced), said
+    derived: Data = {}
+    for rule in RULES:
+        rule(change, derived)
+    derived = {
+        key: value
+        for key, value in derived.items()
+        if not any(_is_under(key, given_key) for given_key in values)
+    }
+    replaced = replaced_keys({**values, **derived}, tables)
+    notes = _notes_on_derived(derived, replaced)
+    return derived | dict.fromkeys(replaced), notes
 
 
-def _simulated_strike(given: Mapping[str, Any], tables: Callable[[str], Any]) -> Data:
-    """Compute ring and shaft of the shifts from a given strike: the middle of its range.
+def _notes_on_derived(derived: Data, replaced: Sequence[str]) -> list[str]:
+    """Describe derived, removed and replaced keys."""
+    texts = [f"{key} {value}" for key, value in derived.items() if value is not None]
+    removed = [key for key, value in derived.items() if value is None]
+    notes = []
+    if texts:
+        notes.append(f"follows from your clutch: {', '.join(texts)}")
+    if removed:
+        notes.append(f"left out, absent or unchecked until given: {', '.join(removed)}")
+    if replaced:
+        notes.append(f"replaced by values of yours: {', '.join(replaced)}")
+    return notes
 
-    A nominal value that the strike holds stays.
+
+def _listed_points(change: _Change) -> list[Data]:
+    """Return the operating points that a study lists, unless the change replaces them."""
+    return [] if change.differs(POINTS) else change.before(POINTS) or []
+
+
+def _required_forces(change: _Change) -> Any:
+    """Return the forces of the operating points: a list, or another form of the file."""
+    points = _listed_points(change)
+    return [point["force_N"] for point in points] or change.after(OPERATING)
+
+
+def _has_valid_numbers(change: _Change) -> bool:
+    """Test whether the numbers that the rules use are positive numbers."""
+    numbers = [change.after(key) for key in (COUNT, HEIGHT, *DIAMETERS)]
+    numbers.append(change.after(TORQUE) or 1.0)
+    for forces in (change.after(ACTUATOR), _required_forces(change)):
+        if isinstance(forces, list):
+            numbers += forces
+    return all(isinstance(number, (int, float)) and number > 0 for number in numbers)
+
+
+def _scale_height(change: _Change, derived: Data) -> None:
+    """Scale the height with the pitch, so that dogs of another diameter keep their shape."""
+    if change.keys & set(DIAMETERS):
+        diameter_ratio = sum(map(change.after, DIAMETERS)) / sum(map(change.before, DIAMETERS))
+        count_before, count = change.before(COUNT), change.after(COUNT)
+        height = change.after(HEIGHT) * diameter_ratio * count_before / count
+        derived[HEIGHT] = rounded(height, 3)
+
+
+def _remove_bound_values(change: _Change, derived: Data) -> None:
+    """Remove values of the copied clutch, and absolute limits of the search."""
+    names = change.before("search.limits") or ()
+    limits = tuple(f"search.limits.{name}" for name in names if name.endswith(UNITS))
+    for changing_keys, bound_keys in (*BOUND.items(), (ANY, limits)):
+        if change.keys & set(changing_keys):
+            derived |= {key: None for key in bound_keys if change.before(key) is not None}
+
+
+def _set_simulated_strike(change: _Change, derived: Data) -> None:
+    """Set ring and shaft of the shifts to the middle of a given strike's range.
+
+    A nominal value within the range stays, and both stay if only one would be known.
     """
-    found: Data = {}
-    for key, there in NOMINAL.items():
-        ends = given.get(key)
-        ends = ends if isinstance(ends, list) else [ends]
+
+    def nominal_value(key: str) -> Any:
+        return None if key in derived else change.after(key)
+
+    middles: Data = {}
+    for key, nominal_key in NOMINAL.items():
+        value = change.values.get(key)
+        ends = value if isinstance(value, list) else [value]
         if not all(isinstance(end, (int, float)) and end > 0 for end in ends):
             continue
-        nominal = tables(there)
+        nominal = nominal_value(nominal_key)
         if nominal is None or not min(ends) <= nominal <= max(ends):
-            found[there] = rounded(math.sqrt(min(ends) * max(ends)), 3)
-    alone = len(found) == 1 and any(
-        tables(there) is None for there in NOMINAL.values() if there not in found
-    )
-    return {} if alone else found
+            middles[nominal_key] = rounded(math.sqrt(min(ends) * max(ends)), 3)
+    other_keys = [key for key in NOMINAL.values() if key not in middles]
+    is_alone = len(middles) == 1 and any(nominal_value(key) is None for key in other_keys)
+    if not is_alone:
+        derived |= middles
 
 
-def _tip(tables: Callable[[str], Any], *, changed: bool) -> Data:
-    """Compute what a tip decides: ridge, and whether its faces release where it ``changed``.
+def _limit_forces(change: _Change, derived: Data) -> None:
+    """Limit the forces of the operating points to the range of the actuator's."""
+    available = change.after(ACTUATOR)
+    required = _required_forces(change)
+    if not isinstance(available, list) or not isinstance(required, list):
+        return
+    if min(available) <= min(required) <= max(required) <= max(available):
+        return
+    derived[OPERATING] = available
+    points = _listed_points(change)
+    if points:  # a list of points becomes a grid
+        derived[MISMATCH] = sorted({point["mismatch_rpm"] for point in points})
+
+
+def _keep_given_strike(change: _Change, derived: Data) -> None:
+    """Remove the values of the old strike one by one if the new one has values."""
+    if "strike" in derived and change.gives_strike():
+        del derived["strike"]
+        derived |= {f"strike.{key}": None for key in change.before("strike")}
+
+
+def _set_strike_mismatch(change: _Change, derived: Data) -> None:
+    """Set the mismatch of a strike to the ends of a distribution, which no draw reaches."""
+    mismatch = change.after(MISMATCH)
+    has_strike = change.after("strike") and "strike" not in derived
+    if has_strike and isinstance(mismatch, dict) and {"low", "high"} <= mismatch.keys():
+        derived[STRIKE_MISMATCH] = [mismatch["low"], mismatch["high"]]
+
+
+def _complete_tip(change: _Change, derived: Data) -> None:
+    """Add or remove the ridge of a roof, and decide whether changed faces must release.
 
     A tip without a back chamfer has no ridge, a new roof has it in the middle. Flat faces wait for
     the next window, others slide.
     """
-    found, crest = Data(), tables(CREST)
-    chamfers = [tables(key) or 0.0 for key in CHAMFERS]
+    chamfers = [change.after(key) or 0.0 for key in CHAMFERS]
     if not all(isinstance(angle, (int, float)) for angle in chamfers):
-        return found
-    if chamfers[1] == 0.0 and tables(CHAMFER_BACK) is not None and crest is not None:
-        found[CREST] = None
-    if chamfers[1] > 0.0 and crest is None:
-        found[CREST] = ROOF_CREST
-    flat, releases = not any(chamfers), tables(RELEASE) is not False
-    if changed and flat == releases:
-        found[RELEASE] = False if flat else None
-    return found
+        return
+    crest = change.after(CREST)
+    has_back = chamfers[1] > 0.0
+    if chamfers[1] == 0.0 and change.after(CHAMFER_BACK) is not None and crest is not None:
+        derived[CREST] = None
+    if has_back and crest is None:
+        derived[CREST] = ROOF_CREST
+    is_flat = not any(chamfers)
+    must_release = change.after(RELEASE) is not False
+    if any(map(change.differs, CHAMFERS)) and is_flat == must_release:
+        derived[RELEASE] = False if is_flat else None
 
 
-def _widened_ranges(tables: Callable[[str], Any]) -> Data:
-    """Compute the ranges of a search that do not hold the own shape, widened to it."""
-    found: Data = {}
-    for key, (low, high) in (tables("variables") or {}).items():
-        own = tables(f"dog.{key}")
-        if f"dog.{key}" == BACKLASH and tables(BACKLASH_DEG) is not None:
-            own = tables(BACKLASH_DEG) * mm_per_deg(*map(tables, DIAMETERS))
-        if not isinstance(own, (int, float)) or low <= own <= high:
+def _widen_ranges(change: _Change, derived: Data) -> None:
+    """Widen the ranges of a search that exclude the dog of the study."""
+
+    def look_up(key: str) -> Any:
+        return change.after(key) if key in change.values else derived.get(key, change.after(key))
+
+    ranges: Data = {}
+    for key, (low, high) in (look_up("variables") or {}).items():
+        value = look_up(f"dog.{key}")
+        if f"dog.{key}" == BACKLASH and look_up(BACKLASH_DEG) is not None:
+            value = look_up(BACKLASH_DEG) * mm_per_deg(*map(look_up, DIAMETERS))
+        if not isinstance(value, (int, float)) or low <= value <= high:
             continue
-        number = type(low)
-        found[f"variables.{key}"] = [
-            min(low, number(math.floor(own))),
-            max(high, number(math.ceil(own))),
-        ]
-    return found
+        kind = type(low)
+        new_low = min(low, kind(math.floor(value)))
+        new_high = max(high, kind(math.ceil(value)))
+        ranges[f"variables.{key}"] = [new_low, new_high]
+    derived |= ranges
+
+
+#: Rules that derive values from a change, in this order; each updates the derived values.
+RULES: tuple[Callable[[_Change, Data], None], ...] = (
+    _scale_height,
+    _remove_bound_values,
+    _set_simulated_strike,
+    _limit_forces,
+    _keep_given_strike,
+    _set_strike_mismatch,
+    _complete_tip,
+    _widen_ranges,
+)
 
 
 def is_void(key: str, answers: Mapping[str, Any]) -> bool:
-    """Check whether an earlier answer leaves a question without a subject."""
+    """Test whether an earlier answer leaves a question without a subject."""
     part = {CREST: CHAMFER_BACK, PLAY_DEVIATION: BACKLASH}.get(key)
     return part is not None and answers.get(part) == 0
 
 
 def value_of(key: str, text: str, *, default: Any, answers: Mapping[str, Any]) -> Any:
-    """Read the answer to the question of a key, whose ``default`` has the kind of the value.
+    """Read the answer to the question of a key, as a value of the kind of its ``default``.
 
     A backlash may be in degrees and the torque of the braking flank in N m. A range of operating
     points is a uniform distribution, one of a list its ends. Raises InputError.
     """
-    others: dict[str, float] = {}
+    factors: dict[str, float] = {}
     if key == BACKLASH and answers.keys() >= set(DIAMETERS):
-        others["deg"] = mm_per_deg(*map(answers.__getitem__, DIAMETERS))
+        factors["deg"] = mm_per_deg(*map(answers.__getitem__, DIAMETERS))
     if key == COAST and answers.get(TORQUE, 0.0) > 0.0:
-        others["Nm"] = 1.0 / answers[TORQUE]
-    answer = read_numbers(text, unit_of(key), others)
+        factors["Nm"] = 1.0 / answers[TORQUE]
+    answer = read_numbers(text, unit_of(key), factors)
     numbers = [rounded(number) for number in answer.numbers]
-    many = isinstance(default, (list, tuple, Mapping))
-    if answer.ranged and not many:
-        middle, half = 0.5 * sum(numbers), 0.5 * (numbers[1] - numbers[0])
-        also = f"; its deviation of {half:g} is asked next" if key == BACKLASH else ""
-        raise InputError(f"the study has one value, so give its middle {middle:g}{also}")
+    takes_list = isinstance(default, (list, tuple, Mapping))
+    if answer.ranged and not takes_list:
+        middle = 0.5 * sum(numbers)
+        half_width = 0.5 * (numbers[1] - numbers[0])
+        sentence = f"the study has one value, so give its middle {middle:g}"
+        if key == BACKLASH:
+            sentence += f"; its deviation of {half_width:g} is asked next"
+        raise InputError(sentence)
     if answer.ranged and key in (MISMATCH, OPERATING):
         return {"distribution": "uniform", "low": numbers[0], "high": numbers[1]}
-    if many:
+    if takes_list:
         return numbers
     if len(numbers) > 1:
         raise InputError("give a number")

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dogshape.sim.errors import InputError
-from dogshape.sim.files import naming
-from dogshape.sim.part import between, dog_corners, require_room
+from dogshape.sim.files import name_file_in_errors
+from dogshape.sim.part import dog_corners, fill_plane, require_room
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Corner, Lines, Vertices, rotation
 from dogshape.sim.units import MM
@@ -83,7 +83,7 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
     pair = cad.Compound(label="dog clutch", children=[sliding_ring, output_ring])
     buffer = io.BytesIO()
     cad.export_step(pair, buffer, timestamp=HEADER_TIME)
-    with naming(path):
+    with name_file_in_errors(path):
         path.write_bytes(_number_parts(buffer.getvalue()))
 
 
@@ -190,7 +190,7 @@ def _shell_radii(dog: Dog) -> tuple[float, float]:
 def _plane(cad: Any, dog: Dog, begin: _Edge, end: _Edge) -> Any:
     """Build the plane face between two edges; many points keep its ends off the annulus."""
     inner_radius, outer_radius = _shell_radii(dog)
-    lines = between(begin.line, end.line, (inner_radius, outer_radius), POLYGON_STEP)
+    lines = fill_plane(begin.line, end.line, (inner_radius, outer_radius), POLYGON_STEP)
     inner = [*lines.at(inner_radius)] if len(lines.points) else []
     outer = [*lines.at(outer_radius)] if len(lines.points) else []
     points = [begin.inner, *inner, end.inner, end.outer, *outer[::-1], begin.outer]

@@ -273,7 +273,7 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
     values |= {name: simulated.get(name) for name in HangKeys.model_fields}
     if confirmed is not None:
         values |= _confirmed_values(result, row, confirmed)
-    params = {name: row[name] for name in study.variables}
+    params = study.select_params(row)
     margins = {kind: row[f"margin_{kind}"] for kind in KINDS}
     weakest_checks = {
         kind: None if margin is None else (row.get(f"weakest_check_{kind}") or "", margin)

@@ -17,7 +17,7 @@ from plotly.offline import get_plotlyjs
 
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports.text import bind_units
-from dogshape.sim.files import naming
+from dogshape.sim.files import name_file_in_errors
 
 #: Captions are text, HTML is ``Markup``; None adds nothing.
 Part: TypeAlias = "go.Figure | Table | Markup | str | None"
@@ -68,7 +68,7 @@ def write_page(path: Path, template: str, **content: Any) -> None:
     for name, kind in (("table", Table), ("markup", Markup), ("bad", Bad)):
         environment.tests[name] = lambda part, kind=kind: isinstance(part, kind)
     page = environment.get_template(template).render(**content)
-    with naming(path):
+    with name_file_in_errors(path):
         path.write_text(page, encoding="utf-8")
 
 

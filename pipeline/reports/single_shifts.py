@@ -16,7 +16,7 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import recorded_profile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.statistics.shift_records import DEFAULTS, Record, clutch_record
+from dogshape.sim.statistics.shift_records import DEFAULTS, Record, clutch_record, diverged
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
 from dogshape.sim.units import DEG, RPM
 
@@ -48,16 +48,12 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
     A shift that does not engage is slower than any that does, a blocked shift the slowest. Shifts
     of the numerical error (finer steps) are left out.
     """
-    stored = [
-        shift
-        for shift in ShiftJournal(folder.shifts).rows.values()
-        if shift["outcome"] != Outcome.DIVERGED.value
-    ]
+    stored = [shift for shift in ShiftJournal(folder.shifts).rows.values() if not diverged(shift)]
     # The journal has the shifts of Drake where Drake judges.
     clutch = (study.reference_setup or study.search_setup).clutch
     replays = []
     for row in rows:
-        dog = study.dog_with({name: row[name] for name in study.variables})
+        dog = study.dog_with(study.select_params(row))
         inputs = DEFAULTS | clutch_record(replace(clutch, dog=dog))
         shifts = [shift for shift in stored if _has_inputs(shift, inputs)]
         if shifts:

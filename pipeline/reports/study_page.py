@@ -71,7 +71,7 @@ from dogshape.pipeline.store.result_records import (
     hinge_table,
 )
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.files import naming, without_formulas
+from dogshape.sim.files import name_file_in_errors, without_formulas
 from dogshape.surrogate.store import Validation
 
 #: Limits of engagement: key of the record, its kind, and what is limited.
@@ -100,7 +100,7 @@ def write_report(folder: StudyFolder) -> Path:
     """Write ``report.html`` and ``designs.csv`` of a stored study; return the report's path."""
     study = folder.stored_study()
     result = folder.stored_result()
-    with naming(folder.designs):
+    with name_file_in_errors(folder.designs):
         rows = [row for row in result["trials"] if row[SIMULATED] is not None]
         designs = designs_frame(result, [*study.variables], rows)
         without_formulas(designs).to_csv(folder.designs, index=False)
@@ -119,7 +119,7 @@ def write_report(folder: StudyFolder) -> Path:
 def _add_chosen_design(page: Report, folder: StudyFolder, study: Setup, result: Row) -> None:
     """Add the sections of a study that has a chosen design."""
     best = result["best"]
-    dog = study.dog_with({name: best[name] for name in study.variables})
+    dog = study.dog_with(study.select_params(best))
     section = Markup(open_section_svg(dog, study.clutch.dog, "prototype"))
     page.add("", *summary_tables(study, result), section)
     page.add("Front", *front_parts(study, result))
@@ -168,7 +168,7 @@ def hinge_parts(verdict: VerdictRow) -> list[Part]:
 def _drawing(study: Setup, row: Row) -> list[Part]:
     """Draw the section of a design that fails a check; empty for an impossible shape."""
     try:
-        dog = study.dog_with({name: row[name] for name in study.variables})
+        dog = study.dog_with(study.select_params(row))
     except GeometryError:
         return []
     title = f"{design_name(row).capitalize()}, nearest to passing every check"

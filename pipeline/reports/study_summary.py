@@ -405,7 +405,7 @@ def nearest_verdict(study: Setup, result: Row) -> VerdictRow | None:
     confirmed = confirmation_of(result, rows[0])
     if not confirmed:
         return None
-    params = {name: rows[0][name] for name in study.variables}
+    params = study.select_params(rows[0])
     return VerdictRow(**searched_verdict(study, params, rows[0], confirmed))
 
 
@@ -484,7 +484,7 @@ def chosen_verdict(study: Setup, result: Row, side: str = "best") -> VerdictRow:
     if side == "prototype":
         return VerdictRow(**searched_verdict(study, study.prototype, {"margins": {}}, confirmed))
     best = result["best"]
-    params = {name: best[name] for name in study.variables}
+    params = study.select_params(best)
     return VerdictRow(**searched_verdict(study, params, best, confirmed))
 
 

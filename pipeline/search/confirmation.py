@@ -56,7 +56,7 @@ from dogshape.pipeline.store.result_records import (
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
+from dogshape.sim.statistics.blocks import Block, numerical_error, repeat_count
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.statistics.hangs import pool
 from dogshape.sim.statistics.shift_records import Record as Shift
@@ -139,7 +139,7 @@ def shifts_to_confirm(study: Setup) -> int:
     hangs = (1 + HANG_ANGLES.rivals) * len(study.points) * sum(hang_rounds(study))
     designs = (2 + study.file.search.confirm_designs) * both
     torques = 2 * len(study.file.expectation.limit_torques_Nm or ()) * len(study.points) * many
-    return designs + hangs + torques + 2 * repeated(len(study.points) * few)
+    return designs + hangs + torques + 2 * repeat_count(len(study.points) * few)
 
 
 def confirm(

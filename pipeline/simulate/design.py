@@ -23,7 +23,7 @@ from dogshape.sim.clutch_tables import si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, refusal, require_known
 from dogshape.sim.shift.geometry import Dog, Dogs
-from dogshape.sim.statistics.expectation import LEAST_ENGAGED
+from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.strength.checks import RULES, Check, Rule
 from dogshape.sim.strength.dog_strength import (
@@ -120,7 +120,7 @@ def design_of(
     design = check_dog(study, params, dog, limits=limits_of(study), limited=limited)
     if measured is None:
         return design
-    engagement_check = Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED)
+    engagement_check = Check(ENGAGEMENT, measured.engaged, MIN_ENGAGED_SHARE)
     landing_checks = demand_checks(measured.demand, study.limits)
     checks = (*design.checks, *landing_checks, engagement_check)
     return replace(design, checks=checks, landings=measured.landings)

@@ -49,6 +49,7 @@ from dogshape.sim.statistics.expectation import (
 from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import (
+    diverged,
     entries_by_angle,
     first_windows,
     landing_of,
@@ -61,7 +62,7 @@ from dogshape.sim.strength.landing import (
     Landings,
     Wear,
     demand_checks,
-    worn,
+    wear_crests,
 )
 from dogshape.sim.units import DEG, MM, RPM
 from dogshape.surrogate.dataset import rows_of
@@ -82,10 +83,9 @@ class DesignShifts:
 
     def mean(self, value: Callable[[Shift], float]) -> Estimate:
         """Compute the mean of a value over the mix, without shifts whose integration failed."""
-        diverged = Outcome.DIVERGED.value
         values = []
         for shifts in self.rows:
-            values.append([value(shift) for shift in shifts if shift["outcome"] != diverged])
+            values.append([value(shift) for shift in shifts if not diverged(shift)])
         return mean_over([point.point.weight for point in self.expectation.points], values)
 
 
@@ -114,7 +114,7 @@ def _first_try_share(shifts: DesignShifts) -> Estimate:
     limit = shifts.study.file.search.within_s or shifts.study.clutch.timeout
     counts = []
     for rows in shifts.rows:
-        sound_rows = [row for row in rows if row["outcome"] != Outcome.DIVERGED.value]
+        sound_rows = [row for row in rows if not diverged(row)]
         late_count = sum((row["shift_time_s"] or math.inf) > limit for row in sound_rows)
         counts.append((late_count, len(sound_rows)))
     weights = [point.point.weight for point in shifts.expectation.points]
@@ -299,8 +299,8 @@ def _evaluation(
 
 def failures(shifts: Iterable[Shift]) -> dict[str, int]:
     """Count the shifts whose integration failed by the reason; they have no time."""
-    diverged = [shift for shift in shifts if shift["outcome"] == Outcome.DIVERGED.value]
-    reasons = (str(shift.get("reason", MESSAGES[Outcome.DIVERGED])) for shift in diverged)
+    failed_shifts = [shift for shift in shifts if diverged(shift)]
+    reasons = (str(shift.get("reason", MESSAGES[Outcome.DIVERGED])) for shift in failed_shifts)
     return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
@@ -479,9 +479,9 @@ def life_of(
             crest_loss = life * wear.crest_loss
         elif stages:
             crest_loss += _loss_since(
-                stages[-1], life, wear, dog=worn(new_dog, crest_loss), study=study
+                stages[-1], life, wear, dog=wear_crests(new_dog, crest_loss), study=study
             )
-        dog = worn(new_dog, crest_loss) if crest_loss else new_dog
+        dog = wear_crests(new_dog, crest_loss) if crest_loss else new_dog
         dog = replace(dog, edge_radius=wear.edges(new_dog, life))
         expectation, rows = _expect_worn(design_study, dog, executor, priors)
         demand = landings_over(expectation, rows).demand(dog, design_study.limits)

@@ -30,7 +30,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.sim.errors import InputError, StorageError, WorkerError
-from dogshape.sim.files import writing
+from dogshape.sim.files import lock_folder
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions
@@ -346,7 +346,7 @@ class RunOptions:
         with WorkCounter(self.progress, shifts) as counter, ExitStack() as locks:
             if folder is not None:
                 try:
-                    locks.enter_context(writing(folder))
+                    locks.enter_context(lock_folder(folder))
                 except StorageError as error:
                     reason = str(error).partition(";")[0]
                     folder = None

@@ -37,11 +37,16 @@ from dogshape.pipeline.store.folder import (
 from dogshape.pipeline.train.training_rows import row_record, with_rows
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.files import naming, writing
-from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.files import lock_folder, name_file_in_errors
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
-from dogshape.sim.statistics.shift_records import Record, content_key, result_of, unfinished
+from dogshape.sim.statistics.shift_records import (
+    Record,
+    content_key,
+    diverged,
+    result_of,
+    unfinished,
+)
 from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.locking import face_angle
@@ -259,7 +264,7 @@ def _row(study: Setup, job: Job, shifts: Sequence[Record]) -> list[float] | None
     gaps = np.diff(phases[order], append=phases[order[0]] + 1.0)
     widths = 0.5 * (gaps + np.roll(gaps, 1))
     engaged_share = float(widths @ np.isfinite(times[order]))
-    valid_count = sum(result_of(shift).outcome is not Outcome.DIVERGED for shift in shifts)
+    valid_count = sum(not diverged(shift) for shift in shifts)
     values = {
         "mean_s": mean,
         "standard_error_s": variance**0.5,
@@ -305,7 +310,7 @@ def fill(
     angle_count = count * angles_of(study) + reference_count * settings.reference_angles
     resumption = f"{folder.root}; the same command goes on"
     connect(cluster)
-    with writing(folder.root):
+    with lock_folder(folder.root):
         folder.open(study, resume=True)
         shift_count = angle_count * len(study.points)
         with WorkCounter(progress, shift_count, resumption=resumption) as counter:
@@ -398,6 +403,6 @@ def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say
     references = [simulated_data(study, path, part) for part in parts]
     stored = Stored(surrogate, validate(surrogate, *references))
     save(out or folder.surrogate, stored)
-    with naming(folder.points):
+    with name_file_in_errors(folder.points):
         data.frame().to_csv(folder.points, index=False)
     return stored

@@ -1,8 +1,8 @@
 """Blocks of work: one clutch at one operating point with its relative angles.
 
-A block is a value that any process can simulate, with Drake's plant or the compiled engine, as its
-solver says; either takes a second to load, and few runs want both. The numerical error of a mean
-shift time is found by repeating some of its shifts.
+A block is a value that any process can simulate with the engine of its solver, Drake's plant or the
+compiled one; either takes a second to load, so it loads at first use. The numerical error of a mean
+shift time is estimated by repeating some of its shifts.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.shift import conclusion
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
@@ -32,7 +33,7 @@ from dogshape.sim.versions import engine
 
 @lru_cache(maxsize=2)
 def _prepared(clutch: Clutch) -> Engine:
-    """Build the plant of a clutch once in this process."""
+    """Build the engine of a clutch; cached in this process."""
     if clutch.solver.engine == "planar":
         from dogshape.sim.shift.planar import PlanarClutch  # noqa: PLC0415
 
@@ -49,32 +50,32 @@ def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Enga
 
 @dataclass(frozen=True)
 class Block:
-    """One clutch at one operating point, the nominal ones, at relative angles in rad."""
+    """Shifts of one clutch at one operating point over relative angles."""
 
-    clutch: Clutch
-    point: OperatingPoint
-    angles: tuple[float, ...]
-    seed: int | None = None  #: of the angles' draw; None where they were given
-    variants: tuple[Variant, ...] = ()  #: draw of each angle; empty where all is certain
+    clutch: Clutch  #: nominal
+    point: OperatingPoint  #: nominal
+    angles: tuple[float, ...]  #: rad
+    seed: int | None = None  #: of the draw of the angles; None for listed angles
+    variants: tuple[Variant, ...] = ()  #: drawn factors of each angle; empty without uncertainty
 
     @property
     def inputs(self) -> list[Record]:
-        """Nominal inputs of its shifts by angle as flat records, and draws where uncertain."""
+        """Inputs of the shifts by angle as flat records: nominal ones and drawn factors."""
         clutch, point = self.clutch, self.point
-        same = clutch_record(clutch) | {"mismatch_rpm": point.mismatch / RPM} | point.profile.record
-        return [
-            {
-                **same,
-                "relative_angle_deg": angle / DEG,
-                **({} if variant is None else variant_record(clutch, point, variant)),
-            }
-            for angle, variant in zip(self.angles, self.each_variant, strict=True)
-        ]
+        common = clutch_record(clutch) | {"mismatch_rpm": point.mismatch / RPM}
+        common |= point.profile.record
+        records = []
+        for angle, variant in zip(self.angles, self.each_variant, strict=True):
+            record = {**common, "relative_angle_deg": angle / DEG}
+            if variant is not None:
+                record |= variant_record(clutch, point, variant)
+            records.append(record)
+        return records
 
     @cached_property
     def keys(self) -> list[str]:
         """Content keys of the block's shifts, in the order of the angles."""
-        return [content_key(given) for given in self.inputs]
+        return [content_key(record) for record in self.inputs]
 
     @cached_property
     def first_key(self) -> str:
@@ -83,16 +84,16 @@ class Block:
 
     @property
     def each_variant(self) -> tuple[Variant | None, ...]:
-        """The draw of each angle, None where all is certain."""
+        """Drawn factors of each angle, None without uncertainty."""
         return self.variants or (None,) * len(self.angles)
 
     def only(self, places: Sequence[int]) -> Block:
-        """Return the block with the angles at ``places`` alone."""
+        """Return the block with the angles of the indices ``places`` alone."""
         variants = tuple(self.variants[k] for k in places) if self.variants else ()
         return replace(self, angles=tuple(self.angles[k] for k in places), variants=variants)
 
     def refined(self, place: int) -> Block:
-        """Return the shift at ``place`` alone, with a tolerance thirty times smaller."""
+        """Return the block of the angle at index ``place`` with a thirtieth of the tolerance."""
         return replace(self.only([place]), clutch=self.clutch.refined(), seed=None)
 
 
@@ -121,63 +122,87 @@ def even_block(
     *,
     uncertainty: Uncertainty | None = None,
 ) -> Block:
-    """Return one operating point at so many even angles, or at those listed, rad.
+    """Return the block of an operating point at a number of even angles, or at listed ones in rad.
 
     ``draw`` is seed and index of even angles and of uncertain factors.
     """
+    seed = None
+    angle_list: Sequence[float]
     if isinstance(angles, int):
-        shares = even_phases(angles, *draw, base) * clutch.dog.pitch_angle
-        places: tuple[float, ...] = tuple(shares.tolist())
+        seed = draw[0]
+        angle_list = (even_phases(angles, *draw, base) * clutch.dog.pitch_angle).tolist()
     else:
-        places = tuple(angles)
-    variants = _drawn(uncertainty, point, len(places), *draw, base) if uncertainty else ()
-    return Block(clutch, point, places, draw[0] if isinstance(angles, int) else None, variants)
+        angle_list = angles
+    variants: tuple[Variant, ...] = ()
+    if uncertainty:
+        variants = _draw_variants(uncertainty, point, len(angle_list), *draw, base)
+    return Block(clutch, point, tuple(angle_list), seed=seed, variants=variants)
 
 
-_drawn = lru_cache(maxsize=128)(Uncertainty.variants)  # designs have the draws of a point in common
+#: All designs share the draws of an operating point.
+_draw_variants = lru_cache(maxsize=128)(Uncertainty.variants)
 
 
 def events_record(result: Engagement) -> Record:
-    """Return the events of a shift as a flat record in the edge's units."""
-    events, rest = result.events, {}
-    if result.outcome is Outcome.BLOCKED:  # the overlap left in the sense of the mismatch
-        from dogshape.sim import kernel  # noqa: PLC0415  slow to load
-
-        numbers, angle = result.clutch.numbers, float(result.trace.relative_angle[-1])
-        overlap, most, _ = kernel.facing(kernel.face_overlap(angle, numbers), numbers)
-        left = most - overlap if result.point.mismatch > 0.0 else overlap
-        rest["rest_overlap_deg"] = max(left, 0.0) / result.clutch.dog.mean_radius / DEG
-    lengths = edge_record(events, ("rebound_travel_mm", "time_blocked_s", "face_slide_mm"))
-    counts = {"face_contacts": events.face_contacts, "slots_skipped": events.slots_skipped}
-    return {**counts, **lengths, **rest}
+    """Return the events of a shift as a flat record in the units of files."""
+    events = result.events
+    record: Record = {
+        "face_contacts": events.face_contacts,
+        "slots_skipped": events.slots_skipped,
+        **edge_record(events, ("rebound_travel_mm", "time_blocked_s", "face_slide_mm")),
+    }
+    if result.outcome is Outcome.BLOCKED:
+        record["rest_overlap_deg"] = _overlap_ahead(result) / DEG
+    return record
 
 
-_LOADS = (
-    *("peak_axial_force_N", "peak_tangential_force_N", "impact_impulse_Ns", "energy_dissipated_J"),
-    *("strike_mismatch_rpm", "residual_mismatch_rpm"),
+def _overlap_ahead(result: Engagement) -> float:
+    """Compute the overlap of a blocked shift up to the next slot in the sense of mismatch, rad."""
+    from dogshape.sim import kernel  # noqa: PLC0415  slow to load
+
+    numbers = result.clutch.numbers
+    angle = float(result.trace.relative_angle[-1])
+    overlap, max_overlap, _ = kernel.facing(kernel.face_overlap(angle, numbers), numbers)
+    length = max_overlap - overlap if result.point.mismatch > 0.0 else overlap
+    return max(length, 0.0) / result.clutch.dog.mean_radius
+
+
+_LOAD_KEYS = (
+    "peak_axial_force_N",
+    "peak_tangential_force_N",
+    "impact_impulse_Ns",
+    "energy_dissipated_J",
+    "strike_mismatch_rpm",
+    "residual_mismatch_rpm",
 )
-_SHAFTS = ("input_torque_peak_Nm", "output_torque_peak_Nm")
+_SHAFT_KEYS = ("input_torque_peak_Nm", "output_torque_peak_Nm")
 
 
 def loads_record(result: Engagement) -> Record:
-    """Return the loads of a shift as a flat record in the edge's units; rigid shafts have none."""
-    landing = [load * MM for load in result.loads.landing_loads]
-    shafts = {k: v for k, v in edge_record(result.loads, _SHAFTS).items() if v is not None}
-    return {**edge_record(result.loads, _LOADS), "landing_loads_N_mm": landing, **shafts}
+    """Return the loads of a shift as a flat record in the units of files.
+
+    Rigid shafts have no keys.
+    """
+    record = edge_record(result.loads, _LOAD_KEYS)
+    record["landing_loads_N_mm"] = [load * MM for load in result.loads.landing_loads]
+    shaft_record = edge_record(result.loads, _SHAFT_KEYS)
+    record |= {key: torque for key, torque in shaft_record.items() if torque is not None}
+    return record
 
 
 def run_block(block: Block) -> Iterator[Record]:
-    """Simulate the shifts of a block and yield each as a flat record: inputs, result, versions."""
-    asked = zip(block.angles, block.each_variant, block.inputs, block.keys, strict=True)
-    for angle, variant, given, key in asked:
+    """Simulate the shifts of a block; yield each as a flat record of inputs, results, versions."""
+    shifts = zip(block.angles, block.each_variant, block.inputs, block.keys, strict=True)
+    for angle, variant, inputs, key in shifts:
         clutch, point = block.clutch, block.point
         if variant is not None:
-            clutch, point = variant.clutch(clutch), variant.point(point)
+            clutch = variant.clutch(clutch)
+            point = variant.point(point)
         result = engage(clutch, point, angle)
-        times = {"shift_time_s": result.shift_time}
+        record = {"key": key, **inputs, "outcome": result.outcome.value}
+        record["shift_time_s"] = result.shift_time
         if clutch.mechanism.has_linkage:
-            times["actuator_time_s"] = result.actuator_time
-        record = {"key": key, **given, "outcome": result.outcome.value} | times
+            record["actuator_time_s"] = result.actuator_time
         record |= events_record(result) | loads_record(result)
         record |= {"steps": len(result.run.times), "evaluations": result.evaluations}
         if result.outcome is Outcome.DIVERGED:
@@ -185,37 +210,47 @@ def run_block(block: Block) -> Iterator[Record]:
         yield record | engine() | {"seed": block.seed}
 
 
-CHECKED, LEAST = 8, 4  #: one shift in so many is repeated, and at least so many
+REPEAT_INTERVAL = 8  #: one shift of so many is repeated
+MIN_REPEATS = 4  #: shifts to repeat, if there are as many
 
 Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
 
 
-def repeated(shifts: int) -> int:
-    """Compute the number of shifts that are repeated."""
-    return min(shifts, max(LEAST, shifts // CHECKED))
+def repeat_count(shifts: int) -> int:
+    """Compute the number of ``shifts`` to repeat for the numerical error."""
+    return min(shifts, max(MIN_REPEATS, shifts // REPEAT_INTERVAL))
 
 
 def numerical_error(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
 ) -> float:
-    """Return the numerical error of a mean shift time over operating points, s.
+    """Estimate the numerical error of a mean shift time over operating points, s.
 
-    An eighth of the shifts, at least four, drawn at random, is repeated with a tolerance thirty
-    times smaller. The mean difference (weighted as the mean is) and its standard error are added as
-    squares. A shift that does not engage counts with the time-out. NaN for a single shift.
+    ``rows`` are the shifts of each block. An eighth of them, at least four, drawn at random, is
+    repeated with a tolerance thirty times smaller. The mean difference (weighted as the mean is)
+    and its standard error add as squares. A shift that does not engage counts with the time-out.
+    NaN for a single shift.
     """
-    shifts = [(k, place, row) for k, mine in enumerate(rows) for place, row in enumerate(mine)]
-    number = repeated(len(shifts))
-    drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
-    chosen = [shifts[k] for k in sorted(drawn.tolist())]
-    fine = run([blocks[k].refined(place) for k, place, _ in chosen])
-    if number < 2:
+    shifts = []
+    for block, block_rows in zip(blocks, rows, strict=False):
+        shifts += [(block, index, row) for index, row in enumerate(block_rows)]
+    count = repeat_count(len(shifts))
+    permutation = np.random.default_rng(len(shifts)).permutation(len(shifts))
+    sample = [shifts[k] for k in sorted(permutation[:count].tolist())]
+    fine_rows = run([block.refined(index) for block, index, _ in sample])
+    if count < 2:
         return math.nan
-    pairs = [(row, again) for (*_, row), (again,) in zip(chosen, fine, strict=True)]
-    times = np.array([[one["shift_time_s"] for one in pair] for pair in pairs], dtype=float)
-    # None is NaN by now.
-    apart = -np.diff(np.where(np.isnan(times), blocks[0].clutch.timeout, times))[:, 0]
-    weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k, *_ in chosen])
+    coarse_times = _times_or_timeout([row for *_, row in sample], blocks[0].clutch.timeout)
+    fine_times = _times_or_timeout([row for (row,) in fine_rows], blocks[0].clutch.timeout)
+    differences = coarse_times - fine_times
+    weights = np.array([block.point.weight / len(block.angles) for block, *_ in sample])
     weights /= weights.sum()
-    mean = float(weights @ apart)
-    return math.sqrt(mean**2 + float(weights**2 @ (apart - mean) ** 2) * number / (number - 1))
+    mean = float(weights @ differences)
+    variance = float(weights**2 @ (differences - mean) ** 2) * count / (count - 1)
+    return math.sqrt(mean**2 + variance)
+
+
+def _times_or_timeout(rows: Sequence[Record], timeout: float) -> Array:
+    """Return the shift times of records, s, (n,), with the time-out for shifts without one."""
+    times = np.array([row["shift_time_s"] for row in rows], dtype=float)
+    return np.where(np.isnan(times), timeout, times)

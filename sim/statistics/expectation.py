@@ -2,8 +2,8 @@ r"""Expected shift time over the random relative angle and the operating points,
 
 The angle is uniform over one pitch, sampled at *n* even angles with a random start that is common
 to all designs. A shift that does not engage hangs and is tried again. The expected time is the mean
-of engaged shifts and the time of retries, by the posterior of the probability of a hang
-(``hangs``); the error of either is known on its own, and that of the mean is
+of engaged shifts plus the time of retries, by the posterior of the probability of a hang
+(``hangs``); each has its own error, and that of the mean is
 
 .. math:: s^2 = \frac{\sum d_k^2}{12 n^2} + \frac{5 \hat\sigma^2}{6 n}, \quad
    \hat\sigma^2 = \max(0, -\overline{d_k d_{k+1}}),
@@ -20,16 +20,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import Array, by_weight
+from dogshape.sim.elementwise import Array, empirical_distribution
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.hangs import HangPosterior, HangPrior, interval, weak_priors
 
 FIRST_WINDOW_SHARE = 0.9  #: of the relative angles, up to the limit engagement speed (judged)
-LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
+MIN_ENGAGED_SHARE = 0.5  #: of an operating point's shifts, from which it has a time (judged)
 NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
 
 
@@ -43,11 +44,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class ShiftResult:
-    """Outcome and time of one shift in s (None if it failed), for an expectation."""
+    """Outcome and time of one shift, for an expectation."""
 
     outcome: Outcome
-    shift_time: float | None
-    rest: float | None = None  #: of a blocked one to the next slot ahead, rad
+    shift_time: float | None  #: s; None if it did not engage
+    overlap: float | None = None  #: of a blocked shift up to the next slot ahead, rad
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,13 @@ class SetPoint:
 
     A drive that overcomes the friction of the faces, :math:`\mu_s F r`, makes the relative speed
     :math:`A \sin(2 \pi (t - t_0)/T)` from :math:`t_0` on, at first in the sense of the mismatch.
-    The relative angle then has passed the rest :math:`u` of the overlap at
+    The relative angle then has passed the overlap :math:`u` at
 
     .. math:: t_0 + \frac{T}{2 \pi} \arccos\left(1 - \frac{2 \pi u}{A T}\right), \qquad
        u \le \frac{A T}{\pi},
 
-    and the ring falls into the slot; its fall, 3 to 12 ms if simulated, is left out. A larger rest
-    is never passed.
+    and the ring falls into the slot; its fall, 3 to 12 ms if simulated, is left out. A larger
+    overlap is never passed.
     """
 
     amplitude: float = 0.0  #: rad/s; 0 frees nothing
@@ -70,18 +71,21 @@ class SetPoint:
     start: float = 0.0  #: s from the command
 
     def passages(self, overlaps: Array) -> Array:
-        """Compute the times from the command to the passage of overlaps in rad, (n,), s or NaN."""
+        """Compute the times of passing ``overlaps`` (n,) in rad, s after the command, (n,)."""
         swing = self.amplitude * self.period / math.pi
         shares = np.where(overlaps <= swing, overlaps / (swing or 1.0), np.nan)
         return self.start + self.period / (2.0 * math.pi) * np.arccos(1.0 - 2.0 * shares)
 
     def freed(self, shifts: Sequence[ShiftResult]) -> list[ShiftResult]:
-        """Give each blocked shift the time at which it is freed; it remains ``Outcome.BLOCKED``."""
+        """Return the shifts with the times at which blocked ones are freed; outcomes stay."""
         if self.amplitude == 0.0:
             return list(shifts)
-        rests = np.array([np.nan if s.rest is None else s.rest for s in shifts])
-        pairs = zip(shifts, self.passages(rests).tolist(), strict=True)
-        return [s if math.isnan(time) else replace(s, shift_time=time) for s, time in pairs]
+        overlaps = np.array([np.nan if s.overlap is None else s.overlap for s in shifts])
+        times = self.passages(overlaps).tolist()
+        results = []
+        for shift, time in zip(shifts, times, strict=True):
+            results.append(shift if math.isnan(time) else replace(shift, shift_time=time))
+        return results
 
 
 @dataclass(frozen=True)
@@ -89,30 +93,30 @@ class PointExpectation:
     """Expected shift time at one operating point, s."""
 
     point: OperatingPoint
-    engaged_mean: float  #: of shifts that engage or are freed; the time-out where none does
-    engaged_error: float  #: its standard error, NaN for fewer than three shifts
-    mean_engaged: float | None  #: without those that are freed; None where no shift engaged
+    engaged_mean: float  #: of shifts that engage or are freed; the time-out without any
+    engaged_error: float  #: standard error of ``engaged_mean``, NaN for fewer than three shifts
+    mean_engaged: float | None  #: of shifts that engage by themselves; None without any
     sd: float
     engaged: float  #: share at the first try
-    n: int
-    retry_cost: float  #: of a shift that hangs
+    n: int  #: number of shifts, without diverged ones
+    retry_cost: float  #: of a shift that hangs, s
     hang: HangPosterior  #: probability that a shift hangs
-    blocked: int = 0  #: number that stood still dog on dog, held by friction
-    freed: int = 0  #: number of these that a set-point freed
+    blocked: int = 0  #: number of shifts that friction held dog on dog
+    freed: int = 0  #: number of blocked shifts that a set-point freed
     by_angle: Sequence[Sequence[int]] = ()  #: of ``entries_by_angle``
     prior: HangPrior | None = None  #: of the probability of a hang
-    #: number that engaged without being carried past a slot; None where the shifts do not tell
+    #: number of shifts that engaged without skipping a slot; None if not recorded
     first_window: int | None = None
     direct_share: float | None = None  #: of ``sim.statistics.shiftability``
 
     @property
     def hangs(self) -> int:
-        """Number of the shifts that are tried again."""
+        """Number of shifts that are tried again."""
         return self.lost - self.freed
 
     @property
     def silent(self) -> bool:
-        """Whether no shift tells a time: retries then count as one in n + 1 that engages."""
+        """Whether no shift has a time: one in n + 1 retries then counts as engaged."""
         return self.hangs >= self.n
 
     @property
@@ -140,27 +144,27 @@ class PointExpectation:
         return math.hypot(self.engaged_error, self.retries_error)
 
     def under(self, prior: HangPrior) -> PointExpectation:
-        """Return the expectation by another prior of the probability of a hang."""
+        """Return the expectation with another prior of the probability of a hang."""
         return replace(self, hang=prior.posterior(self.hangs, self.n), prior=prior)
 
     @property
     def timed(self) -> float:
-        """Share of the shifts that engage at the first try or freed by the set-point."""
+        """Share of shifts that engage at the first try, alone or freed by the set-point."""
         return self.engaged + self.freed / max(1, self.n)
 
     @property
     def lost(self) -> int:
-        """Number of the shifts that did not engage at the first try."""
+        """Number of shifts that did not engage at the first try."""
         return self.n - round(self.engaged * self.n)
 
     @property
     def engages(self) -> bool:
-        """Whether enough of the shifts engage for an expected time."""
-        return self.timed >= LEAST_ENGAGED
+        """Whether enough shifts engage for an expected time."""
+        return self.timed >= MIN_ENGAGED_SHARE
 
     @property
     def time(self) -> float | None:
-        """Expected shift time, s; None where too few shifts engage."""
+        """Expected shift time, s; None if too few shifts engage."""
         return self.mean if self.engages else None
 
 
@@ -169,8 +173,8 @@ class Expectation:
     """Expected shift time over all operating points, weighted, s."""
 
     points: tuple[PointExpectation, ...]
-    numerical_error: float | None = None  #: by repeating some shifts with a far smaller tolerance
-    #: of the time of all shifts of the mix, by their share, retries included
+    numerical_error: float | None = None  #: by repeating some shifts with a smaller tolerance
+    #: quantiles of the time of all shifts of the mix, retries included, by share
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
     first_window_share: float = FIRST_WINDOW_SHARE  #: that defines the limit engagement speed
     #: operating points under a further torque on a side, by that torque in N m
@@ -231,7 +235,7 @@ class Expectation:
 
     @property
     def hangs(self) -> int:
-        """Number of the shifts that are tried again."""
+        """Number of shifts that are tried again."""
         return sum(p.hangs for p in self.points)
 
     @property
@@ -240,9 +244,9 @@ class Expectation:
         return [(point.hangs, point.n) for point in self.points]
 
     def under(self, priors: Sequence[HangPrior]) -> Expectation:
-        """Return the expectation by other priors, one for each operating point."""
-        pairs = zip(self.points, priors, strict=True)
-        return replace(self, points=tuple(point.under(prior) for point, prior in pairs))
+        """Return the expectation with other priors, one for each operating point."""
+        points = [point.under(prior) for point, prior in zip(self.points, priors, strict=True)]
+        return replace(self, points=tuple(points))
 
     @property
     def relative_error(self) -> float:
@@ -251,38 +255,44 @@ class Expectation:
 
     @property
     def engages(self) -> bool:
-        """Whether at every operating point enough of the shifts engage for an expected time."""
+        """Whether enough shifts engage at every operating point for an expected time."""
         return all(p.engages for p in self.points)
 
     @property
     def time(self) -> float | None:
-        """Expected shift time, s; None where too few shifts engage somewhere."""
+        """Expected shift time, s; None if too few shifts engage at some operating point."""
         return self.mean if self.engages else None
 
     @property
     def losses(self) -> str:
-        """Count the shifts that did not engage by cause, with what frees those that are held."""
-        words = f"{self.lost} of {self.shifts} shifts did not engage"
-        late, freed = self.lost - self.blocked, sum(point.freed for point in self.points)
+        """Sentence on the shifts that did not engage: numbers by cause, and a remedy."""
+        sentence = f"{self.lost} of {self.shifts} shifts did not engage"
+        causes = []
         if self.blocked:
-            words += f": {self.blocked} held dog on dog by friction"
-            words += f" ({freed} of these freed by the alternating set-point)" if freed else ""
-        if late:
-            words += f"{',' if self.blocked else ':'} {late} short of full depth at the time-out"
+            cause = f"{self.blocked} held dog on dog by friction"
+            freed = sum(point.freed for point in self.points)
+            if freed:
+                cause += f" ({freed} of these freed by the alternating set-point)"
+            causes.append(cause)
+        timed_out = self.lost - self.blocked
+        if timed_out:
+            causes.append(f"{timed_out} short of full depth at the time-out")
+        if causes:
+            sentence += f": {', '.join(causes)}"
         if self.engages or not self.blocked:
-            return words
-        return f"{words}; a larger chamfer, mismatch or sliding.inertia_kgm2 frees those held"
+            return sentence
+        return f"{sentence}; a larger chamfer, mismatch or sliding.inertia_kgm2 frees those held"
 
     @property
     def mean_engaged(self) -> float | None:
-        """Weighted mean without retries, s; None where at some operating point none engaged.
+        """Weighted mean without retries, s; None if no shift engaged at some operating point.
 
-        One hung shift in some hundreds moves ``mean`` by milliseconds and this one hardly.
+        One hung shift in some hundreds moves ``mean`` by milliseconds, but hardly this mean.
         """
-        total = sum(p.point.weight for p in self.points)
+        total_weight = sum(p.point.weight for p in self.points)
         if None in (p.mean_engaged for p in self.points):
             return None
-        return sum(p.point.weight / total * (p.mean_engaged or 0.0) for p in self.points)
+        return sum(p.point.weight / total_weight * (p.mean_engaged or 0.0) for p in self.points)
 
     @property
     def shifts(self) -> int:
@@ -306,10 +316,10 @@ class Expectation:
 
 
 def even_phases(count: int, seed: int, index: int, base: int | None = None) -> Array:
-    """Return ``count`` fractions of a pitch in [0, 1), evenly spaced from a random start, (count,).
+    """Draw ``count`` evenly spaced fractions of a pitch in [0, 1) with a random start, (count,).
 
-    Each operating point has an ``index``, and so angles of its own and an independent error. Where
-    ``count`` is a multiple of ``base``, the result holds the ``base`` fractions of the same draw.
+    The ``index`` of an operating point gives it an independent start. If ``count`` is a multiple of
+    ``base``, the result contains the ``base`` fractions of the same draw.
     """
     start = np.random.default_rng([seed, index]).random() * (count // (base or count))
     return (np.arange(count) + start % 1.0) / count
@@ -323,46 +333,53 @@ def expect_point(
     *,
     even: bool = True,
 ) -> PointExpectation:
-    """Return the expected shift time of one operating point from its shifts.
+    """Estimate the expected shift time of one operating point from its shifts.
 
-    ``shifts`` are in the order of their angles; ``timeout`` and ``retraction`` in s.
-    Shifts whose integration failed say nothing and are left out.
+    Parameters
+    ----------
+    shifts : in the order of their angles; diverged ones are left out.
+    timeout, retraction : s.
+    even : whether the angles are evenly spaced; else they are independent.
     """
     n = sum(s.outcome is not Outcome.DIVERGED for s in shifts)
-    held = [s.shift_time for s in shifts if s.outcome is Outcome.BLOCKED]
-    blocked, freed = len(held), sum(time is not None for time in held)
+    blocked_times = [s.shift_time for s in shifts if s.outcome is Outcome.BLOCKED]
     times = np.array([s.shift_time for s in shifts if s.shift_time is not None], dtype=float)
-    lost = timeout + retraction
     (prior,) = weak_priors(1)
-    hang = prior.posterior(n - times.size, n)
-    if times.size == 0:
-        return PointExpectation(
-            point, engaged_mean=timeout, engaged_error=0.0, mean_engaged=None, sd=0.0, engaged=0.0,
-            n=n, retry_cost=lost, hang=hang, blocked=blocked, prior=prior,
-        )  # fmt: skip
-    variance = variance_of_mean(times, even=even and times.size == n)
-    kept = [s.shift_time for s in shifts if s.outcome is not Outcome.BLOCKED and s.shift_time]
-    return PointExpectation(
+    no_times = PointExpectation(
         point,
+        engaged_mean=timeout,
+        engaged_error=0.0,
+        mean_engaged=None,
+        sd=0.0,
+        engaged=0.0,
+        n=n,
+        retry_cost=timeout + retraction,
+        hang=prior.posterior(n - times.size, n),
+        blocked=len(blocked_times),
+        prior=prior,
+    )
+    if times.size == 0:
+        return no_times
+    variance = variance_of_mean(times, even=even and times.size == n)
+    engaged_times = [
+        s.shift_time for s in shifts if s.outcome is not Outcome.BLOCKED and s.shift_time
+    ]
+    return replace(
+        no_times,
         engaged_mean=float(times.mean()),
         engaged_error=math.sqrt(variance) if len(shifts) > 2 else math.nan,
-        mean_engaged=float(np.mean(kept)) if kept else None,
+        mean_engaged=float(np.mean(engaged_times)) if engaged_times else None,
         sd=float(times.std(ddof=1)) if times.size > 1 else 0.0,
-        engaged=len(kept) / n,
-        n=n,
-        retry_cost=lost,
-        hang=hang,
-        blocked=blocked,
-        freed=freed,
-        prior=prior,
+        engaged=len(engaged_times) / n,
+        freed=sum(time is not None for time in blocked_times),
     )
 
 
 def variance_of_mean(times: Array, *, even: bool = True) -> float:
-    """Return the variance of the mean of times (n,) in the order of their angles, s2."""
+    """Estimate the variance of the mean of times (n,) in the order of their angles, s2."""
     n = times.size
     if n < 3:
-        return float(times.mean() ** 2 / n)  # two times that agree by luck would look exact
+        return float(times.mean() ** 2 / n)  # two times that agree by chance would look exact
     if even:
         steps = np.roll(times, -1) - times
         scatter = max(0.0, -float((steps * np.roll(steps, -1)).mean()))
@@ -380,23 +397,28 @@ def expect(
     return Expectation(tuple(points)).under(priors or weak_priors(len(points)))
 
 
-TAIL = 1e-6  #: of a point's weight, left out of its retries
-LEAST = 0.5  #: standard errors of the share to either side that give an error, where 1 is too wide
+RETRY_TAIL = 1e-6  #: of a point's weight, left out of its retries
+#: Half width, in standard errors of the share, of the interval that gives the error of a quantile.
+MIN_HALF_WIDTH = 0.5
 
 
 def mean_over(weights: Sequence[float], values: Sequence[Sequence[float]]) -> Estimate:
-    """Return the mean over operating points of ``values`` in the order of their angles.
+    """Estimate the mean of ``values``, in the order of their angles, over operating points.
 
-    ``weights`` of the points need not add up to one; a point without values is left out. NaN, and
-    its standard error too, where no point has any.
+    ``weights`` of the points need not add up to one; a point without values is left out. NaN for
+    mean and standard error if no point has any.
     """
-    pairs = [(w, np.array(v, dtype=float)) for w, v in zip(weights, values, strict=True) if len(v)]
-    total = sum(weight for weight, _ in pairs)
-    if not total:
+    samples = [
+        (weight, np.array(point_values, dtype=float))
+        for weight, point_values in zip(weights, values, strict=True)
+        if len(point_values)
+    ]
+    total_weight = sum(weight for weight, _ in samples)
+    if not total_weight:
         return Estimate(math.nan, math.nan)
-    mean = sum(weight * float(v.mean()) for weight, v in pairs) / total
-    variance = sum(weight**2 * variance_of_mean(v) for weight, v in pairs)
-    return Estimate(mean, math.sqrt(variance / total**2))
+    mean = sum(weight * float(sample.mean()) for weight, sample in samples) / total_weight
+    variance = sum(weight**2 * variance_of_mean(sample) for weight, sample in samples)
+    return Estimate(mean, math.sqrt(variance / total_weight**2))
 
 
 def share_over(weights: Sequence[float], counts: Sequence[tuple[int, int]]) -> Estimate:
@@ -404,17 +426,19 @@ def share_over(weights: Sequence[float], counts: Sequence[tuple[int, int]]) -> E
 
     ``counts`` of misses and of shifts at each operating point, with the weak priors of
     ``sim.statistics.hangs``; ``weights`` of the points need not add up to one. A point without
-    shifts is left out. NaN, and its standard error too, where no point has any.
+    shifts is left out. NaN for share and standard error if no point has any.
     """
-    known = [(weight, *pair) for weight, pair in zip(weights, counts, strict=True) if pair[1]]
-    total = sum(weight for weight, *_ in known)
-    if not total:
+    samples = [(weight, *pair) for weight, pair in zip(weights, counts, strict=True) if pair[1]]
+    total_weight = sum(weight for weight, *_ in samples)
+    if not total_weight:
         return Estimate(math.nan, math.nan)
-    share, variance = 1.0, 0.0
-    for prior, (weight, misses, shifts) in zip(weak_priors(len(known)), known, strict=True):
+    share = 1.0
+    variance = 0.0
+    priors = weak_priors(len(samples))
+    for prior, (weight, misses, shifts) in zip(priors, samples, strict=True):
         posterior = prior.posterior(misses, shifts)
-        share -= weight / total * posterior.mean
-        variance += (weight / total) ** 2 * posterior.variance
+        share -= weight / total_weight * posterior.mean
+        variance += (weight / total_weight) ** 2 * posterior.variance
     return Estimate(share, math.sqrt(variance))
 
 
@@ -425,41 +449,58 @@ def time_quantile(
     timeout: float,
     retraction: float,
 ) -> Estimate:
-    """Return the time within which the ``share`` of all shifts engages, s.
+    """Estimate the time within which the ``share`` of all shifts engages, s.
 
     ``weights`` of the operating points need not add up to one; ``shifts`` of each are in the order
-    of their angles, and those whose integration failed are left out. ``timeout`` and ``retraction``
-    in s are the cost of a shift that does not engage.
+    of their angles, and diverged ones are left out. ``timeout`` and ``retraction`` in s are the
+    cost of a shift that does not engage.
     """
-    parts = np.array(weights, dtype=float) / sum(weights)
-    points = [_with_retries(mine, timeout, retraction) for mine in shifts]
-    times = np.concatenate([times[sizes > 0.0] for times, sizes in points])
-    sized = zip(parts, (sizes for _, sizes in points), strict=True)
-    masses = np.concatenate([w * sizes[sizes > 0.0] / sizes.shape[1] for w, sizes in sized])
-    places, times = by_weight(times, masses / masses.sum())
+    point_shares = np.array(weights, dtype=float) / sum(weights)
+    points = [_with_retries(point_shifts, timeout, retraction) for point_shifts in shifts]
+    masses = []
+    for point_share, point in zip(point_shares, points, strict=True):
+        is_engaged = point.sizes > 0.0
+        masses.append(point_share * point.sizes[is_engaged] / point.sizes.shape[1])
+    engaged_times = [point.times[point.sizes > 0.0] for point in points]
+    mass = np.concatenate(masses)
+    probabilities, times = empirical_distribution(np.concatenate(engaged_times), mass / mass.sum())
 
-    def at(wanted: float) -> float:
-        return float(np.interp(wanted, places, times))
+    def quantile(probability: float) -> float:
+        return float(np.interp(probability, probabilities, times))
 
-    value = at(share)
-    below = [np.where(tries <= value, sizes, 0.0).sum(axis=0) for tries, sizes in points]
-    variances = [variance_of_mean(one) if one.size > 2 else 0.25 / one.size for one in below]
-    if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
-        variances = [share * (1.0 - share) / len(mine) for mine in shifts]
-    error = math.sqrt(sum(w**2 * v for w, v in zip(parts.tolist(), variances, strict=True)))
-    half = min(1.0, (places[-1] - share) / error) if error > 0.0 else 1.0
-    if half < LEAST:
-        return Estimate(value, value - at(share - error))
-    return Estimate(value, (at(share + half * error) - at(share - half * error)) / (2.0 * half))
+    value = quantile(share)
+    variances = [_share_variance(point, value) for point in points]
+    if value >= times[-1]:  # no shift beyond: as of independent draws
+        variances = [share * (1.0 - share) / len(point_shifts) for point_shifts in shifts]
+    squares = zip(point_shares.tolist(), variances, strict=True)
+    error = math.sqrt(sum(weight**2 * variance for weight, variance in squares))
+    half_width = min(1.0, (probabilities[-1] - share) / error) if error > 0.0 else 1.0
+    if half_width < MIN_HALF_WIDTH:
+        return Estimate(value, value - quantile(share - error))
+    width = quantile(share + half_width * error) - quantile(share - half_width * error)
+    return Estimate(value, width / (2.0 * half_width))
 
 
-def _with_retries(
-    shifts: Sequence[ShiftResult], timeout: float, retraction: float
-) -> tuple[Array, Array]:
-    """Return times, s, of each try and shift, and their sizes, (tries, shifts).
+class _Retries(NamedTuple):
+    """Times of the shifts of an operating point at each try, with their sizes.
 
-    Sizes add up to the number of shifts, 0 for those that did not engage. Where none did, each has
-    the time-out, with a share of 1/(n + 1).
+    Sizes add up to the number of shifts; they are 0 for shifts that did not engage.
+    """
+
+    times: Array  #: s, (tries, shifts)
+    sizes: Array  #: (tries, shifts)
+
+
+def _share_variance(point: _Retries, time: float) -> float:
+    """Estimate the variance of the share of a point's shifts within ``time`` in s."""
+    shares = np.where(point.times <= time, point.sizes, 0.0).sum(axis=0)
+    return variance_of_mean(shares) if shares.size > 2 else 0.25 / shares.size
+
+
+def _with_retries(shifts: Sequence[ShiftResult], timeout: float, retraction: float) -> _Retries:
+    """Repeat the shifts of an operating point until nearly all engage.
+
+    If none engages, each has the time-out, with a share of 1/(n + 1).
     """
     sound = [s for s in shifts if s.outcome is not Outcome.DIVERGED]
     times = np.array([np.nan if s.shift_time is None else s.shift_time for s in sound])
@@ -467,50 +508,73 @@ def _with_retries(
     share = float(engaged.mean()) if sound else 0.0
     if not engaged.any():
         count = max(1, len(shifts))
-        times, engaged, share = np.full(count, timeout), np.ones(count, bool), 1.0 / (count + 1)
-    tries = 1 if share == 1.0 else math.ceil(math.log(TAIL) / math.log1p(-share))
-    again: Array = np.arange(float(tries))[:, None]
-    sizes: Array = (1.0 - share) ** again * (share * times.size / engaged.sum()) * engaged
-    tried: Array = again * (timeout + retraction) + np.where(engaged, times, 0.0)
-    return tried, sizes
+        times = np.full(count, timeout)
+        engaged = np.ones(count, bool)
+        share = 1.0 / (count + 1)
+    tries = 1 if share == 1.0 else math.ceil(math.log(RETRY_TAIL) / math.log1p(-share))
+    retries: Array = np.arange(float(tries))[:, None]
+    return _Retries(
+        times=retries * (timeout + retraction) + np.where(engaged, times, 0.0),
+        sizes=(1.0 - share) ** retries * (share * times.size / engaged.sum()) * engaged,
+    )
 
 
 def halves(phases: Array, times: Array, count: int) -> Array:
-    r"""Return the middles of the ``count`` intervals in which the time most likely jumps, (count,).
+    r"""Return the middles of the ``count`` intervals with the most likely jumps in time, (count,).
 
-    With neighbours that go on as their slopes do, the jump in an interval of width :math:`h_k` and
+    With neighbours that continue their slopes, the jump in an interval of width :math:`h_k` and
     difference :math:`d_k` is :math:`r_k = \sqrt{|d_k - h_k d_{k-1}/h_{k-1}|\,|d_k - h_k
     d_{k+1}/h_{k+1}|}`; the largest :math:`h_k r_k` count. ``phases`` (n,) are fractions of a
     pitch in any order, ``times`` (n,) in s, NaN of shifts that did not engage.
     """
-    places, widths, _, below, above = _round_the_pitch(phases, times)
-    chosen = np.sort(np.argsort(-(widths * np.sqrt(below * above)), kind="stable")[:count])
-    return (places[chosen] + 0.5 * widths[chosen]) % 1.0
+    course = _course_over_pitch(phases, times)
+    jumps = np.sqrt(course.left_jumps * course.right_jumps)
+    largest = np.argsort(-(course.widths * jumps), kind="stable")[:count]
+    indices = np.sort(largest)
+    return (course.phases[indices] + 0.5 * course.widths[indices]) % 1.0
 
 
 def mean_round_the_pitch(phases: Array, times: Array) -> tuple[float, float]:
-    r"""Return the mean of the times over one pitch, s, and its variance, s2.
+    r"""Compute the mean of the times over one pitch, s, and its variance, s2.
 
     By the trapezoidal rule (Davis & Rabinowitz 1984, ch. 6); a jump anywhere in its interval leaves
     :math:`s^2 = \sum_k h_k^2 \rho_k^2/12`, :math:`\rho_k` the smaller factor of :math:`r_k`. A
-    shift that does not engage stands for the next one below it that does. Arguments as for
-    ``halves``; NaN both where no shift engaged.
+    shift that does not engage has the time of the next lower phase that does. Arguments as for
+    ``halves``; both NaN if no shift engaged.
     """
-    _, widths, values, below, above = _round_the_pitch(phases, times)
-    mean = float(widths @ (values[:-1] + values[1:])) / 2.0
-    return mean, float(widths**2 @ np.minimum(below, above) ** 2) / 12.0
+    course = _course_over_pitch(phases, times)
+    mean = float(course.widths @ (course.times[:-1] + course.times[1:])) / 2.0
+    jumps = np.minimum(course.left_jumps, course.right_jumps)
+    return mean, float(course.widths**2 @ jumps**2) / 12.0
 
 
-def _round_the_pitch(phases: Array, times: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Return phases in order and widths (n,), times (n + 1,), both factors of the jumps (n,)."""
+class _Course(NamedTuple):
+    """Times over the phases of a pitch, the first one repeated at the end."""
+
+    phases: Array  #: sorted, (n,)
+    widths: Array  #: of the intervals behind them, (n,)
+    times: Array  #: s, (n + 1,)
+    left_jumps: Array  #: jump in each interval by the slope of the interval before, s, (n,)
+    right_jumps: Array  #: by the slope of the interval behind, s, (n,)
+
+
+def _course_over_pitch(phases: Array, times: Array) -> _Course:
+    """Sort the times over a pitch, fill those of shifts that did not engage, and measure jumps."""
     order = np.argsort(phases, kind="stable")
-    places, values = phases[order], times[order]
+    sorted_phases = phases[order]
+    values = times[order]
     engaged = np.isfinite(values)
     if engaged.any():
         last = np.maximum.accumulate(np.where(engaged, np.arange(len(values)), -1))
         values = values[np.where(last < 0, np.flatnonzero(engaged)[-1], last)]
-    widths, values = np.diff(places, append=places[:1] + 1.0), np.append(values, values[0])
+    values = np.append(values, values[0])
+    widths = np.diff(sorted_phases, append=sorted_phases[:1] + 1.0)
     differences = np.diff(values)
     slopes = differences / widths
-    below, above = (abs(differences - widths * np.roll(slopes, way)) for way in (1, -1))
-    return places, widths, values, below, above
+    return _Course(
+        sorted_phases,
+        widths=widths,
+        times=values,
+        left_jumps=abs(differences - widths * np.roll(slopes, 1)),
+        right_jumps=abs(differences - widths * np.roll(slopes, -1)),
+    )

@@ -1,4 +1,4 @@
-r"""Probability that a shift hangs, by operating point, and what its retries cost.
+r"""Probability that a shift hangs, by operating point, and the time of its retries.
 
 A shift that does not engage is tried again. Where :math:`k` of :math:`n` shifts of an operating
 point hang, the probability :math:`q` has a prior of two parts, and so a posterior of two Beta
@@ -9,8 +9,8 @@ distributions with weights :math:`r` and :math:`1 - r` by their beta-binomial li
 The first part is of rare hangs, with rate :math:`m` and the weight of :math:`s` shifts. The second
 one, Jeffreys', is of dogs that block there by their shape. The expected time of retries is
 :math:`c\,\bar q/(1-\bar q)` with the cost :math:`c` of a failed attempt and the posterior mean
-:math:`\bar q`, its standard error :math:`c\,\sigma_q/(1-\bar q)^2`; both go over into the share
-:math:`k/n` and its binomial error where shifts are many.
+:math:`\bar q`, its standard error :math:`c\,\sigma_q/(1-\bar q)^2`; for many shifts both approach
+those of the share :math:`k/n` and its binomial error.
 
 Outside a study the prior is ``PriorSettings``. In a study rates and strength are fitted to all of
 its designs (beta-binomial, empirical Bayes: Casella 1985, Am. Stat. 39, 83-87).
@@ -26,7 +26,7 @@ import numpy as np
 
 from dogshape.sim.elementwise import Array, Mask
 
-JEFFREYS = 0.5  #: both parameters of the prior that favours no probability (Jeffreys 1946)
+JEFFREYS = 0.5  #: both parameters of the uninformative Beta prior (Jeffreys 1946)
 TAILS = (0.025, 0.975)  #: of the interval of a probability
 
 
@@ -34,15 +34,15 @@ TAILS = (0.025, 0.975)  #: of the interval of a probability
 class PriorSettings:
     """Assumptions on hangs before any shift was simulated; status: judged.
 
-    Half a hang is Jeffreys' number where none was seen. Twenty shifts keep it small beside the few
-    shifts of a quick look and count for nothing in the hundreds of an expectation.
+    Half a hang is Jeffreys' number for no observed one. Twenty shifts have a small weight in a
+    quick look at a few shifts and none among the hundreds of an expectation.
     """
 
     hangs: float = 0.5  #: prior number of rare hangs, of all operating points together
-    shifts: float = 20.0  #: prior number of shifts that they are out of
+    shifts: float = 20.0  #: prior number of shifts to these hangs
     blocked_share: float = 0.25  #: probability that some operating point blocks by the shape
-    min_strength: float = 3.0  #: shifts of a point that a fitted rate counts for, at least
-    max_strength: float = 1000.0  #: and at most
+    min_strength: float = 3.0  #: smallest weight of a fitted rate, shifts of a point
+    max_strength: float = 1000.0  #: largest weight of a fitted rate
 
 
 SETTINGS = PriorSettings()
@@ -81,17 +81,21 @@ class HangPrior:
 
 
 def weak_priors(points: int, settings: PriorSettings = SETTINGS) -> tuple[HangPrior, ...]:
-    """Return the prior of each of so many operating points outside a study.
+    """Return the prior of a hang for each of ``points`` operating points outside a study.
 
-    The prior shifts are spread over the points: posteriors of all points then say of the sum what
-    a single point with all of the shifts would.
+    The prior shifts are spread over the points: the posteriors of all points give the sum that a
+    single point with all of the shifts would.
     """
-    rate, strength = settings.hangs / settings.shifts, settings.shifts / points
-    return (HangPrior(rate, strength, settings.blocked_share / points),) * points
+    prior = HangPrior(
+        rate=settings.hangs / settings.shifts,
+        strength=settings.shifts / points,
+        blocked_share=settings.blocked_share / points,
+    )
+    return (prior,) * points
 
 
 def interval(mean: float, variance: float) -> tuple[float, float]:
-    """Return the central 95 % interval of the Beta distribution with these moments."""
+    """Compute the central 95 % interval of a Beta distribution by ``mean`` and ``variance``."""
     from scipy.special import betaincinv  # noqa: PLC0415  slow to load
 
     total = mean * (1.0 - mean) / variance - 1.0
@@ -101,7 +105,7 @@ def interval(mean: float, variance: float) -> tuple[float, float]:
 
 RATES = 60  #: rates of the grid for the fit of a study
 STRENGTHS = 16  #: strengths of that grid
-LOG_ODDS = (-14.0, 0.0)  #: natural logarithms of the odds of the least and the largest rate
+LOG_ODDS = (-14.0, 0.0)  #: natural logarithms of the odds of the smallest and the largest rate
 
 
 def pooled_priors(
@@ -117,26 +121,33 @@ def pooled_priors(
     """
     from scipy.special import expit, logsumexp  # noqa: PLC0415  slow to load
 
-    points = shifts.shape[1]
-    weak = weak_priors(points, settings)[0]
+    point_count = shifts.shape[1]
+    weak_prior = weak_priors(point_count, settings)[0]
     rates = expit(np.linspace(*LOG_ODDS, RATES))[:, None]
-    ends = math.log(settings.min_strength), math.log(settings.max_strength)
-    strengths = np.exp(np.linspace(*ends, STRENGTHS))
-    columns = zip(hangs.T, shifts.T, strict=True)
-    likelihoods = [_log_likelihoods(*column, rates, strengths, weak) for column in columns]
-    # Even in the odds, a Beta prior has one power more at either end.
-    prior = weak.strength * (weak.rate * np.log(rates) + (1.0 - weak.rate) * np.log1p(-rates))
-    table = np.array(likelihoods) + prior
-    by_strength = logsumexp(table, axis=1)
-    total = by_strength.sum(axis=0)
-    weights = np.exp(total - logsumexp(total))
-    by_points = 1.0 / float(weights @ (1.0 / strengths))
-    rates_given = (np.exp(table - by_strength[:, None, :]) * rates).sum(axis=1)
-    means = rates_given @ weights
-    rare = _rare(hangs, shifts, means, by_points, weak.blocked_share)
-    by_sums = _sum_strength(hangs * rare, shifts * rare, means, strengths)
-    strength = min(by_points, by_sums)
-    return tuple(HangPrior(float(mean), strength, weak.blocked_share) for mean in means)
+    log_strengths = np.linspace(
+        math.log(settings.min_strength), math.log(settings.max_strength), STRENGTHS
+    )
+    strengths = np.exp(log_strengths)
+    log_likelihoods = [
+        _log_likelihoods(point_hangs, point_shifts, rates, strengths=strengths, prior=weak_prior)
+        for point_hangs, point_shifts in zip(hangs.T, shifts.T, strict=True)
+    ]
+    # On a grid even in the odds a Beta prior has one power more at either end.
+    rate = weak_prior.rate
+    log_prior = weak_prior.strength * (rate * np.log(rates) + (1.0 - rate) * np.log1p(-rates))
+    log_posterior = np.array(log_likelihoods) + log_prior  # (points, rates, strengths)
+    log_evidence = logsumexp(log_posterior, axis=1)
+    log_weights = log_evidence.sum(axis=0)
+    weights = np.exp(log_weights - logsumexp(log_weights))
+    point_strength = 1.0 / float(weights @ (1.0 / strengths))
+    mean_rates = (np.exp(log_posterior - log_evidence[:, None, :]) * rates).sum(axis=1)
+    means = mean_rates @ weights
+    is_rare = _mark_rare(
+        hangs, shifts, means, strength=point_strength, blocked_share=weak_prior.blocked_share
+    )
+    sum_strength = _sum_strength(hangs * is_rare, shifts * is_rare, means, strengths)
+    strength = min(point_strength, sum_strength)
+    return tuple(HangPrior(float(mean), strength, weak_prior.blocked_share) for mean in means)
 
 
 def pool(counts: Sequence[Sequence[tuple[int, int]]]) -> tuple[HangPrior, ...]:
@@ -145,48 +156,55 @@ def pool(counts: Sequence[Sequence[tuple[int, int]]]) -> tuple[HangPrior, ...]:
     return pooled_priors(numbers[:, :, 0], numbers[:, :, 1])
 
 
-def _rare(hangs: Array, shifts: Array, means: Array, strength: float, blocked_share: float) -> Mask:
-    """Mark the counts that are rather rare hangs than of a shape that blocks, (designs, points)."""
+def _mark_rare(
+    hangs: Array, shifts: Array, means: Array, strength: float, blocked_share: float
+) -> Mask:
+    """Mark counts more probable as rare hangs than by a blocking shape, (designs, points)."""
     from scipy.special import betaln  # noqa: PLC0415  slow to load
 
-    a, b, left = strength * means, strength * (1.0 - means), shifts - hangs
-    rare = betaln(a + hangs, b + left) - betaln(a, b) + math.log1p(-blocked_share)
-    blocked = betaln(JEFFREYS + hangs, JEFFREYS + left) - betaln(JEFFREYS, JEFFREYS)
-    return np.asarray(rare > blocked + math.log(blocked_share))
+    a = strength * means
+    b = strength * (1.0 - means)
+    engaged = shifts - hangs
+    log_rare = betaln(a + hangs, b + engaged) - betaln(a, b) + math.log1p(-blocked_share)
+    log_blocked = betaln(JEFFREYS + hangs, JEFFREYS + engaged) - betaln(JEFFREYS, JEFFREYS)
+    return np.asarray(log_rare > log_blocked + math.log(blocked_share))
 
 
 def _sum_strength(hangs: Array, shifts: Array, means: Array, strengths: Array) -> float:
-    r"""Return the harmonic mean of the strength by the sums of designs over the points.
+    r"""Compute the harmonic mean of the strength by the sums of designs over the points.
 
-    A design hangs :math:`\lambda` times as often as the rates :math:`m_i` say, :math:`\lambda`
-    being Gamma distributed with mean one and shape :math:`s \sum m_i`, so that the prior of a sum
-    has the variance of independent points with strength :math:`s`: its hangs are negative binomial.
-    ``strengths`` have the same probability before.
+    A design hangs :math:`\lambda` times as often as the rates :math:`m_i`; :math:`\lambda` is Gamma
+    distributed with mean one and shape :math:`s \sum m_i`, so that the prior of a sum has the
+    variance of independent points with strength :math:`s`: its hangs are negative binomial. The
+    prior of ``strengths`` is uniform.
     """
     from scipy.special import gammaln, logsumexp  # noqa: PLC0415  slow to load
 
-    number, expected = hangs.sum(axis=1)[:, None], (shifts @ means)[:, None]
+    hang_sums = hangs.sum(axis=1)[:, None]
+    expected_sums = (shifts @ means)[:, None]
     shape = strengths * means.sum()
-    likelihoods = gammaln(number + shape) - gammaln(shape) + shape * np.log(shape)
-    likelihoods -= (number + shape) * np.log(shape + expected)
-    total = likelihoods.sum(axis=0)
-    return 1.0 / float(np.exp(total - logsumexp(total)) @ (1.0 / strengths))
+    log_likelihoods = gammaln(hang_sums + shape) - gammaln(shape) + shape * np.log(shape)
+    log_likelihoods -= (hang_sums + shape) * np.log(shape + expected_sums)
+    log_weights = log_likelihoods.sum(axis=0)
+    return 1.0 / float(np.exp(log_weights - logsumexp(log_weights)) @ (1.0 / strengths))
 
 
 def _log_likelihoods(
-    hangs: Array, shifts: Array, rates: Array, strengths: Array, weak: HangPrior
+    hangs: Array, shifts: Array, rates: Array, strengths: Array, prior: HangPrior
 ) -> Array:
-    """Return log-likelihoods of counts at one point (designs,), (rates, strengths)."""
+    """Sum log-likelihoods of the counts of all designs at one point, (rates, strengths)."""
     from scipy.special import betaln  # noqa: PLC0415  slow to load
 
-    a, b = rates * strengths, (1.0 - rates) * strengths
-    counts, numbers = np.unique(np.stack([hangs, shifts]), axis=1, return_counts=True)
-    found = np.zeros(a.shape)
-    for (k, n), number in zip(counts.T, numbers, strict=True):
-        rare = betaln(a + k, b + n - k) - betaln(a, b) + math.log1p(-weak.blocked_share)
-        blocked = betaln(JEFFREYS + k, JEFFREYS + n - k) - betaln(JEFFREYS, JEFFREYS)
-        found += number * np.logaddexp(rare, blocked + math.log(weak.blocked_share))
-    return found
+    a = rates * strengths
+    b = (1.0 - rates) * strengths
+    counts, design_counts = np.unique(np.stack([hangs, shifts]), axis=1, return_counts=True)
+    log_likelihoods = np.zeros(a.shape)
+    for (k, n), design_count in zip(counts.T, design_counts, strict=True):
+        log_rare = betaln(a + k, b + n - k) - betaln(a, b) + math.log1p(-prior.blocked_share)
+        log_blocked = betaln(JEFFREYS + k, JEFFREYS + n - k) - betaln(JEFFREYS, JEFFREYS)
+        log_blocked += math.log(prior.blocked_share)
+        log_likelihoods += design_count * np.logaddexp(log_rare, log_blocked)
+    return log_likelihoods
 
 
 def _log_beta(a: Array, b: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Shifts as flat records of what went in and came out, in the edge's units; nothing simulates."""
+"""Shifts as flat records of inputs and results, in the units of files; nothing simulates."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Record = dict[str, Any]
 
 
 def edge_record(value: Any, keys: Iterable[str]) -> Record:
-    """Return fields of a value in the edge's units, by keys of field and unit."""
+    """Return fields of ``value`` in the units of files by ``keys``, names with unit."""
     return {key: from_si(key, getattr(value, key.removesuffix(suffix_of(key)))) for key in keys}
 
 
@@ -29,15 +29,21 @@ DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "bac
 
 
 def clutch_record(clutch: Clutch) -> Record:
-    """Return everything about a clutch that a simulation uses, in the edge's units.
+    """Return the inputs of a simulation that concern the clutch, in the units of files.
 
     A limit of steps, later keys of the dog, IMPACT, friction of faces, engine, mechanism and drive
-    are named where they are not the usual ones; the limit of time never is, since a shift that it
+    have keys if they are not the usual ones; the limit of time never has, since a shift that it
     ends is not kept (``unfinished``).
     """
-    dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
+    dog = clutch.dog
+    rings = clutch.rings
+    contact = clutch.contact
+    solver = clutch.solver
+    dog_record = {
+        key: value for key, value in ranged_record(dog).items() if value != DEFAULTS.get(key)
+    }
     return {
-        **{k: one for k, one in ranged_record(dog).items() if one != DEFAULTS.get(k)},
+        **dog_record,
         "sliding_mass_kg": rings.mass,
         **edge_record(rings, ("sliding_inertia_kgm2", "output_inertia_kgm2")),
         # Records of shafts that stand have the key of the speed that earlier versions had.
@@ -60,17 +66,19 @@ def clutch_record(clutch: Clutch) -> Record:
 
 
 def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
-    """Return distributions in words as a flat record; a certain shift has none."""
+    """Return distributions in words as a flat record; empty for a certain shift."""
     return {f"uncertain_{name}": text for name, text in source}
 
 
 def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> Record:
-    """Return the factors of an uncertain shift and the inputs that they make, as ``Variant`` does.
+    """Return the factors of an uncertain shift and the inputs drawn with them.
 
-    A dissipation is named where it is uncertain: records of studies without it stay as they were.
+    The dissipation has a key if it is uncertain: records of other studies stay unchanged.
     """
-    contact, inertia, profile = clutch.contact, clutch.rings.output_inertia, point.profile
-    found: Record = {
+    contact = clutch.contact
+    inertia = clutch.rings.output_inertia
+    profile = point.profile
+    record: Record = {
         "friction_factor": variant.friction,
         "force_factor": variant.force,
         "inertia_factor": variant.inertia,
@@ -82,53 +90,67 @@ def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> R
         **uncertain_record(variant.source),
     }
     if contact.face_friction is not None:
-        found["drawn_face_friction"] = contact.face_friction * variant.friction
+        record["drawn_face_friction"] = contact.face_friction * variant.friction
     if "dissipation_factor" in dict(variant.source):
-        found["dissipation_factor"] = variant.dissipation
-        found["drawn_dissipation_s_m"] = contact.dissipation * variant.dissipation
-    return found
+        record["dissipation_factor"] = variant.dissipation
+        record["drawn_dissipation_s_m"] = contact.dissipation * variant.dissipation
+    return record
 
 
 def content_key(record: Record) -> str:
     """Return a short hash of a record; equal inputs share it.
 
-    Floats are rounded to twelve digits, which a change of unit does not reach.
+    Floats are rounded to twelve digits, more than a change of unit preserves.
     """
-    rounded = {k: float(f"{v:.12g}") if isinstance(v, float) else v for k, v in record.items()}
+    rounded = {
+        key: float(f"{value:.12g}") if isinstance(value, float) else value
+        for key, value in record.items()
+    }
     return hashlib.sha256(json.dumps(rounded, sort_keys=True).encode()).hexdigest()[:20]
 
 
-BINS = 24  #: of the relative angle over a pitch, at most
+MAX_BINS = 24  #: of the relative angle over a pitch
 
 
 def entries_by_angle(records: Sequence[Record]) -> list[list[int]]:
-    """Count direct entries, those after face contact and failures, by relative angle.
+    """Count direct entries, entries after face contact and failures, (bins, 3).
 
-    In equal bins of a pitch from dogs facing dogs; shifts whose integration failed are left out.
+    Bins divide a pitch evenly from dogs facing dogs; diverged shifts are left out.
     """
-    counts = [[0, 0, 0] for _ in range(min(BINS, len(records)))]
-    for one in (row for row in records if row["outcome"] != Outcome.DIVERGED.value):
-        phase = one["relative_angle_deg"] * one["count"] / 360.0 % 1.0
-        entry = 2 if one["shift_time_s"] is None else int(one["face_contacts"] > 0)
+    counts = [[0, 0, 0] for _ in range(min(MAX_BINS, len(records)))]
+    for record in records:
+        if diverged(record):
+            continue
+        phase = record["relative_angle_deg"] * record["count"] / 360.0 % 1.0
+        entry = 2 if record["shift_time_s"] is None else int(record["face_contacts"] > 0)
         counts[int(phase * len(counts))][entry] += 1
     return counts
 
 
 def first_windows(records: Sequence[Record]) -> int:
-    """Count the shifts that engage without being carried past a slot."""
-    engaged = (row for row in records if row["shift_time_s"] is not None)
-    return sum(row["slots_skipped"] == 0 for row in engaged)
+    """Count the shifts that engage without skipping a slot."""
+    engaged = (record for record in records if record["shift_time_s"] is not None)
+    return sum(record["slots_skipped"] == 0 for record in engaged)
+
+
+def diverged(record: Record) -> bool:
+    """Test whether the integration of a shift failed; it has no shift time then."""
+    return record["outcome"] == Outcome.DIVERGED.value
 
 
 def unfinished(record: Record) -> bool:
-    """Test that the clock ended a shift: another run may finish it."""
+    """Test whether the limit of computing time ended a shift: another run may finish it."""
     return str(record.get("reason", "")).startswith(TIME_LIMIT)
 
 
 def result_of(record: Record) -> ShiftResult:
-    """Extract outcome, time, and the rest of a blocked shift from a record."""
-    rest, outcome = record.get("rest_overlap_deg"), Outcome(record["outcome"])
-    return ShiftResult(outcome, record["shift_time_s"], None if rest is None else rest * DEG)
+    """Extract outcome, time and, of a blocked shift, the overlap from a record."""
+    overlap = record.get("rest_overlap_deg")
+    return ShiftResult(
+        Outcome(record["outcome"]),
+        record["shift_time_s"],
+        None if overlap is None else overlap * DEG,
+    )
 
 
 def landing_of(record: Record) -> tuple[float, ...]:

@@ -5,7 +5,7 @@ r"""Entry into the first window: direct entries in closed form, and limits of sp
 .. math:: P = \frac{w - |\Delta\omega|\, x/v}{\vartheta}, \qquad
    w = \varphi + \frac{h (\tan\beta + \tan\gamma)}{r},
 
-the window *w* at the end of the dogs where it is least, the axial speed *v* at the gap and the
+the window *w* at the end of the dogs where it is smallest, the axial speed *v* at the gap and the
 overlap *x* from which a touch is one of flanks (``sim.kernel.FACE_DEPTH`` of the height). A flank
 that throws the ring back out of its slot makes the share smaller.
 
@@ -75,7 +75,7 @@ class TorqueLimit(NamedTuple):
 def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
     """Compute the share of the relative angles that enters without touching a face.
 
-    None for tips that slope, and where the ring never gets to the gap.
+    None for tips that slope, and if the ring does not close the gap.
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
     from dogshape.sim.shift.planar import free_flight  # noqa: PLC0415  the same
@@ -84,10 +84,11 @@ def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
     if dog.chamfer > 0.0 or dog.chamfer_back > 0.0:
         return None
     _, states, _ = free_flight(clutch, point.profile, dog.axial_gap)
-    way, speed = states[:, 1], states[:, 4]
-    if way[-1] < dog.axial_gap or speed[-1] <= 0.0:
+    travel = states[:, 1]
+    speed = states[:, 4]
+    if travel[-1] < dog.axial_gap or speed[-1] <= 0.0:
         return None
-    gap_speed = float(np.interp(dog.axial_gap, way, speed))
+    gap_speed = float(np.interp(dog.axial_gap, travel, speed))
     radius = dog.outer_radius if dog.lean > 0.0 else dog.inner_radius
     window = dog.backlash_angle + dog.height * dog.lean / radius
     overlap = kernel.FACE_DEPTH * dog.height
@@ -101,33 +102,34 @@ def limit_draws(tested: Array, engaged: Array, shifts: Array, share: float) -> A
     Parameters
     ----------
     tested : magnitudes of mismatches in rad/s or of torques in N m, growing, (n,).
-    engaged : shifts that engage, of a mismatch in the first window, (n,).
-    shifts : number of them in all, (n,).
-    share : least share that engages.
+    engaged : number of shifts that engage, at a mismatch in the first window, (n,).
+    shifts : number of all shifts, (n,).
+    share : smallest share that engages.
     """
     from scipy.optimize import isotonic_regression  # noqa: PLC0415  slow to load
 
     peak = int(np.argmax((engaged + 1.0) / (shifts + 2.0)))
     tested, weights = tested[peak:], shifts[peak:]
-    rng, size = np.random.default_rng(SEED), (DRAWS, tested.size)
-    shares = rng.beta(engaged[peak:] + 1.0, weights - engaged[peak:] + 1.0, size)
+    rng = np.random.default_rng(SEED)
+    counts = engaged[peak:]
+    shares = rng.beta(counts + 1.0, weights - counts + 1.0, (DRAWS, tested.size))
     limits = np.empty(DRAWS)
-    for draw, noisy in enumerate(shares):
-        fit = isotonic_regression(noisy, weights=weights, increasing=False).x
-        above = np.flatnonzero(fit >= share)
-        if above.size == 0:
+    for draw, share_draws in enumerate(shares):
+        fit = isotonic_regression(share_draws, weights=weights, increasing=False).x
+        sufficient = np.flatnonzero(fit >= share)
+        if sufficient.size == 0:
             limits[draw] = 0.0
-        elif above.size == fit.size:
+        elif sufficient.size == fit.size:
             limits[draw] = math.inf
         else:
-            last = above[-1]
-            part = (fit[last] - share) / (fit[last] - fit[last + 1])
-            limits[draw] = tested[last] + part * (tested[last + 1] - tested[last])
+            last = sufficient[-1]
+            fraction = (fit[last] - share) / (fit[last] - fit[last + 1])
+            limits[draw] = tested[last] + fraction * (tested[last + 1] - tested[last])
     return limits
 
 
 def speed_limits(points: Sequence[PointExpectation], share: float) -> Iterator[SpeedLimit]:
-    """Estimate the limit at each force and sense with two mismatches or more, in their order."""
+    """Estimate the limit engagement speed at each force and sense with at least two mismatches."""
     tested = [p for p in points if p.n and p.first_window is not None and p.point.mismatch != 0.0]
     tested.sort(key=_force_and_sense)
     for (force, sense), group in groupby(tested, _force_and_sense):
@@ -161,9 +163,9 @@ def torque_limits(
     ----------
     points : operating points without a further torque.
     by_torque : the same points under each further torque, N m.
-    share : least share that engages at the first try.
+    share : smallest share that engages at the first try.
     """
-    for force in sorted({found.point.profile.force for found in points}):
+    for force in sorted({p.point.profile.force for p in points}):
         for sense in (-1, 1):
             torques = sorted((t for t in by_torque if t * sense > 0.0), key=abs)
             if not torques:
@@ -179,10 +181,12 @@ def torque_limits(
 
 def _engaged_counts(points: Sequence[PointExpectation], force: float) -> tuple[float, float]:
     """Count the shifts at a force that engage at the first try, and all of them."""
-    of_force = [found for found in points if found.point.profile.force == force]
-    shifts = sum(found.n for found in of_force)
-    return float(shifts - sum(found.lost for found in of_force)), float(shifts)
+    force_points = [p for p in points if p.point.profile.force == force]
+    shifts = sum(p.n for p in force_points)
+    engaged = shifts - sum(p.lost for p in force_points)
+    return float(engaged), float(shifts)
 
 
-def _force_and_sense(found: PointExpectation) -> tuple[float, int]:
-    return found.point.profile.force, 1 if found.point.mismatch > 0.0 else -1
+def _force_and_sense(expectation: PointExpectation) -> tuple[float, int]:
+    sense = 1 if expectation.point.mismatch > 0.0 else -1
+    return expectation.point.profile.force, sense

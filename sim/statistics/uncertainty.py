@@ -2,12 +2,12 @@
 
 Each is a factor on its nominal value. The *n* shifts of an operating point have the *n* even
 angles, each with one independent draw of the factors, the same for all designs: the standard error
-of the mean takes the factors for scatter from angle to angle. Where the number of angles is
-doubled, every angle that was there keeps its factors.
+of the mean includes the factors as scatter from angle to angle. If the number of angles is doubled,
+the earlier angles keep their factors.
 
 Distributions: ``normal`` (mean, sd), ``uniform`` (low, high), ``triangular`` (low, mode, high),
 ``lognormal`` (median *m*, factor *k*: two values of three lie between m/k and m k). ``low`` and
-``high`` cut off a normal or lognormal: the value at the share *u* is :math:`F^{-1}(F(low) + u
+``high`` truncate a normal or lognormal: the quantile at *u* is :math:`F^{-1}(F(low) + u
 (F(high) - F(low)))`.
 """
 
@@ -27,21 +27,21 @@ from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 
-#: What each distribution needs; a normal and a lognormal may have low and high besides.
+#: Numbers of each distribution; a normal and a lognormal may also have low and high.
 NEEDS = {
     "normal": ("mean", "sd"),
     "uniform": ("low", "high"),
     "lognormal": ("median", "factor"),
     "triangular": ("low", "mode", "high"),
 }
-CUT = ("normal", "lognormal")  #: distributions that low and high may truncate
-LEAST = 1e-3  #: share of a distribution that a truncation must leave
+TRUNCATED = ("normal", "lognormal")  #: distributions that low and high may truncate
+MIN_TRUNCATED_SHARE = 1e-3  #: of a distribution within its truncation
 
 
 class Distribution(Section):
-    """A distribution in place of a number, in the unit of the key that it stands for.
+    """A distribution of the value of a key, in the unit of the key.
 
-    ``distribution`` is one of ``NEEDS``; the numbers are those that it needs.
+    ``distribution`` is one of ``NEEDS``, which lists its numbers.
     """
 
     distribution: str
@@ -54,99 +54,116 @@ class Distribution(Section):
     high: float | None = None
 
     def checked(self, key: str) -> Distribution:
-        """Return the distribution, which stands at ``key`` of a file; InputError for mistakes."""
+        """Return the distribution; raises InputError for its first mistake at ``key`` of a file."""
         for fault in self._faults():
             raise InputError(f"{key}{fault}")
         return self
 
     def _faults(self) -> Iterator[str]:
-        kind, given = self.distribution, self.given
+        """Yield the mistakes, as the end of a sentence that begins with the key."""
+        kind = self.distribution
         if kind not in NEEDS:
             hint = did_you_mean(kind, NEEDS)
             yield f".distribution is '{kind}', which is not a distribution; {hint}"
-        needed, ends = NEEDS[kind], ("low", "high") if kind in CUT else ()
-        for name in (name for name in needed if name not in given):
-            yield f" lacks '{name}': a {kind} distribution needs {', '.join(needed)}; add it"
-        for name, value in given.items():
-            if name not in (*needed, *ends):
+        yield from self._faults_of_names()
+        yield from self._faults_of_values()
+        if kind in TRUNCATED and not {"low", "high"}.isdisjoint(self.given):
+            low_share, high_share = map(NormalDist().cdf, self._deviates)
+            if high_share - low_share < MIN_TRUNCATED_SHARE:
+                remnant = f"next to nothing of the {kind} distribution"
+                yield f": {remnant} lies between its low and high; widen them"
+
+    def _faults_of_names(self) -> Iterator[str]:
+        kind = self.distribution
+        needed = NEEDS[kind]
+        optional = ("low", "high") if kind in TRUNCATED else ()
+        for name in needed:
+            if name not in self.given:
+                yield f" lacks '{name}': a {kind} distribution needs {', '.join(needed)}; add it"
+        for name, value in self.given.items():
+            if name not in (*needed, *optional):
                 yield f".{name} is nothing that a {kind} distribution has; remove it"
             if not math.isfinite(value):
                 yield f".{name} is {value}, but it must be finite; correct it"
+
+    def _faults_of_values(self) -> Iterator[str]:
+        values = self.given
         low, high = self.bounds
-        between = f"lie between low = {low:.6g} and high = {high:.6g}; correct it"
-        for name, kept, rule in (
+        mode_rule = f"lie between low = {low:.6g} and high = {high:.6g}; correct it"
+        for name, holds, rule in (
             ("low", low < high, f"lie below high = {high:.6g}; exchange or correct them"),
-            ("mode", low <= given.get("mode", low) <= high, between),
-            ("sd", given.get("sd", 1.0) > 0.0, "be more than 0; correct it"),
-            ("median", given.get("median", 1.0) > 0.0, "be more than 0; correct it"),
-            ("factor", given.get("factor", 2.0) > 1.0, "be more than 1; correct it"),
+            ("mode", low <= values.get("mode", low) <= high, mode_rule),
+            ("sd", values.get("sd", 1.0) > 0.0, "be more than 0; correct it"),
+            ("median", values.get("median", 1.0) > 0.0, "be more than 0; correct it"),
+            ("factor", values.get("factor", 2.0) > 1.0, "be more than 1; correct it"),
         ):
-            if not kept:
-                yield f".{name} is {given.get(name, low):.6g}, but it must {rule}"
-        if kind in CUT and not {"low", "high"}.isdisjoint(given):
-            below, above = map(NormalDist().cdf, self._ends)
-            if above - below < LEAST:
-                what = f"next to nothing of the {self.distribution} distribution"
-                yield f": {what} lies between its low and high; widen them"
+            if not holds:
+                yield f".{name} is {values.get(name, low):.6g}, but it must {rule}"
 
     @property
     def given(self) -> dict[str, float]:
-        """The numbers that are given, by name."""
+        """Numbers of the distribution in the file, by name."""
         return self.model_dump(exclude={"distribution"}, exclude_none=True)
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Least and largest value, infinite where there is none."""
-        least = 0.0 if self.distribution == "lognormal" else -math.inf
-        low = least if self.low is None else max(self.low, least)
-        return low, math.inf if self.high is None else self.high
+        """Smallest and largest value, infinite without one."""
+        minimum = 0.0 if self.distribution == "lognormal" else -math.inf
+        low = minimum if self.low is None else max(self.low, minimum)
+        high = math.inf if self.high is None else self.high
+        return low, high
 
     @property
     def text(self) -> str:
-        """Description in words that tell any two distributions apart."""
-        return ", ".join([self.distribution, *(f"{k} {v:.12g}" for k, v in self.given.items())])
+        """Description in words; unequal distributions differ in it."""
+        numbers = [f"{name} {value:.12g}" for name, value in self.given.items()]
+        return ", ".join([self.distribution, *numbers])
 
     @property
-    def _ends(self) -> Array:
+    def _deviates(self) -> Array:
         """Bounds of a normal or lognormal as deviates of the standard normal distribution, (2,)."""
-        given, ends = self.given, np.array(self.bounds)
+        values = self.given
+        bounds = np.array(self.bounds)
         if self.distribution == "normal":
-            return np.array((ends - given["mean"]) / given["sd"])
-        ends = np.log(np.maximum(ends / given["median"], 1e-300))  # the least bound is 0
-        return np.array(ends / math.log(given["factor"]))
+            return np.array((bounds - values["mean"]) / values["sd"])
+        logs = np.log(np.maximum(bounds / values["median"], 1e-300))  # the lower bound may be 0
+        return np.array(logs / math.log(values["factor"]))
 
     def at(self, shares: Array) -> Array:
-        """Return the values below which so large ``shares`` of the distribution lie, (n,)."""
+        """Compute the quantiles of the distribution at ``shares`` (n,), (n,)."""
         from scipy.special import ndtr, ndtri  # noqa: PLC0415  slow to load, and only draws need it
 
-        (least, most), given = self.bounds, self.given
-        low, high = ndtr(self._ends) if self.distribution in CUT else (0.0, 1.0)
-        u = low + shares * (high - low)
+        low, high = self.bounds
+        values = self.given
+        low_share, high_share = (0.0, 1.0)
+        if self.distribution in TRUNCATED:
+            low_share, high_share = ndtr(self._deviates)
+        u = low_share + shares * (high_share - low_share)
         if self.distribution == "normal":
-            u = ndtri(u) * given["sd"] + given["mean"]
+            quantiles = ndtri(u) * values["sd"] + values["mean"]
         elif self.distribution == "lognormal":
-            u = np.exp(math.log(given["factor"]) * ndtri(u)) * given["median"]
+            quantiles = np.exp(math.log(values["factor"]) * ndtri(u)) * values["median"]
         else:
             if self.distribution == "triangular":
-                top = (given["mode"] - least) / (most - least)
+                top = (values["mode"] - low) / (high - low)
                 u = np.where(u < top, np.sqrt(top * u), 1.0 - np.sqrt((1.0 - top) * (1.0 - u)))
-            u = u * (most - least) + least
-        return np.clip(u, least, most)
+            quantiles = u * (high - low) + low
+        return np.clip(quantiles, low, high)
 
 
 def sobol_shares(count: int, dimensions: int, seed: int) -> Array:
-    """Return the first ``count`` places of a scrambled Sobol sequence in (0, 1), (count, dims)."""
+    """Return the first ``count`` points of a scrambled Sobol sequence in (0, 1), (count, dims)."""
     from scipy.stats import qmc  # noqa: PLC0415  slow to load, and a certain study does without
 
     sequence = qmc.Sobol(dimensions, seed=np.random.default_rng(seed))
-    whole = sequence.random_base2(max(0, math.ceil(math.log2(count))))
-    return np.clip(whole[:count], 1e-12, 1.0 - 1e-12)
+    points = sequence.random_base2(max(0, math.ceil(math.log2(count))))
+    return np.clip(points[:count], 1e-12, 1.0 - 1e-12)
 
 
-MEAN_SHARES = 1000  #: quantiles in the mean of a factor
-#: in the order of the draws
+MEAN_QUANTILES = 1000  #: quantiles in the mean of a factor
+#: Names of the factors, in the order of the draws.
 FACTORS = ("friction_factor", "force_factor", "inertia_factor", "dissipation_factor")
-STREAM = 101  #: keeps the draws of the factors apart from that of the angles
+FACTOR_STREAM = 101  #: separates the draws of the factors from those of the angles
 
 
 @dataclass(frozen=True)
@@ -161,28 +178,30 @@ class Variant:
     dissipation: float = 1.0
 
     def clutch(self, clutch: Clutch) -> Clutch:
-        """Return the clutch as drawn."""
-        rings = clutch.rings
-        drawn = clutch.contact.scaled(self.friction, self.dissipation)
-        inertia = rings.output_inertia * self.inertia
-        return replace(clutch, contact=drawn, rings=replace(rings, output_inertia=inertia))
+        """Return the clutch with the drawn contact and output inertia."""
+        inertia = clutch.rings.output_inertia * self.inertia
+        return replace(
+            clutch,
+            contact=clutch.contact.scaled(self.friction, self.dissipation),
+            rings=replace(clutch.rings, output_inertia=inertia),
+        )
 
     def point(self, point: OperatingPoint) -> OperatingPoint:
-        """Return the operating point as drawn."""
+        """Return the operating point with the drawn shift force."""
         profile = replace(point.profile, force=point.profile.force * self.force, rise=self.rise)
         return replace(point, profile=profile)
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Distributions of the factors that are uncertain, by their names; those absent are one."""
+    """Distributions of the uncertain factors by name; other factors are one."""
 
     distributions: tuple[tuple[str, Distribution], ...]
     rise: RiseTable  #: of the shift force by its final value
 
     def __post_init__(self) -> None:
-        for name, one in self.distributions:
-            low, high = one.bounds
+        for name, distribution in self.distributions:
+            low, high = distribution.bounds
             if not 0.0 < low < high <= 10.0:
                 raise InputError(
                     f"uncertain.{name} lies between {low:.6g} and {high:.6g}, but a factor must be "
@@ -191,53 +210,69 @@ class Uncertainty:
 
     @property
     def source(self) -> tuple[tuple[str, str], ...]:
-        """The distributions in words, by their keys."""
-        return tuple((name, one.text) for name, one in self.distributions)
+        """Distributions in words, by their keys."""
+        return tuple((name, distribution.text) for name, distribution in self.distributions)
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Return the least and the largest value of a factor."""
-        return next((d.bounds for key, d in self.distributions if key == name), (1.0, 1.0))
+        """Return the smallest and the largest value of a factor."""
+        distribution = dict(self.distributions).get(name)
+        return (1.0, 1.0) if distribution is None else distribution.bounds
 
     def mean(self, name: str) -> float:
         """Compute the mean of a factor."""
-        shares = (np.arange(MEAN_SHARES) + 0.5) / MEAN_SHARES
-        means = (d.at(shares).mean() for key, d in self.distributions if key == name)
-        return float(next(means, 1.0))
+        distribution = dict(self.distributions).get(name)
+        if distribution is None:
+            return 1.0
+        shares = (np.arange(MEAN_QUANTILES) + 0.5) / MEAN_QUANTILES
+        return float(distribution.at(shares).mean())
 
     def variants(
         self, point: OperatingPoint, count: int, seed: int, index: int, base: int | None = None
     ) -> tuple[Variant, ...]:
-        """Return the draws of an operating point's angles, ``count`` of them in their order.
+        """Draw the factors for each of ``count`` even angles of an operating point.
 
         ``seed``, ``index`` and ``base`` as for ``sim.statistics.expectation.even_phases``.
         """
-        rng = np.random.default_rng([seed, index, STREAM])
+        rng = np.random.default_rng([seed, index, FACTOR_STREAM])
         shares = rng.random((count, len(self.distributions)))
         shares = shares[draw_order(count, seed, index, base)]
-        columns = zip(self.distributions, shares.T, strict=True)
-        drawn = {name: one.at(column) for (name, one), column in columns}
-        factors = np.column_stack([drawn.get(name, np.ones(count)) for name in FACTORS])
-        source, profile, found = self.source, point.profile, []
-        by_table = self.rise.gives(profile)  # a rise time that was given by hand stays
+        values = {}
+        for (name, distribution), column in zip(self.distributions, shares.T, strict=True):
+            values[name] = distribution.at(column)
+        factors = np.column_stack([values.get(name, np.ones(count)) for name in FACTORS])
+        profile = point.profile
+        by_table = self.rise.gives(profile)  # a rise time from elsewhere stays
+        source = self.source
+        variants = []
         for friction, force, inertia, dissipation in factors.tolist():
             rise = self.rise.profile(profile.force * force).rise if by_table else profile.rise
-            found.append(Variant(friction, force, inertia, rise, source, dissipation))
-        return tuple(found)
+            variants.append(
+                Variant(
+                    friction,
+                    force,
+                    inertia,
+                    rise=rise,
+                    source=source,
+                    dissipation=dissipation,
+                )
+            )
+        return tuple(variants)
 
 
 def draw_order(count: int, seed: int, index: int, base: int | None = None) -> NDArray[np.int64]:
-    """Assign a draw to each of the even angles, (count,), each draw once.
+    """Assign the index of a draw to each of ``count`` even angles, (count,), each index once.
 
-    The angles of a coarser draw keep what they had; those between them get the next ones.
+    Angles of a coarser grid keep their draws; the angles between them have the following ones.
     """
     base = base or count
-    parts = count // base
-    coarse = count if parts == 1 else count // 2 if parts % 2 == 0 else base
-    if coarse == count:
+    refinement = count // base
+    if refinement == 1:
         return np.arange(count)
-    start = np.random.default_rng([seed, index]).random() * (coarse // base) % 1.0
-    kept = np.arange(coarse) * (count // coarse) + int(start * (count // coarse))
+    coarse_count = count // 2 if refinement % 2 == 0 else base
+    step = count // coarse_count
+    start = np.random.default_rng([seed, index]).random() * (coarse_count // base) % 1.0
+    coarse_angles = np.arange(coarse_count) * step + int(start * step)
     order = np.full(count, -1)
-    order[kept] = draw_order(coarse, seed, index, base)
-    order[order < 0] = np.arange(coarse, count)
+    order[coarse_angles] = draw_order(coarse_count, seed, index, base)
+    order[order < 0] = np.arange(coarse_count, count)
     return order

@@ -1,12 +1,12 @@
 """A check: a number of a design against its limit, with the rule that it follows.
 
-The module with the closed form gives value and limit by the name in ``RULES`` (``Row``).
+The module with the closed form computes value and limit by the name in ``RULES`` (``Row``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from dogshape.sim.elementwise import largest, smallest, where
@@ -15,7 +15,7 @@ from dogshape.sim.units import from_si
 
 Group = Literal["make", "load", "lock", "impact", "tolerance", "goal"]
 
-#: What the groups are about, in the order of reports.
+#: Subject of each group, in the order of reports.
 GROUPS: dict[Group, str] = {
     "make": "manufacture",
     "load": "strength",
@@ -36,7 +36,7 @@ class Rule:
     formula: str
     source: str
     unit: str
-    key: str  #: of the study file, which sets the limit
+    key: str  #: key of the study file that sets the limit
     at_most: bool
     summary: bool = False  #: whether the value sums up other checks
 
@@ -53,7 +53,7 @@ class Check:
     rule: Rule
     value: float
     limit: float
-    ends: str = ""  #: of ranges in the study file at which the margin is smallest
+    ends: str = ""  #: ends of ranges in the study file at which the margin is smallest
     interval: tuple[float, float] | None = None  #: of the value, 95 %; None where it is exact
 
     @property
@@ -67,8 +67,8 @@ class Check:
         return self._margin_of(self.value)
 
     def _margin_of(self, value: float) -> float:
-        left = self.limit - value if self.rule.at_most else value - self.limit
-        return left / (abs(self.limit) + (self.limit == 0.0))  # over 1 where the limit is 0
+        distance = self.limit - value if self.rule.at_most else value - self.limit
+        return distance / (abs(self.limit) + (self.limit == 0.0))  # over 1 where the limit is 0
 
     @property
     def margin_interval(self) -> tuple[float, float] | None:
@@ -87,24 +87,29 @@ class Check:
     @property
     def utilisation(self) -> float:
         """Value over an upper limit, or lower limit over value; 1 at the limit, at most 1000."""
-        over, under = (self.value, self.limit) if self.rule.at_most else (self.limit, self.value)
-        share = largest(over, 0.0) / where(under > 0.0, under, 1.0)
-        return where(under > 0.0, smallest(share, 1e3), 1e3)
+        numerator, denominator = self.limit, self.value
+        if self.rule.at_most:
+            numerator, denominator = self.value, self.limit
+        share = largest(numerator, 0.0) / where(denominator > 0.0, denominator, 1.0)
+        return where(denominator > 0.0, smallest(share, 1e3), 1e3)
 
     @property
     def remedy(self) -> str:
         """Dimensions and settings that raise the margin, or the limit."""
-        by = self.name.removesuffix("_traction").removesuffix("_braking")
-        known = REMEDIES.get(by) or REMEDIES.get(self.rule.group)
-        return f"{known}, or change {self.rule.key}" if known else f"change {self.rule.key}"
+        name = self.name.removesuffix("_traction").removesuffix("_braking")
+        change = f"change {self.rule.key}"
+        remedy = REMEDIES.get(name) or REMEDIES.get(self.rule.group)
+        return f"{remedy}, or {change}" if remedy else change
 
     @property
     def fault(self) -> str:
         """Value and limit in words, for a check that fails."""
-        value, limit = (f"{one:.4g} {self.rule.unit}".strip() for one in (self.value, self.limit))
+        value = f"{self.value:.4g} {self.rule.unit}".strip()
+        limit = f"{self.limit:.4g} {self.rule.unit}".strip()
+        if self.ends:
+            value = f"{value} at {self.ends}"
         bound = "at most" if self.rule.at_most else "at least"
-        at = f" at {self.ends}" if self.ends else ""
-        return f"{self.rule.meaning} is {value}{at}, but it must be {bound} {limit}"
+        return f"{self.rule.meaning} is {value}, but it must be {bound} {limit}"
 
     @property
     def passed(self) -> bool:
@@ -114,25 +119,30 @@ class Check:
 
 def safety_factor(rule: Rule, margin: float) -> float | None:
     """Compute the upper limit of a stress or force over its value; None for other checks."""
-    loaded = rule.at_most and rule.unit in ("MPa", "N") and margin < 1.0
-    return 1.0 / (1.0 - margin) if loaded else None
+    if not rule.at_most or rule.unit not in ("MPa", "N") or margin >= 1.0:
+        return None
+    return 1.0 / (1.0 - margin)
 
 
 def feasible(checks: Iterable[Check]) -> bool:
-    """Decide whether every check passes."""
+    """Test whether every check passes."""
     return all(check.passed for check in checks)
 
 
 def smallest_margin(checks: Iterable[Check]) -> Check:
-    """Return the check with the smallest margin; one that sums up others names none of them."""
+    """Return the check with the smallest margin, without those that sum up others."""
     return min((c for c in checks if not c.rule.summary), key=lambda check: check.margin)
 
 
-def worse(one: Check, other: Check) -> Check:
+def worse_check(first: Check, second: Check) -> Check:
     """Return the check with the smaller margin of two of one rule, design by design."""
-    first = one.margin <= other.margin
-    value, limit = where(first, one.value, other.value), where(first, one.limit, other.limit)
-    return Check(one.rule, value, limit, where(first, one.ends, other.ends))
+    is_first = first.margin <= second.margin
+    return Check(
+        first.rule,
+        value=where(is_first, first.value, second.value),
+        limit=where(is_first, first.limit, second.limit),
+        ends=where(is_first, first.ends, second.ends),
+    )
 
 
 _NARROW = "use fewer or lower dogs or smaller side angles"
@@ -162,150 +172,324 @@ REMEDIES: dict[str, str] = {
 }
 _STATIC = "Jasny et al. 2019, with the static coefficient"
 _STRIKE = "two-mass impact coupled through the shafts (Rao); limit: "
-#: Name (of both flanks at once), unit, key of the limit, whether it is an upper one; then meaning,
-#: formula and source.
-_TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
-    "make": (
-        ("tip_width", "mm", "manufacturing.tip_width_mm", False,
-         "width of the tip at the inner radius",
-         "(pitch angle - backlash angle) r_i/2 - h (tan beta + tan gamma)/2",
-         "handling and distortion in hardening (assumption)"),
-        ("slot_width", "mm", "manufacturing.slot_width_mm", False,
-         "width of the slot's floor, of undercut flanks of its mouth, at the inner radius",
-         "pitch at r_i less the larger of root and tip width", "smallest cutter (assumption)"),
-        ("cutter_reach", "", "manufacturing.cutter_reach", True,
-         "depth of the slot over the width of its floor",
-         "h over the slot's width at the inner radius",
-         "reach of a short end mill, three diameters (assumption)"),
-        ("flank_height", "mm", "manufacturing.flank_height_mm", False,
-         "height of the lower flank at the outer radius, where it is lowest",
-         "h - d, d depth of the tip at its lower edge there",
-         "keeps a flank on either side (assumption)"),
-        ("root_radius", "mm", "manufacturing.root_radius_mm", False,
-         "largest root radius that fits into slot and tip",
-         "two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
-         "geometry; wear of the cutter sets the limit (assumption)"),
-        ("edge_clearance", "mm", "manufacturing.root_radius_mm", False,
-         "radius of the tip edges, which meet the root fillets of the other ring",
-         "R of the edges, at least that of the roots",
-         "geometry: a ball that fits into the tip fits into the slot"),
-        ("chamfer_share", "", "manufacturing.chamfer_share", True,
-         "depth of the tip at its lower edge over the height of the dog", "d/h",
-         "leaves a flank of two thirds (assumption)"),
-        ("module", "mm", "manufacturing.module_mm", False, "mean diameter over the number of dogs",
-         "2 r/N", "distortion in hardening (assumption)"),
-        ("tip_core", "mm", "manufacturing.tip_core_mm", False,
-         "soft core of the tip at the inner radius", "width of the tip less a case depth from "
-         "either side", "a tip hardened through chips; limit an assumption"),
+#: Rules of all checks but a study's own limits; ``{flank}`` stands for either flank.
+_TABLE = (
+    Rule(
+        "tip_width",
+        "make",
+        meaning="width of the tip at the inner radius",
+        formula="(pitch angle - backlash angle) r_i/2 - h (tan beta + tan gamma)/2",
+        source="handling and distortion in hardening (assumption)",
+        unit="mm",
+        key="manufacturing.tip_width_mm",
+        at_most=False,
     ),
-    "lock": (
-        ("chamfer_release", "deg", "load.friction_release", False,
-         "chamfer, of a roof the smaller, which slides from rest above the friction angle",
-         "angle against arctan of the static coefficient", _STATIC),
-        ("{flank}_release", "deg", "load.friction_release", False,
-         "{flank} flank, which is self-locking below the friction angle",
-         "angle against arctan of the static coefficient + arctan(mu_t r/r_t) of the spline",
-         _STATIC),
-        ("retention_{flank}", "N", "load.separating_force_limit_N", True,
-         "axial force that pushes the worn {flank} flank out of gear without friction, below 0 it "
-         "pulls in",
-         "K_A T/r tan(worn side angle) + m a, T of coast on the braking flank; a flank up to 0 "
-         "wears by load.wear_angle_deg",
-         "Jasny et al. 2019 without friction, which gives way under vibration; limit: what latch, "
-         "detent or fork hold"),
-        ("retention_reversal", "N", "load.separating_force_limit_N", True,
-         "axial force on the blocking mechanism as the torque reverses",
-         "m a of ring and fork: flanks without torque hold nothing",
-         "equilibrium of the ring; limit: what latch, detent or fork hold"),
-        ("pull_out_force", "N", "load.pull_out_force_limit_N", True,
-         "axial force that pulls the ring out under load.pull_out_share of the torque, the worse "
-         "flank",
-         "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static; a flank "
-         "with a negative one pushes the ring out",
-         "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest shift "
-         "force of the operating points"),
-        ("engagement", "", "[shift] and the shape", False,
-         "least share of the shifts that engage, of any operating point",
-         "engaged over simulated shifts",
-         "judged: below it the time-out makes the expected time, and not the dogs"),
+    Rule(
+        "slot_width",
+        "make",
+        meaning="width of the slot's floor, of undercut flanks of its mouth, at the inner radius",
+        formula="pitch at r_i less the larger of root and tip width",
+        source="smallest cutter (assumption)",
+        unit="mm",
+        key="manufacturing.slot_width_mm",
+        at_most=False,
     ),
-    "load": (
-        ("flank_pressure_{flank}", "MPa", "material.allowable_pressure_MPa", True,
-         "mean pressure on the {flank} flank", "F/A, A what touches at full depth",
-         "DIN 5466-1; limit of the material set"),
-        ("root_bending_{flank}", "MPa", "material.bending_endurance_MPa", True,
-         "tension in the fillet below the loaded {flank} flank",
-         "notch factor times nominal root stress, load at the load height",
-         "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3"),
-        ("shear_stress", "MPa", "material.proof_stress_MPa", True, "shear stress of the root",
-         "1.5 F/(b s)",
-         "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)"),
-        ("equivalent_stress", "MPa", "material.proof_stress_MPa", True,
-         "equivalent stress of the core at the root, the worse flank",
-         "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
-         "von Mises; limit: proof stress of the core over safety"),
-        ("root_fatigue", "MPa", "load.shifts", True,
-         "tension in the fillet, the worse flank, over the shifts of the life",
-         "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue, or at "
-         "the largest torque of load.spectrum what it is when Miner's sum of all classes is 1",
-         "ISO 6336-3, ISO 6336-5, ISO 6336-6"),
-        ("rim", "mm", "dog.height_mm", False,
-         "thickness of the ring behind the roots; below 1.2 heights it raises the stress of the "
-         "root",
-         "manufacturing.rim_mm against 0.5 h; root stress times Y_B = 1.6 ln(2.242 h/rim)",
-         "ISO 6336-3, rim thickness factor, whose range ends there"),
-        ("flank_strike_root", "MPa", "material.bending_endurance_MPa", True,
-         "tension in the fillet when flanks strike, the worse flank",
-         "as root bending, F = T/(r N sqrt(K_l)); T = sum |k D q/omega| over the modes of ring, "
-         "wheel and shafts, or nu w sqrt(k J) of a second strike",
-         f"{_STRIKE}static strength, or less where strike.strikes allow less, ISO 6336-3"),
-        ("flank_strike_flank", "MPa", "material.surface_hardness_HV", True,
-         "mean pressure on the flank when flanks strike, the worse flank",
-         "F/A, F as in flank_strike_root",
-         f"{_STRIKE}yield stress of the case, HV/3, over safety"),
+    Rule(
+        "cutter_reach",
+        "make",
+        meaning="depth of the slot over the width of its floor",
+        formula="h over the slot's width at the inner radius",
+        source="reach of a short end mill, three diameters (assumption)",
+        unit="",
+        key="manufacturing.cutter_reach",
+        at_most=True,
     ),
-    "impact": (
-        ("face_pressure_impact", "MPa", "material.surface_hardness_HV", True,
-         "mean pressure on the flat overlap of the faces, hardest landing",
-         "w/((L - 2 c) sqrt(K_s)), w = F/(N b), c what a rounded crest takes",
-         "simulated peak; limit: yield stress of the case, HV/3, over safety"),
-        ("core_pressure_impact", "MPa", "material.proof_stress_MPa", True,
-         "mean pressure below the case of the faces, hardest landing",
-         "w/((L - 2 c + 2 t) sqrt(K_s)), t case depth",
-         "simulated peak; limit: proof stress of the core over safety"),
-        ("edge_pressure_impact", "MPa", "material.surface_hardness_HV", True,
-         "pressure of Hertz of rounded edge on rounded edge, hardest landing",
-         "sqrt(w E*/(pi rho/2 sqrt(K_s)))",
-         "simulated peak; limit 0.77 HV, shakedown of a line contact (Johnson 1985)"),
+    Rule(
+        "flank_height",
+        "make",
+        meaning="height of the lower flank at the outer radius, where it is lowest",
+        formula="h - d, d depth of the tip at its lower edge there",
+        source="keeps a flank on either side (assumption)",
+        unit="mm",
+        key="manufacturing.flank_height_mm",
+        at_most=False,
     ),
-    "tolerance": (
-        ("contact_ratio", "", "tolerance.contact_ratio", False,
-         "share of the height that touches on the worse flank, within the tolerances",
-         "(height that touches - seated tolerance)/h less the root sum of squares of all losses",
-         "normal dimensions at tolerance.reject_rate; limit an assumption"),
-        ("clearance", "mm", "tolerance.clearance_mm", False,
-         "gap between the crests in neutral, within the tolerances of gap and heights",
-         "axial gap less the root sum of squares of its tolerance and twice that of the height",
-         "dogs that meet in neutral ratchet; limit an assumption"),
+    Rule(
+        "root_radius",
+        "make",
+        meaning="largest root radius that fits into slot and tip",
+        formula="two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
+        source="geometry; wear of the cutter sets the limit (assumption)",
+        unit="mm",
+        key="manufacturing.root_radius_mm",
+        at_most=False,
     ),
-}  # fmt: skip
-#: By name, all but a study's own limits.
-RULES = {
-    name.format(flank=flank): Rule(
-        name.format(flank=flank), group, meaning.format(flank=flank), formula, source, unit, key,
-        at_most,
+    Rule(
+        "edge_clearance",
+        "make",
+        meaning="radius of the tip edges, which meet the root fillets of the other ring",
+        formula="R of the edges, at least that of the roots",
+        source="geometry: a ball that fits into the tip fits into the slot",
+        unit="mm",
+        key="manufacturing.root_radius_mm",
+        at_most=False,
+    ),
+    Rule(
+        "chamfer_share",
+        "make",
+        meaning="depth of the tip at its lower edge over the height of the dog",
+        formula="d/h",
+        source="leaves a flank of two thirds (assumption)",
+        unit="",
+        key="manufacturing.chamfer_share",
+        at_most=True,
+    ),
+    Rule(
+        "module",
+        "make",
+        meaning="mean diameter over the number of dogs",
+        formula="2 r/N",
+        source="distortion in hardening (assumption)",
+        unit="mm",
+        key="manufacturing.module_mm",
+        at_most=False,
+    ),
+    Rule(
+        "tip_core",
+        "make",
+        meaning="soft core of the tip at the inner radius",
+        formula="width of the tip less a case depth from either side",
+        source="a tip hardened through chips; limit an assumption",
+        unit="mm",
+        key="manufacturing.tip_core_mm",
+        at_most=False,
+    ),
+    Rule(
+        "chamfer_release",
+        "lock",
+        meaning="chamfer, of a roof the smaller, which slides from rest above the friction angle",
+        formula="angle against arctan of the static coefficient",
+        source=_STATIC,
+        unit="deg",
+        key="load.friction_release",
+        at_most=False,
+    ),
+    Rule(
+        "{flank}_release",
+        "lock",
+        meaning="{flank} flank, which is self-locking below the friction angle",
+        formula="angle against arctan of the static coefficient + arctan(mu_t r/r_t) of the spline",
+        source=_STATIC,
+        unit="deg",
+        key="load.friction_release",
+        at_most=False,
+    ),
+    Rule(
+        "retention_{flank}",
+        "lock",
+        meaning="axial force that pushes the worn {flank} flank out of gear without friction, "
+        "below 0 it pulls in",
+        formula="K_A T/r tan(worn side angle) + m a, T of coast on the braking flank; a flank up "
+        "to 0 wears by load.wear_angle_deg",
+        source="Jasny et al. 2019 without friction, which gives way under vibration; limit: what "
+        "latch, detent or fork hold",
+        unit="N",
+        key="load.separating_force_limit_N",
+        at_most=True,
+    ),
+    Rule(
+        "retention_reversal",
+        "lock",
+        meaning="axial force on the blocking mechanism as the torque reverses",
+        formula="m a of ring and fork: flanks without torque hold nothing",
+        source="equilibrium of the ring; limit: what latch, detent or fork hold",
+        unit="N",
+        key="load.separating_force_limit_N",
+        at_most=True,
+    ),
+    Rule(
+        "pull_out_force",
+        "lock",
+        meaning="axial force that pulls the ring out under load.pull_out_share of the torque, the "
+        "worse flank",
+        formula="mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static; "
+        "a flank with a negative one pushes the ring out",
+        source="equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest "
+        "shift force of the operating points",
+        unit="N",
+        key="load.pull_out_force_limit_N",
+        at_most=True,
+    ),
+    Rule(
+        "engagement",
+        "lock",
+        meaning="least share of the shifts that engage, of any operating point",
+        formula="engaged over simulated shifts",
+        source="judged: below it the time-out makes the expected time, and not the dogs",
+        unit="",
+        key="[shift] and the shape",
+        at_most=False,
+    ),
+    Rule(
+        "flank_pressure_{flank}",
+        "load",
+        meaning="mean pressure on the {flank} flank",
+        formula="F/A, A what touches at full depth",
+        source="DIN 5466-1; limit of the material set",
+        unit="MPa",
+        key="material.allowable_pressure_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "root_bending_{flank}",
+        "load",
+        meaning="tension in the fillet below the loaded {flank} flank",
+        formula="notch factor times nominal root stress, load at the load height",
+        source="Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3",
+        unit="MPa",
+        key="material.bending_endurance_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "shear_stress",
+        "load",
+        meaning="shear stress of the root",
+        formula="1.5 F/(b s)",
+        source="parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
+        unit="MPa",
+        key="material.proof_stress_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "equivalent_stress",
+        "load",
+        meaning="equivalent stress of the core at the root, the worse flank",
+        formula="sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
+        source="von Mises; limit: proof stress of the core over safety",
+        unit="MPa",
+        key="material.proof_stress_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "root_fatigue",
+        "load",
+        meaning="tension in the fillet, the worse flank, over the shifts of the life",
+        formula="as root bending; limit: bending_endurance 2 Y_NT(shifts) "
+        "reversal/safety_fatigue, or at the largest torque of load.spectrum what it is "
+        "when Miner's sum of all classes is 1",
+        source="ISO 6336-3, ISO 6336-5, ISO 6336-6",
+        unit="MPa",
+        key="load.shifts",
+        at_most=True,
+    ),
+    Rule(
+        "rim",
+        "load",
+        meaning="thickness of the ring behind the roots; below 1.2 heights it raises the stress "
+        "of the root",
+        formula="manufacturing.rim_mm against 0.5 h; root stress times Y_B = 1.6 ln(2.242 h/rim)",
+        source="ISO 6336-3, rim thickness factor, whose range ends there",
+        unit="mm",
+        key="dog.height_mm",
+        at_most=False,
+    ),
+    Rule(
+        "flank_strike_root",
+        "load",
+        meaning="tension in the fillet when flanks strike, the worse flank",
+        formula="as root bending, F = T/(r N sqrt(K_l)); T = sum |k D q/omega| over the modes of "
+        "ring, wheel and shafts, or nu w sqrt(k J) of a second strike",
+        source=f"{_STRIKE}static strength, or less where strike.strikes allow less, ISO 6336-3",
+        unit="MPa",
+        key="material.bending_endurance_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "flank_strike_flank",
+        "load",
+        meaning="mean pressure on the flank when flanks strike, the worse flank",
+        formula="F/A, F as in flank_strike_root",
+        source=f"{_STRIKE}yield stress of the case, HV/3, over safety",
+        unit="MPa",
+        key="material.surface_hardness_HV",
+        at_most=True,
+    ),
+    Rule(
+        "face_pressure_impact",
+        "impact",
+        meaning="mean pressure on the flat overlap of the faces, hardest landing",
+        formula="w/((L - 2 c) sqrt(K_s)), w = F/(N b), c what a rounded crest takes",
+        source="simulated peak; limit: yield stress of the case, HV/3, over safety",
+        unit="MPa",
+        key="material.surface_hardness_HV",
+        at_most=True,
+    ),
+    Rule(
+        "core_pressure_impact",
+        "impact",
+        meaning="mean pressure below the case of the faces, hardest landing",
+        formula="w/((L - 2 c + 2 t) sqrt(K_s)), t case depth",
+        source="simulated peak; limit: proof stress of the core over safety",
+        unit="MPa",
+        key="material.proof_stress_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "edge_pressure_impact",
+        "impact",
+        meaning="pressure of Hertz of rounded edge on rounded edge, hardest landing",
+        formula="sqrt(w E*/(pi rho/2 sqrt(K_s)))",
+        source="simulated peak; limit 0.77 HV, shakedown of a line contact (Johnson 1985)",
+        unit="MPa",
+        key="material.surface_hardness_HV",
+        at_most=True,
+    ),
+    Rule(
+        "contact_ratio",
+        "tolerance",
+        meaning="share of the height that touches on the worse flank, within the tolerances",
+        formula="(height that touches - seated tolerance)/h less the root sum of squares of all "
+        "losses",
+        source="normal dimensions at tolerance.reject_rate; limit an assumption",
+        unit="",
+        key="tolerance.contact_ratio",
+        at_most=False,
+    ),
+    Rule(
+        "clearance",
+        "tolerance",
+        meaning="gap between the crests in neutral, within the tolerances of gap and heights",
+        formula="axial gap less the root sum of squares of its tolerance and twice that of the "
+        "height",
+        source="dogs that meet in neutral ratchet; limit an assumption",
+        unit="mm",
+        key="tolerance.clearance_mm",
+        at_most=False,
+    ),
+)
+
+
+def _rules_of(rule: Rule) -> tuple[Rule, ...]:
+    """Expand a rule with ``{flank}`` into the rules of both flanks."""
+    if "{flank}" not in rule.name:
+        return (rule,)
+    return tuple(
+        replace(rule, name=rule.name.format(flank=flank), meaning=rule.meaning.format(flank=flank))
+        for flank in FLANKS
     )
-    for group, rows in _TABLE.items()
-    for name, unit, key, at_most, meaning, formula, source in rows
-    for flank in (FLANKS if "{flank}" in name else ("",))
-}  # fmt: skip
+
+
+#: By name, all but a study's own limits.
+RULES = {rule.name: rule for row in _TABLE for rule in _rules_of(row)}
 
 Row = tuple[str, float, float]  #: name of a rule, value and limit, SI
 
 
 def checks_of(rows: Iterable[Row], ends: str = "") -> tuple[Check, ...]:
-    """Return the checks of values and limits, which turn from SI to the units of their rules."""
-    return tuple(
-        Check(rule, from_si(f"_{rule.unit}", value), from_si(f"_{rule.unit}", limit), ends)
-        for rule, value, limit in ((RULES[name], value, limit) for name, value, limit in rows)
-    )
+    """Build the checks of values and limits in SI, in the units of their rules."""
+    checks = []
+    for name, value, limit in rows:
+        rule = RULES[name]
+        suffix = f"_{rule.unit}"
+        checks.append(Check(rule, from_si(suffix, value), from_si(suffix, limit), ends))
+    return tuple(checks)

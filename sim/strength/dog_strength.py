@@ -1,4 +1,4 @@
-r"""Strength of a dog by closed forms, and everything that a design is checked against.
+r"""Strength of a dog by closed forms, and the limits and checks of a design.
 
 - flank pressure :math:`F/A` over what touches; shear :math:`1.5 F/(b s)` (parabola)
 - root bending: tension in the fillet (``root_tension``) against the static strength of the case;
@@ -22,10 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import each, hypot, largest, log, smallest, sqrt, tan, where
+from dogshape.sim.elementwise import hypot, largest, log, map_elements, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
-from dogshape.sim.strength.checks import Check, checks_of, feasible, worse
+from dogshape.sim.strength.checks import Check, checks_of, feasible, worse_check
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
@@ -42,7 +42,7 @@ from dogshape.sim.strength.materials import (
     MATERIALS,
     STATIC_CYCLES,
     Material,
-    reserve,
+    stress_reserve,
 )
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.units import DEG, MM
@@ -50,47 +50,55 @@ from dogshape.sim.units import DEG, MM
 
 @dataclass(frozen=True)
 class Load:
-    """Tangential force on one dog, N, on a flank, at a height above the floor, m."""
+    """Tangential force on one dog."""
 
-    force: float
+    force: float  #: N
     flank: Flank
-    lever: float
+    lever: float  #: height above the floor, m
 
 
-#: Where the fit ends: longest dog for its root width, and steepest flank (tangent). Beyond,
-#: the relief by either stays what it is there.
-LONGEST, STEEPEST = 1.2, math.tan(math.radians(30.0))
+#: Ends of the fit; the relief is constant beyond them.
+MAX_LENGTH_RATIO = 1.2  #: radial width over root width
+MAX_FLANK_SLOPE = math.tan(math.radians(30.0))
 
 
 class Tension(NamedTuple):
-    """Coefficients of the first principal stress."""
+    """Coefficients k_1 to k_6 of the first principal stress (``root_tension``)."""
 
     notch: float
     sharpness: float
     lean: float
     spread: float
-    near: float
+    proximity: float
     axial: float
 
 
-TENSION = Tension(0.341, 0.615, -0.557, -0.162, 1.068, 0.314)
+TENSION = Tension(
+    notch=0.341,
+    sharpness=0.615,
+    lean=-0.557,
+    spread=-0.162,
+    proximity=1.068,
+    axial=0.314,
+)
 
 
 def root_nominal(dog: Dog, load: Load, by: Tension = TENSION) -> float:
-    """Return the tension at the root on the loaded side without the notch, Pa."""
-    width, lean = dog.root_width, tan(side_angle(dog, load.flank))
-    arm = 0.5 * width - load.lever * lean
+    """Compute the tension at the root on the loaded side without the notch, Pa."""
+    width = dog.root_width
+    slope = tan(side_angle(dog, load.flank))
+    arm = 0.5 * width - load.lever * slope
     nominal = (
         6.0 * load.lever / width**2
-        + by.near / sqrt(width * load.lever)
-        - by.axial * lean * largest(0.0, 6.0 * arm / width**2 + 1.0 / width)
+        + by.proximity / sqrt(width * load.lever)
+        - by.axial * slope * largest(0.0, 6.0 * arm / width**2 + 1.0 / width)
     )
-    # However steep the flank, a third of the bending stays.
+    # A third of the bending remains for steep flanks.
     return load.force / dog.radial_width * largest(nominal, 2.0 * load.lever / width**2)
 
 
 def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION) -> float:
-    r"""Return the largest first principal stress in the loaded flank's fillet, Pa.
+    r"""Compute the largest first principal stress in the loaded flank's fillet, Pa.
 
     Force *F* at the height *l* above the floor on a flank that leans by :math:`\delta`, dog *b*
     long along the radius and *s* wide at the root, ``root_radius`` :math:`\rho` in m,
@@ -111,41 +119,47 @@ def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION
 
 
 def notch_factor(dog: Dog, root_radius: float, flank: Flank, by: Tension = TENSION) -> float:
-    """Return the tension in the fillet over the nominal one, at least 1."""
+    """Compute the tension in the fillet over the nominal one, at least 1."""
     require_between("root_radius_mm", root_radius / MM, 0.01, 10.0, "correct the fillet")
+    length_ratio = smallest(dog.radial_width / dog.root_width, MAX_LENGTH_RATIO)
+    slope = smallest(tan(side_angle(dog, flank)), MAX_FLANK_SLOPE)
     sharp = 1.0 + by.notch * (dog.root_width / root_radius) ** by.sharpness
-    notch = sharp * (1.0 + by.spread * smallest(dog.radial_width / dog.root_width, LONGEST))
-    return largest(1.0, notch * (1.0 + by.lean * smallest(tan(side_angle(dog, flank)), STEEPEST)))
+    notch = sharp * (1.0 + by.spread * length_ratio)
+    return largest(1.0, notch * (1.0 + by.lean * slope))
 
 
 def outside_fit(dog: Dog, root_radius: float) -> list[str]:
-    """Return in words what of a design lies outside the fit of the closed form."""
+    """Describe the proportions of a design that lie outside the fit of the closed form."""
     width = dog.root_width
     ratios = [
-        ("radial width over root width", dog.radial_width / width, 0.3, LONGEST),
+        ("radial width over root width", dog.radial_width / width, 0.3, MAX_LENGTH_RATIO),
         ("root width over root radius", width / root_radius, 6.0, 50.0),
         ("height over root width", dog.height / width, 0.35, 1.2),
     ]
     ratios += [(f"{f} side angle, deg,", side_angle(dog, f) / DEG, 0.0, 30.0) for f in FLANKS]
-    return [
-        f"{name} is {value:.4g}, but the root formula was fitted to {low:g} to {high:g}"
-        + (" and is 4 to 13 % too low at -4 to -8" if value < low == 0.0 else "")
-        for name, value, low, high in ratios
-        if not low <= value <= high
-    ]
+    sentences = []
+    for name, value, low, high in ratios:
+        if low <= value <= high:
+            continue
+        sentence = f"{name} is {value:.4g}, but the root formula was fitted to {low:g} to {high:g}"
+        if value < low == 0.0:
+            sentence += " and is 4 to 13 % too low at -4 to -8"
+        sentences.append(sentence)
+    return sentences
 
 
-#: m2 that a flank is taken to touch with at least, so that any design has a finite pressure.
+#: Smallest area of contact of a flank, m2: any design has a finite pressure.
 SMALLEST_AREA = 1e-8
-THICK, THINNEST = 1.2, 0.5  #: heights of a rim: no effect above, no formula below
+THICK_RIM = 1.2  #: heights of the dog; a thicker rim has no effect
+THINNEST_RIM = 0.5  #: heights of the dog; the formula holds for no thinner rim
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Everything that a design is checked against.
+    """Limits of all checks of a design.
 
-    ``seated_tolerance`` is how far short of full depth a shift may end, m. ``strikes`` are those
-    at the ends of what is known of the flank strike; without one it is not judged.
+    A shift may end ``seated_tolerance`` short of full depth, m. ``strikes`` are the ends of the
+    range of the flank strike; without one it is not judged.
     """
 
     load: LoadCase = field(default_factory=LoadCase)
@@ -161,7 +175,7 @@ class Limits:
         return self.manufacturing.root_radius
 
     def with_root_radius(self, radius: float) -> Limits:
-        """Return the same limits for another radius of root and tip edges, m."""
+        """Return the limits with another ``radius`` of root and tip edges, m."""
         return replace(self, manufacturing=replace(self.manufacturing, root_radius=radius))
 
     @property
@@ -171,17 +185,17 @@ class Limits:
 
     @property
     def static_root_stress(self) -> float:
-        """Local root stress that a few loads leave sound, over safety, Pa."""
+        """Static strength of the root, local stress over safety, Pa."""
         return self.material.endurance(STATIC_CYCLES) / self.load.safety
 
     def endurance(self, cycles: float) -> float:
-        """Return the local root stress that ``cycles`` loads both ways leave sound, over safety."""
+        """Compute the endurable local root stress for ``cycles`` alternating loads, Pa."""
         load = self.load
         return self.material.endurance(cycles) * load.reversal / load.safety_fatigue
 
 
 def root_load(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> Load:
-    """Return the load of the most loaded dog on a flank; under its static torque by default."""
+    """Return the load of the most loaded dog on a flank; by default under the static torque."""
     return _at_load_height(dog, limits, flank, limits.load.force_per_dog(dog, flank, torque))
 
 
@@ -200,28 +214,30 @@ class Root(NamedTuple):
 
 def root_of(dog: Dog, limits: Limits, load: Load) -> Root:
     """Compute the stresses of a root, with the factor of a thin rim and the notch below a case."""
-    radius, rim = limits.root_radius, limits.manufacturing.rim
-    nominal, notch = root_nominal(dog, load), notch_factor(dog, radius, load.flank)
-    thin = 1.0
+    radius = limits.root_radius
+    nominal = root_nominal(dog, load)
+    notch = notch_factor(dog, radius, load.flank)
+    rim_factor = 1.0
+    rim = limits.manufacturing.rim
     if rim is not None:
-        raised = largest(1.0, 1.6 * log(2.242 * dog.height / rim))
-        thin = where(rim >= THICK * dog.height, 1.0, raised)
+        thin_rim_factor = largest(1.0, 1.6 * log(2.242 * dog.height / rim))
+        rim_factor = where(rim >= THICK_RIM * dog.height, 1.0, thin_rim_factor)
     depth = 1.0 + limits.material.case_depth / radius
-    below = (depth**-2 + 3.0 * depth**-4) / 4.0
+    notch_share = (depth**-2 + 3.0 * depth**-4) / 4.0
     return Root(
-        notch * nominal * thin,
-        nominal * (1.0 + (notch - 1.0) * below) * thin,
-        1.5 * load.force / (dog.radial_width * dog.root_width),
+        tension=notch * nominal * rim_factor,
+        core=nominal * (1.0 + (notch - 1.0) * notch_share) * rim_factor,
+        shear=1.5 * load.force / (dog.radial_width * dog.root_width),
     )
 
 
 def flank_pressure(dog: Dog, limits: Limits, flank: Flank, force: float) -> float:
-    """Return the mean pressure of a force on a flank, Pa."""
+    """Compute the mean pressure of a ``force`` in N on a flank, Pa."""
     return force / largest(flank_contact(dog, limits.root_radius, flank).area, SMALLEST_AREA)
 
 
 def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
-    """Return tension in the fillet and what its life leaves sound, Pa, of the worse flank.
+    """Compute tension in the fillet and fatigue limit of the worse flank, Pa.
 
     Under a spectrum the tension is that of its largest torque, and the limit is that tension times
     the factor on all torques at which Miner's sum is 1.
@@ -233,106 +249,119 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
         return root_of(dog, limits, load).tension
 
     if not case.spectrum:
-        worst = largest(*(tension(flank, case.share_of(flank)) for flank in FLANKS))
-        return worst, limits.endurance(case.shifts)
-    least, worst, endurance = math.inf, 0.0, limits.endurance(ENDURANCE_CYCLES)
+        worst_tension = largest(*(tension(flank, case.share_of(flank)) for flank in FLANKS))
+        return worst_tension, limits.endurance(case.shifts)
+    endurance = limits.endurance(ENDURANCE_CYCLES)
+    worst_tension = 0.0
+    smallest_factor = math.inf
     for flank, sign in zip(FLANKS, (1.0, -1.0), strict=True):
         loads = [(sign * share, cycles) for share, cycles in case.spectrum if sign * share > 0.0]
-        if loads:
-            stresses = [tension(flank, share) for share, _ in loads]
-            bears = partial(reserve, limits.material, [cycles for _, cycles in loads])
-            factor = each(bears, *(stress / endurance for stress in stresses))
-            worst = where(factor < least, largest(*stresses), worst)
-            least = smallest(factor, least)
-    return worst, least * worst
+        if not loads:
+            continue
+        tensions = [tension(flank, share) for share, _ in loads]
+        reserve = partial(stress_reserve, limits.material, [cycles for _, cycles in loads])
+        factor = map_elements(reserve, *(stress / endurance for stress in tensions))
+        worst_tension = where(factor < smallest_factor, largest(*tensions), worst_tension)
+        smallest_factor = smallest(factor, smallest_factor)
+    return worst_tension, smallest_factor * worst_tension
 
 
-#: Dogs of one number and size are alike stiff: designs of a search have few torques of a strike.
+#: Dogs of equal number and size have equal stiffness: a search has few torques of a strike.
 _torque = lru_cache(maxsize=2**14)(Strike.torque)
 
 
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
-    """Return the torque of a strike on a flank, N m."""
+    """Compute the torque of a strike on a flank, N m."""
     stiffness = dog.count * limits.load.stiffness(dog) * dog.mean_radius**2
-    return each(partial(_torque, strike), strike.speed(flank), stiffness)
+    return map_elements(partial(_torque, strike), strike.speed(flank), stiffness)
 
 
 def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
-    """Return the tangential force of a strike on the dog that bears most, N.
+    """Compute the tangential force of a strike on the most loaded dog, N.
 
-    A blow is shared as a landing is: its energy is given, and what stands out takes it first.
+    A blow is shared as a landing is: the foremost dogs take its energy.
     """
-    equal = strike_torque(dog, limits, strike, flank) / (dog.mean_radius * dog.count)
-    return equal / sqrt(limits.load.blow(dog, equal))
+    mean_force = strike_torque(dog, limits, strike, flank) / (dog.mean_radius * dog.count)
+    return mean_force / sqrt(limits.load.blow(dog, mean_force))
 
 
 def within_tolerances(dog: Dog, limits: Limits, kind: Kind) -> tuple[Check, ...]:
-    """Return the checks that have the tolerances in them, with effects added by ``kind``."""
-    seated = limits.seated_tolerance
-    return tolerance_checks(dog, limits.root_radius, limits.tolerances, seated, kind)
+    """Return the checks of contact ratio and clearance within the tolerances."""
+    return tolerance_checks(
+        dog, limits.root_radius, limits.tolerances, seated=limits.seated_tolerance, kind=kind
+    )
 
 
 def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
-    """Return every check of a design, or of ``Dogs``, that needs no simulation.
+    """Return all checks of a design, or of ``Dogs``, that need no simulation.
 
-    Values and limits are in the unit that each check names, of ``Dogs`` numbers or arrays (n,).
+    Values and limits are in the unit of each check: numbers, or arrays (n,) for ``Dogs``.
     """
     return tuple(check for group in _GROUPS for check in group(dog, limits))
 
 
 def keeps_limits(dog: Dog, limits: Limits) -> bool:
-    """Decide whether every check passes; cheap ones first, no further than the first failure."""
+    """Test whether every check passes; stops at the first group that fails."""
     return all(feasible(group(dog, limits)) for group in _GROUPS)
 
 
 def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
-    """Compute the largest loss of each margin within the tolerances, by the check's name.
+    """Compute the largest loss of each margin within the tolerances, by the name of the check.
 
-    Contact ratio and clearance are left out: they have the tolerances in them already.
+    Contact ratio and clearance include the tolerances and are left out.
     """
 
     def margins(shape: Dog, root_radius: float) -> dict[str, float]:
-        found: dict[str, float] = {}
-        for radius in np.unique(root_radius).tolist():  # limits have one; of ``Dogs`` there are few
-            case, here = limits.with_root_radius(radius), root_radius == radius
-            for check in (check for group in _GROUPS[:-1] for check in group(shape, case)):
-                found[check.name] = where(here, check.margin, found.get(check.name, math.inf))
-        return found
+        margins_by_name: dict[str, float] = {}
+        for radius in np.unique(root_radius).tolist():  # one for limits, a few for ``Dogs``
+            case = limits.with_root_radius(radius)
+            has_radius = root_radius == radius
+            for group in _GROUPS[:-1]:
+                for check in group(shape, case):
+                    margin = margins_by_name.get(check.name, math.inf)
+                    margins_by_name[check.name] = where(has_radius, check.margin, margin)
+        return margins_by_name
 
     return losses(dog, limits.root_radius, limits.tolerances, margins)
 
 
 def _shape_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+    """Return the checks of manufacture and of the soft core of the tip."""
     core = dog.tip_width_at(dog.inner_radius) - 2.0 * limits.material.case_depth
-    made = manufacturing_checks(dog, limits.manufacturing)
-    return (*made, *checks_of([("tip_core", core, limits.manufacturing.tip_core)]))
+    core_checks = checks_of([("tip_core", core, limits.manufacturing.tip_core)])
+    return (*manufacturing_checks(dog, limits.manufacturing), *core_checks)
 
 
 def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
-    case, allowable, rim = limits.load, limits.allowable_stress, limits.manufacturing.rim
-    # Thousands of designs are checked, each at every deviation: what they share is found once.
+    """Return the checks of pressure, root stresses, fatigue and rim."""
+    case = limits.load
+    # Thousands of designs are checked, each at every deviation: the stresses are computed once.
     roots = {flank: root_of(dog, limits, root_load(dog, limits, flank)) for flank in FLANKS}
     rows = []
     for flank in FLANKS:
-        # The allowable is of flanks that carry for life: misuse, which comes once, is not in it.
-        lasting = case.force_per_dog(dog, flank, case.design_torque * case.share_of(flank))
-        pressure = flank_pressure(dog, limits, flank, lasting)
+        # The allowable pressure is for the whole life, so the abuse torque does not count.
+        force = case.force_per_dog(dog, flank, case.design_torque * case.share_of(flank))
+        pressure = flank_pressure(dog, limits, flank, force)
         rows.append((f"flank_pressure_{flank}", pressure, limits.material.allowable_pressure))
-    static = limits.static_root_stress
-    rows += [(f"root_bending_{flank}", root.tension, static) for flank, root in roots.items()]
+    static_limit = limits.static_root_stress
+    rows += [(f"root_bending_{flank}", root.tension, static_limit) for flank, root in roots.items()]
     shear = largest(*(root.shear for root in roots.values()))
     equivalent = largest(*(hypot(r.core, math.sqrt(3.0) * r.shear) for r in roots.values()))
     rows += [
-        ("shear_stress", shear, allowable / math.sqrt(3.0)),
-        ("equivalent_stress", equivalent, allowable),
+        ("shear_stress", shear, limits.allowable_stress / math.sqrt(3.0)),
+        ("equivalent_stress", equivalent, limits.allowable_stress),
         ("root_fatigue", *fatigue(dog, limits)),
     ]
-    return checks_of(rows if rim is None else [*rows, ("rim", rim, THINNEST * dog.height)])
+    rim = limits.manufacturing.rim
+    if rim is not None:
+        rows.append(("rim", rim, THINNEST_RIM * dog.height))
+    return checks_of(rows)
 
 
 def _strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
-    root, bears = limits.static_root_stress, limits.material.case_yield / limits.load.safety
-    found = []
+    """Return the checks of root and flank in a strike, the worse of all strikes."""
+    pressure_limit = limits.material.case_yield / limits.load.safety
+    checks_by_strike = []
     for strike in limits.strikes:
         tension = pressure = 0.0
         for flank in strike.flanks:
@@ -340,13 +369,18 @@ def _strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
             load = _at_load_height(dog, limits, flank, force)
             tension = largest(tension, root_of(dog, limits, load).tension)
             pressure = largest(pressure, flank_pressure(dog, limits, flank, force))
-        endured = root if strike.strikes is None else min(root, limits.endurance(strike.strikes))
-        rows = ("flank_strike_root", tension, endured), ("flank_strike_flank", pressure, bears)
-        found.append(checks_of(rows, strike.ends))
-    return tuple(reduce(worse, ends) for ends in zip(*found, strict=True))
+        root_limit = limits.static_root_stress
+        if strike.strikes is not None:
+            root_limit = min(root_limit, limits.endurance(strike.strikes))
+        rows = (
+            ("flank_strike_root", tension, root_limit),
+            ("flank_strike_flank", pressure, pressure_limit),
+        )
+        checks_by_strike.append(checks_of(rows, strike.ends))
+    return tuple(reduce(worse_check, checks) for checks in zip(*checks_by_strike, strict=True))
 
 
-#: Groups of checks, cheap and often failing ones first; the last has the tolerances in it.
+#: Groups of checks, cheap and often failing ones first; the last includes the tolerances.
 _GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
     _shape_checks,
     lambda dog, limits: locking_checks(dog, limits.load),

@@ -1,4 +1,4 @@
-r"""Dog on dog: what a face and its edge bear at the hardest landing, and their wear over the life.
+r"""Dog on dog: loads of face and edge at the hardest landing, and wear over the life.
 
 The simulation gives the load per length :math:`w = F/(N b)` for each class of overlap *L* (its
 lower end). A rounded crest takes *c* from either face. Where :math:`L - 2 c` is flat, the case
@@ -39,7 +39,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import Array, by_weight, sqrt
+from dogshape.sim.elementwise import Array, empirical_distribution, sqrt
 from dogshape.sim.errors import InputError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.trace import OVERLAPS
@@ -52,16 +52,16 @@ MODULUS = YOUNG / (2.0 * (1.0 - POISSON**2))  #: Pa, of two like bodies
 
 
 def edge_pressure(line_load: float, radius: float) -> float:
-    """Compute the pressure of Hertz of two like edges, Pa; load in N/m, their radius in m."""
+    """Compute the Hertz pressure of two like edges, Pa; ``line_load`` in N/m, ``radius`` in m."""
     return sqrt(line_load * MODULUS / (math.pi * 0.5 * radius))
 
 
-Landing = tuple[float, ...]  #: load in N/m for each class of ``OVERLAPS``
+Landing = tuple[float, ...]  #: hardest load in N/m for each class of ``OVERLAPS``
 NO_LANDING = (0.0,) * len(OVERLAPS)
 
 
 def hardest(landings: Iterable[Landing]) -> Landing:
-    """Return the largest load in each class of overlap; zeros where there is none."""
+    """Return the largest load in each class of overlap, N/m; zeros without a landing."""
     return tuple(map(max, zip(*landings, strict=True))) or NO_LANDING
 
 
@@ -69,33 +69,34 @@ LANDING_RULES = tuple(rule for rule in RULES.values() if rule.group == "impact")
 
 
 class Demand(NamedTuple):
-    """Load of a landing on faces, on the core below them and on edges, Pa."""
+    """Pressures of a landing on face, core below it and edge, Pa."""
 
     face: float = 0.0
     core: float = 0.0
     edge: float = 0.0
 
 
-def exceeded(demands: Array, weights: Sequence[float], share: float) -> Demand:
-    """Compute what the ``share`` in (0, 1) of all shifts exceeds, of each pressure for itself.
+def demand_quantile(demands: Array, weights: Sequence[float], share: float) -> Demand:
+    """Compute the pressure that ``share`` in (0, 1) of all shifts exceeds, for each kind.
 
-    ``demands`` as of ``demands_of``, ``weights`` of the shifts need not add up to one. A value
-    stands in the middle of its weight; between two the quantile runs straight, and beyond the
-    largest nothing is known.
+    ``demands`` (n, 3) as of ``demands_of``; ``weights`` (n,) need not add up to one. The quantile
+    is linear between the middles of the weights and constant beyond the largest.
     """
-    mass = np.array(weights) / sum(weights)
-    return Demand(*(float(np.interp(1.0 - share, *by_weight(one, mass))) for one in demands.T))
+    probabilities = np.array(weights) / sum(weights)
+    quantiles = []
+    for pressures in demands.T:
+        distribution = empirical_distribution(pressures, probabilities)
+        quantiles.append(float(np.interp(1.0 - share, *distribution)))
+    return Demand(*quantiles)
 
 
 @dataclass(frozen=True)
 class TailPrior:
     """Settings of the posterior of a tail: excesses over a threshold."""
 
-    tail_share: float = (
-        0.15  #: of the shifts whose excess is fitted, three times ``share`` at least
-    )
-    shape_mean: float = -0.1  #: of xi; loads have an end, for the speed of a ring has; judged
-    shape_sd: float = 0.3  #: judged: an exponential, a bounded and a heavy tail lie within it
+    tail_share: float = 0.15  #: of the shifts, whose excesses are fitted; at least 3 ``share``
+    shape_mean: float = -0.1  #: of xi; loads are bounded as the speed of a ring is; judged
+    shape_sd: float = 0.3  #: judged: includes an exponential, a bounded and a heavy tail
     scale_ends: tuple[float, float] = (0.1, 10.0)  #: of sigma over the mean excess, log-uniform
     grid: int = 81  #: values of either parameter
     draws: int = 4000
@@ -111,9 +112,9 @@ class Tail(NamedTuple):
 
     threshold: float  #: in the unit of the values
     excesses: Array  #: over the threshold, (m,), the largest first
-    counts: Array  #: number of shifts that each excess stands for, (m,)
+    counts: Array  #: number of shifts that each excess represents, (m,)
     share: float  #: of all shifts that exceed the threshold
-    shifts: float  #: number of all shifts; with weights that differ, the effective one
+    shifts: float  #: number of all shifts; the effective one for unequal weights
 
 
 class TailGrid(NamedTuple):
@@ -121,28 +122,29 @@ class TailGrid(NamedTuple):
 
     shapes: Array  #: xi, (g,)
     scales: Array  #: sigma in the unit of the values, (g,)
-    chances: Array  #: of sum one, (g,)
+    probabilities: Array  #: of sum one, (g,)
 
 
 def tail_of(values: Array, weights: Array, tail_share: float) -> Tail | None:
-    """Select the largest of ``values`` (n,), those that the ``tail_share`` of all shifts exceeds.
+    """Select the tail: the largest of ``values`` (n,) with a probability of ``tail_share``.
 
-    ``weights`` of the shifts, (n,), need not add up to one. None where no value is positive.
+    ``weights`` of the shifts, (n,), need not add up to one. None if no value is positive.
     """
     shifts = weights.sum() ** 2 / (weights**2).sum()
-    mass = weights / weights.sum()
     order = np.argsort(values, kind="stable")[::-1]
-    ordered, above = values[order], np.cumsum(mass[order])
-    reached = int(np.searchsorted(above, min(tail_share, 1.0))) + 1
-    count = min(reached, int((values > 0.0).sum()))
+    probabilities = (weights / weights.sum())[order]
+    sorted_values = values[order]
+    exceedances = np.cumsum(probabilities)
+    tail_count = int(np.searchsorted(exceedances, min(tail_share, 1.0))) + 1
+    count = min(tail_count, int((values > 0.0).sum()))
     if count == 0:
         return None
-    threshold = float(ordered[count]) if count < len(values) else 0.0
+    threshold = float(sorted_values[count]) if count < len(values) else 0.0
     return Tail(
         threshold,
-        excesses=ordered[:count] - threshold,
-        counts=shifts * mass[order][:count],
-        share=float(above[count - 1]),
+        excesses=sorted_values[:count] - threshold,
+        counts=shifts * probabilities[:count],
+        share=float(exceedances[count - 1]),
         shifts=shifts,
     )
 
@@ -150,46 +152,50 @@ def tail_of(values: Array, weights: Array, tail_share: float) -> Tail | None:
 def tail_posterior(tail: Tail, prior: TailPrior = TAIL) -> TailGrid:
     """Compute the posterior of shape and scale from excesses that are not all zero."""
     mean_excess = float(tail.excesses.mean())
-    narrow, wide = (mean_excess * factor for factor in prior.scale_ends)
-    reach = 4.0 * prior.shape_sd
-    shapes = prior.shape_mean + np.linspace(-reach, reach, prior.grid)
+    smallest_scale, largest_scale = (mean_excess * factor for factor in prior.scale_ends)
+    scales = np.geomspace(smallest_scale, largest_scale, prior.grid)
+    half_width = 4.0 * prior.shape_sd
+    shapes = prior.shape_mean + np.linspace(-half_width, half_width, prior.grid)
     shapes = np.where(np.abs(shapes) < 1e-6, 1e-6, shapes)
-    xi, sigma = np.meshgrid(shapes, np.geomspace(narrow, wide, prior.grid), indexing="ij")
-    inside = 1.0 + xi[..., None] * tail.excesses / sigma[..., None]
+    xi, sigma = np.meshgrid(shapes, scales, indexing="ij")
+    bases = 1.0 + xi[..., None] * tail.excesses / sigma[..., None]
     with np.errstate(invalid="ignore", divide="ignore"):
-        densities = -np.log(sigma[..., None]) - (1.0 + 1.0 / xi[..., None]) * np.log(inside)
-    possible = np.all(inside > 0.0, axis=-1)
-    densities = np.where(np.expand_dims(possible, -1), densities, 0.0)
-    logs = np.where(possible, (tail.counts * densities).sum(-1), -np.inf)
+        log_densities = -np.log(sigma[..., None]) - (1.0 + 1.0 / xi[..., None]) * np.log(bases)
+    in_support = np.all(bases > 0.0, axis=-1)
+    log_densities = np.where(np.expand_dims(in_support, -1), log_densities, 0.0)
+    logs = np.where(in_support, (tail.counts * log_densities).sum(-1), -np.inf)
     logs -= 0.5 * ((xi - prior.shape_mean) / prior.shape_sd) ** 2
-    chances = np.exp(logs - logs.max()).ravel()
-    return TailGrid(xi.ravel(), sigma.ravel(), chances / chances.sum())
+    probabilities = np.exp(logs - logs.max()).ravel()
+    return TailGrid(xi.ravel(), sigma.ravel(), probabilities / probabilities.sum())
 
 
 def tail_draws(
     tail: Tail, posterior: TailGrid, share: float | None, prior: TailPrior = TAIL
 ) -> Array:
-    """Draw what the ``share`` of all shifts exceeds, (``prior.draws``,).
+    """Draw the value that ``share`` of all shifts exceeds, (``prior.draws``,).
 
-    The hardest of as many new shifts where ``share`` is None.
+    With ``share`` None the largest value of as many new shifts.
     """
     rng = np.random.default_rng(prior.seed)
-    drawn = rng.choice(posterior.chances.size, prior.draws, p=posterior.chances)
-    within_tail, below_tail = tail.shifts * tail.share, tail.shifts * (1.0 - tail.share)
-    tail_shares = rng.beta(within_tail + 0.5, below_tail + 0.5, prior.draws)
+    grid_size = posterior.probabilities.size
+    indices = rng.choice(grid_size, prior.draws, p=posterior.probabilities)
+    tail_shifts = tail.shifts * tail.share
+    other_shifts = tail.shifts * (1.0 - tail.share)
+    tail_shares = rng.beta(tail_shifts + 0.5, other_shifts + 0.5, prior.draws)
     level = rng.exponential(1.0 / tail.shifts, prior.draws) if share is None else share
     ratio = np.minimum(level / tail_shares, 1.0)  # at 1 the threshold itself
-    xi, sigma = posterior.shapes[drawn], posterior.scales[drawn]
+    xi = posterior.shapes[indices]
+    sigma = posterior.scales[indices]
     return np.asarray(tail.threshold + sigma * np.expm1(-xi * np.log(ratio)) / xi)
 
 
 def tail_interval(
     values: Array, weights: Array, share: float | None, prior: TailPrior = TAIL
 ) -> tuple[float, float]:
-    """Compute the 95 % interval of what the ``share`` of all shifts exceeds; None for the hardest.
+    """Compute the 95 % interval of the value that ``share`` of all shifts exceeds.
 
-    ``values`` of shifts, (n,), with ``weights``, which need not add up to one. The hardest is that
-    of as many new shifts.
+    ``values`` of shifts, (n,), with ``weights`` (n,), which need not add up to one. With ``share``
+    None that of the largest value of as many new shifts.
     """
     tail = tail_of(values, weights, max(prior.tail_share, 3.0 * (share or 0.0)))
     if tail is None:
@@ -203,82 +209,90 @@ def tail_interval(
 
 @dataclass(frozen=True, eq=False)
 class Landings:
-    """Landings of simulated shifts: loads in N/m by class of ``OVERLAPS``, (n, k), weights (n,)."""
+    """Landings of simulated shifts."""
 
-    loads: Array
-    weights: Array
+    loads: Array  #: line load by class of ``OVERLAPS``, N/m, (n, k)
+    weights: Array  #: of the shifts, (n,)
 
     def demand(self, dog: Dog, limits: Limits, scale: float = 1.0) -> Demand:
-        """Compute what landings ``scale`` times as hard make the dogs bear.
+        """Compute the demand of landings ``scale`` times as hard.
 
-        That is the hardest, or with ``load.landing_share`` what this share exceeds.
+        It is that of the hardest, or with ``load.landing_share`` the one that this share exceeds.
         """
-        loads, share = scale * self.loads, limits.load.landing_share
+        loads = scale * self.loads
+        share = limits.load.landing_share
         if share is None:
             return demand_of(dog, hardest(map(tuple, loads.tolist())), limits)
-        return exceeded(demands_of(dog, loads, limits), self.weights.tolist(), share)
+        return demand_quantile(demands_of(dog, loads, limits), self.weights.tolist(), share)
 
     def interval(self, dog: Dog, limits: Limits) -> tuple[Demand, Demand]:
-        """Compute the 95 % intervals of the demand, which hold the demand itself."""
-        demands, share = demands_of(dog, self.loads, limits), limits.load.landing_share
-        ends = [tail_interval(column, self.weights, share) for column in demands.T]
-        values = self.demand(dog, limits)
-        low = Demand(*(min(end, own) for (end, _), own in zip(ends, values, strict=True)))
-        high = Demand(*(max(end, own) for (_, end), own in zip(ends, values, strict=True)))
-        return low, high
+        """Compute the 95 % interval of the demand, widened to contain it."""
+        share = limits.load.landing_share
+        demands = demands_of(dog, self.loads, limits)
+        low, high = [], []
+        for pressures, nominal in zip(demands.T, self.demand(dog, limits), strict=True):
+            low_end, high_end = tail_interval(pressures, self.weights, share)
+            low.append(min(low_end, nominal))
+            high.append(max(high_end, nominal))
+        return Demand(*low), Demand(*high)
 
 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
-    """Compute what a landing makes faces, core and edges bear."""
+    """Compute the pressures of a landing on face, core and edge, Pa."""
     return Demand(*demands_of(dog, np.array([landing]), limits)[0].tolist())
 
 
 def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
-    """Compute what landings in N/m, (n, k), make faces, core and edges bear, (n, 3)."""
+    """Compute pressures on face, core and edge, Pa, (n, 3), of ``landings`` in N/m, (n, k)."""
     radius = tip_radius(dog, limits.root_radius)
-    flats = np.array(OVERLAPS) - 2.0 * radius * dog.crest_cut
+    flat_widths = np.array(OVERLAPS) - 2.0 * radius * dog.crest_cut
     shares = np.broadcast_to(limits.load.landing(dog, landings.ravel()), landings.size)
     loads = landings * (1.0 / np.sqrt(shares)).reshape(landings.shape)
-    wide, spread = flats >= LAND, 2.0 * limits.material.case_depth
-    face = (loads[:, wide] / flats[wide]).max(axis=1, initial=0.0)
-    core = (loads[:, wide] / (flats[wide] + spread)).max(axis=1, initial=0.0)
-    edge = edge_pressure(loads[:, ~wide].max(axis=1, initial=0.0), radius)
+    has_flat = flat_widths >= LAND
+    flat_loads = loads[:, has_flat]
+    flats = flat_widths[has_flat]
+    core_spread = 2.0 * limits.material.case_depth
+    face = (flat_loads / flats).max(axis=1, initial=0.0)
+    core = (flat_loads / (flats + core_spread)).max(axis=1, initial=0.0)
+    edge = edge_pressure(loads[:, ~has_flat].max(axis=1, initial=0.0), radius)
     return np.array([face, core, edge]).T
 
 
 def demand_checks(
     demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
 ) -> tuple[Check, ...]:
-    """Return the checks of a landing, or of what a share of landings exceeds, in its interval."""
-    face, edge = limits.material.case_yield / limits.load.safety, limits.material.edge_pressure
-    limiting = (face, limits.allowable_stress, edge)
-    checks = checks_of(zip((rule.name for rule in LANDING_RULES), demand, limiting, strict=True))
+    """Return the checks of the pressures of a landing, with the ``interval`` of the demand."""
+    material = limits.material
+    face_limit = material.case_yield / limits.load.safety
+    allowables = (face_limit, limits.allowable_stress, material.edge_pressure)
+    names = (rule.name for rule in LANDING_RULES)
+    checks = checks_of(zip(names, demand, allowables, strict=True))
     if interval is None:
         return checks
-    ends = zip(*interval, strict=True)
     return tuple(
         replace(check, interval=(low / MPA, high / MPA))
-        for check, (low, high) in zip(checks, ends, strict=True)
+        for check, low, high in zip(checks, *interval, strict=True)
     )
 
 
-RATES, HEIGHT = "1e-7 is well lubricated, 1e-5 hardly", "give the height in mm"
+RATE_REMEDY = "1e-7 is well lubricated, 1e-5 hardly"
+HEIGHT_REMEDY = "give the height in mm"
 
 
 @dataclass(frozen=True)
 class Wear:
-    """Wear of the faces, by a rate (m3/(N m)) or a measured loss of height, and of the edges (m).
+    """Wear at the end of the life: of the faces by a rate or a measured loss, and of the edges.
 
-    Both at the end of the life; without ``edge_radius`` edges stay as they are.
+    ``rate`` in m3/(N m), ``crest_loss`` and ``edge_radius`` in m; None leaves edges as they are.
     """
 
-    rate: float | None = within("rate_mm3_Nm", 0.0, 1e-2, None, remedy=RATES)
-    crest_loss: float | None = within("crest_loss_mm", 0.0, 2.0, None, remedy=HEIGHT)
+    rate: float | None = within("rate_mm3_Nm", 0.0, 1e-2, None, remedy=RATE_REMEDY)
+    crest_loss: float | None = within("crest_loss_mm", 0.0, 2.0, None, remedy=HEIGHT_REMEDY)
     edge_radius: float | None = within("edge_radius_mm", SHARPEST / MM, 10.0, None)
 
     def __post_init__(self) -> None:
-        given = [v for v in (self.rate, self.crest_loss) if v is not None]
-        if len(given) != 1 and (given or self.edge_radius is None):
+        face_values = [value for value in (self.rate, self.crest_loss) if value is not None]
+        if len(face_values) != 1 and (face_values or self.edge_radius is None):
             raise InputError(
                 "[wear] needs one of wear.rate_mm3_Nm (Archard) and wear.crest_loss_mm (measured); "
                 "give one and not both"
@@ -286,9 +300,9 @@ class Wear:
         require_ranges(self, "wear", "give the radius in mm")
 
     def loss(self, dog: Dog, energy: float, friction: float, shifts: float) -> float:
-        """Compute the height that ``shifts`` take from the crest of a dog, m.
+        """Compute the loss of height at the crest of a dog after ``shifts``, m.
 
-        ``energy`` in J is that of a shift in the mean, ``friction`` the dynamic coefficient.
+        ``energy`` in J is the mean one of a shift, ``friction`` the dynamic coefficient.
         """
         if self.rate is None or energy <= 0.0:
             return 0.0
@@ -306,30 +320,44 @@ class Wear:
         if self.edge_radius is None:
             return dog.edge_radius
         if self.edge_radius < dog.edge_radius:
-            rule = f"edges do not get sharper than dog.edge_radius_mm = {dog.edge_radius / MM:.6g}"
-            radius, remedy = self.edge_radius / MM, "give the radius at the end of the life"
-            raise InputError(refusal("wear.edge_radius_mm", radius, "mm", rule, remedy))
-        new, old = dog.edge_radius**2, self.edge_radius**2
-        return math.sqrt(new + share * (old - new))
+            new_radius = f"dog.edge_radius_mm = {dog.edge_radius / MM:.6g}"
+            sentence = refusal(
+                "wear.edge_radius_mm",
+                self.edge_radius / MM,
+                "mm",
+                rule=f"edges do not get sharper than {new_radius}",
+                remedy="give the radius at the end of the life",
+            )
+            raise InputError(sentence)
+        new_square = dog.edge_radius**2
+        worn_square = self.edge_radius**2
+        return math.sqrt(new_square + share * (worn_square - new_square))
 
 
-def worn(dog: Dog, loss: float) -> Dog:
+def wear_crests(dog: Dog, loss: float) -> Dog:
     """Return the dog of a pair whose crests have lost the height ``loss``, m.
 
-    Raises GeometryError where nothing of the dog is left.
+    Raises GeometryError if nothing of the dog is left.
     """
-    lower = replace(
-        dog, height=dog.height - 2.0 * loss, axial_gap=dog.axial_gap + 2.0 * loss,
-        chamfer=0.0, chamfer_back=0.0, crest=1.0,
-    )  # fmt: skip
-    back, face = (max(0.0, drop - loss) for drop in dog.drops_at(dog.mean_radius))
-    if face == back == 0.0:
-        return lower
+    flat_dog = replace(
+        dog,
+        height=dog.height - 2.0 * loss,
+        axial_gap=dog.axial_gap + 2.0 * loss,
+        chamfer=0.0,
+        chamfer_back=0.0,
+        crest=1.0,
+    )
+    back_drop, face_drop = (max(0.0, drop - loss) for drop in dog.drops_at(dog.mean_radius))
+    if face_drop == back_drop == 0.0:
+        return flat_dog
 
-    def fall(drop: float, share: float, lean: float) -> float:
-        return math.atan2(drop, share * lower.tip_width + drop * math.tan(lean))
+    def face_angle(drop: float, share: float, flank_angle: float) -> float:
+        width = share * flat_dog.tip_width + drop * math.tan(flank_angle)
+        return math.atan2(drop, width)
 
     return replace(
-        lower, crest=dog.crest, chamfer=fall(face, dog.crest, dog.braking),
-        chamfer_back=fall(back, 1.0 - dog.crest, dog.traction),
-    )  # fmt: skip
+        flat_dog,
+        crest=dog.crest,
+        chamfer=face_angle(face_drop, dog.crest, dog.braking),
+        chamfer_back=face_angle(back_drop, 1.0 - dog.crest, dog.traction),
+    )

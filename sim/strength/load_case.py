@@ -1,4 +1,4 @@
-r"""The load case of a design, and what it puts on one dog: :math:`F = K_A T/(r N K_s)`.
+r"""Load case of a design and the load of one dog, :math:`F = K_A T/(r N K_s)`.
 
 *Load height* 0.9: 0.25 degrees of tilt move the resultant there (``tests/verification/
 flank_model.py``). *Coast*: a petrol engine brakes with 0.25 to 0.4 of its torque (Heywood 1988).
@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dogshape.sim.elementwise import ARRAY, Array, each, largest, where
+from dogshape.sim.elementwise import ARRAY, Array, largest, map_elements, where
 from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
@@ -31,13 +31,17 @@ SEED = 20261123
 #: (``sim.shift.clutch``): together N/m of a pair of dogs per m of their radial width
 STIFFNESS, FLANK_HEIGHT = 5e12, 3.1e-3
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
-LEAST_ERROR, MOST_ERROR = 1e-2, 1e3  #: of tabled errors, over the approach of perfect dogs
+#: Range of tabled errors, over the approach of perfect dogs.
+MIN_TABLED_ERROR = 1e-2
+MAX_TABLED_ERROR = 1e3
+TABLE_POINTS = 201
 
 
 def pitch_tolerance(accuracy: int, diameter: float, count: int) -> float:
-    """Return the single pitch tolerance of ISO 1328-1:2013, m; ``diameter`` in m."""
-    size = diameter / MM
-    return (0.001 * size + 0.4 * size / count + 5.0) * 2.0 ** (0.5 * (accuracy - 5)) * 1e-6
+    """Compute the single pitch tolerance of ISO 1328-1:2013, m; ``diameter`` in m."""
+    diameter_mm = diameter / MM
+    class_5 = 0.001 * diameter_mm + 0.4 * diameter_mm / count + 5.0
+    return class_5 * 2.0 ** (0.5 * (accuracy - 5)) * 1e-6
 
 
 @lru_cache(maxsize=4096)
@@ -47,22 +51,26 @@ def load_share(count: int, scatter: float, wave: float = 0.0) -> float:
     ``scatter`` is the standard deviation of the gaps, ``wave`` the amplitude of their slow error,
     both over the approach of perfect dogs: sigma c N/F and a c N/F.
     """
-    found = _approaches(count, scatter, wave, lambda touching, total, _: (count + total) / touching)
-    return float(1.0 / found.mean())
+
+    def approach(touching: int, gap_sum: Array, _: Array) -> Array:
+        return (count + gap_sum) / touching
+
+    return float(1.0 / _approaches(count, scatter, wave, approach).mean())
 
 
 @lru_cache(maxsize=2**16)  # designs of a search have thousands of landings, many of them alike
 def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
-    """Compute the share of ``count`` dogs that lands, as far as the peak force goes.
+    """Compute the share of ``count`` dogs that lands, by the peak force.
 
     ``scatter`` is the standard deviation of the faces, ``wave`` the amplitude of their slow error,
     both over the approach of perfect ones: sigma c/F_0 and a c/F_0.
     """
 
-    def peak(touching: int, total: Array, squares: Array) -> Array:
-        mean = total / touching
-        # The root is real up to the first number of dogs that fits; none is looked at beyond.
-        root: Array = np.sqrt(np.maximum(count / touching - (squares / touching - mean**2), 0.0))
+    def peak(touching: int, gap_sum: Array, square_sum: Array) -> Array:
+        mean = gap_sum / touching
+        variance = square_sum / touching - mean**2
+        # The root is real up to the first number of dogs that fits, where the search ends.
+        root: Array = np.sqrt(np.maximum(count / touching - variance, 0.0))
         return mean + root
 
     return float(1.0 / _approaches(count, scatter, wave, peak).mean() ** 2)
@@ -70,7 +78,9 @@ def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
 
 def exact_share(count: int, size: float, scatter: float, wave: float) -> float:
     """Compute ``load_share`` of errors as for ``tabled_share``."""
-    return each(lambda n, *errors: load_share(int(n), *errors), count, size * scatter, size * wave)
+    return map_elements(
+        lambda n, *errors: load_share(int(n), *errors), count, size * scatter, size * wave
+    )
 
 
 def tabled_share(count: int, size: float, scatter: float, wave: float) -> float:
@@ -78,64 +88,70 @@ def tabled_share(count: int, size: float, scatter: float, wave: float) -> float:
 
     Errors are ``size`` times ``scatter`` and ``wave``, of which the larger is 1.
     """
-    if isinstance(count + scatter + wave, ARRAY):  # of ``Dogs``, many of which are alike
-        return each(tabled_share, count, size, scatter, wave)
-    tabled = (size > LEAST_ERROR) & (size < MOST_ERROR)
-    beyond, within_it = where(tabled, LEAST_ERROR, size), where(tabled, size, LEAST_ERROR)
-    exact = each(landing_share, int(count), beyond * scatter, beyond * wave)
-    found = np.interp(np.log(within_it), *_share_table(int(count), scatter, wave))
-    return where(tabled, found, exact)
+    if isinstance(count + scatter + wave, ARRAY):  # of ``Dogs``, many of which are equal
+        return map_elements(tabled_share, count, size, scatter, wave)
+    is_tabled = (size > MIN_TABLED_ERROR) & (size < MAX_TABLED_ERROR)
+    exact_size = where(is_tabled, MIN_TABLED_ERROR, size)
+    tabled_size = where(is_tabled, size, MIN_TABLED_ERROR)
+    exact = map_elements(landing_share, int(count), exact_size * scatter, exact_size * wave)
+    interpolated = np.interp(np.log(tabled_size), *_share_table(int(count), scatter, wave))
+    return where(is_tabled, interpolated, exact)
 
 
 @lru_cache(maxsize=256)
 def _share_table(count: int, scatter: float, wave: float) -> tuple[Array, Array]:
-    """Tabulate ``landing_share`` over the log of the size of errors in a fixed proportion, (n,)."""
-    sizes = np.geomspace(LEAST_ERROR, MOST_ERROR, 201)
+    """Tabulate ``landing_share``; return logarithms of the error size and shares, both (n,)."""
+    sizes = np.geomspace(MIN_TABLED_ERROR, MAX_TABLED_ERROR, TABLE_POINTS)
     shares = [landing_share(count, size * scatter, size * wave) for size in sizes.tolist()]
     return np.log(sizes), np.array(shares)
 
 
 @lru_cache(maxsize=64)
 def _gaps(count: int, scatter: float, wave: float) -> Array:
-    """Draw gaps beyond the smallest, in their order, (count, samples)."""
+    """Draw the gaps of dogs above the smallest gap, sorted, (count, samples)."""
     rng = np.random.default_rng(SEED)
-    drawn, phase = rng.standard_normal((SAMPLES, count)), rng.random(SAMPLES)
-    around = 2.0 * np.pi * (np.arange(count) / count + phase[:, None])
-    ordered = np.sort(scatter * drawn + wave * np.cos(around), axis=1).T
-    return np.ascontiguousarray(ordered - ordered[0])
+    deviates = rng.standard_normal((SAMPLES, count))
+    phases = rng.random(SAMPLES)
+    angles = 2.0 * np.pi * (np.arange(count) / count + phases[:, None])
+    gaps = np.sort(scatter * deviates + wave * np.cos(angles), axis=1).T
+    return np.ascontiguousarray(gaps - gaps[0])
 
 
 def _approaches(
     count: int, scatter: float, wave: float, approach_of: Callable[[int, Array, Array], Array]
 ) -> Array:
-    """Return the approach of each sample, with the fewest dogs that do not reach the next gap.
+    """Compute the approach of the rings at which the touching dogs carry the load, (samples,).
 
-    ``approach_of`` gives it from a number of foremost dogs and the sums of their gaps and squares.
+    ``approach_of`` computes it from the number of touching dogs, the sum of their gaps and that of
+    the squares, (samples,).
     """
-    larger = max(scatter, wave) or 1.0  # scaled from the foremost, so that no digit is lost
-    gaps = _gaps(count, scatter / larger, wave / larger)
-    found, left = np.empty(SAMPLES), np.ones(SAMPLES, dtype=bool)
-    total, squares, approach = 0.0, 0.0, np.full(SAMPLES, np.inf)
-    for touching, here in enumerate(gaps, start=1):
-        gap = larger * here
-        left &= approach > gap  # a mask takes a third of the time of fewer samples
-        if not left.any():
+    scale = max(scatter, wave) or 1.0  # keeps all digits of small errors
+    unit_gaps = _gaps(count, scatter / scale, wave / scale)
+    approaches = np.empty(SAMPLES)
+    is_open = np.ones(SAMPLES, dtype=bool)
+    gap_sum, square_sum = 0.0, 0.0
+    approach = np.full(SAMPLES, np.inf)
+    for touching, unit_gap in enumerate(unit_gaps, start=1):
+        gap = scale * unit_gap
+        is_open &= approach > gap  # a mask takes a third of the time of fewer samples
+        if not is_open.any():
             break
-        total, squares = total + gap, squares + gap**2
-        approach = approach_of(touching, total, squares)
-        np.copyto(found, approach, where=left)
-    return found
+        gap_sum = gap_sum + gap
+        square_sum = square_sum + gap**2
+        approach = approach_of(touching, gap_sum, square_sum)
+        np.copyto(approaches, approach, where=is_open)
+    return approaches
 
 
 @dataclass(frozen=True)
 class LoadCase:
-    """Loads that a dog has to carry, hold and let go: keys of ``[load]`` (``docs/studies.md``), SI.
+    """Loads of a dog: keys of ``[load]`` (``docs/studies.md``), SI.
 
     Classes of ``spectrum`` replace the ``shifts`` in the fatigue of the root: torque over the rated
     one, negative on the braking flank, and cycles. Without ``accuracy`` (ISO 1328-1) or
     ``pitch_sd``, ``run_out`` and ``tilt`` the load sharing is fixed. Friction of dogs and toothing
-    lies between ``friction_hold`` and ``friction_release``; the toothing may have its own ends, and
-    faces their own number. A ``spline_friction`` of 0 is a ring without a toothing.
+    lies between ``friction_hold`` and ``friction_release``; the toothing may have an interval and
+    faces a coefficient of their own. A ``spline_friction`` of 0 is a ring without a toothing.
     """
 
     torque: float = within("torque_Nm", 1e-3, 1e5, 200.0)
@@ -176,8 +192,8 @@ class LoadCase:
         for share, cycles in self.spectrum:
             require_between("load.spectrum: torque", share, -10.0, 10.0, remedy)
             require_between("load.spectrum: cycles", cycles, 1.0, 1e15, remedy)
-        most = max((abs(share) for share, _ in self.spectrum), default=1.0)
-        require_between("load.spectrum: largest torque", most, 1e-3, 10.0, remedy)
+        max_share = max((abs(share) for share, _ in self.spectrum), default=1.0)
+        require_between("load.spectrum: largest torque", max_share, 1e-3, high=10.0, remedy=remedy)
         if self.accuracy is not None and self.pitch_sd is not None:
             raise InputError(
                 "load.accuracy and load.pitch_sd_um both say how the dogs scatter; leave out one"
@@ -185,46 +201,54 @@ class LoadCase:
         if self.friction_hold > self.friction_release:
             rule = f"it must not exceed load.friction_release = {self.friction_release:.6g}"
             remedy = "holding is judged with the lower coefficient; exchange or correct them"
-            raise InputError(refusal("load.friction_hold", self.friction_hold, "", rule, remedy))
+            sentence = refusal(
+                "load.friction_hold", self.friction_hold, "", rule=rule, remedy=remedy
+            )
+            raise InputError(sentence)
 
     def require_spline(self) -> None:
-        """Raise InputError where the toothing's own interval leaves out its nominal friction."""
-        nominal, key = self.spline_friction, "mechanism.spline_friction"
-        ends = {"spline_friction_hold": -1.0, "spline_friction_release": 1.0}
-        for name, side in ends.items():
+        """Raise InputError if the interval of the toothing excludes its nominal friction."""
+        nominal = self.spline_friction
+        key = "mechanism.spline_friction"
+        signs = {"spline_friction_hold": -1.0, "spline_friction_release": 1.0}
+        for name, sign in signs.items():
             end = getattr(self, name)
             if end is None:
                 continue
             if nominal == 0.0:
                 raise InputError(f"load.{name} belongs to {key}, which is not given; give it too")
-            if side * (end - nominal) < 0.0:
-                bound = "at most" if side < 0.0 else "at least"
+            if sign * (end - nominal) < 0.0:
+                bound = "at most" if sign < 0.0 else "at least"
                 rule = f"it must be {bound} {key} = {nominal:.6g}, which shifts are simulated with"
-                raise InputError(refusal(f"load.{name}", end, "", rule, "correct one of them"))
+                remedy = "correct one of them"
+                raise InputError(refusal(f"load.{name}", end, "", rule=rule, remedy=remedy))
 
     @property
     def face_release_friction(self) -> float:
-        """Friction above which faces have to slide: of the shifts, or the flanks' upper end."""
+        """Friction at which faces must slide: that of the shifts, else the flanks' upper end."""
         return self.friction_release if self.face_friction is None else self.face_friction
 
     @property
     def spline_interval(self) -> tuple[float, float]:
-        """Friction of the toothing that holds at least, and that has to be overcome at most.
+        """Smallest and largest friction of the toothing, 0 without a toothing.
 
-        The interval of the dogs, widened to the friction of the simulation, unless it has its own.
+        By default the interval of the dogs, widened to the friction of the simulation.
         """
-        nominal, low, high = self.spline_friction, self.spline_friction_hold, self.release_friction
-        if nominal == 0.0:
+        if self.spline_friction == 0.0:
             return 0.0, 0.0
-        return min(nominal, self.friction_hold) if low is None else low, high
+        low = self.spline_friction_hold
+        if low is None:
+            low = min(self.spline_friction, self.friction_hold)
+        return low, self.release_friction
 
     @property
     def release_friction(self) -> float:
         """Upper end of the toothing's friction, 0 without a toothing."""
         if self.spline_friction == 0.0:
             return 0.0
-        own = self.spline_friction_release
-        return max(self.spline_friction, self.friction_release) if own is None else own
+        if self.spline_friction_release is None:
+            return max(self.spline_friction, self.friction_release)
+        return self.spline_friction_release
 
     @property
     def design_torque(self) -> float:
@@ -232,51 +256,54 @@ class LoadCase:
         return self.torque * self.application_factor
 
     def share_of(self, flank: Flank) -> float:
-        """Return the torque that a flank carries over the rated one."""
+        """Return the torque of a flank over the rated one."""
         return 1.0 if flank == "traction" else self.coast_share
 
     def force_per_dog(
         self, dog: Dog, flank: Flank = "traction", torque: float | None = None
     ) -> float:
-        """Tangential force on the dog that carries most, N; by default under its static torque."""
+        """Compute the tangential force on the most loaded dog, N.
+
+        ``torque`` in N m is by default the static one: design torque of the flank or abuse torque.
+        """
         if torque is None:
             torque = max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
         return torque / (dog.mean_radius * dog.count * self.sharing(dog, torque))
 
     def scatter(self, dog: Dog) -> float | None:
-        """Standard deviation of the dogs' gaps, m; None where the load sharing is fixed."""
+        """Compute the standard deviation of the dogs' gaps, m; None for a fixed load sharing."""
         if self.accuracy is None:
             return self.pitch_sd
         return pitch_tolerance(self.accuracy, 2.0 * dog.mean_radius, dog.count) / SIGMAS
 
     def stiffness(self, dog: Dog) -> float:
-        """Stiffness of a pair of dogs, N/m: that of the shifts on a flank of usual height."""
+        """Compute the stiffness of a pair of dogs, N/m, by the contact and ``FLANK_HEIGHT``."""
         return self.contact_stiffness * FLANK_HEIGHT * dog.radial_width
 
     def sharing(self, dog: Dog, torque: float) -> float:
-        """Return the equal load of a dog under ``torque`` (N m) over that of the most loaded."""
+        """Compute the mean load of the dogs under ``torque`` (N m) over the largest load."""
         if torque == 0.0:
             return self.load_sharing
-        equal = torque / (dog.mean_radius * dog.count)
-        return self._share(exact_share, dog, equal, 0.5 * self.run_out)
+        mean_force = torque / (dog.mean_radius * dog.count)
+        return self._share(exact_share, dog, mean_force, wave=0.5 * self.run_out)
 
     def landing(self, dog: Dog, line_load: float) -> float:
-        """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""
+        """Compute the share of the dogs that lands; ``line_load`` of equal dogs in N/m."""
         force = line_load * dog.radial_width
-        return self._share(tabled_share, dog, force, dog.mean_radius * self.tilt)
+        return self._share(tabled_share, dog, force, wave=dog.mean_radius * self.tilt)
 
     def blow(self, dog: Dog, force: float) -> float:
-        """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
-        return self._share(tabled_share, dog, force, 0.5 * self.run_out)
+        """Compute the share of the dogs that takes a flank strike; ``force`` of equal dogs, N."""
+        return self._share(tabled_share, dog, force, wave=0.5 * self.run_out)
 
     def _share(self, share: Callable[..., float], dog: Dog, force: float, wave: float) -> float:
-        """Compute a share of the dogs; ``load_sharing`` where nothing is said of their errors."""
+        """Compute a share of the dogs; ``load_sharing`` if their errors are unknown."""
         scatter = self.scatter(dog)
         if scatter is None and wave == 0.0:
             return self.load_sharing
-        drawn = 0.0 if scatter is None else scatter
-        larger = largest(drawn, wave)
-        size = larger * self.stiffness(dog) / (force + (force == 0.0))
-        unit = larger + (larger == 0.0)
-        found = share(dog.count, size, drawn / unit, wave / unit)
-        return where(force == 0.0, self.load_sharing, found)
+        deviation = 0.0 if scatter is None else scatter
+        error = largest(deviation, wave)
+        error_size = error * self.stiffness(dog) / (force + (force == 0.0))
+        unit = error + (error == 0.0)
+        dog_share = share(dog.count, error_size, deviation / unit, wave / unit)
+        return where(force == 0.0, self.load_sharing, dog_share)

@@ -1,7 +1,7 @@
-r"""Engaging and letting go: friction angles and the axial force of a loaded flank.
+r"""Engagement and release: friction angles and the axial force of a loaded flank.
 
 - A face slides from rest when :math:`\tan\alpha > \mu_s`; of a roof both faces.
-- A flank lets go under torque when :math:`\beta \ge \rho + \arctan(\mu_t r/r_t)`, :math:`\rho =
+- A flank releases under torque when :math:`\beta \ge \rho + \arctan(\mu_t r/r_t)`, :math:`\rho =
   \arctan \mu_s`, with the friction :math:`\mu_t` of the spline at radius :math:`r_t`; below it
   takes the pull :math:`F = \mu_t T/r_t - T/r \tan(\beta - \rho)` at the share of the rated torque
   that is left as the ring is pulled out. Friction is at the upper end of its interval.
@@ -28,33 +28,33 @@ from dogshape.sim.strength.load_case import LoadCase
 
 
 def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float:
-    """Return the axial force of a flank under ``torque`` (N m), N; positive separates."""
+    """Compute the axial force of a flank under ``torque`` (N m), N; positive separates."""
     return torque / dog.mean_radius * tan(angle - arctan(friction))
 
 
 def release_angle(dog: Dog, load: LoadCase) -> float:
-    """Return the least side angle of a flank that lets go by itself, rad."""
+    """Compute the smallest side angle of a flank that releases by itself, rad."""
     spline = load.release_friction * dog.mean_radius / load.spline_radius
     return arctan(load.friction_release) + arctan(spline)
 
 
 def pull_out_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
-    """Return the axial force that pulls the ring out under torque, N; below 0 it lets go."""
+    """Compute the axial force that pulls the ring out under torque, N; negative if it releases."""
     torque = load.torque * load.share_of(flank) * load.pull_out_share
     push = axial_force(dog, torque, side_angle(dog, flank), load.friction_release)
     return load.release_friction * torque / load.spline_radius - push
 
 
 def worn_angle(dog: Dog, load: LoadCase, flank: Flank) -> float:
-    """Return the side angle of a flank at the end of its life, rad."""
+    """Compute the side angle of a flank at the end of its life, rad."""
     angle = side_angle(dog, flank)
     return largest(angle, smallest(angle, 0.0) + load.wear_angle)
 
 
 def separating_force(dog: Dog, load: LoadCase, flank: Flank, friction: float = 0.0) -> float:
-    """Return the axial force of a worn, loaded flank and of vibration, N; positive separates.
+    """Compute the axial force of a worn, loaded flank and vibration, N; positive separates.
 
-    ``friction`` is the flank's; the toothing has none.
+    ``friction`` is that of the flank; the toothing is frictionless.
     """
     torque = load.design_torque * load.share_of(flank)
     return axial_force(dog, torque, worn_angle(dog, load, flank), friction) + load.vibration_force
@@ -62,13 +62,13 @@ def separating_force(dog: Dog, load: LoadCase, flank: Flank, friction: float = 0
 
 @dataclass(frozen=True)
 class Retention:
-    """Axial forces in N on a loaded, worn flank, positive where they separate, and their answer."""
+    """Axial forces on a loaded, worn flank, N, positive if they separate."""
 
     flank: Flank
     frictionless: float  #: without any friction, as under vibration
-    flank_friction: float  #: with the lowest friction of the flank, the toothing without
+    flank_friction: float  #: with the lowest friction of the flank and a frictionless toothing
     all_friction: float  #: with the lowest friction of flank and toothing
-    held: float | None  #: what latch, detent or fork hold; None where that is not known
+    held: float | None  #: holding force of latch, detent or fork; None if unknown
 
     @property
     def answer(self) -> str:
@@ -83,46 +83,54 @@ class Retention:
 
 
 def retention(dog: Dog, load: LoadCase, flank: Flank) -> Retention:
-    """Compute what separates the rings under torque on a flank, and what holds them."""
-    least, torque = load.friction_hold, load.design_torque * load.share_of(flank)
-    rubbing = separating_force(dog, load, flank, least)
-    held = load.spline_interval[0] * torque / load.spline_radius
-    free = separating_force(dog, load, flank)
-    return Retention(flank, free, rubbing, rubbing - held, load.separating_force_limit)
+    """Compute the separating forces under torque on a flank, and the force that holds the ring."""
+    torque = load.design_torque * load.share_of(flank)
+    force = separating_force(dog, load, flank, friction=load.friction_hold)
+    spline_force = load.spline_interval[0] * torque / load.spline_radius
+    return Retention(
+        flank,
+        frictionless=separating_force(dog, load, flank),
+        flank_friction=force,
+        all_friction=force - spline_force,
+        held=load.separating_force_limit,
+    )
 
 
 def retention_force(dog: Dog, load: LoadCase) -> float:
-    """Return the axial force in N with which the weaker worn flank pulls in without friction.
+    """Compute the axial force that pulls in the weaker worn flank, N, less the vibration force.
 
-    Less vibration; negative where the flank pushes out.
+    Without friction; negative if the flank pushes out.
     """
     return -largest(*(separating_force(dog, load, flank) for flank in FLANKS))
 
 
 def blocking_force(dog: Dog, load: LoadCase) -> float:
-    """Compute the force on the blocking mechanism, N; 0 where both flanks hold themselves."""
+    """Compute the force on the blocking mechanism, N; 0 if both flanks hold themselves."""
     return largest(0.0, -retention_force(dog, load))
 
 
 def face_angle(dog: Dog) -> float:
-    """Return the fall of the flatter face of the tip, rad."""
-    back, face = dog.chamfer_back, dog.chamfer
-    return where(dog.crest == 1.0, face, where(dog.crest == 0.0, back, smallest(face, back)))
+    """Return the angle of the flatter face of the tip, rad."""
+    roof_angle = smallest(dog.chamfer, dog.chamfer_back)
+    angle = where(dog.crest == 0.0, dog.chamfer_back, roof_angle)
+    return where(dog.crest == 1.0, dog.chamfer, angle)
 
 
 def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
-    """Return the checks of release, and of holding and pulling out where these have a limit."""
+    """Return the checks of release, and of retention and pull-out if they have a limit."""
     rows = []
     if load.faces_release:
         rows.append(("chamfer_release", face_angle(dog), math.atan(load.face_release_friction)))
     if load.release_by_itself:
-        least = release_angle(dog, load)
-        rows += [(f"{flank}_release", side_angle(dog, flank), least) for flank in FLANKS]
-    if (held := load.separating_force_limit) is not None:
-        forces = ((flank, separating_force(dog, load, flank)) for flank in FLANKS)
-        rows += [(f"retention_{flank}", force, held) for flank, force in forces]
+        limit = release_angle(dog, load)
+        rows += [(f"{flank}_release", side_angle(dog, flank), limit) for flank in FLANKS]
+    if load.separating_force_limit is not None:
+        limit = load.separating_force_limit
+        rows += [
+            (f"retention_{flank}", separating_force(dog, load, flank), limit) for flank in FLANKS
+        ]
         if load.vibration_force > 0.0:
-            rows.append(("retention_reversal", load.vibration_force, held))
+            rows.append(("retention_reversal", load.vibration_force, limit))
     if load.pull_out_force_limit is not None:
         pull = largest(*(pull_out_force(dog, load, flank) for flank in FLANKS))
         rows.append(("pull_out_force", pull, load.pull_out_force_limit))
@@ -130,35 +138,37 @@ def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
 
 
 def locking_friction(dog: Dog, load: LoadCase) -> tuple[float, str]:
-    """Return the static friction above which a surface locks first, and that surface's check.
+    """Compute the smallest static friction at which a surface locks, and name its check.
 
-    A flank locks where its release angle reaches its side angle, a face where it no longer slides
-    from rest. Those do not count that the load case lets hold, nor faces with another friction.
+    A flank locks if its release angle reaches its side angle, a face if it no longer slides from
+    rest. Surfaces that need not release by the load case do not count, nor faces with a friction of
+    their own. Infinite, with an empty name, if no surface counts.
     """
-    found = dict[str, float]()
+    frictions: dict[str, float] = {}
     if load.faces_release and load.face_friction is None:
-        found["chamfer_release"] = math.tan(face_angle(dog))
+        frictions["chamfer_release"] = math.tan(face_angle(dog))
     if load.release_by_itself:
-        angles = {flank: side_angle(dog, flank) for flank in FLANKS}
-        found |= {f"{f}_release": _flank_locks(dog, load, angle) for f, angle in angles.items()}
-    if not found:
+        for flank in FLANKS:
+            friction = _flank_locking_friction(dog, load, side_angle(dog, flank))
+            frictions[f"{flank}_release"] = friction
+    if not frictions:
         return math.inf, ""
-    name = min(found, key=lambda one: found[one])
-    return max(0.0, found[name]), name
+    name = min(frictions, key=lambda check: frictions[check])
+    return max(0.0, frictions[name]), name
 
 
-def _flank_locks(dog: Dog, load: LoadCase, angle: float) -> float:
-    r"""Return the friction at which a flank of a side angle in rad locks.
+def _flank_locking_friction(dog: Dog, load: LoadCase, angle: float) -> float:
+    r"""Compute the friction at which a flank with a side ``angle`` in rad locks.
 
-    Where the toothing has the friction of the flank above its nominal one: :math:`\arctan\mu +
+    If the toothing has the friction of the flank above its nominal one: :math:`\arctan\mu +
     \arctan(\mu k) = \beta`, :math:`k = r/r_t`, a quadratic equation.
     """
     lever = dog.mean_radius / load.spline_radius
-    own = load.spline_friction_release
-    spline = load.spline_friction if own is None else own
-    alone = math.tan(angle - math.atan(spline * lever))
-    if own is not None or spline == 0.0 or alone <= spline:
-        return alone
+    fixed_friction = load.spline_friction_release
+    spline_friction = load.spline_friction if fixed_friction is None else fixed_friction
+    friction = math.tan(angle - math.atan(spline_friction * lever))
+    if fixed_friction is not None or spline_friction == 0.0 or friction <= spline_friction:
+        return friction
     slope = lever * math.tan(angle)
     return (math.sqrt((1.0 + lever) ** 2 + 4.0 * slope * math.tan(angle)) - 1.0 - lever) / (
         2.0 * slope

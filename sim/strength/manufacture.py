@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dogshape.sim.elementwise import hypot, key, largest, smallest, where
+from dogshape.sim.elementwise import hashable, hypot, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import RULES, Check, checks_of
@@ -28,25 +28,25 @@ from dogshape.sim.units import DEG, MM
 
 @dataclass(frozen=True)
 class ManufacturingLimits:
-    """Limits of the workshop, lengths in m: ``RULES`` has their meaning and reason."""
+    """Limits of manufacture, lengths in m; ``RULES`` has their meaning and source."""
 
     tip_width: float = within("tip_width_mm", 0.05, 100.0, 1.5e-3)
     slot_width: float = within("slot_width_mm", 0.05, 100.0, 1.5e-3)
     cutter_reach: float = within("cutter_reach", 0.1, 100.0, 3.0)
     flank_height: float = within("flank_height_mm", 0.05, 100.0, 1.5e-3)
-    #: of the roots, and of tip edges without a radius of their own
+    #: of the roots, and of tip edges if the dog has no edge radius
     root_radius: float = within("root_radius_mm", 0.02, 10.0, 0.3e-3)
     tip_core: float = within("tip_core_mm", 0.0, 100.0, 0.5e-3)
     chamfer_share: float = within("chamfer_share", 0.0, 0.5, 0.35)
     module: float = within("module_mm", 0.05, 100.0, 1.25e-3)
-    #: thickness of the ring behind the roots; None for one that is thick enough
+    #: thickness of the ring behind the roots; None for a thick ring
     rim: float | None = within("rim_mm", 0.1, 1000.0, None, remedy="give the thickness in mm")
 
     def __post_init__(self) -> None:
         require_ranges(self, "manufacturing", "correct the limit")
 
 
-#: Checks that a dog must pass to be made at all.
+#: Checks without which a dog cannot be made.
 MAKEABLE = tuple(n for n, rule in RULES.items() if rule.group == "make" and n != "tip_core")
 
 
@@ -55,30 +55,34 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
     inner = dog.inner_radius
     # The cutter enters an undercut slot by its mouth.
     slot = dog.pitch_angle * inner - largest(dog.root_width_at(inner), dog.tip_width_at(inner))
-    found = {
+    values = {
         "tip_width": dog.tip_width_at(inner),
         "slot_width": slot,
         "cutter_reach": dog.height / slot,
         "flank_height": dog.height - largest(*dog.drops_at(dog.outer_radius)),
         "root_radius": root_radius_room(dog),
-        **({} if dog.edge_radius == 0.0 else {"edge_clearance": dog.edge_radius}),
-        "chamfer_share": largest(*dog.drops_at(dog.mean_radius)) / dog.height,
-        "module": 2.0 * dog.mean_radius / dog.count,
     }
+    if dog.edge_radius != 0.0:
+        values["edge_clearance"] = dog.edge_radius
+    values["chamfer_share"] = largest(*dog.drops_at(dog.mean_radius)) / dog.height
+    values["module"] = 2.0 * dog.mean_radius / dog.count
     bounds = vars(limits) | {"edge_clearance": limits.root_radius}
-    return checks_of((name, value, bounds[name]) for name, value in found.items())
+    return checks_of((name, value, bounds[name]) for name, value in values.items())
 
 
 def require_fillets(dog: Dog, radius: float) -> None:
     """Raise GeometryError unless fillets of a ``radius`` in m fit into slot and tip of a dog."""
-    if (room := root_radius_room(dog)) < radius:
-        rule = f"the largest that fits into slot and tip is {room / MM:.4g} mm"
-        refused = refusal("manufacturing.root_radius_mm", radius / MM, "mm", rule, FILLETS)
-        raise GeometryError(refused)
+    room = root_radius_room(dog)
+    if room >= radius:
+        return
+    rule = f"the largest that fits into slot and tip is {room / MM:.4g} mm"
+    remedy = "use a smaller radius, fewer dogs, or a smaller chamfer"
+    sentence = refusal("manufacturing.root_radius_mm", radius / MM, "mm", rule=rule, remedy=remedy)
+    raise GeometryError(sentence)
 
 
-FILLETS = "use a smaller radius, fewer dogs, or a smaller chamfer"
-ANGLE, SHARE = "give an angle in degrees", "give a share of the height"
+ANGLE_REMEDY = "give an angle in degrees"
+SHARE_REMEDY = "give a share of the height"
 
 
 @dataclass(frozen=True)
@@ -90,17 +94,17 @@ class Tolerances:
     is that of a normal deviate beyond 3 standard deviations on one side, of each check.
     """
 
-    chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
-    traction: float = within("traction_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
-    braking: float = within("braking_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
+    traction: float = within("traction_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
+    braking: float = within("braking_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
     height: float = within("height_mm", 0.0, 2.0, 0.05 * MM)
     outer_diameter: float = within("outer_diameter_mm", 0.0, 2.0, 0.15 * MM)
     inner_diameter: float = within("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
     axial_gap: float = within("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
     root_radius: float = within("root_radius_mm", 0.0, 2.0, 0.05 * MM)
-    contact_ratio: float = within("contact_ratio", 0.0, 1.0, 0.5, remedy=SHARE)
+    contact_ratio: float = within("contact_ratio", 0.0, 1.0, 0.5, remedy=SHARE_REMEDY)
     clearance: float = within("clearance_mm", 0.0, 2.0, 0.3 * MM)
-    chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
     backlash: float = within("backlash_mm", 0.0, 2.0, 0.05 * MM)
     reject_rate: float = within("reject_rate", 1e-9, 0.5, 0.00135)
     capability: float = within("capability", 0.3, 3.0, 1.0)
@@ -110,8 +114,8 @@ class Tolerances:
 
     @property
     def dimensions(self) -> dict[str, float]:
-        """Dimensions with their tolerance, those without one left out."""
-        names = [f.name for f in fields(self) if f.name not in NO_DIMENSIONS]
+        """Tolerances above zero by the names of their dimensions."""
+        names = [field.name for field in fields(self) if field.name not in NO_DIMENSIONS]
         return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
 
     @property
@@ -120,7 +124,7 @@ class Tolerances:
         return -NormalDist().inv_cdf(self.reject_rate) / (3.0 * self.capability)
 
     def without_sizes(self) -> Tolerances:
-        """Return the limits alone, with every dimension exact."""
+        """Return the tolerances with every dimension exact."""
         return replace(self, **dict.fromkeys(self.dimensions, 0.0))
 
 
@@ -131,44 +135,45 @@ Kind = Literal["worst_case", "root_sum_square"]  #: addition of the effects of a
 
 @dataclass(frozen=True)
 class Spread:
-    """Move of a quantity within the tolerances, by dimension and at the worst.
-
-    ``share`` is ``Tolerances.statistical_share``.
-    """
+    """Change of a quantity within the tolerances."""
 
     by_dimension: dict[str, float]
     worst_case: float
-    share: float = 1.0
+    share: float = 1.0  #: ``Tolerances.statistical_share``
 
     @property
     def root_sum_square(self) -> float:
-        """Move at the reject rate: root of the sum of the squares of all effects."""
+        """Change at the reject rate: root of the sum of squares of all effects."""
         total = reduce(hypot, self.by_dimension.values(), 0.0)
         return smallest(self.share * total, self.worst_case)
 
 
-SIDES = (-1.0, 1.0)
-Values = Callable[[Dog, float], dict[str, float]]  #: of a dog and its root radius in m
+SIGNS = (-1.0, 1.0)  #: of a deviation
+#: Function of a dog and its root radius in m.
+Values = Callable[[Dog, float], dict[str, float]]
 
 
-def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tuple[Dog, float]:
-    """Return a dog and its root radius with some dimensions off by ``deviations`` (SI).
+def add_deviations(
+    dog: Dog, root_radius: float, deviations: Mapping[str, float]
+) -> tuple[Dog, float]:
+    """Return a dog and its root radius with ``deviations`` (SI) of some dimensions.
 
-    Raises GeometryError where that is no dog. A chamfer or length stops at zero, the root radius at
-    ``SHARPEST``; a face or play that the dog does not have stays away.
+    Raises GeometryError for an impossible dog. A chamfer or length stops at zero, the root radius
+    at ``SHARPEST``; a face or backlash that the dog does not have stays zero.
     """
-    off: dict[str, Any] = dict(deviations)
-    radius = largest(SHARPEST, root_radius + off.pop("root_radius", 0.0))
-    for name, deviation in off.items():
-        value = getattr(dog, name)
-        off[name] = value + deviation
+    dimensions: dict[str, Any] = dict(deviations)
+    radius = largest(SHARPEST, root_radius + dimensions.pop("root_radius", 0.0))
+    for name, deviation in dimensions.items():
+        nominal = getattr(dog, name)
+        value = nominal + deviation
         if name not in ("traction", "braking"):
-            off[name] = where(_has(dog, name), largest(0.0, off[name]), value)
-    return replace(dog, **off), radius
+            value = where(_has_dimension(dog, name), largest(0.0, value), nominal)
+        dimensions[name] = value
+    return replace(dog, **dimensions), radius
 
 
-def _has(dog: Dog, name: str) -> bool:
-    """Decide whether a dog has a dimension, or which of ``Dogs`` have."""
+def _has_dimension(dog: Dog, name: str) -> bool:
+    """Test whether a dog has a dimension; (n,) for ``Dogs``."""
     absent = {"chamfer": dog.crest == 0.0, "chamfer_back": dog.crest == 1.0}
     return np.logical_not(absent.get(name, (name == "backlash") & (dog.backlash == 0.0)))
 
@@ -176,55 +181,73 @@ def _has(dog: Dog, name: str) -> bool:
 def losses(
     dog: Dog, root_radius: float, tolerances: Tolerances, values: Values
 ) -> dict[str, Spread]:
-    """Compute the largest loss of each of ``values``.
+    """Compute the largest loss of each of ``values`` within the tolerances.
 
-    Worst is every dimension off to the side on which it takes something: exact where a value rises
-    or falls with a dimension all the way. One deviation holds for both rings, which are made alike.
-    One that leaves no dog makes every loss infinite.
+    In the worst case every dimension deviates to the side that reduces the value; that is exact for
+    a value monotonic in each dimension. Both rings have the same deviations. A deviation without a
+    possible dog makes every loss infinite.
     """
-    sizes = {n: size for n, size in tolerances.dimensions.items() if np.any(_has(dog, n))}
+    sizes = {n: size for n, size in tolerances.dimensions.items() if np.any(_has_dimension(dog, n))}
     nominal = values(dog, root_radius)
 
-    def fall(signs: Mapping[str, float]) -> dict[str, float]:
-        deviations = {size: sign * sizes[size] for size, sign in signs.items()}
+    def loss(signs: Mapping[str, float]) -> dict[str, float]:
+        deviations = {dimension: sign * sizes[dimension] for dimension, sign in signs.items()}
         try:
-            shape, radius = moved(dog, root_radius, deviations)
-            there, possible = values(shape, radius), shape.possible
+            shape, radius = add_deviations(dog, root_radius, deviations)
+            off_nominal = values(shape, radius)
+            is_possible = shape.possible
         except DogshapeError:
             return dict.fromkeys(nominal, math.inf)
-        return {name: where(possible, nominal[name] - there[name], math.inf) for name in nominal}
+        return {
+            name: where(is_possible, value - off_nominal[name], math.inf)
+            for name, value in nominal.items()
+        }
 
-    falls = {size: [fall({size: side}) for side in SIDES] for size in sizes}
-    corners: dict[tuple[Hashable, ...], dict[str, float]] = {}
-    found = {}
+    losses_by_sign = {dimension: [loss({dimension: sign}) for sign in SIGNS] for dimension in sizes}
+    corner_losses: dict[tuple[Hashable, ...], dict[str, float]] = {}
+    spreads = {}
     for name in nominal:
-        sides = {size: (down[name], up[name]) for size, (down, up) in falls.items()}
-        signs = {size: where(down >= up, *SIDES) for size, (down, up) in sides.items()}
-        corner = tuple(map(key, signs.values()))
-        if corner not in corners:
-            corners[corner] = fall(signs)
-        by_dimension = {size: largest(*two, 0.0) for size, two in sides.items()}
-        worst = largest(corners[corner][name], *by_dimension.values())
-        found[name] = Spread(by_dimension, worst, tolerances.statistical_share)
-    return found
+        signs = {}
+        by_dimension = {}
+        for dimension, (negative, positive) in losses_by_sign.items():
+            signs[dimension] = where(negative[name] >= positive[name], *SIGNS)
+            by_dimension[dimension] = largest(negative[name], positive[name], 0.0)
+        corner = tuple(map(hashable, signs.values()))
+        if corner not in corner_losses:
+            corner_losses[corner] = loss(signs)
+        worst = largest(corner_losses[corner][name], *by_dimension.values())
+        spreads[name] = Spread(by_dimension, worst, tolerances.statistical_share)
+    return spreads
 
 
-def _contact(dog: Dog, root_radius: float) -> dict[str, float]:
+def _contact_ratios(dog: Dog, root_radius: float) -> dict[str, float]:
+    """Compute the share of the height that touches, by flank."""
     return {f: flank_contact(dog, root_radius, f).height / dog.height for f in FLANKS}
 
 
 def tolerance_checks(
-    dog: Dog, root_radius: float, tolerances: Tolerances, seated: float,
+    dog: Dog,
+    root_radius: float,
+    tolerances: Tolerances,
+    seated: float,
     kind: Kind = "root_sum_square",
-) -> tuple[Check, ...]:  # fmt: skip
-    """Return the checks of contact and of the gap in neutral within tolerances; lengths in m."""
-    spreads, contact = losses(dog, root_radius, tolerances, _contact), _contact(dog, root_radius)
-    short = seated / dog.height
-    left = [contact[flank] - short - getattr(spread, kind) for flank, spread in spreads.items()]
-    losses_of_gap = {"axial_gap": tolerances.axial_gap, "height": 2.0 * tolerances.height}
-    total = sum(losses_of_gap.values())
-    gap = dog.axial_gap - getattr(Spread(losses_of_gap, total, tolerances.statistical_share), kind)
-    return checks_of([
-        ("contact_ratio", largest(smallest(*left), -1.0), tolerances.contact_ratio),
-        ("clearance", gap, tolerances.clearance),
-    ])  # fmt: skip
+) -> tuple[Check, ...]:
+    """Return the checks of contact ratio and clearance within the tolerances.
+
+    ``root_radius`` and the ``seated`` tolerance of a shift in m.
+    """
+    spreads = losses(dog, root_radius, tolerances, _contact_ratios)
+    nominal = _contact_ratios(dog, root_radius)
+    seated_share = seated / dog.height
+    ratios = [
+        nominal[flank] - seated_share - getattr(spread, kind) for flank, spread in spreads.items()
+    ]
+    gap_losses = {"axial_gap": tolerances.axial_gap, "height": 2.0 * tolerances.height}
+    gap_spread = Spread(gap_losses, sum(gap_losses.values()), tolerances.statistical_share)
+    contact_ratio = largest(smallest(*ratios), -1.0)
+    clearance = dog.axial_gap - getattr(gap_spread, kind)
+    rows = [
+        ("contact_ratio", contact_ratio, tolerances.contact_ratio),
+        ("clearance", clearance, tolerances.clearance),
+    ]
+    return checks_of(rows)

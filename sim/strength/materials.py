@@ -1,10 +1,10 @@
 r"""Materials of a dog: named sets of strength values, each with its source.
 
-At room to gearbox-oil temperature; sets do not rank the steels, as test pieces differ. Proof
-stress: core of blanks of 11 to 16 mm. Bending endurance: :math:`\sigma_{F,lim}` of ISO 6336-5, MQ;
-the root endures :math:`Y_{ST} = 2` times that locally. Life: :math:`Y_{NT} = (3 \cdot 10^6/n)^x`
-from ``static_factor`` at 1000 cycles to 1, 0.85 at 1e10 (ISO 6336-3). Case depth to 550 HV.
-Pressure: 100 to 200 MPa for hard fixed splines (DIN 5466-1); 0.7 of that nitrided, 0.8
+Values hold from room to gearbox-oil temperature; sets do not rank the steels, as test pieces
+differ. Proof stress: core of blanks of 11 to 16 mm. Bending endurance: :math:`\sigma_{F,lim}` of
+ISO 6336-5, MQ; the root endures :math:`Y_{ST} = 2` times that locally. Life: :math:`Y_{NT} = (3
+\cdot 10^6/n)^x` from ``static_factor`` at 1000 cycles to 1, 0.85 at 1e10 (ISO 6336-3). Case depth
+to 550 HV. Pressure: 100 to 200 MPa for hard fixed splines (DIN 5466-1); 0.7 of that nitrided, 0.8
 induction-hardened (assumed). *Spectrum* (Miner, ISO 6336-6): :math:`D = \sum_i n_i/N(\sigma_i)`,
 :math:`N = 3 \cdot 10^6\, (\sigma/\sigma_{3 \cdot 10^6})^{-1/x}`; none beyond the static strength.
 """
@@ -20,10 +20,13 @@ from dogshape.sim.errors import require_known, require_ranges, within
 from dogshape.sim.units import MM, MPA
 
 STRESS_CORRECTION = 2.0  #: Y_ST of ISO 6336-3
-STATIC_CYCLES, ENDURANCE_CYCLES, LONG_CYCLES = 1e3, 3e6, 1e10
+STATIC_CYCLES = 1e3  #: below them the static strength holds, ISO 6336-3
+ENDURANCE_CYCLES = 3e6  #: of the endurance limit, ISO 6336-3
+LONG_CYCLES = 1e10  #: at the end of the curve, ISO 6336-3
 LONG_FACTOR = 0.85  #: Y_NT at LONG_CYCLES
 HARDNESS = 9.80665 * MPA  #: Pa of one HV
-YOUNG, POISSON = 210e9, 0.3  #: of steel; Pa
+YOUNG = 210e9  #: of steel, Pa
+POISSON = 0.3  #: of steel
 DENSITY = 7850.0  #: of steel, kg/m3
 
 
@@ -48,7 +51,7 @@ class Material:
         require_ranges(self, "material", "correct the material")
 
     def life_factor(self, cycles: float) -> float:
-        """Return Y_NT, the endurance at ``cycles`` over that at 3e6."""
+        """Compute the life factor Y_NT: endurance at ``cycles`` over the one at 3e6 cycles."""
         if cycles <= ENDURANCE_CYCLES:
             slope = math.log(self.static_factor) / math.log(ENDURANCE_CYCLES / STATIC_CYCLES)
             return float((ENDURANCE_CYCLES / max(cycles, STATIC_CYCLES)) ** slope)
@@ -56,12 +59,12 @@ class Material:
         return float((ENDURANCE_CYCLES / min(cycles, LONG_CYCLES)) ** slope)
 
     def endurance(self, cycles: float) -> float:
-        """Return the local root stress that ``cycles`` pulsating loads leave sound, Pa."""
+        """Compute the endurable local root stress for ``cycles`` pulsating loads, Pa."""
         return self.bending_endurance * STRESS_CORRECTION * self.life_factor(cycles)
 
     @property
     def edge_pressure(self) -> float:
-        """Pressure of Hertz that a rounded edge bears landing by landing, Pa.
+        """Endurable Hertz pressure of a rounded edge, Pa.
 
         Shakedown limit of a line contact, four times the yield stress in shear.
         """
@@ -73,71 +76,139 @@ class Material:
         return self.surface_hardness * HARDNESS / 3.0
 
 
-MATERIALS: dict[str, Material] = {
-    name: Material(
-        name, source, proof * MPA, bending * MPA, static, pressure * MPA, hardness, depth * MM
+def _material(
+    name: str,
+    *,
+    proof_stress_MPa: float,
+    bending_endurance_MPa: float,
+    static_factor: float,
+    allowable_pressure_MPa: float,
+    surface_hardness_HV: float,
+    case_depth_mm: float,
+    source: str,
+) -> Material:
+    """Build a material from values in the units of a study file."""
+    return Material(
+        name,
+        source,
+        proof_stress=proof_stress_MPa * MPA,
+        bending_endurance=bending_endurance_MPa * MPA,
+        static_factor=static_factor,
+        allowable_pressure=allowable_pressure_MPa * MPA,
+        surface_hardness=surface_hardness_HV,
+        case_depth=case_depth_mm * MM,
     )
-    for name, proof, bending, static, pressure, hardness, depth, source in (
-        ("16MnCr5", 735.0, 430.0, 2.5, 200.0, 700.0, 0.4,
-         "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
-         "ISO 6336-5 MQ, lowest core hardness"),
-        ("20MnCr5", 930.0, 461.0, 2.5, 200.0, 700.0, 0.4,
-         "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
-         "ISO 6336-5 MQ, middle core hardness"),
-        ("18CrNiMo7-6", 835.0, 500.0, 2.5, 200.0, 720.0, 0.4,
-         "case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
-         "MPa; ISO 6336-5 MQ, core of 30 HRC and more"),
-        ("42CrMo4", 900.0, 369.0, 2.5, 160.0, 600.0, 1.0,
-         "quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
-         "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root"),
-        ("31CrMoV9", 900.0, 420.0, 1.6, 140.0, 750.0, 0.3,
-         "quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
-         "ISO 6336-5 MQ, nitriding steel"),
-    )
-}  # fmt: skip
+
+
+_SETS = (
+    _material(
+        "16MnCr5",
+        proof_stress_MPa=735.0,
+        bending_endurance_MPa=430.0,
+        static_factor=2.5,
+        allowable_pressure_MPa=200.0,
+        surface_hardness_HV=700.0,
+        case_depth_mm=0.4,
+        source="case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
+        "ISO 6336-5 MQ, lowest core hardness",
+    ),
+    _material(
+        "20MnCr5",
+        proof_stress_MPa=930.0,
+        bending_endurance_MPa=461.0,
+        static_factor=2.5,
+        allowable_pressure_MPa=200.0,
+        surface_hardness_HV=700.0,
+        case_depth_mm=0.4,
+        source="case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
+        "ISO 6336-5 MQ, middle core hardness",
+    ),
+    _material(
+        "18CrNiMo7-6",
+        proof_stress_MPa=835.0,
+        bending_endurance_MPa=500.0,
+        static_factor=2.5,
+        allowable_pressure_MPa=200.0,
+        surface_hardness_HV=720.0,
+        case_depth_mm=0.4,
+        source="case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
+        "MPa; ISO 6336-5 MQ, core of 30 HRC and more",
+    ),
+    _material(
+        "42CrMo4",
+        proof_stress_MPa=900.0,
+        bending_endurance_MPa=369.0,
+        static_factor=2.5,
+        allowable_pressure_MPa=160.0,
+        surface_hardness_HV=600.0,
+        case_depth_mm=1.0,
+        source="quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
+        "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root",
+    ),
+    _material(
+        "31CrMoV9",
+        proof_stress_MPa=900.0,
+        bending_endurance_MPa=420.0,
+        static_factor=1.6,
+        allowable_pressure_MPa=140.0,
+        surface_hardness_HV=750.0,
+        case_depth_mm=0.3,
+        source="quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
+        "ISO 6336-5 MQ, nitriding steel",
+    ),
+)
+MATERIALS: dict[str, Material] = {material.name: material for material in _SETS}
 
 
 def material_of(name: str) -> Material:
-    """Return a named set; an unknown name raises InputError with the valid ones."""
+    """Return the set ``name``; raises InputError with the valid names for an unknown one."""
     require_known("material.set", name, "a material set", MATERIALS)
     return MATERIALS[name]
 
 
 def cycles_endured(material: Material, strength: float) -> float:
-    """Compute how many cycles leave sound a root of so much of the endurance at 3e6 cycles.
+    """Compute the endurable cycles of a root; 0 beyond the static strength.
 
-    ``strength`` is the stress over that endurance. 0 beyond the static strength.
+    ``strength`` is the stress over the endurance at 3e6 cycles.
     """
     if strength <= 0.0:
         return math.inf
     if strength > material.static_factor * (1.0 + 1e-12):  # the end of the slope belongs to it
         return 0.0
-    low, end = ENDURANCE_CYCLES / STATIC_CYCLES, material.static_factor
     if strength <= 1.0:
-        low, end = LONG_CYCLES / ENDURANCE_CYCLES, 1.0 / LONG_FACTOR
-    slope = math.log(end) / math.log(low)
+        cycle_ratio = LONG_CYCLES / ENDURANCE_CYCLES
+        stress_ratio = 1.0 / LONG_FACTOR
+    else:
+        cycle_ratio = ENDURANCE_CYCLES / STATIC_CYCLES
+        stress_ratio = material.static_factor
+    slope = math.log(stress_ratio) / math.log(cycle_ratio)
     exponent = -math.log(strength) / slope if slope > 0.0 else -math.inf
     return ENDURANCE_CYCLES * math.exp(min(exponent, 600.0))
 
 
 def damage(material: Material, strengths: Sequence[float], cycles: Sequence[float]) -> float:
-    """Sum the damage of classes of ``cycles``.
+    """Compute Miner's sum of load classes with ``cycles`` each.
 
-    ``strengths`` are the stresses over the endurance at 3e6 cycles.
+    ``strengths`` are the stresses of the classes over the endurance at 3e6 cycles.
     """
-    endured = (cycles_endured(material, strength) for strength in strengths)
-    return sum(n / most if most else math.inf for n, most in zip(cycles, endured, strict=True))
+    total = 0.0
+    for count, strength in zip(cycles, strengths, strict=True):
+        endurable = cycles_endured(material, strength)
+        total += count / endurable if endurable else math.inf
+    return total
 
 
-def reserve(material: Material, cycles: Sequence[float], *strengths: float) -> float:
-    """Find the factor on all stresses at which ``damage`` is 1; inf where there is no load."""
+def stress_reserve(material: Material, cycles: Sequence[float], *strengths: float) -> float:
+    """Compute the factor on all stresses at which ``damage`` is 1; inf without a load."""
     peak = max(strengths, default=0.0)
     if peak <= 0.0:
         return math.inf
 
-    def sound(factor: float) -> bool:
-        return damage(material, [factor * one for one in strengths], cycles) <= 1.0
+    def endures(factor: float) -> bool:
+        return damage(material, [factor * strength for strength in strengths], cycles) <= 1.0
 
     # scipy.optimize takes half a second to load, which a quick check does not have.
-    high = material.static_factor / peak
-    return high if sound(high) else bisect(sound, 0.0, high, share=1e-12)[1]
+    static_reserve = material.static_factor / peak
+    if endures(static_reserve):
+        return static_reserve
+    return bisect(endures, 0.0, static_reserve, share=1e-12)[1]

@@ -1,12 +1,12 @@
-r"""Peak forces of one shift, as far as rigid rings behind compliant dogs can say them.
+r"""Peak forces of one shift, and the validity of rigid rings behind compliant dogs.
 
 *Along the shaft* the ring stops within the time of a half sine, :math:`3/2` of the time above half
 of the peak. A stress wave runs through a steel ring of the length :math:`L = m/(\varrho A)` and
 back in :math:`2 L/c`, :math:`c = \sqrt{E/\varrho}` (Goldsmith, *Impact*, 1960): in a shorter
 contact the ring is not rigid, and less of its mass takes part. *A* is the annulus of the dogs.
 
-*Along the circumference* a rigid sliding side stops at once. Where shifts are simulated so, the
-closed form of ``[strike]`` has ring and shaft, at the speed that the hardest strike took.
+*Along the circumference* a rigid sliding side stops at once. For shifts with rigid shafts the
+closed form of ``[strike]`` adds ring and shaft, at the speed of the hardest strike.
 """
 
 from __future__ import annotations
@@ -25,27 +25,28 @@ HALF_SINE = 1.5  #: duration of a half sine over its time above half of the peak
 
 
 def contact_time(time: Array, force: Array) -> float:
-    """Compute the duration in s of the largest peak of ``force``, both (n,), as of a half sine.
+    """Compute the duration of the largest peak of ``force`` (n,) as of a half sine, s.
 
-    A force is the mean of the step before its time.
+    A force is the mean over the step that ends at its ``time`` (n,).
     """
     peak = int(np.argmax(force))
-    below = np.flatnonzero(force < 0.5 * force[peak])
-    before, after = below[below < peak], below[below > peak]
-    first = int(before[-1]) if before.size else 0
-    last = int(after[0]) - 1 if after.size else len(force) - 1
+    low_steps = np.flatnonzero(force < 0.5 * force[peak])
+    rise_steps = low_steps[low_steps < peak]
+    fall_steps = low_steps[low_steps > peak]
+    first = int(rise_steps[-1]) if rise_steps.size else 0
+    last = int(fall_steps[0]) - 1 if fall_steps.size else len(force) - 1
     return HALF_SINE * float(time[last] - time[first])
 
 
 @dataclass(frozen=True)
 class PeakForces:
-    """Simulated peaks of a shift in N, and what is known of the rings behind the dogs."""
+    """Simulated peak forces of a shift, N, with the conditions under which they hold."""
 
     axial: float
     tangential: float
     contact: float  #: duration of the axial peak, s
     wave: float  #: passage of a stress wave through the ring and back, s
-    shafts: bool  #: whether the sliding ring was simulated apart from what is behind it
+    shafts: bool  #: whether the sliding ring was simulated on an elastic shaft
     strike: float | None  #: tangential force of ``[strike]`` for that shift, N
 
     @property
@@ -55,17 +56,17 @@ class PeakForces:
 
 
 def peak_forces(result: Engagement, limits: Limits) -> PeakForces:
-    """Compute the peak forces of a shift; of a range of strikes the largest counts."""
-    dog, rings, trace = result.clutch.dog, result.clutch.rings, result.trace
+    """Compute the peak forces of a shift; the largest of a range of strikes."""
+    dog = result.clutch.dog
     area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
-    length = rings.mass / (DENSITY * area)
+    length = result.clutch.rings.mass / (DENSITY * area)
     stiffness = dog.count * limits.load.stiffness(dog) * dog.mean_radius**2
     speed = abs(result.loads.strike_mismatch)
     torques = [strike.torque(speed, stiffness) for strike in limits.strikes]
     return PeakForces(
         axial=result.loads.peak_axial_force,
         tangential=result.loads.peak_tangential_force,
-        contact=contact_time(trace.time, trace.contact_force),
+        contact=contact_time(result.trace.time, result.trace.contact_force),
         wave=2.0 * length * math.sqrt(DENSITY / YOUNG),
         shafts=result.clutch.mechanism.ring_inertia > 0.0,
         strike=max(torques) / dog.mean_radius if torques else None,

@@ -29,10 +29,10 @@ REMEDY = "correct the strike"
 
 @dataclass(frozen=True)
 class Strike:
-    """Inertias (kg m2) and shafts (N m/rad) that take part when flanks strike, and the speed of it.
+    """Inertias (kg m2), shafts (N m/rad) and mismatches (rad/s) of a flank strike.
 
-    Those of a side include ring and wheel; ``output_stiffness`` None is a rigid shaft. Positive
-    ``mismatch`` (rad/s) strikes traction flanks, negative braking ones.
+    Inertias of a side include ring and wheel; ``output_stiffness`` None is a rigid shaft. Positive
+    ``mismatch`` strikes traction flanks, negative braking ones.
     """
 
     ring_inertia: float = within("ring_inertia_kgm2", 1e-7, 100.0)
@@ -44,8 +44,9 @@ class Strike:
     backlash: float = within("backlash_deg", 0.0, 30.0, 0.0)
     restitution: float = within("restitution", 0.0, 0.5, RESTITUTION)
     mismatch: tuple[float, ...] = ()
-    strikes: float | None = within("strikes", 1.0, 1e12, None)  #: of the life; None: static alone
-    ends: str = ""  #: of ranges, in words
+    #: number over the life; None for the static limit alone
+    strikes: float | None = within("strikes", 1.0, 1e12, None)
+    ends: str = ""  #: ends of the ranges of the study file, in words
 
     def __post_init__(self) -> None:
         require_ranges(self, "strike", REMEDY)
@@ -54,9 +55,9 @@ class Strike:
         require_parts("strike", self, self, REMEDY)
 
     def speed(self, flank: Flank) -> float:
-        """Return the speed in rad/s at which a flank strikes at most, 0 where it does not."""
+        """Return the largest speed at which a flank strikes, rad/s; 0 if it does not strike."""
         sign = 1.0 if flank == "traction" else -1.0
-        return max(0.0, *(sign * one for one in (0.0, *self.mismatch)))
+        return max(0.0, *(sign * mismatch for mismatch in (0.0, *self.mismatch)))
 
     @property
     def flanks(self) -> tuple[Flank, ...]:
@@ -64,50 +65,63 @@ class Strike:
         return tuple(flank for flank in FLANKS if self.speed(flank) > 0.0)
 
     def torque(self, speed: float, stiffness: float) -> float:
-        """Compute the torque of a strike at ``speed`` in rad/s on dogs of ``stiffness``, N m.
+        """Compute the torque of a strike, N m.
 
-        ``stiffness`` is that of all dogs, N m/rad.
+        ``speed`` of the strike in rad/s, ``stiffness`` of all dogs in N m/rad.
         """
-        near = two_mass_torque(speed, stiffness, self.ring_inertia, self.wheel_inertia)
-        whole = two_mass_torque(speed, stiffness, self.sliding_inertia, self.output_inertia)
-        again = self.second_speed(speed) / speed if speed > 0.0 else 0.0
-        return min(whole, max(self._closed(speed, stiffness), again * near))
+        ring_torque = two_mass_torque(
+            speed, stiffness, first_inertia=self.ring_inertia, second_inertia=self.wheel_inertia
+        )
+        side_torque = two_mass_torque(
+            speed, stiffness, first_inertia=self.sliding_inertia, second_inertia=self.output_inertia
+        )
+        second_share = self.second_speed(speed) / speed if speed > 0.0 else 0.0
+        closed_torque = self._closed_flank_torque(speed, stiffness)
+        return min(side_torque, max(closed_torque, second_share * ring_torque))
 
     def second_speed(self, speed: float) -> float:
-        """Compute the speed in rad/s at which the ring strikes again, thrown by its shaft."""
-        away = 1.0 + self.restitution
+        """Compute the speed of the second strike of the ring, rad/s, for the first one's speed."""
+        speed_change = 1.0 + self.restitution
         rate = math.sqrt(self.input_stiffness / self.ring_inertia)
-        play = self.restitution * self.backlash * rate / (away * speed) if speed > 0.0 else 0.0
+        play = 0.0
+        if speed > 0.0:
+            play = self.restitution * self.backlash * rate / (speed_change * speed)
         if play >= math.pi:
-            return (1.0 + away) * speed
-        # The way falls below zero, then rises through it once.
-        _, high = bisect(lambda turn: turn - away * math.sin(turn) < play, 0.0, math.pi)
-        return (1.0 - away * math.cos(high)) * speed
+            return (1.0 + speed_change) * speed
+        # The displacement falls below zero, then rises through it once.
+        _, phase = bisect(lambda angle: angle - speed_change * math.sin(angle) < play, 0.0, math.pi)
+        return (1.0 - speed_change * math.cos(phase)) * speed
 
-    def _closed(self, speed: float, stiffness: float) -> float:
-        """Return the sum over the modes of the torque between closed flanks, N m."""
-        behind, joint = self.sliding_inertia - self.ring_inertia, self.output_stiffness
-        wheel = self.output_inertia if joint is None else self.wheel_inertia
+    def _closed_flank_torque(self, speed: float, stiffness: float) -> float:
+        """Compute the torque between closed flanks as the sum over the modes, N m."""
+        shaft_inertia = self.sliding_inertia - self.ring_inertia
+        rigid_output = self.output_stiffness is None
+        wheel_inertia = self.output_inertia if rigid_output else self.wheel_inertia
         chain = (  # inertia, its speed, spring to the next
-            (behind, speed, self.input_stiffness),
+            (shaft_inertia, speed, self.input_stiffness),
             (self.ring_inertia, speed, stiffness),
-            (wheel, 0.0, joint or 0.0),
-            (self.output_inertia - wheel, 0.0, 0.0),
+            (wheel_inertia, 0.0, self.output_stiffness or 0.0),
+            (self.output_inertia - wheel_inertia, 0.0, 0.0),
         )
-        inertia, speeds, springs = np.array([row for row in chain if row[0] > 0.0]).T
-        links = np.diff(np.eye(len(inertia)), axis=0)
-        root = np.sqrt(inertia)
-        forces = links.T @ (springs[:-1, None] * links)
-        squares, shapes = np.linalg.eigh(forces / np.outer(root, root))
-        # The first mode is the common turning of all, which strains nothing.
-        rates, shapes = np.sqrt(squares[1:]), shapes[:, 1:]
-        strains = links[int(behind > 0.0)] @ (shapes / root[:, None])
-        return float(np.abs(stiffness * strains * (shapes.T @ (root * speeds)) / rates).sum())
+        inertias, speeds, springs = np.array([row for row in chain if row[0] > 0.0]).T
+        links = np.diff(np.eye(len(inertias)), axis=0)
+        roots = np.sqrt(inertias)
+        stiffness_matrix = links.T @ (springs[:-1, None] * links)
+        squared_rates, modes = np.linalg.eigh(stiffness_matrix / np.outer(roots, roots))
+        # The first mode is the rotation of all together, which strains nothing.
+        rates = np.sqrt(squared_rates[1:])
+        modes = modes[:, 1:]
+        dog_link = links[int(shaft_inertia > 0.0)]
+        strains = dog_link @ (modes / roots[:, None])
+        return float(np.abs(stiffness * strains * (modes.T @ (roots * speeds)) / rates).sum())
 
 
-def two_mass_torque(speed: float, stiffness: float, one: float, other: float) -> float:
-    """Compute the peak torque in N m of two inertias in kg m2 that meet on a spring.
+def two_mass_torque(
+    speed: float, stiffness: float, first_inertia: float, second_inertia: float
+) -> float:
+    """Compute the peak torque of two inertias (kg m2) that meet on a spring, N m.
 
     ``speed`` in rad/s, ``stiffness`` in N m/rad.
     """
-    return speed * math.sqrt(stiffness * one * other / (one + other))
+    total_inertia = first_inertia + second_inertia
+    return speed * math.sqrt(stiffness * first_inertia * second_inertia / total_inertia)

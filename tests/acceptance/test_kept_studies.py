@@ -38,7 +38,7 @@ def test_kept_result_is_of_the_study_as_it_is(kept: Kept) -> None:
     assert result["physics_hash"] == study.search_setup.physics_hash
     assert result["objectives"] == list(study.file.search.objectives)
     assert len(result["trials"]) == study.file.search.trials
-    operated = study.search_setup.with_operation({key: row[key] for key in study.variables})
+    operated = study.search_setup.with_operation(study.select_params(row))
     points = {(round(p.mismatch / RPM, 6), round(p.profile.force, 6)) for p in operated.points}
     confirmed = result["confirmation"]["best"]["points"]
     assert {(round(p["mismatch_rpm"], 6), round(p["force_N"], 6)) for p in confirmed} == points
@@ -46,7 +46,7 @@ def test_kept_result_is_of_the_study_as_it_is(kept: Kept) -> None:
 
 def test_kept_margins_are_those_of_today(kept: Kept) -> None:
     study, result, row = kept
-    design = design_of(study, {key: row[key] for key in study.variables})
+    design = design_of(study, study.select_params(row))
     margins = {one["name"]: one["margin"] for one in result["confirmation"]["best"]["checks"]}
     assert design.feasible
     for check in design.checks:
@@ -59,7 +59,7 @@ def test_kept_times_are_simulated_again(kept: Kept) -> None:
     points = result["confirmation"]["best"]["points"]
     place = min(range(len(points)), key=lambda k: points[k]["sd_s"] / points[k]["mean_s"])
     seed = study.file.expectation.seed + evaluation.NEW_ANGLES
-    params = {key: row[key] for key in study.variables}
+    params = study.select_params(row)
     base, angles = new_angles(study.search_setup), points[place]["n"]  # more where hangs decided
     block = evaluation.design_blocks(study.search_setup, params, angles, seed, base)[place]
     rows = scratch_executor(1).run([block])

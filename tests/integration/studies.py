@@ -16,7 +16,7 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import pair_of
-from dogshape.sim.files import writing
+from dogshape.sim.files import lock_folder
 from tests.conftest import SMALL
 
 #: Keys of the study file that make a study small, with their values; None takes a key out.
@@ -75,7 +75,7 @@ def make_once(
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     folder = base / "shared" / name
     end_mark = folder.with_suffix(".ended")
-    with writing(folder.with_suffix(".lock"), patience=3600.0):
+    with lock_folder(folder.with_suffix(".lock"), patience=3600.0):
         if not end_mark.exists():
             shutil.rmtree(folder, ignore_errors=True)
             make(folder)

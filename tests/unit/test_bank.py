@@ -30,7 +30,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import BUNDLED_BANK, TIMES, BankO
 from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
-from dogshape.sim.files import writing
+from dogshape.sim.files import lock_folder
 from dogshape.sim.statistics.blocks import Block, Runner
 from dogshape.sim.statistics.shift_records import Record
 from tests.analytic import AnalyticShifts, select_cells, simulate_analytic
@@ -184,12 +184,12 @@ def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_a
 ) -> None:
     @contextmanager
     def late(folder: Path, *waiting: Any) -> Iterator[None]:
-        monkeypatch.setattr(bank_diagnosis, "writing", writing)
+        monkeypatch.setattr(bank_diagnosis, "lock_folder", lock_folder)
         _model(tmp_path, _bench())
-        with writing(folder, *waiting):
+        with lock_folder(folder, *waiting):
             yield
 
-    monkeypatch.setattr(bank_diagnosis, "writing", late)
+    monkeypatch.setattr(bank_diagnosis, "lock_folder", late)
     found = _model(tmp_path, _bench())
     done, quick.done = quick.done, 0
     assert _same(_model(tmp_path / "alone", _bench()), found)

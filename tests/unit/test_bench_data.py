@@ -280,3 +280,14 @@ def test_a_bench_keeps_how_its_shafts_turned(planar: Path, tmp_path: Path) -> No
     )
     with pytest.raises(DogshapeError, match=r"drive\.shaft_speed_rpm"):
         load_bench(folder)
+
+
+def test_keys_that_nothing_uses_may_stay_in_a_file(planar: Path) -> None:
+    """A friction velocity of earlier files, and pressure and time of a static reading."""
+    bench = load_bench(planar)
+    file = planar / "bench.toml"
+    text = file.read_text().replace("[contact]\n", "[contact]\nfriction_velocity_m_s = 1.0\n")
+    file.write_text(text)
+    state(planar, "[[actuator_calibration]]\npressure_mbar = 750.0\nmax_force_time_s = 0.25")
+    same = load_bench(planar)
+    assert (same.clutch, same.cells, same.warnings) == (bench.clutch, bench.cells, bench.warnings)

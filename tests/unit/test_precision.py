@@ -14,7 +14,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import FIRST_ANGLES, MAX_ANGLES, expect_to_precision
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.statistics.blocks import CHECKED, Block, numerical_error
+from dogshape.sim.statistics.blocks import REPEAT_INTERVAL, Block, numerical_error
 from dogshape.sim.statistics.expectation import Expectation, even_phases
 from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import Listener, Point
@@ -56,7 +56,7 @@ def test_numerical_error_is_mean_and_scatter_of_repetitions(clutch: Clutch, poin
         return [[_row(0.1 + b.angles[0] + o)] for b, o in zip(again, off, strict=True)]
 
     error = numerical_error(blocks, rows, fine)
-    assert len(set(asked)) == 64 // CHECKED
+    assert len(set(asked)) == 64 // REPEAT_INTERVAL
     assert error == pytest.approx(np.hypot(2e-3, 1e-3 / np.sqrt(7)))
     lost = numerical_error(blocks, rows, lambda again: [[_row(None)] for _ in again])
     assert lost > 0.7 * clutch.timeout

@@ -25,7 +25,7 @@ from typer.testing import CliRunner
 from dogshape.cli.app import app
 from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.sim.decoding import CODE_PAGES, decoded
+from dogshape.sim.decoding import CODE_PAGES, decode_text
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import write_frame
 from dogshape.sim.texts import read_toml
@@ -677,7 +677,7 @@ def test_a_code_page_is_found_by_its_letters() -> None:
             raw = text.encode(page)
         except UnicodeEncodeError:
             continue
-        assert decoded(raw) == text, page
+        assert decode_text(raw) == text, page
 
 
 def test_exported_tables_start_no_formula(tmp_path: Path) -> None:

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.settings import USUAL
-from dogshape.sim.effects import load
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.units import MM, RPM
@@ -171,15 +169,6 @@ def test_dog_is_that_of_the_project(stand: Stand) -> None:
     mine, theirs = dog_corners(stand, stand.chamfer), dog_solid(dog).vertices
     apart = np.linalg.norm(mine[:, None] - theirs[None], axis=2).min(axis=1)
     assert apart.max() < 1e-9
-
-
-def test_ranges_are_those_of_the_priors() -> None:
-    effects = load()
-    assert set(effects) - set(RANGES) == set(USUAL.nuisance)
-    for name, ranges in RANGES.items():
-        priors = effects[name].parameters
-        theirs = [(p.name, p.low, p.high, p.scale == "log-uniform") for p in priors]
-        assert [(r.name, r.low, r.high, r.log) for r in ranges] == theirs
 
 
 def test_every_truth_makes_a_shift(stand: Stand) -> None:

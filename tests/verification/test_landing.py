@@ -21,7 +21,7 @@ from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import Landing, Wear, demand_checks, demand_of, worn
+from dogshape.sim.strength.landing import Landing, Wear, demand_checks, demand_of, wear_crests
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import MM
 from tests.conftest import Point
@@ -97,7 +97,7 @@ QUICK = ["solver.engine=planar", "search.confirm_angles=4", "operating.mismatch_
 @pytest.mark.parametrize("loss", [0.01 * MM, 0.1 * MM, 0.2 * MM])
 def test_a_worn_pair_has_lower_crests_and_nothing_else(loss: float) -> None:
     """Travel, flanks and braking edge stay where they were; the crest sinks along its flank."""
-    pair = worn(DOG, loss)
+    pair = wear_crests(DOG, loss)
     assert pair.travel == pytest.approx(DOG.travel)
     assert pair.axial_gap == pytest.approx(DOG.axial_gap + 2.0 * loss)
     (_, edge, crest, _), (_, old_edge, old_crest, _) = section(pair), section(DOG)
@@ -119,7 +119,7 @@ def test_archard_takes_what_friction_works() -> None:
 def test_the_area_between_both_faces_is_the_wedge() -> None:
     """Old face less new face, by the points of both sections, to first order of the loss."""
     loss = 0.02 * MM
-    (_, edge, crest, _), (_, _, sunk, _) = section(DOG), section(worn(DOG, loss))
+    (_, edge, crest, _), (_, _, sunk, _) = section(DOG), section(wear_crests(DOG, loss))
     (y, z), (new_y, new_z) = np.subtract(crest, edge), np.subtract(sunk, edge)
     area = 0.5 * abs(y * new_z - new_y * z)
     assert area == pytest.approx(0.5 * loss * DOG.face_width, rel=0.04)
@@ -135,7 +135,7 @@ def test_a_life_is_that_of_three_dogs() -> None:
     assert [row.life for row in rows] == [*STAGES]
     assert [row.crest_loss_mm for row in rows] == pytest.approx([0.0, 0.1, 0.2])
     assert [row.edge_radius_mm for row in rows] == pytest.approx([0.0, 0.4 * math.sqrt(0.5), 0.4])
-    pair = worn(DOG, 0.2 * MM)
+    pair = wear_crests(DOG, 0.2 * MM)
     keys = {
         "dog.height_mm": pair.height / MM,
         "dog.axial_gap_mm": pair.axial_gap / MM,

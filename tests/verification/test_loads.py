@@ -15,7 +15,7 @@ from dogshape.sim.strength.dog_strength import Limits, fatigue, root_load, root_
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import pull_out_force, release_angle, retention
 from dogshape.sim.strength.manufacture import ManufacturingLimits
-from dogshape.sim.strength.materials import MATERIALS, damage, reserve
+from dogshape.sim.strength.materials import MATERIALS, damage, stress_reserve
 from dogshape.sim.units import DEG, MM, MPA
 from tests.conftest import named_checks
 
@@ -120,14 +120,14 @@ def test_the_reserve_of_a_spectrum_on_one_slope_is_a_power_mean() -> None:
     factor = (3e6 / used) ** slope
     assert all(1.0 < factor * s < STEEL.static_factor for s, _ in classes)
     strengths, cycles = zip(*classes, strict=True)
-    assert reserve(STEEL, cycles, *strengths) == pytest.approx(factor, rel=1e-9)
+    assert stress_reserve(STEEL, cycles, *strengths) == pytest.approx(factor, rel=1e-9)
     assert damage(STEEL, [factor * s for s in strengths], cycles) == pytest.approx(1.0, rel=1e-9)
 
 
 def test_a_peak_beyond_the_static_strength_is_borne_by_none() -> None:
     assert damage(STEEL, [2.6], [1.0]) == math.inf
-    assert reserve(STEEL, [1.0], 2.0) == pytest.approx(STEEL.static_factor / 2.0)
-    assert reserve(STEEL, []) == math.inf
+    assert stress_reserve(STEEL, [1.0], 2.0) == pytest.approx(STEEL.static_factor / 2.0)
+    assert stress_reserve(STEEL, []) == math.inf
 
 
 def test_negative_classes_load_the_braking_flank(prototype: Dog) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from dogshape.sim.shift.geometry import Dog, Dogs, flank_contact, section
 from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
-from dogshape.sim.strength.landing import Wear, worn
+from dogshape.sim.strength.landing import Wear, wear_crests
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import blocking_force, locking_checks, locking_friction
 from dogshape.sim.strength.manufacture import Tolerances, losses, moved, tolerance_checks
@@ -91,7 +91,7 @@ def test_tolerances_move_what_a_dog_has(roof: Dog, undercut: Dog, prototype: Dog
 def test_a_worn_roof_keeps_both_edges(roof: Dog) -> None:
     loss = 0.1 * MM
     (_, edge, ridge, back, _), (_, old_edge, old_ridge, old_back, _) = (
-        section(dog) for dog in (worn(roof, loss), roof)
+        section(dog) for dog in (wear_crests(roof, loss), roof)
     )
     assert edge == pytest.approx(old_edge)
     assert back == pytest.approx(old_back)

@@ -90,7 +90,7 @@ def test_rests_of_blocked_shifts_are_what_slides_leave(flat: Clutch, mismatch_rp
     """Faces that slide by J dw2/(2 mu F r) and stand (Bóka): even angles leave even rests."""
     n, pitch, point = 48, flat.dog.pitch_angle, _slow(mismatch_rpm)
     rows = run_block(even_block(flat, point, n, (1, 0)))
-    found = [one.rest for one in map(result_of, rows) if one.outcome is Outcome.BLOCKED]
+    found = [one.overlap for one in map(result_of, rows) if one.outcome is Outcome.BLOCKED]
     even = (np.arange(len(found)) + 0.5) * pitch / n
     assert len(found) > 30
     assert np.sort(np.array(found, dtype=float)) == pytest.approx(even, abs=pitch / n)

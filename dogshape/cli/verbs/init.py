@@ -161,7 +161,7 @@ def bench(
     from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
     from dogshape.pipeline.drafts.bench_folder import BenchDraft, write_bench  # noqa: PLC0415
     from dogshape.pipeline.drafts.study_folder import require_free  # noqa: PLC0415
-    from dogshape.sim.decoding import limits_of  # noqa: PLC0415
+    from dogshape.sim.decoding import parse_limits  # noqa: PLC0415
 
     paths = tuple(tables or ())
     default_name = paths[0].stem.replace(" ", "_") if paths else "my_bench"
@@ -170,7 +170,7 @@ def bench(
         require_free(target, force)
     columns = dict(_column_pair(text) for text in column or [])
     values = dict(pair_of(text) for text in set_ or [])
-    limits = limits_of(dict(_limit_pair(text) for text in limit or []))
+    limits = parse_limits(dict(_limit_pair(text) for text in limit or []))
     draft = BenchDraft(
         paths,
         origin,

@@ -31,7 +31,7 @@ from dogshape.cli.options import (
     warn,
 )
 from dogshape.sim.errors import InputError, require_between
-from dogshape.sim.files import naming
+from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.units import MM
 
 if TYPE_CHECKING:
@@ -469,10 +469,10 @@ def _write_geometry(
     dog = setup.clutch.dog
     radius = setup.limits.root_radius
     if svg is not None:
-        with naming(svg):
+        with name_file_in_errors(svg):
             svg.write_text(dimensioned_svg(dog, setup.limits, title), encoding="utf-8")
     if stl is not None:
-        with naming(stl):
+        with name_file_in_errors(stl):
             stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {title} ring"))
     if step is not None:
         write_step(dog, radius, body, step)
