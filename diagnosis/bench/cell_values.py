@@ -300,7 +300,8 @@ class Column:
     """A column: its place from 1, head, name without unit, unit, an unknown unit, and cells.
 
     ``true_numbers`` says that its numbers are a workbook's own, with a decimal point; ``hidden``
-    that the workbook does not show it; ``repeats`` is the number of columns that it joins.
+    that the workbook does not show it; ``repeats`` is the number of columns that it joins;
+    ``is_outcome`` says that a share of its row was divided into yes and no.
     """
 
     place: int
@@ -312,6 +313,7 @@ class Column:
     true_numbers: bool = False
     hidden: bool = False
     repeats: int = 0
+    is_outcome: bool = False
 
     @cached_property
     def is_dated(self) -> bool:

@@ -46,6 +46,7 @@ from dogshape.sim.errors import InputError, did_you_mean
 
 #: Unit of a count in a formula of quantities with units.
 PURE_NUMBER = Unit("", MISC, 1.0)
+PERCENT = Unit("%", MISC, 0.01)  #: of a share in a formula
 NONE = "-"  #: column option of a quantity that is not to be read
 #: Quantities of which loose words settle nothing between columns of the right kind.
 UNDECIDED = ("mismatch_rpm", "shift_time_s")
@@ -65,6 +66,16 @@ _STANDARD_DEVIATION = (
     r"|deviazione standard|desviacion (estandar|tipica)|scarto (tipo|quadratico medio)"
     r"|smerodatna odchylka|odchylenie standardowe"
 )
+_VARIANCE = (
+    r"varian[zs]|variance|varianza|variantie|wariancja|rozptyl|var|s ?2|sigma ?2|sigma squared"
+)
+_VARIATION = (
+    r"cv|vk|vko|rsd|variationskoeffizient\w*|\w*variationskoeff\w*|coef\w* (of |de |di )?varia\w*"
+    r"|rel\w* (standardabweichung|standard deviation|std\w*|sd|streuung)|variatiecoefficient"
+)
+#: A variation of another quantity.
+_OTHER_SPREAD = r"f|force|\w*kraft|n|mismatch|\w*drehzahl|rise|anstieg|regime"
+_SQUARED = re.compile(r"(.*[^\d\W])\s*(?:²|\^?2)")
 #: Two or three standard deviations, the number before the word.
 _MULTIPLE = rf"\b([23]) ?(?:x |mal |times )?(?:{_STANDARD_DEVIATION}|standard deviations)\b"
 _UNSETTLED = rf"{MEAN}|max|min|rel\w*|err\w*|confidence|konfidenz\w*|range|[02-9]\w*|\d\d+|k"
@@ -103,7 +114,10 @@ class Matching:
     @property
     def columns(self) -> dict[Column, str]:
         """The columns that are read, with their quantities."""
-        return {column: match.quantity.name for match in self.matches for column, _ in match.terms}
+        names = {column: m.quantity.name for m in self.matches for column, _ in m.terms}
+        # A number of shifts or a mean may also be a factor of the spread.
+        names |= {m.terms[0][0]: m.quantity.name for m in self.matches if len(m.terms) == 1}
+        return names
 
     def lines(self) -> Iterator[str]:
         """Describe the matches, a line each."""
@@ -152,6 +166,10 @@ def matched(
     else:
         questions += [_missing(quantity, free) for quantity in missing]
     if quantities is SHIFTS:
+        if "shift_time_sd_s" not in {match.quantity.name for match in matches} | set(options):
+            variation, asked = _variation_match(matches, free)
+            matches += variation
+            questions += asked
         matches, asked = _with_spread(matches, options)
         questions += [*asked, *_uncounted_means(matches, options)]
     return Matching(tuple(matches), tuple(questions))
@@ -306,7 +324,7 @@ def stated_match(
     by_name = {quantity.name: quantity for quantity in quantities}
     if name not in by_name:
         raise InputError(f"--column {name}=... names no quantity; {did_you_mean(name, by_name)}")
-    quantity, labels = by_name[name], _labels(columns)
+    quantity, labels = by_name[name], column_labels(columns)
     pattern = "|".join(re.escape(label) for label in sorted(labels, key=len, reverse=True) if label)
     whole = re.fullmatch(rf"({pattern})(?::(.*))?", text) if pattern else None
     if whole:
@@ -325,7 +343,8 @@ def stated_match(
     return _formula_match(quantity, text, labels, pattern, columns)
 
 
-def _labels(columns: Sequence[Column]) -> dict[str, Column]:
+def column_labels(columns: Sequence[Column]) -> dict[str, Column]:
+    """Map heads, names and places that occur once to their columns."""
     labels = {f"column {column.place}": column for column in columns}
     for names in ([column.name for column in columns], [column.head for column in columns]):
         labels |= {n: c for n, c in zip(names, columns, strict=True) if names.count(n) == 1}
@@ -377,8 +396,10 @@ def _formula_match(
     def placed(match: re.Match[str]) -> str:
         column, asked = labels[match[1]], match[2] or ""
         unit = unit_named(asked) if asked else column.unit
+        if quantity.name == "shift_time_sd_s":
+            unit = _spread_unit(column, asked) or unit
         pressed = unit is not None and unit.dimension == PRESSURE and len(areas) == 1
-        if not pressed:
+        if not pressed and unit not in (PURE_NUMBER, PERCENT):
             _require_unit(quantity, asked, unit)
         terms.append((column, unit))
         return f"c{len(terms) - 1}"
@@ -399,6 +420,13 @@ def _formula_match(
     if any(unit for _, unit in terms):
         terms = [(column, unit or PURE_NUMBER) for column, unit in terms]
     return Match(quantity, tuple(terms), _reason(text, terms), formula, stated=True)
+
+
+def _spread_unit(column: Column, asked: str) -> Unit | None:
+    """Find the unit of a coefficient of variation or of a variance in a formula of a spread."""
+    if has_word(_VARIATION, plain_words(column.name)):
+        return PERCENT if column.unit is not None and column.unit.text == "%" else PURE_NUMBER
+    return squared_time(asked or column.strange or "")
 
 
 def _area_in_cm2(match: re.Match[str]) -> str:
@@ -460,7 +488,7 @@ def with_repeats(
 
 def _stated_repeats(columns: Sequence[Column], text: str) -> tuple[list[Column], str]:
     """Read ``t1 [ms]; t2 [ms]:s``: columns that are shifts each, and their unit with its colon."""
-    labels = _labels(columns)
+    labels = column_labels(columns)
     heads, colon, unit = text.rpartition(":")
     for names, suffix in ((text, ""), (heads, colon + unit)):
         parts = [name.strip() for name in names.split(";")]
@@ -538,7 +566,17 @@ def _with_spread(
         words = plain_words(column.name)
         multiple = re.search(_MULTIPLE, words)
         error = has_word(_STANDARD_ERROR, words)
-        if multiple:
+        squared = squared_time(column.strange or "")
+        if has_word(_VARIATION, words):
+            changed.append(match)
+        elif has_word(_VARIANCE, words):
+            if squared is None:
+                questions.append(_variance_question(column))
+                continue
+            terms = ((column, squared),)
+            why = f"{match.why}; root of the variance"
+            changed.append(replace(match, terms=terms, formula="sqrt(c0)", why=why))
+        elif multiple:
             why = f"{match.why}; {multiple[1]} standard deviations"
             changed.append(replace(match, formula=f"c0 / {multiple[1]}", why=why))
         elif error and count is not None:
@@ -551,6 +589,57 @@ def _with_spread(
         elif not error:
             questions.append(_spread_question(column))
     return changed, questions
+
+
+def squared_time(text: str) -> Unit | None:
+    """Find the unit of a variance of times, such as ``ms²``; its factor is to s²."""
+    match = _SQUARED.fullmatch(text.strip())
+    unit = unit_named(match[1]) if match else None
+    if unit is None or unit.dimension != TIME:
+        return None
+    return Unit(text.strip(), TIME, unit.factor**2)
+
+
+def _variation_match(
+    matches: Sequence[Match], free: Sequence[Column]
+) -> tuple[list[Match], list[str]]:
+    """Match a coefficient of variation, whose product with the time is the standard deviation.
+
+    Returns the match, and a question where no unit says percent.
+    """
+    spread = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_sd_s")
+    time = next((match for match in matches if match.quantity.name == "shift_time_s"), None)
+    for column in free:
+        words = plain_words(column.name)
+        is_other = column.hidden or has_word(_OTHER_SPREAD, words)
+        if is_other or not has_word(_VARIATION, words) or not np.isfinite(column.values).any():
+            continue
+        is_percent = column.unit is not None and column.unit.text.strip() == "%"
+        if not is_percent or time is None or time.formula != "c0":
+            return [], [_variation_question(column, time)]
+        why = "name and unit; percent of the mean"
+        terms = ((column, PERCENT), *time.terms)
+        return [Match(spread, terms, why, formula="c0 * c1")], []
+    return [], []
+
+
+def _variation_question(column: Column, time: Match | None) -> str:
+    option = "--column shift_time_sd_s"
+    mean = time.head if time is not None and time.formula == "c0" else "TIME"
+    return (
+        f"'{column.head}' is a coefficient of variation; say {option}='{column.head} * {mean} / "
+        f"100' for percent of the mean, {option}='{column.head} * {mean}' for a share of it, or "
+        f"{option}={NONE} to leave it out"
+    )
+
+
+def _variance_question(column: Column) -> str:
+    option = "--column shift_time_sd_s"
+    return (
+        f"'{column.head}' is a variance, whose root is the standard deviation, but no unit is "
+        f"squared; say {option}='sqrt({column.head}:ms2)' or s2, {option}='{column.head}' where it "
+        f"is a standard deviation, or {option}={NONE} to leave it out"
+    )
 
 
 def _spread_question(column: Column) -> str:

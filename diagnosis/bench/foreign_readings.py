@@ -57,6 +57,7 @@ from dogshape.diagnosis.bench.quantities import (
     score,
 )
 from dogshape.diagnosis.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
+from dogshape.diagnosis.bench.row_splits import with_lists, with_shares
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.raw_sheet import CellNote
@@ -146,10 +147,15 @@ class TableReader:
             self.table, settled = chosen_rows(self.table, self.choice)
         except InputError as error:
             questions.append(str(error))
-        self.table, reshaped_options, asked = with_repeats(self.table, options)
+        self.table, options, asked = with_repeats(self.table, options)
+        if not asked and self.table.layout.name != REPEATS:
+            self.table, options = with_lists(self.table, options)
+        self.table, options, faults = with_shares(self.table, options)
+        settled |= frozenset(column.head for column in self.table.columns if column.is_outcome)
+        questions += faults
         needed = {quantity.name for quantity in SHIFTS if quantity.needed}
         beside = "" if needed <= set(options) else side_question(self.table.columns)
-        return settled, reshaped_options, [*questions, *asked, *filter(None, [beside])]
+        return settled, options, [*questions, *asked, *filter(None, [beside])]
 
     def _drop_empty_rows(self, options: Mapping[str, str]) -> None:
         """Leave rows out that have no cell in the columns that are read."""
@@ -190,6 +196,7 @@ class TableReader:
         ]
         if table.layout.name in SENTENCES:
             report.assumed.append(f"{file}: {SENTENCES[table.layout.name]}")
+        report.assumed += [f"{file}: {remark}" for remark in table.sheet.remarks]
         merged = [note for note in table.sheet.merged if note.row in table.rows]
         if merged:
             report.assumed.append(

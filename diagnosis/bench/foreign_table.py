@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -36,17 +37,22 @@ from dogshape.diagnosis.bench.cell_values import (
 )
 from dogshape.diagnosis.bench.quantities import (
     SHIFTS,
+    SPLITTING,
     WORD,
+    has_word,
     is_force_by_area,
+    plain_words,
     score,
 )
 from dogshape.sim.decoding import TableLimits
 from dogshape.sim.errors import DataError
 from dogshape.sim.raw_sheet import (
+    QuoteError,
     RawRow,
     RawSheet,
     file_of,
     is_workbook,
+    quoting_of,
     read_lines,
     read_workbook,
     text_sheet,
@@ -140,6 +146,11 @@ class ForeignTable:
         """Separator between the cells."""
         return self.sheet.separator
 
+    def with_remark(self, remark: str) -> ForeignTable:
+        """Add a sentence on how the table was read."""
+        sheet = replace(self.sheet, remarks=(*self.sheet.remarks, remark))
+        return replace(self, sheet=sheet)
+
     def taking(self, places: Sequence[int], reasons: Reasons) -> ForeignTable:
         """Keep only the rows at these places; ``reasons`` say why the others are left out."""
         columns = tuple(
@@ -195,36 +206,71 @@ def read_foreign(
     *,
     sums: bool = True,
     limits: TableLimits | None = None,
+    quoted: bool = True,
 ) -> ForeignTable:
     """Read a table whose head stands anywhere above its numbers; raises DataError without one.
 
     ``chosen`` are the rows of the file that are shifts, where its structure is not to decide.
-    Without ``sums``, as of traces, each row of numbers is a row of the table.
+    Without ``sums``, as of traces, each row of numbers is a row of the table. Unless ``quoted``,
+    quotation marks are ordinary signs.
     """
     if not file_of(path).exists():
         raise DataError(f"there is no {path}; give a CSV or .xlsx that the stand has written")
-    sheet, stated = read_sheet(path, limits or TableLimits())
+    sheet, stated = read_sheet(path, limits or TableLimits(), chosen, quoted=quoted)
     return table_of(sheet, stated, chosen, sums=sums)
 
 
-def read_sheet(path: Path, limits: TableLimits) -> tuple[RawSheet, str | None]:
-    """Read the raw sheet, and the decimal sign that the file states."""
+def read_sheet(
+    path: Path, limits: TableLimits, chosen: Sequence[range] = (), *, quoted: bool = True
+) -> tuple[RawSheet, str | None]:
+    """Read the raw sheet, and the decimal sign that the file states.
+
+    Quotation marks are ordinary signs unless ``quoted``, or where ``chosen`` has a row that they
+    would swallow. Raises QuoteError, with the options, for others that swallow rows.
+    """
     if is_workbook(path):
         return read_workbook(path, limits), None
     text = "".join(read_lines(path, limits))
     stated = _DECIMAL.search(text)
+    decimal = stated[1] if stated else None
     text = _LABVIEW.sub(lambda match: "\n" * match.group().count("\n"), text)
     lines = [f"{line}\n" for line in text.split("\n")]
-    return text_sheet(path, lines, _separator(lines), limits), stated[1] if stated else None
+    if quoted:
+        try:
+            return text_sheet(path, lines, _separator(lines), limits), decimal
+        except QuoteError as error:
+            fault = error
+    separator = _separator(lines, quoted=False)
+    sheet = text_sheet(path, lines, separator, limits, quoted=False)
+    if not quoted:
+        return sheet, decimal
+    if not any(row in span for row in fault.rows for span in chosen):
+        raise QuoteError(f"{fault}, {_quote_options(sheet, decimal)}") from None
+    remark = "quotation marks are ordinary signs, as --rows names rows between two of them"
+    return replace(sheet, remarks=(remark,)), decimal
 
 
-def _separator(lines: Sequence[str]) -> str:
+def _quote_options(sheet: RawSheet, decimal: str | None) -> str:
+    """Offer the options that read a sheet with quotation marks as ordinary signs."""
+    option = "or say --quotes none where quotation marks are ordinary signs"
+    try:
+        table = table_of(sheet, decimal)
+    except DataError:
+        return option
+    first, last = table.rows[0], table.rows[-1]
+    if last - first + 1 != len(table.rows):
+        return option
+    return f"{option}, or --rows {first}-{last} where each of these lines is a shift"
+
+
+def _separator(lines: Sequence[str], *, quoted: bool = True) -> str:
     """Choose the separator that gives most rows of numbers, or else most cells."""
 
     def rows_of_numbers(separator: str) -> tuple[int, int]:
         count, cells = 0, 0
+        quoting = quoting_of(quoted)
         try:
-            for row in csv.reader(lines[:SAMPLE_LINES], delimiter=separator):
+            for row in csv.reader(lines[:SAMPLE_LINES], delimiter=separator, quoting=quoting):
                 filled = [cell.strip() for cell in row if cell.strip()]
                 numbers = sum(map(is_number, filled))
                 count += numbers >= 2 and 2 * numbers >= len(filled)
@@ -242,6 +288,10 @@ def table_of(
     """Find the layout of a sheet and its columns; raises as ``read_foreign``."""
     path = sheet.path
     grid = _Grid(sheet)
+    signs = _comment_signs(grid) if sums else frozenset()
+    if signs:
+        sheet = _with_remarks(sheet, signs)
+        grid = _Grid(sheet)
     if not grid.data.any():
         grid = _Grid(sheet, loose=True)
     name = PLAIN
@@ -254,7 +304,7 @@ def table_of(
             f"{path} has no rows of numbers; save the table as CSV with semicolons, tabs or commas "
             "between cells, and a name and unit above each column"
         )
-    layout = _divided(path, grid, chosen, sums=sums)
+    layout = _divided(path, grid, chosen, signs, sums=sums)
     width, place_questions = len(layout.names), list[tuple[int, str]]()
     numbers = {row.number for row in layout.body}
     body = [k for k, row in enumerate(grid.raw) if row.number in numbers]
@@ -289,6 +339,38 @@ def table_of(
     return table
 
 
+def _comment_signs(grid: _Grid) -> frozenset[str]:
+    """Find the signs of comments above the numbers; none where most rows begin with one."""
+    places = np.flatnonzero(grid.data)
+    if not places.size:
+        return frozenset()
+    heads = [cells[0] for cells in grid.cells[: places[0]]]
+    signs = frozenset(head[0] for head in heads if len(head) > 1 and head[0] in MARKS)
+    commented = [cells[0][:1] in signs for cells in grid.cells[places[0] :]]
+    return signs if 2 * sum(commented) <= places.size else frozenset()
+
+
+def _with_remarks(sheet: RawSheet, signs: Collection[str]) -> RawSheet:
+    """Take remarks such as ``131 # noisy`` behind the numbers of rows as marks of their rows."""
+    pattern = re.compile(rf"(.*?\d.*?)\s*[{re.escape(''.join(signs))}]\s*(.*)")
+    usual_width = Counter(len(row.cells) for row in sheet.rows).most_common(1)[0][0]
+    rows = []
+    for row in sheet.rows:
+        matches = [(k, pattern.fullmatch(cell)) for k, cell in enumerate(row.cells)]
+        remarks = [(k, match) for k, match in matches if match and is_number(match[1])]
+        if not remarks or row.cells[0][:1] in signs:
+            rows.append(row)
+            continue
+        place, match = remarks[0]
+        # A separator within the remark makes a row longer than the others.
+        behind = row.cells[place + 1 :] if len(row.cells) > usual_width else ()
+        after = () if behind else row.cells[place + 1 :]
+        words = ", ".join(filter(None, (match[2], *behind))).replace("'", " ")
+        cells = (*row.cells[:place], match[1], *after)
+        rows.append(replace(row, cells=cells, marks=(*row.marks, f"remark {words}".strip())))
+    return replace(sheet, rows=tuple(rows))
+
+
 def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[Column, ...]:
     columns = []
     for k, (name, unit) in enumerate(zip(layout.names, layout.units, strict=True)):
@@ -319,7 +401,14 @@ def _require_width(path: Path, grid: _Grid, body: Sequence[int], width: int) -> 
         )
 
 
-def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) -> Layout:
+def _divided(
+    path: Path,
+    grid: _Grid,
+    chosen: Sequence[range],
+    signs: Collection[str] = (),
+    *,
+    sums: bool,
+) -> Layout:
     """Divide rows into names, units, shifts, and excluded rows with their reasons."""
     asked = [any(number in span for span in chosen) for number in grid.rows]
     heads = [k for k in range([*asked, True].index(True)) if grid.is_head(k)]
@@ -339,6 +428,11 @@ def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) ->
     for k in range(first, len(grid.rows)):
         if grid.cells[k] in repeated:
             left.append((grid.rows[k], "repeats the head"))
+        elif grid.cells[k][0][:1] in signs and grid.cells[k][0]:
+            text = ", ".join(filter(None, grid.cells[k]))
+            left.append((grid.rows[k], f"is a comment ('{text}')"))
+            is_asked = REJECTED.search(text) or has_word(SPLITTING, plain_words(text))
+            words += [k] if is_asked and not grid.numeric[k].any() else []
         elif k in heads:
             _require_no_blocks(path, grid, [j for j in range(k + 1) if not grid.data[j]])
             raise DataError(

@@ -134,6 +134,13 @@ TRACE = (
              "|drehzahl rad|(rad|abtriebs)drehzahl",
              "n out", needed=True),
 )  # fmt: skip
+#: Words of columns that divide shifts into kinds, such as gear or direction.
+SPLITTING = (
+    r"gear|gang|gaenge|stufe|direction|richtung|sens|vorgang|vorgaenge|operation|mode|modus|type|typ"
+    r"|art|kind|phase|action|aktion|marche?|rapport|vitesse|marcia|marchas?|rychlost|bieg|smer"
+    r"|kierunek|direzione|direccion|verso|shift|state|zustand|klaue|clutch|side|seite|config\w*"
+    r"|variante?|version"
+)
 _REPEATED = (
     r"run|lauf|versuch|messung|wdh|wiederholung|repeat|rep|shift|schaltung|trial|test|mesure|essai"
     r"|prova|prueba|measurement|probe|value|wert|x|nr|no"

@@ -17,6 +17,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
+import numpy as np
+
 from dogshape.diagnosis.bench.cell_values import (
     ANSWERS,
     NOTHING,
@@ -26,20 +28,15 @@ from dogshape.diagnosis.bench.cell_values import (
     is_number,
 )
 from dogshape.diagnosis.bench.foreign_table import REJECTED, ROUNDED, ForeignTable, Reasons
-from dogshape.diagnosis.bench.quantities import counts_up, has_word, plain_words
+from dogshape.diagnosis.bench.quantities import SPLITTING, counts_up, has_word, plain_words
+from dogshape.diagnosis.bench.row_splits import FAILED, NUMBER, SHARE
 from dogshape.sim.errors import InputError, did_you_mean
-from dogshape.sim.raw_sheet import COLOURED, odd_colours
+from dogshape.sim.raw_sheet import COLOURED, is_workbook, odd_colours
 
 ROW = "row"  #: name of a workbook's marks among the columns
 ANY = "*"
 MAX_GROUPS = 6  #: words that recur and divide shifts; more of them are a text
 MAX_SHOWN = 6  #: rows that a question shows
-SPLITTING = (
-    r"gear|gang|gaenge|stufe|direction|richtung|sens|vorgang|vorgaenge|operation|mode|modus|type|typ"
-    r"|art|kind|phase|action|aktion|marche?|rapport|vitesse|marcia|marchas?|rychlost|bieg|smer"
-    r"|kierunek|direzione|direccion|verso|shift|state|zustand|klaue|clutch|side|seite|config\w*"
-    r"|variante?|version"
-)
 _FLAG = (
     r"ungueltig\w*|invalid\w*|ausreisser|outliers?|verworfen|reject\w*|discard\w*|exclu\w*|bad|flag"
     r"|omit|ignore|ausgeschlossen|aberrant\w*|rejete|anomal\w*|scart\w*|neplatn\w*|odrzucon\w*"
@@ -290,10 +287,18 @@ def _mark_questions(table: ForeignTable, settled: frozenset[str]) -> list[str]:
     if not groups:
         return []
     shown = "; ".join(f"{mark}: row {_shown(rows)}" for mark, rows in groups.items())
-    others = _other_spans(table, chain.from_iterable(groups.values()))
+    marked = set(chain.from_iterable(groups.values()))
+    others = _other_spans(table, marked)
+    first = next(iter(groups))
+    # A shell ends the option at an apostrophe; where all rows are marked, * would drop them all.
+    is_first = len(marked) == total or len(groups) == 1
+    shell_text, apostrophe, _ = first.partition("'")
+    named = shell_text + ANY if apostrophe else first
+    value = named if is_first else ANY
+    place = "workbook" if is_workbook(table.path) else "file"
     return [
-        f"rows are marked in the workbook ({shown}): are they shifts? "
-        f"--drop '{ROW}={next(iter(groups)) if len(groups) == 1 else ANY}' leaves them out, "
+        f"rows are marked in the {place} ({shown}): are they shifts? "
+        f"--drop '{ROW}={value}' leaves them out, "
         f"--keep '{ROW}={ANY}' takes all rows, --rows {others} names the shifts"
     ]
 
@@ -479,7 +484,20 @@ def _share_question(column: Column) -> str:
     shown = ", ".join([cell for cell in column.cells if cell][:3])
     return (
         f"'{column.head}' has shares or numbers of shifts ({shown} ...), which say that others of "
-        "the row did not engage: write one row for those that engaged (n_shifts, their mean time, "
-        "engaged yes) and one for those that did not (n_shifts, no time, engaged no), or say "
+        f"the row did not engage: say --column engaged='{column.head}:{_share_word(column)}' where "
+        "the time of a row is the mean of those that engaged, or write one row for those that "
+        "engaged (n_shifts, their mean time, engaged yes) and one for those that did not "
+        "(n_shifts, no time, engaged no), or say "
         f"--keep '{column.head}={ANY}' where it is something else"
     )
+
+
+def _share_word(column: Column) -> str:
+    """Choose the option for a column of shares or numbers of shifts."""
+    if has_word(_FAILED, plain_words(column.name)):
+        return FAILED
+    filled = [cell for cell in column.cells if cell.lower() not in NOTHING]
+    percent = column.unit is not None
+    written = any(map(_FRACTION.fullmatch, filled))
+    small = bool(np.nanmax(column.values, initial=0.0) <= 1.0)
+    return SHARE if percent or written or small else NUMBER

@@ -8,7 +8,9 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,7 @@ import numpy as np
 import pandas as pd
 from pandas import DataFrame
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.foreign_columns import NONE
 from dogshape.diagnosis.bench.foreign_readings import Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import (
@@ -35,7 +37,7 @@ from dogshape.pipeline.diagnose.study_keys import Data, rounded
 from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.decoding import TableLimits
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
-from dogshape.sim.raw_sheet import file_of
+from dogshape.sim.raw_sheet import OTHER_BOOKS, file_of, is_workbook
 from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.texts import text_of
@@ -43,44 +45,83 @@ from dogshape.sim.units import MM
 from dogshape.sim.versions import bundled_root
 
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
+QUOTES = ("cells", "none")  #: what quotation marks of a text enclose
 SCATTER = 0.2  #: of a set value, up to which measured values lie off it
 #: Copies of traces by path in the folder: the user's file, and the rows of a table in it.
 Traces = dict[str, tuple[Path, tuple[int, ...]]]
+#: Suffixes of tables, also of those that are refused with a remedy.
+TABLE_SUFFIXES = frozenset((".csv", ".dat", ".lvm", ".tsv", ".txt", ".xlsx", *OTHER_BOOKS))
 TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
 
 
 @dataclass(frozen=True)
 class BenchDraft:
-    """Content of a bench folder before it is written; without ``tables`` it has one to fill."""
+    """Content of a bench folder before it is written: tables of a stand and how to read them.
 
-    tables: tuple[Path, ...] = ()  #: CSV or .xlsx files of the stand (``FILE.xlsx#SHEET``)
-    origin: str = PUBLISHED  #: study or bench with clutch, contact, set values, rise of the force
-    #: quantity to column, unit or formula (``foreign_columns.stated_match``)
+    ``dogshape.write_bench`` writes the folder, ``dogshape.diagnose`` takes the draft in its place.
+    Example: ``ds.BenchDraft("measured.csv", columns={"shift_time_s": "t 90 %:ms"})``
+
+    Parameters
+    ----------
+    tables : one or several CSV or .xlsx files, ``FILE.xlsx#SHEET`` for a sheet; none for a folder
+        with an empty table to fill in.
+    origin : study or bench with clutch, contact, set values and rise times of the force.
+    columns : column, ``COLUMN:UNIT``, formula, or value for all rows, by quantity.
+    rise_s : rise time of the force of rows without one, s; None for that of the origin.
+    values : values of ``bench.toml`` by dotted key.
+    decimal : decimal sign of the tables, ``.`` or ``,``; None to find it.
+    rows : rows of the file that are shifts, such as ``2-41,45``; empty to find them.
+    drop, keep : ``COLUMN=VALUE`` of rows that are no shifts, and of those that alone are shifts.
+    fill_down : whether an empty set value is that of the row above.
+    limits : sizes up to which tables are read.
+    quotes : ``cells`` where quotation marks enclose cells of a text, ``none`` where they are
+        ordinary signs.
+    """
+
+    tables: str | Path | Sequence[str | Path] = ()
+    origin: str = PUBLISHED
     columns: Mapping[str, str] = field(default_factory=dict)
-    rise_s: float | None = None  #: of the force for rows that have none; None takes the origin's
-    values: Mapping[str, Any] = field(default_factory=dict)  #: of ``bench.toml`` by dotted key
-    decimal: str | None = None  #: decimal sign of the tables, None to find it
-    rows: str = ""  #: rows of the file that are shifts, such as ``2-41,45``; empty to find them
-    drop: tuple[str, ...] = ()  #: ``COLUMN=VALUE`` of rows that are no shifts
-    keep: tuple[str, ...] = ()  #: ``COLUMN=VALUE`` of rows that alone are shifts
-    fill_down: bool = False  #: an empty set value is that of the row above
+    rise_s: float | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
+    decimal: str | None = None
+    rows: str = ""
+    drop: Sequence[str] = ()
+    keep: Sequence[str] = ()
+    fill_down: bool = False
     limits: TableLimits = field(default_factory=TableLimits)
+    quotes: str = QUOTES[0]
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Paths of the tables, with the sheet behind a workbook."""
+        tables = (self.tables,) if isinstance(self.tables, str | Path) else self.tables
+        return tuple(map(Path, tables))
+
+    @property
+    def folder_name(self) -> str:
+        """Name of a folder after the first table."""
+        return self.paths[0].stem.replace(" ", "_") if self.paths else "my_bench"
 
     @property
     def choice(self) -> RowChoice:
         """Answers of the user on rows."""
-        return RowChoice(self.drop, self.keep, bool(self.rows), self.fill_down)
+        return RowChoice(tuple(self.drop), tuple(self.keep), bool(self.rows), self.fill_down)
+
+    @property
+    def quoted(self) -> bool:
+        """Whether quotation marks enclose cells."""
+        return self.quotes == QUOTES[0]
 
     @property
     def ranges(self) -> list[range]:
         """Rows of the file that are shifts; raises InputError for a text that names none."""
-        found = [re.fullmatch(r"\s*(\d+)(?:-(\d+))?\s*", part) for part in self.rows.split(",")]
-        if self.rows and not all(found):
+        spans = [re.fullmatch(r"\s*(\d+)(?:-(\d+))?\s*", part) for part in self.rows.split(",")]
+        if self.rows and not all(spans):
             raise InputError(f"--rows is '{self.rows}', but must name rows, such as 2-41,45")
-        return [range(int(one[1]), int(one[2] or one[1]) + 1) for one in found if one]
+        return [range(int(span[1]), int(span[2] or span[1]) + 1) for span in spans if span]
 
 
-def guessed(draft: BenchDraft) -> Data:
+def guess_readings(draft: BenchDraft) -> Data:
     """Read the tables of a draft: readings of columns, rows and columns left out, and faults.
 
     ``empty`` counts the rows with neither a time nor an outcome.
@@ -95,14 +136,14 @@ def guessed(draft: BenchDraft) -> Data:
     }
 
 
-def explained(draft: BenchDraft) -> Data:
+def explain_reading(draft: BenchDraft) -> Data:
     """Read the tables of a draft step by step: lines of each step as far as it gets, and faults."""
     _require_readable(draft)
     steps: list[dict[str, str]] = []
     report = Report()
-    for path in draft.tables:
+    for path in draft.paths:
         try:
-            sheet, stated = read_sheet(path, draft.limits)
+            sheet, stated = read_sheet(path, draft.limits, draft.ranges, quoted=draft.quoted)
             rows = [("raw sheet", line) for line in sheet.lines()]
             steps += [{"file": str(path), "step": step, "line": line} for step, line in rows]
             table = table_of(sheet, stated, draft.ranges)
@@ -123,48 +164,121 @@ def explained(draft: BenchDraft) -> Data:
     }
 
 
-def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Data:
-    """Write a bench folder that ``validate`` and ``gap`` take as it is; record all assumptions.
+def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> Data:
+    """Write a bench folder that ``validate`` and ``diagnose`` take as it is.
 
-    Raises DataError for all faults of tables and traces at once, or for what cannot be true in
-    their rows; StorageError for a folder that holds files, without ``force``.
+    Parameters
+    ----------
+    out : folder to write.
+    draft : tables of the stand and how to read them.
+    force : whether files of the same names in ``out`` are replaced.
+
+    Returns
+    -------
+    dict
+        ``folder``; numbers of ``rows``, ``shifts`` and shifts ``with_time``; readings of
+        ``columns``; rows and columns ``left_out``; ``assumed`` values; ``warnings``.
+
+    Raises
+    ------
+    DataError
+        For all faults of tables and traces at once, or for rows that cannot be true.
+    StorageError
+        For a folder that holds files, without ``force``.
+
     """
-    source, report = source_of(draft.origin), Report()
-    where = ", ".join(map(str, draft.tables)) or str(out)
-    with draft_folder(out, force) as folder:
-        if draft.tables:
-            rows = _read_tables(draft, report)
-        else:
-            points = [
-                (m, f, source.table.rise(f), 10) for m in source.mismatches for f in source.forces
-            ]
-            rows = pd.DataFrame(points, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS])
-            report.assumed.append(
-                "shifts.csv has the operating points of the origin, to be filled in: one row for "
-                "each shift or mean"
-            )
-        traces: Traces = {}
-        for place in rows.index[rows["trace"].notna()]:
-            rows.loc[place, "trace"] = _copy_trace(rows.loc[place], draft, report, folder, traces)
-        report.require(where)
-        values = _values(draft, source, rows, out, report)
-        report.require(where)
-        text = with_values(text_of(bundled_root() / TEMPLATE), values)
-        (folder / "bench.toml").write_text(text, encoding="utf-8")
-        empty = [name for name in COLUMNS[7:] if rows[name].isna().all()]
-        table = rows[[*COLUMNS]].drop(columns=empty)
-        table["engaged"] = table["engaged"].map({True: "true", False: "false"})
-        table.to_csv(folder / "shifts.csv", index=False, lineterminator="\n", float_format="%.9g")
-        try:
-            bench = load_bench(folder)
-        except DogshapeError as error:
-            text = _fault_of(_with_given_traces(str(error), folder, traces), folder, out, rows)
-            raise type(error)(text.replace(str(out / "shifts.csv"), where)) from error
-        for path in map(file_of, draft.tables):
+    target = Path(out)
+    with draft_folder(target, force) as folder:
+        record, _ = _fill_folder(folder, target, draft, _name_setting)
+        for path in map(file_of, draft.paths):
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
-    return {
-        "folder": str(out),
+    return {"folder": str(target), **record}
+
+
+@contextmanager
+def draft_bench(draft: BenchDraft, corrections: Sequence[str] = ()) -> Iterator[tuple[Bench, Data]]:
+    """Yield the data set of a draft and the record of its reading; raises as ``write_bench``.
+
+    Its folder is a temporary one, for as long as the context lasts. ``corrections`` are made beside
+    those of the draft.
+    """
+    if not draft.paths:
+        raise InputError("the draft has no table to diagnose; name its tables")
+    settings = dict(draft.values)
+    stated = [*settings.get("corrections", ()), *corrections]
+    if stated:
+        settings["corrections"] = stated
+    draft = replace(draft, values=settings)
+    with tempfile.TemporaryDirectory(prefix="dogshape-") as place:
+        name = Path(draft.folder_name)
+        folder = Path(place) / name
+        folder.mkdir()
+        try:
+            record, bench = _fill_folder(folder, name, draft, _name_correction)
+        except DogshapeError as error:
+            tables = ", ".join(map(str, draft.paths))
+            text = str(error).replace(str(name / "bench.toml"), tables)
+            raise type(error)(text) from error
+        yield bench, record
+
+
+def is_table(where: str | Path) -> bool:
+    """Test that a path names a table: a file that is there, a sheet, or a table's suffix."""
+    path = Path(where)
+    if path.is_dir() or path.name == "bench.toml":
+        return False
+    return path.is_file() or is_workbook(path) or path.suffix.lower() in TABLE_SUFFIXES
+
+
+def _name_setting(correction: str) -> str:
+    return f"""--set 'corrections=["{correction}"]'"""
+
+
+def _name_correction(correction: str) -> str:
+    return f"--correct {correction}"
+
+
+def _fill_folder(
+    folder: Path, out: Path, draft: BenchDraft, name_correction: Callable[[str], str]
+) -> tuple[Data, Bench]:
+    """Write ``bench.toml``, ``shifts.csv`` and traces into a folder that messages call ``out``.
+
+    Returns the record of the reading and the data set. ``name_correction`` writes the option of a
+    correction.
+    """
+    source, report = source_of(draft.origin), Report()
+    where = ", ".join(map(str, draft.paths)) or str(out)
+    if draft.paths:
+        rows = _read_tables(draft, report)
+    else:
+        points = [
+            (m, f, source.table.rise(f), 10) for m in source.mismatches for f in source.forces
+        ]
+        rows = pd.DataFrame(points, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS])
+        report.assumed.append(
+            "shifts.csv has the operating points of the origin, to be filled in: one row for "
+            "each shift or mean"
+        )
+    traces: Traces = {}
+    for place in rows.index[rows["trace"].notna()]:
+        rows.loc[place, "trace"] = _copy_trace(rows.loc[place], draft, report, folder, traces)
+    report.require(where)
+    values = _values(draft, source, rows, out, report)
+    report.require(where)
+    text = with_values(text_of(bundled_root() / TEMPLATE), values)
+    (folder / "bench.toml").write_text(text, encoding="utf-8")
+    empty = [name for name in COLUMNS[7:] if rows[name].isna().all()]
+    table = rows[[*COLUMNS]].drop(columns=empty)
+    table["engaged"] = table["engaged"].map({True: "true", False: "false"})
+    table.to_csv(folder / "shifts.csv", index=False, lineterminator="\n", float_format="%.9g")
+    try:
+        bench = load_bench(folder)
+    except DogshapeError as error:
+        text = _with_given_traces(str(error), folder, traces)
+        text = _fault_of(text, folder, out, rows, name_correction)
+        raise type(error)(text.replace(str(out / "shifts.csv"), where)) from error
+    record = {
         "rows": len(rows),
         "shifts": int(rows["n_shifts"].sum()),
         "with_time": int(rows["n_shifts"][rows["shift_time_s"].notna()].sum()),
@@ -173,6 +287,7 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Data:
         "assumed": list(dict.fromkeys(report.assumed)),
         "warnings": [finding.sentence for finding in bench.warnings],
     }
+    return record, bench
 
 
 def _with_given_traces(text: str, folder: Path, traces: Traces) -> str:
@@ -185,14 +300,20 @@ def _with_given_traces(text: str, folder: Path, traces: Traces) -> str:
     return text
 
 
-def _fault_of(text: str, folder: Path, out: Path, rows: DataFrame) -> str:
+def _fault_of(
+    text: str,
+    folder: Path,
+    out: Path,
+    rows: DataFrame,
+    name_correction: Callable[[str], str],
+) -> str:
     """Write a fault with the rows of the tables and the options of the verb."""
 
     def given(found: re.Match[str]) -> str:
         return "{file}, row {row}".format(**rows.iloc[int(found[1]) - 2])
 
     text = re.sub(rf"{re.escape(str(folder / 'shifts.csv'))}, row (\d+)", given, text)
-    text = re.sub(r"--correct (\S+)", r"""--set 'corrections=["\1"]'""", text)
+    text = re.sub(r"--correct (\S+)", lambda option: name_correction(option[1]), text)
     if "set values of others" in text:
         sets = "; name with --from a study or bench that has the set values, correct"
         text = text.replace("; correct", sets)
@@ -206,13 +327,20 @@ def _fault_of(text: str, folder: Path, out: Path, rows: DataFrame) -> str:
 
 def _require_readable(draft: BenchDraft) -> None:
     """Raise InputError for tables of one file name, and for another decimal sign."""
-    if len({path.name for path in draft.tables}) < len(draft.tables):
+    files_by_name: dict[str, set[Path]] = {}
+    for path in draft.paths:
+        file = file_of(path)
+        files_by_name.setdefault(file.name, set()).add(file.resolve())
+    same_file_names = any(len(files) > 1 for files in files_by_name.values())
+    if same_file_names or len({path.name for path in draft.paths}) < len(draft.paths):
         raise InputError(
             "two of the tables have the same file name, but both are kept beside each other; "
             "rename one"
         )
     if draft.decimal not in (None, ".", ","):
         raise InputError(f"--decimal is '{draft.decimal}', but must be a point or a comma: . or ,")
+    if draft.quotes not in QUOTES:
+        raise InputError(f"--quotes is '{draft.quotes}', but must be {' or '.join(QUOTES)}")
 
 
 def _read_rows(
@@ -229,9 +357,9 @@ def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
     """Read the rows of all tables, with their file and row beside the columns of ``shifts.csv``."""
     _require_readable(draft)
     found = [pd.DataFrame(columns=["file", "row", *COLUMNS])]
-    for path in draft.tables:
+    for path in draft.paths:
         try:
-            table = read_foreign(path, draft.ranges, limits=draft.limits)
+            table = read_foreign(path, draft.ranges, limits=draft.limits, quoted=draft.quoted)
         except DataError as error:
             report.faults.append(str(error))
             continue
@@ -397,9 +525,8 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path, trace
     }
     own = Report()
     try:
-        reader = TableReader(
-            read_foreign(path, sums=False, limits=draft.limits), TRACE, said, draft.decimal, own
-        )
+        table = read_foreign(path, sums=False, limits=draft.limits, quoted=draft.quoted)
+        reader = TableReader(table, TRACE, said, draft.decimal, own)
         columns = pd.DataFrame(reader.read(), dtype=float)
         columns.to_csv(folder / name, index=False, float_format="%.15g")
         traces[name] = path, reader.table.rows
@@ -432,14 +559,14 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         **{f"contact.{key}": value for key, value in clutch.contact.record.items()},
         "source": "not measured yet",
     }
-    if draft.tables:
+    if draft.paths:
         values |= _group_set_points(rows, draft, source, report)
         _fill_rises(rows, draft, source, report)
         _mark_time_outs(rows, draft, source, report)
-        digests = [hashlib.sha256(file_of(path).read_bytes()) for path in draft.tables]
+        digests = [hashlib.sha256(file_of(path).read_bytes()) for path in draft.paths]
         files = ", ".join(
             f"{path.name} (SHA-256 {one.hexdigest()[:16]})"
-            for path, one in zip(draft.tables, digests, strict=True)
+            for path, one in zip(draft.paths, digests, strict=True)
         )
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
     own = [

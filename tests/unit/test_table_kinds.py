@@ -22,8 +22,8 @@ from openpyxl.comments import Comment
 from openpyxl.styles import Font, PatternFill
 from typer.testing import CliRunner
 
+from dogshape.cli import dialogue
 from dogshape.cli.app import app
-from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.sim.decoding import CODE_PAGES, decoded
 from dogshape.sim.errors import InputError
@@ -626,7 +626,7 @@ def test_an_answer_in_a_terminal_is_the_option(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     Path("m.csv").write_text(text_of("50;469;116;x", ";;84;", "100;642;71;"
                                      , head=f"{HEAD};Mark"))  # fmt: skip
     answers = ["--keep 'Mark=*'", "--fill-down", "y", "", "", "", "y", "", "", "", "n"]
