@@ -147,6 +147,7 @@ class TableReader:
             self.table, settled = chosen_rows(self.table, self.choice)
         except InputError as error:
             questions.append(str(error))
+        stated = set(options)
         self.table, options, asked = with_repeats(self.table, options)
         if not asked and self.table.layout.name != REPEATS:
             self.table, options = with_lists(self.table, options)
@@ -154,7 +155,7 @@ class TableReader:
         settled |= frozenset(column.head for column in self.table.columns if column.is_outcome)
         questions += faults
         needed = {quantity.name for quantity in SHIFTS if quantity.needed}
-        beside = "" if needed <= set(options) else side_question(self.table.columns)
+        beside = "" if needed <= stated else side_question(self.table.columns)
         return settled, options, [*questions, *asked, *filter(None, [beside])]
 
     def _drop_empty_rows(self, options: Mapping[str, str]) -> None:
