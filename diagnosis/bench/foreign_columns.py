@@ -31,6 +31,7 @@ from dogshape.diagnosis.bench.cell_values import (
 )
 from dogshape.diagnosis.bench.foreign_table import MIN_REPEATS, REPEATS, ROUNDED, ForeignTable
 from dogshape.diagnosis.bench.quantities import (
+    LOOSE,
     SHIFTS,
     WORD,
     Quantity,
@@ -143,8 +144,8 @@ def matched(
             matches += [stated_match(columns, quantities, name, text)] if text != NONE else []
         except InputError as error:
             questions.append(str(error))
-    taken = {column for match in matches for column, _ in match.terms}
-    free = [column for column in columns if column not in taken]
+    stated = {c for match in matches for c, _ in match.terms if not _is_factor(match, c)}
+    free = [column for column in columns if column not in stated]
     scores = {q: {c: score(q, c) for c in free} for q in quantities if q.name not in options}
     order = sorted(scores, key=lambda quantity: -max(scores[quantity].values(), default=0.0))
     for quantity in order:
@@ -173,6 +174,14 @@ def matched(
         matches, asked = _with_spread(matches, options)
         questions += [*asked, *_uncounted_means(matches, options)]
     return Matching(tuple(matches), tuple(questions))
+
+
+def _is_factor(match: Match, column: Column) -> bool:
+    """Test that a spread is a formula with a mean or number of shifts, which stay quantities."""
+    if match.quantity.name != "shift_time_sd_s" or len(match.terms) < 2:
+        return False
+    results = [q for q in SHIFTS if q.name in ("shift_time_s", "n_shifts")]
+    return any(score(quantity, column) >= LOOSE for quantity in results)
 
 
 def _candidates(

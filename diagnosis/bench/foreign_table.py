@@ -264,20 +264,21 @@ def _quote_options(sheet: RawSheet, decimal: str | None) -> str:
 
 
 def _separator(lines: Sequence[str], *, quoted: bool = True) -> str:
-    """Choose the separator that gives most rows of numbers, or else most cells."""
+    """Choose the separator that gives most rows of numbers, else whole quotations, most cells."""
 
-    def rows_of_numbers(separator: str) -> tuple[int, int]:
-        count, cells = 0, 0
+    def rows_of_numbers(separator: str) -> tuple[int, int, int]:
+        count, broken, cells = 0, 0, 0
         quoting = quoting_of(quoted)
         try:
             for row in csv.reader(lines[:SAMPLE_LINES], delimiter=separator, quoting=quoting):
                 filled = [cell.strip() for cell in row if cell.strip()]
                 numbers = sum(map(is_number, filled))
                 count += numbers >= 2 and 2 * numbers >= len(filled)
+                broken += any(cell.count('"') % 2 for cell in filled)
                 cells += len(filled)
         except csv.Error:
-            return 0, 0
-        return count, cells
+            return 0, 0, 0
+        return count, -broken, cells
 
     return max(";\t,|", key=rows_of_numbers)
 

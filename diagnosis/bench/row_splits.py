@@ -33,7 +33,6 @@ from dogshape.diagnosis.bench.foreign_columns import (
 from dogshape.diagnosis.bench.foreign_table import ForeignTable
 from dogshape.diagnosis.bench.quantities import (
     SHIFTS,
-    counts_up,
     has_word,
     plain_words,
     score,
@@ -117,9 +116,11 @@ def _listed_counts(table: ForeignTable, options: Mapping[str, str]) -> _Counts |
     text = options.get("n_shifts", "")
     if is_number(text):
         return _Counts([float(numbers_of([text])[0])] * len(table.rows), None)
-    columns = [c for c in table.columns if _scores("n_shifts", c) and not counts_up(c)]
+    labels = column_labels(table.columns)
+    others = {labels.get(option) for name, option in options.items() if name != "n_shifts"}
+    columns = [c for c in table.columns if c not in others and _scores("n_shifts", c)]
     if text:
-        stated = column_labels(table.columns).get(text)
+        stated = labels.get(text)
         columns = [] if stated is None else [stated]
     if len(columns) > 1 or (text not in ("", NONE) and not columns):
         return None
