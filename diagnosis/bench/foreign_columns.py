@@ -159,8 +159,8 @@ def matched(
         else:
             column = candidates[0]
             free.remove(column)
-            why = "name and unit" if column.unit else "name"
-            matches.append(Match(quantity, ((column, column.unit),), why))
+            reason = "name and unit" if column.unit else "name"
+            matches.append(Match(quantity, ((column, column.unit),), reason))
     nameless = [column.head == f"column {column.place}" for column in columns]
     if missing and all(nameless):
         questions.append(_ask_for_names(missing, columns))
@@ -168,11 +168,11 @@ def matched(
         questions += [_missing(quantity, free) for quantity in missing]
     if quantities is SHIFTS:
         if "shift_time_sd_s" not in {match.quantity.name for match in matches} | set(options):
-            variation, asked = _variation_match(matches, free)
+            variation, spread_questions = _variation_match(matches, free)
             matches += variation
-            questions += asked
-        matches, asked = _with_spread(matches, options)
-        questions += [*asked, *_uncounted_means(matches, options)]
+            questions += spread_questions
+        matches, spread_questions = _with_spread(matches, options)
+        questions += [*spread_questions, *_uncounted_means(matches, options)]
     return Matching(tuple(matches), tuple(questions))
 
 
@@ -216,8 +216,8 @@ def _which(name: str, candidates: Sequence[Column]) -> str:
     repeated = {repeated_name(column) for column in candidates}
     if name == "shift_time_s" and len(repeated) == 1 and None not in repeated:
         return _repeats_question(candidates)
-    named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in candidates]
-    ways = " or ".join(f"--column {name}='{label}'" for label in named)
+    labels = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in candidates]
+    ways = " or ".join(f"--column {name}='{label}'" for label in labels)
     question = f"{name} may be the column {' or '.join(map(repr, heads))}; say which: {ways}"
     if name == "shift_time_s" and len(set(heads)) == len(heads):
         question += f", or --column {name}='{'; '.join(heads)}' where each is the time of a shift"
@@ -335,9 +335,9 @@ def stated_match(
         raise InputError(f"--column {name}=... names no quantity; {did_you_mean(name, by_name)}")
     quantity, labels = by_name[name], column_labels(columns)
     pattern = "|".join(re.escape(label) for label in sorted(labels, key=len, reverse=True) if label)
-    whole = re.fullmatch(rf"({pattern})(?::(.*))?", text) if pattern else None
-    if whole:
-        column, option = labels[whole[1]], whole[2] or ""
+    match = re.fullmatch(rf"({pattern})(?::(.*))?", text) if pattern else None
+    if match:
+        column, option = labels[match[1]], match[2] or ""
         unit = unit_with_factor(option) if option else column.unit
         if name not in WORDED:
             _require_unit(quantity, option, unit)
@@ -387,8 +387,8 @@ def _constant(quantity: Quantity, text: str) -> Match | None:
     if quantity.dimension is not None:
         _require_unit(quantity, text if unit is None else "", unit)
     value = float(numbers_of([cell])[0]) * (unit.factor if unit else 1.0)
-    why = f"--column {text}, for all rows"
-    return Match(quantity, (), why, formula=f"{value:.15g}", stated=True)
+    reason = f"--column {text}, for all rows"
+    return Match(quantity, (), reason, formula=f"{value:.15g}", stated=True)
 
 
 def _formula_match(
@@ -403,13 +403,13 @@ def _formula_match(
     areas = _AREA_LITERAL.findall(text) if quantity.dimension == FORCE else []
 
     def placed(match: re.Match[str]) -> str:
-        column, asked = labels[match[1]], match[2] or ""
-        unit = unit_named(asked) if asked else column.unit
+        column, unit_text = labels[match[1]], match[2] or ""
+        unit = unit_named(unit_text) if unit_text else column.unit
         if quantity.name == "shift_time_sd_s":
-            unit = _spread_unit(column, asked) or unit
+            unit = _spread_unit(column, unit_text) or unit
         pressed = unit is not None and unit.dimension == PRESSURE and len(areas) == 1
         if not pressed and unit not in (PURE_NUMBER, PERCENT):
-            _require_unit(quantity, asked, unit)
+            _require_unit(quantity, unit_text, unit)
         terms.append((column, unit))
         return f"c{len(terms) - 1}"
 
@@ -431,11 +431,11 @@ def _formula_match(
     return Match(quantity, tuple(terms), _reason(text, terms), formula, stated=True)
 
 
-def _spread_unit(column: Column, asked: str) -> Unit | None:
+def _spread_unit(column: Column, unit_text: str) -> Unit | None:
     """Find the unit of a coefficient of variation or of a variance in a formula of a spread."""
     if has_word(_VARIATION, plain_words(column.name)):
         return PERCENT if column.unit is not None and column.unit.text == "%" else PURE_NUMBER
-    return squared_time(asked or column.strange or "")
+    return squared_time(unit_text or column.strange or "")
 
 
 def _area_in_cm2(match: re.Match[str]) -> str:
@@ -459,9 +459,9 @@ def with_repeats(
         repeats = _certain_repeats(table.columns)
     if not repeats:
         return table, options, []
-    others = [column for column in table.columns if column not in repeats]
-    summaries, questions = _summaries_of(repeats, others)
-    others = [column for column in others if column not in summaries]
+    other_columns = [column for column in table.columns if column not in repeats]
+    summaries, questions = _summaries_of(repeats, other_columns)
+    other_columns = [column for column in other_columns if column not in summaries]
     cells = [column.cells for column in repeats]
     places = [
         (k, r)
@@ -483,7 +483,7 @@ def with_repeats(
         cells=tuple(cells[r][k] for k, r in places),
         repeats=len(repeats),
     )
-    repeated = [replace(c, cells=tuple(c.cells[k] for k, _ in places)) for c in others]
+    repeated = [replace(c, cells=tuple(c.cells[k] for k, _ in places)) for c in other_columns]
     body = tuple(table.layout.body[k] for k, _ in places)
     reshaped = replace(
         table,
@@ -527,7 +527,7 @@ def _certain_repeats(columns: Sequence[Column]) -> list[Column]:
 
 
 def _summaries_of(
-    repeats: Sequence[Column], others: Sequence[Column]
+    repeats: Sequence[Column], other_columns: Sequence[Column]
 ) -> tuple[list[Column], list[str]]:
     """Find mean, spread and number of the repeats among other columns, and wrong ones of them."""
     values = np.ma.masked_invalid([column.values for column in repeats])
@@ -536,20 +536,22 @@ def _summaries_of(
         for name in ("n_shifts", "shift_time_sd_s")
     )
     summaries, questions = [], []
-    for column in others:
+    for column in other_columns:
         name = plain_words(column.name)
         if score(spread, column) > 0.0:
             summaries.append(column)
             continue
         if has_word(MEAN, name):
-            wanted = values.mean(axis=0)
+            expected = values.mean(axis=0)
         elif score(count, column) > 0.0 and not counts_up(column):
-            wanted = values.count(axis=0)
+            expected = values.count(axis=0)
         else:
             continue
         summaries.append(column)
-        same = np.isclose(column.values, np.ma.filled(wanted, np.nan), rtol=ROUNDED, equal_nan=True)
-        if not same.all():
+        is_equal = np.isclose(
+            column.values, np.ma.filled(expected, np.nan), rtol=ROUNDED, equal_nan=True
+        )
+        if not is_equal.all():
             questions.append(
                 f"'{column.head}' is neither mean nor number of {repeats[0].head} to "
                 f"{repeats[-1].head} in every row; give each shift a row of its own"
@@ -565,11 +567,11 @@ def _with_spread(
 ) -> tuple[list[Match], list[str]]:
     """Convert a spread that its name settles into a standard deviation; ask about others."""
     name = "shift_time_sd_s"
-    changed, questions = [], []
+    converted, questions = [], []
     count = next((match for match in matches if match.quantity.name == "n_shifts"), None)
     for match in matches:
         if match.quantity.name != name or name in options:
-            changed.append(match)
+            converted.append(match)
             continue
         column = match.terms[0][0]
         words = plain_words(column.name)
@@ -577,27 +579,27 @@ def _with_spread(
         error = has_word(_STANDARD_ERROR, words)
         squared = squared_time(column.strange or "")
         if has_word(_VARIATION, words):
-            changed.append(match)
+            converted.append(match)
         elif has_word(_VARIANCE, words):
             if squared is None:
                 questions.append(_variance_question(column))
                 continue
             terms = ((column, squared),)
-            why = f"{match.why}; root of the variance"
-            changed.append(replace(match, terms=terms, formula="sqrt(c0)", why=why))
+            reason = f"{match.why}; root of the variance"
+            converted.append(replace(match, terms=terms, formula="sqrt(c0)", why=reason))
         elif multiple:
-            why = f"{match.why}; {multiple[1]} standard deviations"
-            changed.append(replace(match, formula=f"c0 / {multiple[1]}", why=why))
+            reason = f"{match.why}; {multiple[1]} standard deviations"
+            converted.append(replace(match, formula=f"c0 / {multiple[1]}", why=reason))
         elif error and count is not None:
-            why = f"{match.why}; standard error times the root of '{count.head}'"
+            reason = f"{match.why}; standard error times the root of '{count.head}'"
             terms = (*match.terms, *((counted, PURE_NUMBER) for counted, _ in count.terms))
             formula = "c0 * sqrt(c1)" if count.terms else f"c0 * sqrt({count.formula})"
-            changed.append(replace(match, terms=terms, formula=formula, why=why))
+            converted.append(replace(match, terms=terms, formula=formula, why=reason))
         elif has_word(_STANDARD_DEVIATION, words) and not has_word(_UNSETTLED, words):
-            changed.append(match)
+            converted.append(match)
         elif not error:
             questions.append(_spread_question(column))
-    return changed, questions
+    return converted, questions
 
 
 def squared_time(text: str) -> Unit | None:
@@ -626,9 +628,9 @@ def _variation_match(
         is_percent = column.unit is not None and column.unit.text.strip() == "%"
         if not is_percent or time is None or time.formula != "c0":
             return [], [_variation_question(column, time)]
-        why = "name and unit; percent of the mean"
+        reason = "name and unit; percent of the mean"
         terms = ((column, PERCENT), *time.terms)
-        return [Match(spread, terms, why, formula="c0 * c1")], []
+        return [Match(spread, terms, reason, formula="c0 * c1")], []
     return [], []
 
 
@@ -667,17 +669,17 @@ def _uncounted_means(matches: Sequence[Match], options: Mapping[str, str]) -> li
     if "n_shifts" in by_name or "n_shifts" in options or time is None:
         return []
     spread = by_name.get("shift_time_sd_s")
-    named = [column for column, _ in time.terms if has_word(MEAN, plain_words(column.name))]
-    if not named and spread is None:
+    means = [column for column, _ in time.terms if has_word(MEAN, plain_words(column.name))]
+    if not means and spread is None:
         return []
-    why = (
-        f"'{named[0].head}' is a mean"
-        if named
+    reason = (
+        f"'{means[0].head}' is a mean"
+        if means
         else f"'{spread.head}' is a spread"
         if spread
         else ""
     )
     return [
-        f"{why}, so that each row is a mean of shifts, but no column counts them; say --column "
+        f"{reason}, so that each row is a mean of shifts, but no column counts them; say --column "
         "n_shifts=COLUMN, or a number for all rows, such as --column n_shifts=5"
     ]

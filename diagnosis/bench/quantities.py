@@ -156,8 +156,8 @@ def plain_words(name: str) -> str:
                              ("\N{GREEK SMALL LETTER SIGMA}", " sigma "), ("ł", "l"),
                              ("ø", "oe"), ("æ", "ae")):  # fmt: skip
         words = words.replace(letter, spelling).replace(letter.upper(), spelling)
-    bare = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode()
-    return " ".join(re.sub(r"[^a-z0-9]+", " ", bare.lower()).split())
+    ascii_text = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode()
+    return " ".join(re.sub(r"[^a-z0-9]+", " ", ascii_text.lower()).split())
 
 
 def has_word(pattern: str, name: str) -> bool:
@@ -197,8 +197,8 @@ def _is_other(quantity: Quantity, column: Column, name: str) -> bool:
     numeric = any(re.search(r"\d", cell) for cell in column.cells)
     if quantity.needed and any(column.cells) and not numeric:
         return True
-    named = has_word(quantity.words, name)
-    return quantity.name == "shift_time_s" and not named and grows(column)
+    is_named = has_word(quantity.words, name)
+    return quantity.name == "shift_time_s" and not is_named and grows(column)
 
 
 def grows(column: Column) -> bool:

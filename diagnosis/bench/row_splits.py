@@ -41,8 +41,8 @@ from dogshape.diagnosis.bench.quantities import (
 #: Words behind the column of an option: its cells are shares or numbers of shifts that engaged, or
 #: of those that failed.
 SHARE, NUMBER, FAILED = "share", "number", "failed"
-WHOLE = 1e-9  #: distance from a whole number up to which a product of decimals is one
-SHOWN = 6  #: rows that a sentence lists
+WHOLE_TOLERANCE = 1e-9  #: distance from a whole number up to which a product of decimals is one
+MAX_LISTED = 6  #: rows that a sentence lists
 #: Between the numbers of a list; a comma needs a blank, as it may be a decimal sign.
 _SEPARATORS = (r",\s+", r"\s*;\s*", r"\s*/\s*", r"\s*\|\s*")
 _STATISTICS = rf"{MEAN}|min|max|\w*std\w*|sd|sigma|range|spannweite"
@@ -117,8 +117,10 @@ def _listed_counts(table: ForeignTable, options: Mapping[str, str]) -> _Counts |
     if is_number(text):
         return _Counts([float(numbers_of([text])[0])] * len(table.rows), None)
     labels = column_labels(table.columns)
-    others = {labels.get(option) for name, option in options.items() if name != "n_shifts"}
-    columns = [c for c in table.columns if c not in others and _scores("n_shifts", c)]
+    other_quantities = {
+        labels.get(option) for name, option in options.items() if name != "n_shifts"
+    }
+    columns = [c for c in table.columns if c not in other_quantities and _scores("n_shifts", c)]
     if text:
         stated = labels.get(text)
         columns = [] if stated is None else [stated]
@@ -139,11 +141,12 @@ def _list_column(table: ForeignTable, options: Mapping[str, str]) -> Column | No
         label = labels.get(text, labels.get(text.rpartition(":")[0]))
         candidates = [label] if label is not None else []
     candidates = [c for c in candidates if not c.hidden and any(map(list_parts, c.cells))]
-    others = [c for c in table.columns if c not in candidates]
+    other_columns = [c for c in table.columns if c not in candidates]
     spread = options.get("shift_time_sd_s", "") not in ("", NONE) or (
-        "shift_time_sd_s" not in options and any(_scores("shift_time_sd_s", c) for c in others)
+        "shift_time_sd_s" not in options
+        and any(_scores("shift_time_sd_s", c) for c in other_columns)
     )
-    traced = any(_scores("trace", column) and any(column.cells) for column in others)
+    traced = any(_scores("trace", column) and any(column.cells) for column in other_columns)
     if len(candidates) != 1 or spread or traced:
         return None
     times = candidates[0]
@@ -209,8 +212,8 @@ def with_shares(
     outcome = column_labels(table.columns).get(head)
     if outcome is None or word not in (SHARE, NUMBER, FAILED):
         return table, options, []
-    others = [column for column in table.columns if column is not outcome]
-    matches = matched(others, SHIFTS, {**options, "engaged": NONE}).matches
+    other_columns = [column for column in table.columns if column is not outcome]
+    matches = matched(other_columns, SHIFTS, {**options, "engaged": NONE}).matches
     by_name = {match.quantity.name: match for match in matches}
     counts = _counts_of(by_name.get("n_shifts"), len(table.rows))
     parts: list[_Part] = []
@@ -230,8 +233,8 @@ def with_shares(
         outcomes = ((True, engaged), (False, total - engaged))
         parts += [_Part(k, engages, count) for engages, count in outcomes if count]
     if faults:
-        more = f" and {len(faults) - SHOWN} more" if len(faults) > SHOWN else ""
-        listed = f"{'; '.join(faults[:SHOWN])}{more}"
+        remainder = f" and {len(faults) - MAX_LISTED} more" if len(faults) > MAX_LISTED else ""
+        listed = f"{'; '.join(faults[:MAX_LISTED])}{remainder}"
         return table, {**options, "engaged": NONE}, [f"'{outcome.head}' (engaged): {listed}"]
     divided, count_place = _divide_rows(table, by_name, outcome, parts)
     remark = (
@@ -273,8 +276,8 @@ def _divide_rows(
                 "" if part.outcome is False and part.place in divided_rows else cell
                 for part, cell in zip(parts, cells, strict=True)
             ]
-        changed = replace(column, cells=tuple(cells))
-        columns.append(replace(changed, is_outcome=True) if column is outcome else changed)
+        column_part = replace(column, cells=tuple(cells))
+        columns.append(replace(column_part, is_outcome=True) if column is outcome else column_part)
     place = max(column.place for column in columns) + 1
     if count_match is not None and len(count_match.terms) == 1 and count_match.formula == "c0":
         index = table.columns.index(count_match.terms[0][0])
@@ -337,8 +340,8 @@ def _share_count(
     decimals = _DECIMALS.search(text)
     half_step = 0.5 * 10.0 ** -(len(decimals[1]) if decimals else 0) / scale
     exact = share * total
-    counts = [k for k in range(total + 1) if abs(k / total - share) <= half_step + WHOLE]
-    is_whole = abs(exact - round(exact)) <= WHOLE * total
+    counts = [k for k in range(total + 1) if abs(k / total - share) <= half_step + WHOLE_TOLERANCE]
+    is_whole = abs(exact - round(exact)) <= WHOLE_TOLERANCE * total
     if not is_whole and len(counts) != 1:
         raise ValueError(
             f"of {total} shifts are {exact:.4g}, but must be a whole number of shifts; write the "

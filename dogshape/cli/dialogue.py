@@ -17,6 +17,7 @@ from dogshape.terminal import print_parts, terminal
 if TYPE_CHECKING:
     from dogshape.pipeline.drafts.bench_folder import BenchDraft
 
+PIPE_WIDTH = 160  #: characters of a table where standard error is no terminal
 #: Fields of a draft with one text, by their options.
 TEXT_OPTIONS = ("decimal", "rows", "quotes")
 
@@ -62,7 +63,8 @@ def print_reading(reading: Mapping[str, Any]) -> None:
     """Print columns as read, and what is left out, on standard error."""
     from dogshape.pipeline.drafts.reading_table import reading_parts  # noqa: PLC0415
 
-    print_parts(terminal(stderr=True), reading_parts(reading))
+    width = None if sys.stderr.isatty() else PIPE_WIDTH
+    print_parts(terminal(stderr=True, width=width), reading_parts(reading))
 
 
 def correct_reading(draft: BenchDraft, *, confirm: bool) -> tuple[BenchDraft, Mapping[str, Any]]:

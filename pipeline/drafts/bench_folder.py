@@ -294,8 +294,8 @@ def _with_given_traces(text: str, folder: Path, traces: Traces) -> str:
     """Name the user's files and their rows in a fault of copied traces."""
     for copy, (path, lines) in traces.items():
         name = re.escape(str(folder / copy))
-        for found in re.finditer(rf"{name}, row (\d+)", text) if lines else ():
-            text = text.replace(found[0], f"{path}, row {lines[int(found[1]) - 2]}")
+        for row_match in re.finditer(rf"{name}, row (\d+)", text) if lines else ():
+            text = text.replace(row_match[0], f"{path}, row {lines[int(row_match[1]) - 2]}")
         text = text.replace(str(folder / copy), str(path))
     return text
 
@@ -309,10 +309,10 @@ def _fault_of(
 ) -> str:
     """Write a fault with the rows of the tables and the options of the verb."""
 
-    def given(found: re.Match[str]) -> str:
-        return "{file}, row {row}".format(**rows.iloc[int(found[1]) - 2])
+    def row_text(row_match: re.Match[str]) -> str:
+        return "{file}, row {row}".format(**rows.iloc[int(row_match[1]) - 2])
 
-    text = re.sub(rf"{re.escape(str(folder / 'shifts.csv'))}, row (\d+)", given, text)
+    text = re.sub(rf"{re.escape(str(folder / 'shifts.csv'))}, row (\d+)", row_text, text)
     text = re.sub(r"--correct (\S+)", lambda option: name_correction(option[1]), text)
     if "set values of others" in text:
         sets = "; name with --from a study or bench that has the set values, correct"
@@ -320,8 +320,8 @@ def _fault_of(
     # A table rarely has its times in s, as the folder has.
     rule = r"time_s is '(-?0\.\d+)', but it must be a time in s,?"
     text = re.sub(rule, lambda t: f"time_s is {1e3 * float(t[1]):.6g} ms, but must be a time", text)
-    longer = ", or say --set timeout_s=... where the stand gives up later"
-    text += longer if "at most the time-out" in text else ""
+    remedy = ", or say --set timeout_s=... where the stand gives up later"
+    text += remedy if "at most the time-out" in text else ""
     return text.replace(str(folder), str(out))
 
 
@@ -356,15 +356,15 @@ def _read_rows(
 def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
     """Read the rows of all tables, with their file and row beside the columns of ``shifts.csv``."""
     _require_readable(draft)
-    found = [pd.DataFrame(columns=["file", "row", *COLUMNS])]
+    frames = [pd.DataFrame(columns=["file", "row", *COLUMNS])]
     for path in draft.paths:
         try:
             table = read_foreign(path, draft.ranges, limits=draft.limits, quoted=draft.quoted)
         except DataError as error:
             report.faults.append(str(error))
             continue
-        found.append(_read_rows(table, draft, report)[1])
-    return pd.concat(found[len(found) > 1 :], ignore_index=True)
+        frames.append(_read_rows(table, draft, report)[1])
+    return pd.concat(frames[len(frames) > 1 :], ignore_index=True)
 
 
 def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
@@ -374,7 +374,7 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     rows[numbers] = rows[numbers].astype(float)
     rows["n_shifts"] = rows["n_shifts"].astype(float).fillna(1.0).astype(int)
     failed = rows["engaged"].eq(False)
-    late = failed & rows["shift_time_s"].notna()
+    is_late = failed & rows["shift_time_s"].notna()
     rows.loc[failed, "shift_time_s"] = np.nan
     rows.loc[(rows["n_shifts"] < 2) | rows["shift_time_s"].isna(), "shift_time_sd_s"] = np.nan
     if rows["order"][rows["shift_time_s"].notna()].dropna().duplicated().any():
@@ -388,8 +388,8 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
         for sentence, holds in (
             ("each row is one shift, as no column counts them", "n_shifts" not in reader.matches),
             (
-                f"times of shifts that did not engage are left out (row {_places(rows[late])})",
-                late.any(),
+                f"times of shifts that did not engage are left out (row {_places(rows[is_late])})",
+                is_late.any(),
             ),
             *(
                 (
@@ -428,23 +428,23 @@ def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report
     if any(text.startswith("points=") for text in draft.values.get("corrections", ())):
         return {}
     errors: Data = {}
-    both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
-    for name, known, key in (
-        ("mismatch_rpm", both, "mismatch_rpm"),
+    signed_mismatches = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
+    for name, set_values, key in (
+        ("mismatch_rpm", signed_mismatches, "mismatch_rpm"),
         ("force_N", source.forces, "force_percent"),
     ):
         values = rows[name].to_numpy()
-        levels = np.array(known)[abs(values[:, None] - np.array(known)).argmin(axis=1)]
+        levels = np.array(set_values)[abs(values[:, None] - np.array(set_values)).argmin(axis=1)]
         distinct, sets = set(values.tolist()), sorted(set(levels.tolist()))
-        share = values / levels - 1.0
+        deviation = values / levels - 1.0
         if (
             min(len(distinct), len(rows) / 2) < 2 * len(sets)
             or 2 * len(distinct) < len(rows)
-            or abs(share).max() > SCATTER
+            or abs(deviation).max() > SCATTER
             or all(v == float(f"{v:.2g}") or v % 5.0 == 0.0 for v in distinct)
         ):
             continue
-        off = 100.0 * share if key == "force_percent" else values - levels
+        off = 100.0 * deviation if key == "force_percent" else values - levels
         error = f"errors.each_point.{key}"
         errors[error] = float(f"{np.sqrt((off**2).sum() / (len(rows) - len(sets))):.2g}")
         rows[name] = levels
@@ -462,40 +462,42 @@ def _mark_time_outs(rows: DataFrame, draft: BenchDraft, source: Source, report: 
     times = rows["shift_time_s"][rows["engaged"].isna()].dropna()
     stated = draft.values.get("timeout_s")
     if isinstance(stated, int | float):
-        late = times.index[(times / stated).between(0.999, 1.02)]
-        rows.loc[late, ["shift_time_s", "engaged"]] = np.nan, False
-        if late.size:
+        late_rows = times.index[(times / stated).between(0.999, 1.02)]
+        rows.loc[late_rows, ["shift_time_s", "engaged"]] = np.nan, False
+        if late_rows.size:
             report.assumed.append(
                 f"times at the time-out of {number(stated)} s are shifts that did not engage (row "
-                f"{_places(rows.loc[late])})"
+                f"{_places(rows.loc[late_rows])})"
             )
         return
-    often, most = times.value_counts(), times.max()
-    piled = len(often) > 1 and often[most] > often.drop(most).max()
-    if piled or abs(most / source.clutch.timeout - 1.0) < 1e-6:
+    counts, largest = times.value_counts(), times.max()
+    piled = len(counts) > 1 and counts[largest] > counts.drop(largest).max()
+    if piled or abs(largest / source.clutch.timeout - 1.0) < 1e-6:
         report.faults.append(
-            f"the largest time, {number(most)} s, is there {often[most]} times (row "
+            f"the largest time, {number(largest)} s, is there {counts[largest]} times (row "
             f"{rows['row'][times.idxmax()]}), as where a stand gives up; say --set timeout_s="
-            f"{number(most)} where these shifts did not engage, or a longer time-out where they did"
+            f"{number(largest)} where these shifts did not engage, or a longer time-out where "
+            "they did"
         )
 
 
 def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> None:
-    lacking = rows["force_rise_s"].isna()
-    if not lacking.any():
+    lacks_rise = rows["force_rise_s"].isna()
+    if not lacks_rise.any():
         return
-    own = rows["force_N"].map(lambda force: round(source.table.rise(force), 6))
-    rows.loc[lacking, "force_rise_s"] = own if draft.rise_s is None else draft.rise_s
-    low, high, least, most = (
+    rises = rows["force_N"].map(lambda force: round(source.table.rise(force), 6))
+    rows.loc[lacks_rise, "force_rise_s"] = rises if draft.rise_s is None else draft.rise_s
+    low, high, low_force, high_force = (
         number(end(values))
-        for values in (rows["force_rise_s"][lacking], source.table.forces)
+        for values in (rows["force_rise_s"][lacks_rise], source.table.forces)
         for end in (min, max)
     )
-    beyond = sorted({f for f in rows["force_N"][lacking] if not source.table.covers(f)})
-    far = f"; {', '.join(map(number, beyond))} N lie beyond and have the rise time of the nearest "
+    outer_forces = sorted({f for f in rows["force_N"][lacks_rise] if not source.table.covers(f)})
+    outer_text = ", ".join(map(number, outer_forces))
+    remark = f"; {outer_text} N lie beyond and have the rise time of the nearest "
     report.assumed.append(
-        f"the force rises in {low} to {high} s, by its size as in '{source.name}' ({least} to "
-        f"{most} N){f'{far}force' if beyond else ''}; --rise-s says another time"
+        f"the force rises in {low} to {high} s, by its size as in '{source.name}' ({low_force} to "
+        f"{high_force} N){f'{remark}force' if outer_forces else ''}; --rise-s says another time"
         if draft.rise_s is None
         else f"the force rises in {low} s where no row says it"
     )
@@ -520,21 +522,21 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path, trace
     if is_recorder_file:
         shutil.copyfile(path, folder / name)
         return name
-    said = {
+    columns_of_trace = {
         k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if k.startswith(OF_TRACES)
     }
-    own = Report()
+    trace_report = Report()
     try:
         table = read_foreign(path, sums=False, limits=draft.limits, quoted=draft.quoted)
-        reader = TableReader(table, TRACE, said, draft.decimal, own)
+        reader = TableReader(table, TRACE, columns_of_trace, draft.decimal, trace_report)
         columns = pd.DataFrame(reader.read(), dtype=float)
         columns.to_csv(folder / name, index=False, float_format="%.15g")
         traces[name] = path, reader.table.rows
     except DataError as error:
         report.faults.append(str(error))
-    report.faults += own.faults
-    report.assumed += [f"traces: {line}" for line in own.assumed]
-    report.left_out += [one for one in own.left_out if "row" in one]
+    report.faults += trace_report.faults
+    report.assumed += [f"traces: {line}" for line in trace_report.assumed]
+    report.left_out += [item for item in trace_report.left_out if "row" in item]
     return name
 
 
@@ -548,7 +550,7 @@ def _trace_name(path: Path, suffix: str, traces: Traces) -> str:
 
 def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: Report) -> Data:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
-    clutch, given, said = source.clutch, dict(draft.values), report.assumed
+    clutch, settings, assumptions = source.clutch, dict(draft.values), report.assumed
     drive = clutch.drive
     values: Data = {
         "name": out.resolve().name,
@@ -565,22 +567,22 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         _mark_time_outs(rows, draft, source, report)
         digests = [hashlib.sha256(file_of(path).read_bytes()) for path in draft.paths]
         files = ", ".join(
-            f"{path.name} (SHA-256 {one.hexdigest()[:16]})"
-            for path, one in zip(draft.paths, digests, strict=True)
+            f"{path.name} (SHA-256 {digest.hexdigest()[:16]})"
+            for path, digest in zip(draft.paths, digests, strict=True)
         )
-        given["source"] = "; ".join(filter(None, (given.get("source"), files)))
-    own = [
+        settings["source"] = "; ".join(filter(None, (settings.get("source"), files)))
+    origin_tables = [
         name
         for name in ("dog", "sliding", "output", "contact")
-        if not any(key.startswith(f"{name}.") for key in given)
+        if not any(key.startswith(f"{name}.") for key in settings)
     ]
-    mass, of = clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
+    mass, origin_text = clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
     signed = bool((rows["mismatch_rpm"] < 0.0).any())
     values["record.sense"] = "known" if signed else "unknown"
     sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
     if signed:
         sense = "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
-    said += [
+    assumptions += [
         sentence
         for sentence, holds in (
             (
@@ -590,31 +592,39 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
             (
                 "the event at which the times start is unknown: --set record.time_zero=command, "
                 "or force, states it",
-                "record.time_zero" not in given,
+                "record.time_zero" not in settings,
             ),
             (
                 "the place of the displacement sensor is unknown: --set "
                 "record.displacement_at=sleeve, or actuator, states it",
-                "record.displacement_at" not in given,
+                "record.displacement_at" not in settings,
             ),
-            (f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml", own),
-            (f"{mass:g} kg {of} move with the ring", mass),
             (
-                f"{of} friction, drag and linkage are left for the diagnosis",
+                f"[{'], ['.join(origin_tables)}] are those of '{source.name}': check bench.toml",
+                origin_tables,
+            ),
+            (f"{mass:g} kg {origin_text} move with the ring", mass),
+            (
+                f"{origin_text} friction, drag and linkage are left for the diagnosis",
                 replace(clutch.mechanism, added_mass=0.0) != NOTHING,
             ),
             (
                 f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "
                 "before the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say "
                 "otherwise",
-                drive != NO_DRIVE and not source.taken and not any("drive" in key for key in given),
+                drive != NO_DRIVE
+                and not source.taken
+                and not any("drive" in key for key in settings),
             ),
-            (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),
-            (sense, "record.sense" not in given),
+            (
+                f"the stand gives up after {number(values['timeout_s'])} s",
+                "timeout_s" not in settings,
+            ),
+            (sense, "record.sense" not in settings),
         )
         if holds
     ]
-    if ways := [key for key in ("dog.height_mm", "dog.axial_gap_mm") if key in given]:
-        longer = sum(float(given[key]) - values[key] for key in ways)
+    if ways := [key for key in ("dog.height_mm", "dog.axial_gap_mm") if key in settings]:
+        longer = sum(float(settings[key]) - values[key] for key in ways)
         values["shift_travel_mm"] = float(f"{values['shift_travel_mm'] + longer:.9g}")
-    return values | given
+    return values | settings
