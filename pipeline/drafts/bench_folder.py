@@ -165,7 +165,9 @@ def explain_reading(draft: BenchDraft) -> Data:
 
 
 def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> Data:
-    """Write a bench folder that ``validate`` and ``diagnose`` take as it is.
+    """Write a bench folder for ``validate`` and ``diagnose``.
+
+    Example: ``ds.write_bench("my_bench", ds.BenchDraft("measured.csv", rise_s=0.18))``
 
     Parameters
     ----------
