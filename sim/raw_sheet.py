@@ -526,8 +526,9 @@ def _rule_limit(sheet: Worksheet, formula: str) -> float | None:
     if _RULE_NUMBER.fullmatch(formula.strip()):
         return float(formula)
     value = sheet[formula.replace("$", "")].value if _ABSOLUTE_CELL.fullmatch(formula) else None
-    is_numeric = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if is_numeric else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value)
 
 
 def _is_masked(cell: Cell) -> bool:

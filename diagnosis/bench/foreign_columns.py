@@ -567,39 +567,58 @@ def _with_spread(
 ) -> tuple[list[Match], list[str]]:
     """Convert a spread that its name settles into a standard deviation; ask about others."""
     name = "shift_time_sd_s"
-    converted, questions = [], []
-    count = next((match for match in matches if match.quantity.name == "n_shifts"), None)
+    converted: list[Match] = []
+    questions: list[str] = []
+    by_name = {match.quantity.name: match for match in matches}
     for match in matches:
-        if match.quantity.name != name or name in options:
+        # A product is a coefficient of variation times the mean already.
+        if match.quantity.name != name or name in options or len(match.terms) > 1:
             converted.append(match)
             continue
-        column = match.terms[0][0]
-        words = plain_words(column.name)
-        multiple = re.search(_MULTIPLE, words)
-        error = has_word(_STANDARD_ERROR, words)
-        squared = squared_time(column.strange or "")
-        if has_word(_VARIATION, words):
-            converted.append(match)
-        elif has_word(_VARIANCE, words):
-            if squared is None:
-                questions.append(_variance_question(column))
-                continue
-            terms = ((column, squared),)
-            reason = f"{match.why}; root of the variance"
-            converted.append(replace(match, terms=terms, formula="sqrt(c0)", why=reason))
-        elif multiple:
-            reason = f"{match.why}; {multiple[1]} standard deviations"
-            converted.append(replace(match, formula=f"c0 / {multiple[1]}", why=reason))
-        elif error and count is not None:
-            reason = f"{match.why}; standard error times the root of '{count.head}'"
-            terms = (*match.terms, *((counted, PURE_NUMBER) for counted, _ in count.terms))
-            formula = "c0 * sqrt(c1)" if count.terms else f"c0 * sqrt({count.formula})"
-            converted.append(replace(match, terms=terms, formula=formula, why=reason))
-        elif has_word(_STANDARD_DEVIATION, words) and not has_word(_UNSETTLED, words):
-            converted.append(match)
-        elif not error:
-            questions.append(_spread_question(column))
+        deviation = _deviation_of(match, by_name.get("n_shifts"))
+        if deviation is not None:
+            converted.append(deviation)
+        elif not has_word(_STANDARD_ERROR, plain_words(match.terms[0][0].name)):
+            questions.append(_open_spread(match.terms[0][0], by_name.get("shift_time_s")))
     return converted, questions
+
+
+def _deviation_of(match: Match, count: Match | None) -> Match | None:
+    """Convert the match of a spread into a standard deviation; None where its name is open.
+
+    A standard error is open without ``count``, the match of the numbers of shifts.
+    """
+    column = match.terms[0][0]
+    words = plain_words(column.name)
+    multiple = re.search(_MULTIPLE, words)
+    squared = squared_time(column.strange or "")
+    is_variation = has_word(_VARIATION, words) and column.unit is None
+    if squared is not None:
+        reason = f"{match.why}; root of the variance"
+        return replace(match, terms=((column, squared),), formula="sqrt(c0)", why=reason)
+    if is_variation or has_word(_VARIANCE, words):
+        return None
+    if multiple:
+        reason = f"{match.why}; {multiple[1]} standard deviations"
+        return replace(match, formula=f"c0 / {multiple[1]}", why=reason)
+    if has_word(_STANDARD_ERROR, words) and count is not None:
+        reason = f"{match.why}; standard error times the root of '{count.head}'"
+        terms = (*match.terms, *((counted, PURE_NUMBER) for counted, _ in count.terms))
+        formula = "c0 * sqrt(c1)" if count.terms else f"c0 * sqrt({count.formula})"
+        return replace(match, terms=terms, formula=formula, why=reason)
+    settled = has_word(_STANDARD_DEVIATION, words) and not has_word(_UNSETTLED, words)
+    is_error = has_word(_STANDARD_ERROR, words)
+    return match if settled and not is_error else None
+
+
+def _open_spread(column: Column, time: Match | None) -> str:
+    """Ask what a spread is whose name does not settle it."""
+    words = plain_words(column.name)
+    if has_word(_VARIATION, words) and column.unit is None:
+        return _variation_question(column, time)
+    if has_word(_VARIANCE, words):
+        return _variance_question(column)
+    return _spread_question(column)
 
 
 def squared_time(text: str) -> Unit | None:

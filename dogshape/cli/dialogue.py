@@ -102,7 +102,8 @@ def add_answer(draft: BenchDraft, answer: str) -> BenchDraft:
     if option == "keep":
         return replace(draft, keep=(*draft.keep, value))
     if option in TEXT_OPTIONS:
-        return replace(draft, **{option: value})
+        changes: dict[str, Any] = {option: value}
+        return replace(draft, **changes)
     sheet = value if option == "sheet" else _sheet_of(text, draft)
     if sheet:
         return replace(draft, tables=_with_sheet(draft, sheet))
