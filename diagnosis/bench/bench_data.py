@@ -1,4 +1,4 @@
-"""Bench data sets: what a stand or another simulator delivers about one clutch.
+"""Bench data sets: shifts of one clutch on a stand or in another simulator.
 
 A folder with ``bench.toml`` (clutch, stand), ``shifts.csv``, one row a shift or the mean of
 ``n_shifts`` shifts at one operating point, and time series of single shifts in ``traces``.
@@ -64,7 +64,7 @@ class Cell:
 
     @property
     def time(self) -> float | None:
-        """Mean shift time over these, s, None where there is none."""
+        """Mean of the ``n`` shift times, s, None without any."""
         total = sum(r.time * r.n for r in self.readings if r.time is not None)
         return total / self.n if self.n else None
 

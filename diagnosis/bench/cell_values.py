@@ -47,7 +47,7 @@ def is_number(cell: str) -> bool:
 
 
 def begins_with_number(cell: str) -> bool:
-    """Test that a cell begins with a number, such as ``>1000`` and ``116 ± 12``."""
+    """Test that a cell begins with a number: ``>1000``, ``116 ± 12``."""
     return bool(_BEGINS.match(plain(cell)))
 
 
@@ -172,7 +172,7 @@ def unit_named(text: str) -> Unit | None:
 
 
 def unit_with_factor(text: str) -> Unit | None:
-    """Find a unit that may have a factor, such as ``0.1 ms``, ``x0.01 s`` and ``10^-1 ms``."""
+    """Find a unit with or without a factor: ``0.1 ms``, ``x0.01 s``, ``10^-1 ms``."""
     unit = unit_named(text)
     match = _FACTOR.fullmatch(text.strip().translate(_UNIT_SIGNS))
     if unit or not match:
@@ -191,7 +191,7 @@ def unit_with_factor(text: str) -> Unit | None:
 
 
 def split_quantity(cell: str) -> tuple[str, Unit | None]:
-    """Divide a cell such as ``0,642 kN`` into its number and unit; others stay whole."""
+    """Split a cell with a quantity, ``0,642 kN``, into number and unit; None for no unit."""
     text = plain(cell)
     if len(text) > MAX_QUANTITY:
         return cell, None
@@ -251,7 +251,7 @@ def is_dated(cells: Sequence[str]) -> bool:
 
 
 def durations_of(cells: Sequence[str]) -> list[str]:
-    """Convert clocks below a minute, such as ``00:00.116``, to s; empty if any cell is none."""
+    """Convert clocks below a minute, ``00:00.116``, to s; empty if any cell is none."""
     matches = [_DURATION.fullmatch(cell) for cell in cells if cell]
     if not matches or not all(matches):
         return []

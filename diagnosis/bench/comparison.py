@@ -120,7 +120,7 @@ def compare(
 
 
 def _scatter(cell: Cell) -> float:
-    """Return the standard deviation of readings, s; 0 where too few say it.
+    """Compute the standard deviation of readings, s; 0 for too few readings.
 
     That of single ones is pooled with those that come beside means.
     """

@@ -114,7 +114,7 @@ def contradict(first: str, second: str) -> bool:
 
 
 def parse(texts: Iterable[str]) -> tuple[str, ...]:
-    """Parse corrections such as ``time=ms``; InputError for unknown or contradicting ones.
+    """Parse corrections, ``time=ms``; InputError for unknown or contradicting ones.
 
     They come once each, in the order in which they are made.
     """

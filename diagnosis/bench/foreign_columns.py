@@ -612,7 +612,7 @@ def _deviation_of(match: Match, count: Match | None) -> Match | None:
 
 
 def _open_spread(column: Column, time: Match | None) -> str:
-    """Ask what a spread is whose name does not settle it."""
+    """Ask for the meaning of a spread with an open name."""
     words = plain_words(column.name)
     if has_word(_VARIATION, words) and column.unit is None:
         return _variation_question(column, time)
@@ -622,7 +622,7 @@ def _open_spread(column: Column, time: Match | None) -> str:
 
 
 def squared_time(text: str) -> Unit | None:
-    """Find the unit of a variance of times, such as ``ms²``; its factor is to s²."""
+    """Find the unit of a variance of times, ``ms²``, its factor to s²; None for another text."""
     match = _SQUARED.fullmatch(text.strip())
     unit = unit_named(match[1]) if match else None
     if unit is None or unit.dimension != TIME:

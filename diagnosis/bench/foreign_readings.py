@@ -78,7 +78,7 @@ Values = list[Any]  #: a value for each row, None where there is none
 
 @dataclass
 class Report:
-    """Faults and questions, assumptions, readings, and what was left out with the reason."""
+    """Record of a reading: faults, assumptions, readings, excluded rows and columns."""
 
     faults: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
@@ -169,7 +169,7 @@ class TableReader:
             self.matching = matched(self.table.columns, self.quantities, options)
 
     def _find_sign(self, decimal: str | None, read: Mapping[Column, str]) -> list[str]:
-        """Determine the decimal sign of texts; record a fault where it is ambiguous."""
+        """Determine the decimal sign of texts; return a fault for an ambiguous one."""
         cells = {
             column.head: [split_quantity(cell)[0] for cell in self._plain_cells(column)]
             for column in read
@@ -280,7 +280,7 @@ class TableReader:
         return values
 
     def read(self) -> dict[str, Values]:
-        """Read all quantities, None where a column does not say them or is not there.
+        """Read all quantities, (rows,) each; None for an empty cell or a missing column.
 
         Numbers are in the project's unit; cells that cannot be read are a fault.
         """
@@ -353,7 +353,7 @@ class TableReader:
         )
 
     def _term(self, match: Match, column: Column, unit: Unit | None) -> tuple[Array, Unit | None]:
-        """Read a column in the project's unit, NaN where there is no number, (rows,)."""
+        """Read a column in the project's unit, (rows,); NaN for a cell without a number."""
         quantity = match.quantity
         cells = self._filled_down(match, column)
         values, factors = self._cell_numbers(match, column, cells, unit)
@@ -386,7 +386,7 @@ class TableReader:
         return values * (unit.factor if unit else 1.0), unit
 
     def _filled_down(self, match: Match, column: Column) -> list[str]:
-        """Give empty set values that of the row above where the user says so."""
+        """Fill empty set values from the row above, if the user chose it."""
         cells = [*column.cells]
         if not self.choice.fill_down or not match.quantity.filled:
             return cells
@@ -491,7 +491,7 @@ class TableReader:
         return self._record(match, [cell or None for cell in match.terms[0][0].cells], "")
 
     def _answers(self, match: Match) -> Values:
-        """Convert answers to yes and no; an option such as ``gut=yes,empty=no`` prevails."""
+        """Convert answers to yes and no; an option, ``gut=yes,empty=no``, prevails."""
         cells = [answer_of(cell) for cell in match.terms[0][0].cells]
         pairs = (pair.split("=", 1) for pair in match.option.split(",") if "=" in pair)
         stated = {answer_of(word): answer_of(answer) for word, answer in pairs}

@@ -152,7 +152,7 @@ class ForeignTable:
         return replace(self, sheet=sheet)
 
     def taking(self, places: Sequence[int], reasons: Reasons) -> ForeignTable:
-        """Keep only the rows at these places; ``reasons`` say why the others are left out."""
+        """Select the rows at these places; ``reasons`` are those of the excluded rows."""
         columns = tuple(
             replace(column, cells=tuple(column.cells[k] for k in places)) for column in self.columns
         )
@@ -352,7 +352,7 @@ def _comment_signs(grid: _Grid) -> frozenset[str]:
 
 
 def _with_remarks(sheet: RawSheet, signs: Collection[str]) -> RawSheet:
-    """Take remarks such as ``131 # noisy`` behind the numbers of rows as marks of their rows."""
+    """Turn remarks behind numbers, ``131 # noisy``, into marks of their rows."""
     pattern = re.compile(rf"(.*?\d.*?)\s*[{re.escape(''.join(signs))}]\s*(.*)")
     usual_width = Counter(len(row.cells) for row in sheet.rows).most_common(1)[0][0]
     rows = []
@@ -635,7 +635,7 @@ def _is_transposed(grid: _Grid) -> bool:
 
 
 def _transposed(sheet: RawSheet) -> RawSheet:
-    """Exchange rows and columns; the row numbers are then those of columns."""
+    """Exchange rows and columns; columns give the row numbers."""
     if any(row.marks for row in sheet.rows) or sheet.hidden_columns or sheet.merged or sheet.notes:
         raise DataError(
             f"{sheet.path} is transposed, a column for each shift, and has hidden, merged or marked"

@@ -112,7 +112,7 @@ class RowPlan:
 
 
 def spans_of(rows: Sequence[int]) -> str:
-    """Write row numbers as ``--rows`` reads them, such as ``2-7,10``."""
+    """Format row numbers for ``--rows``, ``2-7,10``."""
     spans: list[list[int]] = []
     for row in sorted(set(rows)):
         if spans and row == spans[-1][1] + 1:
@@ -247,7 +247,7 @@ def _mean_question(table: ForeignTable, read: Mapping[Column, str]) -> str:
 def _code_questions(
     table: ForeignTable, read: Mapping[Column, str], settled: frozenset[str]
 ) -> list[str]:
-    """Ask about set values that are codes for no value, such as -1 or 9999."""
+    """Ask about set values that may be codes for no value: -1, 9999."""
     questions = []
     for column, name in read.items():
         if name not in ("mismatch_rpm", "force_N", "shift_time_s") or column.head in settled:
@@ -318,7 +318,7 @@ def _shown(rows: Sequence[int]) -> str:
 
 
 def _column_question(table: ForeignTable, column: Column, outcome: Column | None) -> str:
-    """Ask about an unused column; empty where it distinguishes no rows."""
+    """Ask about an unused column; empty for one that distinguishes no rows."""
     cells = ["" if cell.lower() in NOTHING else cell for cell in column.cells]
     groups: dict[str, list[int]] = {}
     for row, cell in zip(table.rows, cells, strict=True):
@@ -366,7 +366,7 @@ def _is_code(column: Column, cells: Sequence[str], name: str) -> bool:
 
 
 def _says_outcome(column: Column, outcome: Column | None) -> bool:
-    """Test that a column has the same answers as the outcome of the shifts."""
+    """Test that a column repeats the answers of the outcome."""
     if outcome is None:
         return False
     answers = [ANSWERS.get(answer_of(cell)) for cell in column.cells]

@@ -105,14 +105,14 @@ def with_lists(
 
 
 class _Counts(NamedTuple):
-    """Number of shifts of each row, empty where nothing says it, and its column."""
+    """Numbers of shifts by row, empty without a source, and their column."""
 
     numbers: list[float]
     column: Column | None
 
 
 def _listed_counts(table: ForeignTable, options: Mapping[str, str]) -> _Counts | None:
-    """Read the number of shifts of each row; None where it is uncertain."""
+    """Read the number of shifts of each row; None for an uncertain one."""
     text = options.get("n_shifts", "")
     if is_number(text):
         return _Counts([float(numbers_of([text])[0])] * len(table.rows), None)
@@ -132,7 +132,7 @@ def _listed_counts(table: ForeignTable, options: Mapping[str, str]) -> _Counts |
 
 
 def _list_column(table: ForeignTable, options: Mapping[str, str]) -> Column | None:
-    """Find the column of times whose cells are numbers and lists; None where it is uncertain."""
+    """Find the column of times with lists in its cells; None for an uncertain one."""
     text = options.get("shift_time_s")
     if text is None:
         candidates = [column for column in table.columns if _scores("shift_time_s", column)]
@@ -193,7 +193,7 @@ def _with_rows(
 
 @dataclass(frozen=True)
 class _Part:
-    """Shifts of a row of one outcome, None where the row does not say it."""
+    """Shifts of a row with one outcome; None for an unknown outcome or count."""
 
     place: int
     outcome: bool | None
@@ -203,7 +203,7 @@ class _Part:
 def with_shares(
     table: ForeignTable, options: Mapping[str, str]
 ) -> tuple[ForeignTable, Mapping[str, str], list[str]]:
-    """Divide rows into the shifts that engaged and those that did not, where the user says so.
+    """Divide rows into engaged and failed shifts, by the option of ``engaged``.
 
     The option of ``engaged`` ends with ``:share``, ``:number`` or ``:failed``. Returns the table,
     its options with the columns of outcomes and numbers, and faults.
@@ -250,7 +250,7 @@ def with_shares(
 def _divide_rows(
     table: ForeignTable, matches: Mapping[str, Match], outcome: Column, parts: Sequence[_Part]
 ) -> tuple[ForeignTable, int]:
-    """Write a row for each part; the time and its spread are those of the engaged shifts.
+    """Write a row for each part; time and spread stay with the engaged shifts.
 
     Returns the table, and the place of the column with the numbers of shifts.
     """
@@ -290,7 +290,7 @@ def _divide_rows(
 
 
 def _counts_of(match: Match | None, rows: int) -> list[float]:
-    """Read the number of shifts of each row, NaN where nothing says it."""
+    """Read the number of shifts of each row, NaN without a source."""
     if match is None:
         return [math.nan] * rows
     if not match.terms:

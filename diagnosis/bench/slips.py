@@ -78,7 +78,7 @@ def require_no_slip(where: str, findings: Sequence[Finding], remedy: str | None 
 
 
 def impossible(stand: Stand, row: Row, corrections: Sequence[str] = ()) -> str | None:
-    """Give the rule that the time of a row breaks, None where it may be true."""
+    """Return the rule that the time of a row breaks, None for a possible time."""
     limit = stand.clutch.timeout
     if row.time is not None and not 0.0 < row.time <= limit:
         return f"a time in s, above 0 and at most the time-out of {number(limit)} s"
@@ -217,7 +217,7 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
 
 
 def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
-    """Find rows whose set values nearly equal those of others."""
+    """Find rows with nearly equal, but different set values."""
     values, groups = near_groups(sheet.rows)
     lead = np.unique(groups, return_index=True)[1][groups]
     near_rows = np.flatnonzero((values != values[lead]).any(axis=1))

@@ -101,7 +101,7 @@ class Calibration(Section):
 
 
 class Tolerance(Section):
-    """Standard uncertainties of one kind: of the nominal value, and whatever that is."""
+    """Standard uncertainties of force and mismatch: relative and absolute."""
 
     force_percent: Percent = 0.0
     force_N: Annotated[float, Field(ge=0.0, le=1e4)] = 0.0
@@ -166,7 +166,7 @@ class Margin:
 
 @dataclass(frozen=True, kw_only=True)
 class Stand:
-    """A data set without its shifts: the clutch as the bench knows it, and what is stated of it.
+    """Stand of a data set: clutch, sensors, record and stated errors, without shifts.
 
     ``relative_angles`` are in rad, ``corrections`` such as ``time=ms``. ``clock_step`` is the step
     in s of which all times are multiples, 0 where there is none, None where nothing is stated.

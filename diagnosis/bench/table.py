@@ -36,7 +36,7 @@ NEAR = 0.01  #: of a set value, up to which two are those of one operating point
 
 @dataclass(frozen=True)
 class Row:
-    """A row as it stands: 1/min, N, s, s by the names of the columns.
+    """Row of ``shifts.csv`` in its units: 1/min, N, s.
 
     ``sd`` is the standard deviation of the ``n`` times of a mean, s. ``place`` is that in the
     series of all shifts: the order, or else the ``timestamp`` in s; None where the table does not

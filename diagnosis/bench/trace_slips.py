@@ -97,7 +97,7 @@ def traced(stand: Stand, sheet: Sheet) -> list[TracedRow]:
 
 
 def speed_ratio(one: TracedRow) -> float:
-    """Compute the relative speed at the beginning over that of the row."""
+    """Compute the ratio of relative speed at the beginning to mismatch of the row."""
     slip = one.trace.output_speed - one.trace.sliding_speed
     first = float(np.median(slip[: max(FIRST, slip.size // 32)]))
     return first / RPM / (one.row.mismatch or np.nan)
@@ -110,7 +110,7 @@ def travel_ratio(one: TracedRow) -> float:
 
 
 def time_ratio(one: TracedRow) -> float:
-    """Compute the time of the travel over the shift's, where it is beyond the time-out."""
+    """Compute the ratio of travel time to shift time, for travel times beyond the time-out."""
     way, timeout = one.trace.displacement - one.rest, one.stand.clutch.timeout
     end = one.trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
     took = float(end - (one.start.time if one.start else one.trace.time[0]))

@@ -280,7 +280,7 @@ def _reader(library: str, name: str, kind: str, extra: str) -> Any:
 
 
 def _undamaged(path: Path, kind: str, read: Callable[[Path], dict[str, Channel]]) -> Any:
-    """Read a file; whatever its library raises for damaged bytes becomes a DataError."""
+    """Read a file; raise DataError for any error of its library."""
     hook = sys.unraisablehook
     try:
         return read(path)

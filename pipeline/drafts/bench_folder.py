@@ -122,7 +122,7 @@ class BenchDraft:
 
 
 def guess_readings(draft: BenchDraft) -> Data:
-    """Read the tables of a draft: readings of columns, rows and columns left out, and faults.
+    """Read the tables of a draft: columns, excluded rows and columns, and faults.
 
     ``empty`` counts the rows with neither a time nor an outcome.
     """
@@ -137,7 +137,7 @@ def guess_readings(draft: BenchDraft) -> Data:
 
 
 def explain_reading(draft: BenchDraft) -> Data:
-    """Read the tables of a draft step by step: lines of each step as far as it gets, and faults."""
+    """Read the tables of a draft step by step: lines of each finished step, and faults."""
     _require_readable(draft)
     steps: list[dict[str, str]] = []
     report = Report()
@@ -506,7 +506,7 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Repo
 
 
 def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path, traces: Traces) -> str:
-    """Write the trace of a row in the project's units, other files than CSV as they are.
+    """Write the trace of a row: CSV in the project's units, a recorder's file unchanged.
 
     Returns its path in the folder, and enters it in ``traces``.
     """
