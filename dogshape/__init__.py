@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from dogshape.gap import diagnose as diagnose
     from dogshape.gap import plan_shifts as plan_shifts
     from dogshape.gap import update_diagnosis as update_diagnosis
+    from dogshape.pipeline.drafts.bench_folder import BenchDraft as BenchDraft
+    from dogshape.pipeline.drafts.bench_folder import write_bench as write_bench
     from dogshape.pipeline.progress import Progress as Progress
     from dogshape.predictions import Predictions as Predictions
     from dogshape.result import Result as Result

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,8 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
 )
 from dogshape.pipeline.diagnose.consequence import Consequence, compute_consequence, load_candidates
 from dogshape.pipeline.diagnose.study_keys import rounded
+from dogshape.pipeline.drafts.bench_folder import BenchDraft, draft_bench, is_table
+from dogshape.pipeline.drafts.reading_table import assumption_lines, count_text, left_out_lines
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of
 from dogshape.pipeline.reports import gap_page
@@ -49,12 +51,14 @@ class Diagnosis(Result):
     """Causes of a gap with their probabilities, the residuals, and the next test.
 
     ``consequence`` is the effect of the cause on the best designs of a study, ``folder`` has the
-    written report, record and table; None without a study or a folder.
+    written report, record and table, ``reading`` the record of a table's reading (``write_bench``);
+    None without a study, a folder or a table.
     """
 
     inference: Inference
     consequence: Consequence | None = None
     folder: Path | None = None
+    reading: dict[str, Any] | None = None
 
     @property
     def verdict(self) -> str:
@@ -90,6 +94,9 @@ class Diagnosis(Result):
         if self.folder:
             parts.append(f"report: {record['report']}")
         parts += gap_page.examined_lines(inference.bench)
+        if self.reading:
+            parts += [f"read: {count_text(self.reading)}", *left_out_lines(self.reading)]
+            parts += assumption_lines(self.reading)
         return parts
 
     def to_dict(self) -> dict[str, Any]:
@@ -100,6 +107,7 @@ class Diagnosis(Result):
             **findings_record(self.inference.bench),
             "so_what": self.consequence.record if self.consequence else None,
             "report": str(self.folder / "report.html") if self.folder else None,
+            "reading": self.reading,
         }
 
     def to_frame(self) -> Frame:
@@ -153,8 +161,24 @@ def _bank_options(
     return BankOptions(Path(bank or BANK), folder, jobs, receiver(progress), **settings)
 
 
+@contextmanager
+def _data_of(
+    bench: str | Path | BenchDraft, correct: Sequence[str], listener: Progress
+) -> Iterator[tuple[Bench, dict[str, Any] | None]]:
+    """Yield a data set, and the record of the reading of a table, with its assumptions told."""
+    if not isinstance(bench, BenchDraft):
+        if not is_table(bench):
+            yield load_bench(bench, correct), None
+            return
+        bench = BenchDraft(bench)
+    with draft_bench(bench, correct) as (data, reading):
+        for line in assumption_lines(reading):
+            listener.say(line)
+        yield data, reading
+
+
 def diagnose(
-    bench: str | Path,
+    bench: str | Path | BenchDraft,
     *,
     correct: Sequence[str] = (),
     out: str | Path | None = None,
@@ -173,7 +197,9 @@ def diagnose(
 
     Parameters
     ----------
-    bench : folder of a data set, or name of one that the package brings.
+    bench : folder of a data set, name of one that the package brings, path of a table
+        (``"measured.csv"``, ``"FILE.xlsx#SHEET"``), or a ``BenchDraft``, which says how to read its
+        tables; ``BenchDraft(path)`` is the same as a path.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
     out : folder for ``report.html``, ``gap.json``, ``cells.csv`` and a copy of the data set, which
         ``update_diagnosis`` joins new readings to; None writes nothing.
@@ -184,31 +210,31 @@ def diagnose(
     seed : of the random draws; another one repeats the inference independently.
     jobs, progress : as in ``Study.expect``.
     """
-    data = load_bench(bench, correct)
     listener = receiver(progress)
     settings = replace(USUAL, seed=seed)
     options = _bank_options(bank, effects, jobs, listener, engine=engine, settings=settings)
     folder = None if out is None else Path(out)
-    if folder is not None:
-        gap_update.require_no_updates(folder)
-        _require_no_study(folder)
-    if study is not None:
-        load_candidates(study)  # refuses a study without a result before the long work
-    with nullcontext() if folder is None else lock_folder(folder):
-        inference = diagnose_bench(data, options)
-        report_state = f"not written, for lack of {argument('out')}"
+    with _data_of(bench, correct, listener) as (data, reading):
         if folder is not None:
-            report_state = f"written to {gap_page.publish(inference, folder)}"
-            gap_update.keep_data(data, folder, options.effects)
-        if study is None:
-            return Diagnosis(inference, None, folder)
-        headline = headline_of(inference.verdict, inference.effects)
-        next_step = f"The report is {report_state}; next: simulation of the study's designs"
-        listener.say(f"{headline}. {next_step}")
-        consequence = compute_consequence(inference, study, options, folder or options.bank)
-        if folder is not None:
-            gap_page.publish(inference, folder, consequence)
-    return Diagnosis(inference, consequence, folder)
+            gap_update.require_no_updates(folder)
+            _require_no_study(folder)
+        if study is not None:
+            load_candidates(study)  # refuses a study without a result before the long work
+        with nullcontext() if folder is None else lock_folder(folder):
+            inference = diagnose_bench(data, options)
+            report_state = f"not written, for lack of {argument('out')}"
+            if folder is not None:
+                report_state = f"written to {gap_page.publish(inference, folder)}"
+                gap_update.keep_data(data, folder, options.effects)
+            if study is None:
+                return Diagnosis(inference, None, folder, reading)
+            headline = headline_of(inference.verdict, inference.effects)
+            next_step = f"The report is {report_state}; next: simulation of the study's designs"
+            listener.say(f"{headline}. {next_step}")
+            consequence = compute_consequence(inference, study, options, folder or options.bank)
+            if folder is not None:
+                gap_page.publish(inference, folder, consequence)
+    return Diagnosis(inference, consequence, folder, reading)
 
 
 def _require_no_study(folder: Path) -> None:

@@ -17,7 +17,7 @@ from datetime import date, datetime, time, timedelta
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from zipfile import BadZipFile, ZipFile
 
 from dogshape.sim.decoding import TableLimits, decode_text, read_bytes
@@ -36,13 +36,37 @@ STRUCK = "struck out"
 COLOURED = "coloured"
 MASKED = "hidden by a number format"
 _WORKBOOK = re.compile(r"(.+\.xlsx)(?:#(.+))?", re.IGNORECASE)
-_OTHER_BOOKS = {
+#: Workbooks that are not read, by suffix.
+OTHER_BOOKS = {
     ".xlsm": "a workbook with macros",
     ".xls": "a workbook of Excel 97",
     ".xlsb": "a binary workbook",
     ".ods": "a workbook of LibreOffice",
     ".numbers": "a workbook of Numbers",
 }
+#: Comparisons of conditional formatting by the operator of the workbook, and their signs.
+COMPARISONS: dict[str, Callable[..., bool]] = {
+    "greaterThan": lambda value, limit: value > limit,
+    "greaterThanOrEqual": lambda value, limit: value >= limit,
+    "lessThan": lambda value, limit: value < limit,
+    "lessThanOrEqual": lambda value, limit: value <= limit,
+    "equal": lambda value, limit: value == limit,
+    "notEqual": lambda value, limit: value != limit,
+    "between": lambda value, *ends: min(ends) <= value <= max(ends),
+    "notBetween": lambda value, *ends: not min(ends) <= value <= max(ends),
+}
+RULE_SIGNS = {
+    "greaterThan": "above",
+    "greaterThanOrEqual": "at least",
+    "lessThan": "below",
+    "lessThanOrEqual": "at most",
+    "equal": "equal to",
+    "notEqual": "other than",
+    "between": "between",
+    "notBetween": "not between",
+}
+_RULE_NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?")
+_ABSOLUTE_CELL = re.compile(r"\$[A-Z]{1,3}\$\d+")
 _ZIP = b"PK\x03\x04"
 _OLE = b"\xd0\xcf\x11\xe0"
 _TEXT_NUMBER = re.compile(r"[+-]?\d[\d.,' ]*[.,]\d+")
@@ -53,6 +77,14 @@ _LITERAL = re.compile(r'"([^"]*)"|\\(.)')
 _EMPTY_SECTION = re.compile(r"(\[[^\]]*\]|[_*].|\s)*")
 #: A cell between the quotation marks of a word processor.
 _TYPOGRAPHIC = re.compile(r"[“”„‟«»]\s*([^“”„‟«»]*?)\s*[“”‟«»]")
+
+
+class QuoteError(DataError):
+    """A quotation mark encloses later rows; ``rows`` are their numbers."""
+
+    def __init__(self, text: str, rows: range = range(0)) -> None:
+        super().__init__(text)
+        self.rows = rows
 
 
 @dataclass(frozen=True)
@@ -83,6 +115,7 @@ class RawSheet:
 
     ``true_numbers`` are the places of columns that hold numbers and not their texts. ``notes`` are
     on cells that cannot be read, ``merged`` on those that have the value of a cell above.
+    ``remarks`` are sentences on how the sheet was read.
     """
 
     path: Path
@@ -92,6 +125,7 @@ class RawSheet:
     merged: tuple[CellNote, ...] = ()
     true_numbers: frozenset[int] = frozenset()
     hidden_columns: frozenset[int] = frozenset()
+    remarks: tuple[str, ...] = ()
 
     @cached_property
     def width(self) -> int:
@@ -115,6 +149,7 @@ class RawSheet:
             yield f"row {note.row}, column {note.place}: {note.sentence}"
         if self.hidden_columns:
             yield f"hidden columns: {', '.join(map(str, sorted(self.hidden_columns)))}"
+        yield from self.remarks
 
 
 def file_of(table: Path) -> Path:
@@ -149,7 +184,7 @@ def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
     Raises as ``read_raw``.
     """
     limits = limits or TableLimits()
-    kind = _OTHER_BOOKS.get(path.suffix.lower())
+    kind = OTHER_BOOKS.get(path.suffix.lower())
     if kind and path.exists():
         raise DataError(f"{path} is {kind} ({path.suffix}); save it as .xlsx or as CSV")
     text = _read_text(path, limits)
@@ -184,12 +219,20 @@ def _read_text(path: Path, limits: TableLimits) -> str:
 
 
 def text_sheet(
-    path: Path, lines: Sequence[str], separator: str, limits: TableLimits | None = None
+    path: Path,
+    lines: Sequence[str],
+    separator: str,
+    limits: TableLimits | None = None,
+    *,
+    quoted: bool = True,
 ) -> RawSheet:
-    """Divide lines into cells; raises DataError for a quotation mark that swallows rows."""
+    """Divide lines into cells; raises QuoteError for a quotation mark that swallows rows.
+
+    Unless ``quoted``, quotation marks are ordinary signs.
+    """
     limits = limits or TableLimits()
     rows = []
-    reader = csv.reader(lines, delimiter=separator)
+    reader = csv.reader(lines, delimiter=separator, quoting=quoting_of(quoted))
     first_line = 0
     number = 0
     default_size_limit = csv.field_size_limit(limits.cell_characters)
@@ -216,17 +259,23 @@ def text_sheet(
     return RawSheet(path, separator, tuple(rows))
 
 
+def quoting_of(quoted: bool) -> Literal[0, 3]:
+    """Choose the way in which ``csv`` reads quotation marks."""
+    return csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE
+
+
 def _require_closed(path: Path, row: int, lines: Sequence[str], separator: str) -> None:
-    """Raise DataError if the quotation mark in the first of these lines encloses later rows."""
+    """Raise QuoteError if the quotation mark in the first of these lines encloses later rows."""
     mark_count = sum(line.count('"') for line in lines)
     rows_inside = [line for line in lines[1:] if line.count(separator) >= 1]
     # A head or a remark may be wrapped; a number before each separator is a row of its own.
     number_rows = [line for line in rows_inside if re.match(r"\s*[\"+-]?\d", line)]
     if mark_count % 2 or number_rows:
         end = "is never closed" if mark_count % 2 else f"is closed {len(lines) - 1} lines later"
-        raise DataError(
+        raise QuoteError(
             f"{path}, row {row}: a quotation mark begins a cell and {end}, so that "
-            f"{len(lines) - 1} lines would be lost; remove the mark, or close it in its row"
+            f"{len(lines) - 1} lines would be lost; remove the mark, or close it in its row",
+            range(row + 1, row + len(lines)),
         )
 
 
@@ -268,13 +317,21 @@ def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
         longest = max(map(len, row), default=0)
         limits.require("cell_characters", longest, f"{file}, row {number}", "shorten the cell")
     merged = _fill_merged(sheet, texts)
-    rows = [
-        RawRow(number, tuple(row), _row_marks(sheet, number, row_cells), _colours(row_cells))
-        for number, (row, row_cells) in enumerate(zip(texts, cells, strict=True), start=1)
-        if any(row)
-    ]
+    ruled, unjudged = _rule_marks(sheet, content.last_row, content.width)
+    rows = []
+    for number, (row, row_cells) in enumerate(zip(texts, cells, strict=True), start=1):
+        if any(row):
+            marks = (*_row_marks(sheet, number, row_cells), *ruled.get(number, ()))
+            rows.append(RawRow(number, tuple(row), marks, _colours(row_cells)))
     hidden = {place for place in range(1, content.width + 1) if _is_hidden(sheet, place)}
-    raw_sheet = RawSheet(path, "\t", tuple(rows), merged=merged, hidden_columns=frozenset(hidden))
+    raw_sheet = RawSheet(
+        path,
+        "\t",
+        tuple(rows),
+        merged=merged,
+        hidden_columns=frozenset(hidden),
+        remarks=unjudged,
+    )
     return _with_number_notes(raw_sheet, cells)
 
 
@@ -460,6 +517,59 @@ def _row_marks(sheet: Worksheet, number: int, cells: Sequence[Cell]) -> tuple[st
         if getattr(cell, "comment", None) is not None
     ]
     return tuple(marks)
+
+
+def _rule_marks(
+    sheet: Worksheet, last_row: int, width: int
+) -> tuple[dict[int, list[str]], tuple[str, ...]]:
+    """Find the rows whose cells fall under a rule of conditional formatting.
+
+    Returns marks by row number, and a sentence on each rule that is no comparison with a value.
+    """
+    marks: dict[int, list[str]] = {}
+    unjudged: list[str] = []
+    for area in sheet.conditional_formatting:
+        spans = [span for span in area.cells.ranges if span.min_row <= last_row]
+        cells = [
+            cell
+            for span in spans
+            for row in sheet.iter_rows(
+                min_row=span.min_row,
+                max_row=min(span.max_row, last_row),
+                min_col=span.min_col,
+                max_col=min(span.max_col, width),
+            )
+            for cell in row
+        ]
+        for rule in area.rules if cells else ():
+            limits = [_rule_limit(sheet, formula) for formula in rule.formula]
+            compare = COMPARISONS.get(rule.operator or "")
+            if rule.type != "cellIs" or compare is None or not limits or None in limits:
+                kind = " ".join(filter(None, (rule.type, *map(str, rule.formula))))
+                unjudged.append(
+                    f"conditional formatting of {area.sqref} ({kind}) is not judged: rows that it "
+                    "marks are read as the others"
+                )
+                continue
+            shown = " and ".join(f"{limit:g}" for limit in limits if limit is not None)
+            mark = f"under the rule {RULE_SIGNS[rule.operator]} {shown}"
+            for cell in cells:
+                value = cell.value
+                is_numeric = isinstance(value, int | float) and not isinstance(value, bool)
+                if is_numeric and compare(value, *limits):
+                    row_marks = marks.setdefault(cell.row, [])
+                    row_marks += [mark] if mark not in row_marks else []
+    return marks, tuple(dict.fromkeys(unjudged))
+
+
+def _rule_limit(sheet: Worksheet, formula: str) -> float | None:
+    """Read the value of a rule, a number or an absolute cell; None for any other formula."""
+    if _RULE_NUMBER.fullmatch(formula.strip()):
+        return float(formula)
+    value = sheet[formula.replace("$", "")].value if _ABSOLUTE_CELL.fullmatch(formula) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value)
 
 
 def _is_masked(cell: Cell) -> bool:

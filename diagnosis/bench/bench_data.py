@@ -1,4 +1,4 @@
-"""Bench data sets: what a stand or another simulator delivers about one clutch.
+"""Bench data sets: shifts of one clutch on a stand or in another simulator.
 
 A folder with ``bench.toml`` (clutch, stand), ``shifts.csv``, one row a shift or the mean of
 ``n_shifts`` shifts at one operating point, and time series of single shifts in ``traces``.
@@ -64,9 +64,9 @@ class Cell:
 
     @property
     def time(self) -> float | None:
-        """Mean shift time over these, s, None where there is none."""
-        whole = sum(r.time * r.n for r in self.readings if r.time is not None)
-        return whole / self.n if self.n else None
+        """Mean of the ``n`` shift times, s, None without any."""
+        total = sum(r.time * r.n for r in self.readings if r.time is not None)
+        return total / self.n if self.n else None
 
     @property
     def times(self) -> Array:
@@ -102,17 +102,19 @@ class Cell:
         """Return the cell with unknown shifts as ``record.empty_cells`` has them."""
         if meaning == "unknown":
             return self
-        own: dict[str, Any] = {"engaged": False} if meaning == "failed" else {"n": 0}
-        readings = tuple(replace(r, **own) if r.engaged is None else r for r in self.readings)
+        changes: dict[str, Any] = {"engaged": False} if meaning == "failed" else {"n": 0}
+        readings = tuple(replace(r, **changes) if r.engaged is None else r for r in self.readings)
         return replace(self, readings=readings)
 
 
 def gather(readings: Sequence[Reading]) -> tuple[Cell, ...]:
     """Gather readings by operating point, in the order in which these first appear."""
-    found: dict[OperatingPoint, list[Reading]] = {}
+    readings_by_point: dict[OperatingPoint, list[Reading]] = {}
     for reading in readings:
-        found.setdefault(reading.point, []).append(reading)
-    return tuple(Cell(point, tuple(those)) for point, those in found.items())
+        readings_by_point.setdefault(reading.point, []).append(reading)
+    return tuple(
+        Cell(point, tuple(cell_readings)) for point, cell_readings in readings_by_point.items()
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,47 +156,47 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
             f"one of the bundled sets ({', '.join(bundled)})"
         )
     stand = load_stand(folder / "bench.toml")
-    sheet, asked = corrected_sheet(stand, folder / "shifts.csv", corrections)
-    findings = examine(stand, sheet, asked)
+    sheet, corrections_made = corrected_sheet(stand, folder / "shifts.csv", corrections)
+    findings = examine(stand, sheet, corrections_made)
     require_no_slip(str(sheet.path), findings)
     step = found_step(sheet) if stand.clock_step is None else stand.clock_step
-    own = {**vars(stand), "corrections": asked, "clock_step": step}
-    cells = gather(readings_of(stand, sheet, asked))
+    fields = {**vars(stand), "corrections": corrections_made, "clock_step": step}
+    cells = gather(readings_of(stand, sheet, corrections_made))
     cells = tuple(cell.with_empty(stand.record.empty_cells) for cell in cells)
-    return Bench(**own, cells=cells, warnings=findings, folder=folder)
+    return Bench(**fields, cells=cells, warnings=findings, folder=folder)
 
 
 def corrected_sheet(
     stand: Stand, path: Path, corrections: Iterable[str]
 ) -> tuple[Sheet, tuple[str, ...]]:
     """Read a table and make the corrections of its data set, which are given back."""
-    asked = parse((*stand.corrections, *corrections))
+    corrections_made = parse((*stand.corrections, *corrections))
     sheet = load_sheet(path)
-    for correction in asked:
+    for correction in corrections_made:
         sheet = corrected(sheet, correction, stand.sensor)
-    return sheet, asked
+    return sheet, corrections_made
 
 
 def require_shifts(bench: Bench, *, times: bool) -> None:
     """Raise DataError where nothing is known of any shift, or with ``times`` none has a time."""
-    timed, engaged, tried = (
+    timed, engaged, attempts = (
         sum(getattr(cell, name) for cell in bench.cells) for name in ("n", "engaged", "tried")
     )
-    if not timed and not tried:
+    if not timed and not attempts:
         raise DataError(
             f"{bench.name} has no shift with a time and none that is known to have engaged or "
             "failed, so that there is nothing to compare; fill shift_time_s or engaged"
         )
     if times and not timed:
         raise DataError(
-            f"{bench.name} has no shift with a time ({engaged} of {tried} tried ones engaged), but "
-            "a diagnosis needs times; 'dogshape validate' compares the shares that engaged"
+            f"{bench.name} has no shift with a time ({engaged} of {attempts} tried ones engaged), "
+            "but a diagnosis needs times; 'dogshape validate' compares the shares that engaged"
         )
 
 
 def readings_of(stand: Stand, sheet: Sheet, asked: tuple[str, ...]) -> list[Reading]:
     """Return the rows of a table as readings; numbers that cannot be true raise DataError."""
-    found = []
+    readings = []
     for row in sheet.rows:
         try:
             point = OperatingPoint(row.mismatch * RPM, ForceProfile(row.force, row.rise))
@@ -202,9 +204,9 @@ def readings_of(stand: Stand, sheet: Sheet, asked: tuple[str, ...]) -> list[Read
             raise DataError(f"{sheet.path}, row {row.row}: {error}") from error
         if rule := impossible(stand, row, asked):
             raise bad_cell(sheet.path, row.row, "column shift_time_s", f"{row.time:.6g}", rule)
-        known = row.n, row.time, row.engaged, row.trace, row.sd, row.place
-        found.append(Reading(row.row, point, *known))
-    return found
+        fields = row.n, row.time, row.engaged, row.trace, row.sd, row.place
+        readings.append(Reading(row.row, point, *fields))
+    return readings
 
 
 def setting_of(bench: Bench) -> Setting:

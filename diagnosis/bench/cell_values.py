@@ -17,7 +17,7 @@ import numpy as np
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
 
-_SAME = str.maketrans({
+_ORDINARY_SIGNS = str.maketrans({
     **dict.fromkeys("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}", " "),
     **dict.fromkeys("\N{FIGURE SPACE}\N{SIX-PER-EM SPACE}\N{HAIR SPACE}", " "),
     **dict.fromkeys("\N{RIGHT SINGLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}\N{PRIME}", "'"),
@@ -32,12 +32,12 @@ _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")  # thousands or three decima
 _BEGINS = re.compile(r"[<>=~≤≥≈±+-]*\s*[.,]?\d")
 MAX_QUANTITY = 40  #: characters of a number with its unit
 NAMES = {".": "point", ",": "comma"}
-OTHER = {".": ",", ",": "."}
+OTHER_DECIMAL = {".": ",", ",": "."}
 
 
 def plain(cell: str) -> str:
     """Write a cell with ordinary minus sign and blank, the sign beside its digits."""
-    text = cell if cell.isascii() else cell.translate(_SAME)
+    text = cell if cell.isascii() else cell.translate(_ORDINARY_SIGNS)
     return text[0] + text[1:].lstrip() if text[:1] in ("+", "-") else text
 
 
@@ -47,7 +47,7 @@ def is_number(cell: str) -> bool:
 
 
 def begins_with_number(cell: str) -> bool:
-    """Test that a cell begins with a number, such as ``>1000`` and ``116 ± 12``."""
+    """Test that a cell begins with a number: ``>1000``, ``116 ± 12``."""
     return bool(_BEGINS.match(plain(cell)))
 
 
@@ -58,7 +58,7 @@ def numbers_of(cells: Sequence[str], sign: str | None = None) -> Array:
         if not _NUMBER.fullmatch(text):
             return math.nan
         decimal = sign or ("," if "," in text and "." not in text else ".")
-        digits = re.sub(f"[ '{OTHER[decimal]}]", "", text).replace(decimal, ".")
+        digits = re.sub(f"[ '{OTHER_DECIMAL[decimal]}]", "", text).replace(decimal, ".")
         number = float(digits.replace("D", "e").replace("d", "e"))
         return number if math.isfinite(number) else math.nan
 
@@ -73,35 +73,35 @@ def decimal_sign(
     ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both
     signs, and for those that can be read in two ways.
     """
-    sure: dict[str, str] = {}
-    asked: dict[str, str] = {}
+    certain: dict[str, str] = {}
+    questions: dict[str, str] = {}
     for head, cells in columns.items():
         for cell, row in zip(map(plain, cells), rows, strict=True):
             if is_number(cell) and (marks := re.findall("[.,]", cell)):
-                mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER[marks[-1]]
+                mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER_DECIMAL[marks[-1]]
                 if not _EITHER.fullmatch(cell):
-                    sure.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
+                    certain.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
                     continue
-                asked.setdefault(
+                questions.setdefault(
                     mark,
                     f"column '{head}', row {row}: '{cell}' can be read as "
-                    f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
+                    f"{cell.replace(mark, '')}, --decimal {OTHER_DECIMAL[mark]}, or as "
                     f"{cell.replace(mark, '.')}, --decimal {mark}",
                 )
-    if len(sure) > 1 or (stated and OTHER[stated] in sure):
-        both = " and with ".join(sure[mark] for mark in sorted(sure))
+    if len(certain) > 1 or (stated and OTHER_DECIMAL[stated] in certain):
+        signs = " and with ".join(certain[mark] for mark in sorted(certain))
         says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
         raise DataError(
-            f"numbers with {both}{says}, which can be read in two ways; save it with one sign"
+            f"numbers with {signs}{says}, which can be read in two ways; save it with one sign"
         )
-    sign = stated or next(iter(sure), None)
-    if sign or not asked:
+    sign = stated or next(iter(certain), None)
+    if sign or not questions:
         return sign
     mixed = [cells for cells in columns.values() if any(map(_EITHER.fullmatch, cells))]
-    whole = any(re.fullmatch(r"0*[1-9]\d*", cell) for cells in mixed for cell in cells)
-    if separator == "," and set(asked) == {"."} and not whole:
+    has_whole_number = any(re.fullmatch(r"0*[1-9]\d*", cell) for cells in mixed for cell in cells)
+    if separator == "," and set(questions) == {"."} and not has_whole_number:
         return "."
-    raise DataError("; ".join(asked.values()))
+    raise DataError("; ".join(questions.values()))
 
 
 SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"
@@ -166,13 +166,13 @@ def bare_unit(text: str) -> str:
 
 def unit_named(text: str) -> Unit | None:
     """Find the unit of a spelling, None for an unknown one."""
-    bare = bare_unit(text)
-    unit = UNITS.get(bare if bare in ("N", "n") else bare.lower())
+    spelling = bare_unit(text)
+    unit = UNITS.get(spelling if spelling in ("N", "n") else spelling.lower())
     return None if unit is None else replace(unit, text=text.strip())
 
 
 def unit_with_factor(text: str) -> Unit | None:
-    """Find a unit that may have a factor, such as ``0.1 ms``, ``x0.01 s`` and ``10^-1 ms``."""
+    """Find a unit with or without a factor: ``0.1 ms``, ``x0.01 s``, ``10^-1 ms``."""
     unit = unit_named(text)
     match = _FACTOR.fullmatch(text.strip().translate(_UNIT_SIGNS))
     if unit or not match:
@@ -191,7 +191,7 @@ def unit_with_factor(text: str) -> Unit | None:
 
 
 def split_quantity(cell: str) -> tuple[str, Unit | None]:
-    """Divide a cell such as ``0,642 kN`` into its number and unit; others stay whole."""
+    """Split a cell with a quantity, ``0,642 kN``, into number and unit; None for no unit."""
     text = plain(cell)
     if len(text) > MAX_QUANTITY:
         return cell, None
@@ -211,21 +211,25 @@ def split_head(text: str, below: str = "") -> tuple[str, Unit | None, str | None
     A unit stands in brackets at the end (``F [kN]``), after "in" or a stroke (``F/kN``), last
     (``t_shift ms``), or in a cell of its own ``below``.
     """
-    name, unit, strange, under = text, None, None, below.strip("[]() ")
+    name, unit, strange, unit_text = text, None, None, below.strip("[]() ")
     if match := _BRACKETS.match(text):
-        name, inside, rest = match.groups()
-        unit = unit_named(inside)
-        is_unit = "[" in text or unit_with_factor(inside) is not None
-        strange = None if unit or not is_unit or inside in ("", "-", "1") else inside
-        name = " ".join(filter(None, (name, "" if unit or strange else inside, rest)))
+        name, bracket_text, text_behind = match.groups()
+        unit = unit_named(bracket_text)
+        is_unit = "[" in text or unit_with_factor(bracket_text) is not None
+        strange = None if unit or not is_unit or bracket_text in ("", "-", "1") else bracket_text
+        name = " ".join(filter(None, (name, "" if unit or strange else bracket_text, text_behind)))
     elif match := _LAST.match(text):
-        bare, last = match.groups()
+        bare_name, last = match.groups()
         if "/" in last and unit_named(last) is None and unit_named(last.split("/", 1)[1]):
-            bare, last = f"{bare} {last.split('/', 1)[0]}", last.split("/", 1)[1]
+            bare_name, last = f"{bare_name} {last.split('/', 1)[0]}", last.split("/", 1)[1]
         unit = unit_named(last)
-        name = bare if unit else text
-    unit = unit or unit_named(under)
-    return name, unit, None if unit else strange or (under if re.search(r"\w", under) else None)
+        name = bare_name if unit else text
+    unit = unit or unit_named(unit_text)
+    return (
+        name,
+        unit,
+        None if unit else strange or (unit_text if re.search(r"\w", unit_text) else None),
+    )
 
 
 #: Dates and clocks that are read without a statement; Python's directives, or pandas' ISO 8601.
@@ -247,7 +251,7 @@ def is_dated(cells: Sequence[str]) -> bool:
 
 
 def durations_of(cells: Sequence[str]) -> list[str]:
-    """Convert clocks below a minute, such as ``00:00.116``, to s; empty if any cell is none."""
+    """Convert clocks below a minute, ``00:00.116``, to s; empty if any cell is none."""
     matches = [_DURATION.fullmatch(cell) for cell in cells if cell]
     if not matches or not all(matches):
         return []
@@ -300,7 +304,8 @@ class Column:
     """A column: its place from 1, head, name without unit, unit, an unknown unit, and cells.
 
     ``true_numbers`` says that its numbers are a workbook's own, with a decimal point; ``hidden``
-    that the workbook does not show it; ``repeats`` is the number of columns that it joins.
+    that the workbook does not show it; ``repeats`` is the number of columns that it joins;
+    ``is_outcome`` says that a share of its row was divided into yes and no.
     """
 
     place: int
@@ -312,6 +317,7 @@ class Column:
     true_numbers: bool = False
     hidden: bool = False
     repeats: int = 0
+    is_outcome: bool = False
 
     @cached_property
     def is_dated(self) -> bool:

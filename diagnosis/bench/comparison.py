@@ -22,7 +22,7 @@ from dogshape.sim.statistics.blocks import Block, Runner, even_blocks, numerical
 from dogshape.sim.statistics.expectation import expect_point
 from dogshape.sim.statistics.shift_records import result_of
 
-LEAST = 3  #: single readings that say something of their scatter
+MIN_READINGS = 3  #: single readings that say something of their scatter
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
 #: Of force and mismatch: the errors of means over few angles would hide the change by less.
 STEP = 0.15
@@ -77,9 +77,9 @@ class Comparison:
     @property
     def engaged(self) -> tuple[int, int, float]:
         """Bench shifts that engaged, of how many tried, and the simulated share at their points."""
-        tried = sum(d.cell.tried for d in self.differences)
+        attempts = sum(d.cell.tried for d in self.differences)
         expected = sum(d.cell.tried * d.engaged for d in self.differences)
-        return sum(d.cell.engaged for d in self.differences), tried, expected / max(1, tried)
+        return sum(d.cell.engaged for d in self.differences), attempts, expected / max(1, attempts)
 
 
 def _rms(values: list[float]) -> float | None:
@@ -99,13 +99,13 @@ def compare(
     data set, or sixteen. ``checked`` asks for the numerical error, by an eighth of the shifts
     again.
     """
-    asked = angles or bench.relative_angles or ANGLES
-    even, points = isinstance(asked, int), [cell.point for cell in bench.cells]
-    blocks = even_blocks(bench.clutch, points, asked, seed=1)
+    relative_angles = angles or bench.relative_angles or ANGLES
+    even, points = isinstance(relative_angles, int), [cell.point for cell in bench.cells]
+    blocks = even_blocks(bench.clutch, points, relative_angles, seed=1)
     rows = run(blocks)
     added = _input_errors(bench, blocks, run) if bench.errors else [0.0] * len(blocks)
-    found = []
-    for cell, records, own in zip(bench.cells, rows, added, strict=True):
+    gaps = []
+    for cell, records, input_error in zip(bench.cells, rows, added, strict=True):
         results = [result_of(record) for record in records]
         simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even=even)
         error = simulated.sd / math.sqrt(max(1, simulated.n))
@@ -114,22 +114,22 @@ def compare(
             share, cost = simulated.timed or 1.0, bench.clutch.timeout
             retry_error = cost / share**2 * math.sqrt(share * (1.0 - share) / simulated.n)
             error = math.hypot(simulated.engaged_error, retry_error, sampled)
-        error = math.hypot(max(error, 1e-6), own)
-        found.append(PointGap(cell, simulated.mean_engaged, error, simulated.engaged, simulated.n))
-    return Comparison(bench, tuple(found), numerical_error(blocks, rows, run) if checked else None)
+        error = math.hypot(max(error, 1e-6), input_error)
+        gaps.append(PointGap(cell, simulated.mean_engaged, error, simulated.engaged, simulated.n))
+    return Comparison(bench, tuple(gaps), numerical_error(blocks, rows, run) if checked else None)
 
 
 def _scatter(cell: Cell) -> float:
-    """Return the standard deviation of readings, s; 0 where too few say it.
+    """Compute the standard deviation of readings, s; 0 for too few readings.
 
     That of single ones is pooled with those that come beside means.
     """
     times = cell.times
-    known = [(r.n - 1.0, r.sd**2) for r in cell.readings if r.sd is not None]
-    if len(times) >= LEAST:
-        known.append((len(times) - 1.0, float(times.var(ddof=1))))
-    freedom, variance = np.reshape(known, (-1, 2)).T
-    enough = freedom.sum() >= LEAST - 1.0
+    spreads = [(r.n - 1.0, r.sd**2) for r in cell.readings if r.sd is not None]
+    if len(times) >= MIN_READINGS:
+        spreads.append((len(times) - 1.0, float(times.var(ddof=1))))
+    freedom, variance = np.reshape(spreads, (-1, 2)).T
+    enough = freedom.sum() >= MIN_READINGS - 1.0
     return float(np.sqrt(np.average(variance, weights=freedom))) if enough else 0.0
 
 
@@ -146,14 +146,17 @@ def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[fl
             continue
         ends = []
         for by in (1.0 - STEP, 1.0 + STEP):
-            moved = [
+            moved_blocks = [
                 replace(block, point=replace(p, profile=replace(p.profile, force=by * value))
                         if name == "force" else replace(p, mismatch=by * value))
                 for block, p, value in zip(blocks, points, values.tolist(), strict=True)
             ]  # fmt: skip
-            known = [[time for row in rows if (time := result_of(row).shift_time) is not None]
-                     for rows in run(moved)]  # fmt: skip
-            ends.append([sum(those) / len(those) if those else np.nan for those in known])
-        less, more = np.array(ends)  # s, by the logarithm of the quantity
-        squares += ((more - less) / (2.0 * STEP)) ** 2 * relative
+            means: list[float] = []
+            for rows in run(moved_blocks):
+                results = [result_of(row).shift_time for row in rows]
+                times = [time for time in results if time is not None]
+                means.append(sum(times) / len(times) if times else np.nan)
+            ends.append(means)
+        low_means, high_means = np.array(ends)  # s, by the logarithm of the quantity
+        squares += ((high_means - low_means) / (2.0 * STEP)) ** 2 * relative
     return list(np.sqrt(np.nan_to_num(squares)).tolist())

@@ -27,10 +27,10 @@ GIVEN = "given"
 KINDS = {"from_force": "zero", "zeroed": "zero", "turned": "sign", "exchanged": "columns"}
 
 
-def _scaled(one: Any, by: float, *names: str) -> Any:
+def _scaled(record: Any, factor: float, *names: str) -> Any:
     """Multiply fields of a row or a trace that have a value by a factor."""
-    values = {name: getattr(one, name) for name in names}
-    return replace(one, **{name: v * by for name, v in values.items() if v is not None})
+    values = {name: getattr(record, name) for name in names}
+    return replace(record, **{name: v * factor for name, v in values.items() if v is not None})
 
 
 def _start(trace: BenchTrace, row: Row) -> ForceStart:
@@ -64,8 +64,8 @@ def _from_force(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
 
 def _turned_displacement(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
     """Count the displacement from its reading at rest, in the other direction."""
-    rest = displacement_at_rest(trace, row.rise)
-    return replace(trace, displacement=rest - trace.displacement)
+    rest_displacement = displacement_at_rest(trace, row.rise)
+    return replace(trace, displacement=rest_displacement - trace.displacement)
 
 
 #: Corrections of rows and of their traces, in the order in which they are made.
@@ -102,32 +102,39 @@ JOINED = "points=joined"  #: of all rows at once, last
 WAYS = (*OF_ROWS, *OF_TRACES, JOINED)
 
 
-def contradict(one: str, other: str) -> bool:
+def contradict(first: str, second: str) -> bool:
     """Test that two corrections of one quantity cannot both be made."""
-    (quantity, _, way), (second, _, instead) = one.partition("="), other.partition("=")
-    if quantity != second or way == instead:
+    (quantity, _, way), (second_quantity, _, second_way) = (
+        first.partition("="),
+        second.partition("="),
+    )
+    if quantity != second_quantity or way == second_way:
         return False
-    return GIVEN in (way, instead) or KINDS.get(way) == KINDS.get(instead)
+    return GIVEN in (way, second_way) or KINDS.get(way) == KINDS.get(second_way)
 
 
 def parse(texts: Iterable[str]) -> tuple[str, ...]:
-    """Parse corrections such as ``time=ms``; InputError for unknown or contradicting ones.
+    """Parse corrections, ``time=ms``; InputError for unknown or contradicting ones.
 
     They come once each, in the order in which they are made.
     """
     quantities = dict.fromkeys(key.partition("=")[0] for key in WAYS)
-    every = [*WAYS, *(f"{quantity}={GIVEN}" for quantity in quantities)]
-    found: list[str] = []
+    valid_corrections = [*WAYS, *(f"{quantity}={GIVEN}" for quantity in quantities)]
+    corrections: list[str] = []
     for text in texts:
         quantity = text.partition("=")[0]
         require_known(f"quantity of the correction '{text}'", quantity, "a known one", quantities)
-        if text not in every:
-            valid = ", ".join(known for known in every if known.partition("=")[0] == quantity)
+        if text not in valid_corrections:
+            valid = ", ".join(
+                correction
+                for correction in valid_corrections
+                if correction.partition("=")[0] == quantity
+            )
             raise InputError(f"the correction '{text}' is not known; valid are {valid}")
-        for other in (one for one in found if contradict(text, one)):
-            raise InputError(f"the corrections {other} and {text} contradict each other; give one")
-        found.append(text)
-    return tuple(sorted(set(found), key=every.index))
+        for rival in (correction for correction in corrections if contradict(text, correction)):
+            raise InputError(f"the corrections {rival} and {text} contradict each other; give one")
+        corrections.append(text)
+    return tuple(sorted(set(corrections), key=valid_corrections.index))
 
 
 def corrected(sheet: Sheet, correction: str, sensor: Sensor) -> Sheet:

@@ -50,51 +50,53 @@ class SeenFlight:
 
 def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
     """Gather the marks of the flight from the traces of a data set, by force profile."""
-    every: dict[ForceProfile, list[BenchTrace]] = {}
+    traces_by_profile: dict[ForceProfile, list[BenchTrace]] = {}
     for cell in bench.cells:
-        every.setdefault(cell.point.profile, []).extend(cell.traces)
-    found = []
-    for profile, traces in every.items():
+        traces_by_profile.setdefault(cell.point.profile, []).extend(cell.traces)
+    flights = []
+    for profile, traces in traces_by_profile.items():
         marks = joined_marks(traces, profile, bench.clutch.dog.axial_gap)
-        known = np.flatnonzero(np.isfinite(marks[:, 0]))
-        if not known.size:
+        places = np.flatnonzero(np.isfinite(marks[:, 0]))
+        if not places.size:
             continue
-        times, errors, reach = marks[known].T
-        starts = [step_of(one.time) ** 2 / 12.0 + one.start_error**2 for one in traces]
+        times, errors, reach = marks[places].T
+        starts = [step_of(trace.time) ** 2 / 12.0 + trace.start_error**2 for trace in traces]
         start = float(np.mean(starts)) / len(traces)
-        covariance = np.diag(errors**2) + model_covariance(known, times, reach)
-        found.append(SeenFlight(profile, known, times, covariance + start))
-    return tuple(found)
+        covariance = np.diag(errors**2) + model_covariance(places, times, reach)
+        flights.append(SeenFlight(profile, places, times, covariance + start))
+    return tuple(flights)
 
 
 def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
     """Compute the covariance of flight and sensor errors beside scatter, s^2, (k, k)."""
     way = places < len(WAYS)
-    own = np.where(way, FLOOR, FORCE_FLOOR)
+    floor = np.where(way, FLOOR, FORCE_FLOOR)
     gains = way * GAIN["way"] * reach, ~way * GAIN["force"] * reach
     parts = *gains, way * SHARE * times, way * FLOOR
-    return np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
+    return np.diag(floor**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
 
 
 def joined_marks(traces: Sequence[BenchTrace], profile: ForceProfile, gap: float) -> Array:
     """Join the marks of traces of one profile: time, error, value over slope, s, (SIZE, 3)."""
-    table = np.array([trace_marks(one, profile, gap) for one in traces]).reshape(-1, SIZE, 3)
+    table = np.array([trace_marks(trace, profile, gap) for trace in traces]).reshape(-1, SIZE, 3)
     return np.array([_joined(table[:, k]) for k in range(SIZE)])
 
 
 def _joined(marks: Array) -> Array:
-    known = marks[np.isfinite(marks[:, 0])]
-    if 2 * len(known) < len(marks) or not len(known):
+    valid_marks = marks[np.isfinite(marks[:, 0])]
+    if 2 * len(valid_marks) < len(marks) or not len(valid_marks):
         return NO_MARK
-    times, errors, reach = known.T
-    apart = abs(times - np.median(times))
+    times, errors, reach = valid_marks.T
+    separation = abs(times - np.median(times))
     # The nearer half always stays, and so do one mark or two.
-    kept = apart <= APART * max(1.48 * float(np.median(apart)), float(np.median(errors)))
-    count = int(kept.sum())
-    variance = float((errors[kept] ** 2).mean())
+    is_close = separation <= APART * max(
+        1.48 * float(np.median(separation)), float(np.median(errors))
+    )
+    count = int(is_close.sum())
+    variance = float((errors[is_close] ** 2).mean())
     if count > 1:
-        variance = max(variance, float(times[kept].var(ddof=1)))
-    return np.array([times[kept].mean(), np.sqrt(variance / count), np.median(reach)])
+        variance = max(variance, float(times[is_close].var(ddof=1)))
+    return np.array([times[is_close].mean(), np.sqrt(variance / count), np.median(reach)])
 
 
 def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> Array:
@@ -114,18 +116,18 @@ def mark_of(time: Array, values: Array, level: float, around: tuple[float, float
     """
     noise = scatter(values)
     smooth = smoothed(values) if values.size else values
-    above = smooth >= level
-    if level < CLEAR * noise or not above.any() or above[0] or values.size < 3:
+    is_above = smooth >= level
+    if level < CLEAR * noise or not is_above.any() or is_above[0] or values.size < 3:
         return NO_MARK
     # Noise passes a level too early and too late alike: the middle is between first and last.
-    first = last = int(np.argmax(above))
-    near = np.flatnonzero(~above[first:] & (smooth[first:] > level - CLEAR * noise))
-    if near.size and near[0] < SAMPLES:
-        last = first + int(near[near < 2 * SAMPLES][-1]) + 1
-    below = np.flatnonzero(smooth[:first] < around[0] * level)
-    over = np.flatnonzero(smooth[last:] > around[1] * level)
-    low = int(below[-1]) if below.size else 0
-    high = last + int(over[0]) + 1 if over.size else smooth.size
+    first = last = int(np.argmax(is_above))
+    near_places = np.flatnonzero(~is_above[first:] & (smooth[first:] > level - CLEAR * noise))
+    if near_places.size and near_places[0] < SAMPLES:
+        last = first + int(near_places[near_places < 2 * SAMPLES][-1]) + 1
+    low_places = np.flatnonzero(smooth[:first] < around[0] * level)
+    high_places = np.flatnonzero(smooth[last:] > around[1] * level)
+    low = int(low_places[-1]) if low_places.size else 0
+    high = last + int(high_places[0]) + 1 if high_places.size else smooth.size
     while high - low < SAMPLES and (low > 0 or high < smooth.size):
         low, high = max(0, low - 1), min(smooth.size, high + 1)
     return _fitted(time[low:high], values[low:high], level, noise)
@@ -134,18 +136,21 @@ def mark_of(time: Array, values: Array, level: float, around: tuple[float, float
 def _fitted(time: Array, values: Array, level: float, noise: float) -> Array:
     degree = 2 if time.size >= 4 else 1
     centre, scale = float(time.mean()), float(np.ptp(time)) or 1.0
-    inside = (time - centre) / scale
-    matrix = np.vander(inside, degree + 1)
-    found = np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0], dtype=np.float64)
-    left = values - matrix @ found
-    sigma = max(noise, float(np.sqrt((left**2).sum() / max(1, time.size - degree - 1))))
-    roots, edge = np.roots([*found[:-1], found[-1] - level]), 0.5 / max(1, time.size - 1)
-    rising = (abs(roots.imag) < 1e-9) & (np.polyval(np.polyder(found), roots.real) > 0.0)
-    within = (roots.real >= inside[0] - edge) & (roots.real <= inside[-1] + edge)
+    scaled = (time - centre) / scale
+    matrix = np.vander(scaled, degree + 1)
+    coefficients = np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0], dtype=np.float64)
+    residual = values - matrix @ coefficients
+    sigma = max(noise, float(np.sqrt((residual**2).sum() / max(1, time.size - degree - 1))))
+    roots, edge = (
+        np.roots([*coefficients[:-1], coefficients[-1] - level]),
+        0.5 / max(1, time.size - 1),
+    )
+    rising = (abs(roots.imag) < 1e-9) & (np.polyval(np.polyder(coefficients), roots.real) > 0.0)
+    within = (roots.real >= scaled[0] - edge) & (roots.real <= scaled[-1] + edge)
     if not (rising & within).any():
         return NO_MARK
     place = min(roots.real[rising & within].tolist(), key=abs)
     row = place ** np.arange(degree, -1, -1.0)
     error = sigma * float(np.sqrt(row @ np.linalg.inv(matrix.T @ matrix) @ row))
-    slope = float(np.polyval(np.polyder(found), place)) / scale
+    slope = float(np.polyval(np.polyder(coefficients), place)) / scale
     return np.array([centre + scale * place, error / slope, level / slope])

@@ -58,24 +58,24 @@ def find_force_start(trace: BenchTrace, rise: float) -> ForceStart | None:
     """
     size = _undisturbed(trace)
     time, force = trace.time[:size], trace.force[:size]
-    smooth, rest = smoothed(force), float(np.median(force[:FIRST]))
-    top = float(smooth.max()) - rest
-    least = max(THRESHOLD * top, CLEAR * scatter(force))
+    smooth, rest_force = smoothed(force), float(np.median(force[:FIRST]))
+    top = float(smooth.max()) - rest_force
+    threshold = max(THRESHOLD * top, CLEAR * scatter(force))
     # From the rise backwards: hum and bursts before it may pass the threshold too.
-    end = int(np.argmax(smooth >= rest + RISEN * top)) + 1
-    below = np.flatnonzero(smooth[:end] < rest + least)
-    if top < 2.0 * least or not below.size:
+    end = int(np.argmax(smooth >= rest_force + RISEN * top)) + 1
+    low_places = np.flatnonzero(smooth[:end] < rest_force + threshold)
+    if top < 2.0 * threshold or not low_places.size:
         return None
-    place = min(int(below[-1]) + 1, end - 1)
+    place = min(int(low_places[-1]) + 1, end - 1)
     begin = max(0, place - RESTED * (end - place))
-    start, error, level = float(time[place]) - 0.5 * step_of(trace.time), 0.0, rest
+    start, error, level = float(time[place]) - 0.5 * step_of(trace.time), 0.0, rest_force
     if end - place >= FITTED:
         start, error, level = _fit_start(time[begin:end], force[begin:end], place - begin, rise)
-    still = trace.displacement[: max(FIRST, int(np.searchsorted(trace.time, start)))]
+    displacement_before = trace.displacement[: max(FIRST, int(np.searchsorted(trace.time, start)))]
     # Between two samples a jump may be anywhere.
     step = trace.steps.get("force_N", step_of(trace.time))
     error = float(np.hypot(error, step / np.sqrt(12.0)))
-    return ForceStart(start, error, level, float(np.median(still)))
+    return ForceStart(start, error, level, float(np.median(displacement_before)))
 
 
 def displacement_at_rest(trace: BenchTrace, rise: float) -> float:
@@ -109,13 +109,14 @@ def _undisturbed(trace: BenchTrace) -> int:
     where it falls later (release, seating).
     """
     way, force = smoothed(trace.displacement), smoothed(trace.force)
-    least = max(THRESHOLD * np.ptp(force), 2.0 * CLEAR * scatter(trace.force))
-    fallen = np.maximum.accumulate(force) - force > least
+    min_fall = max(THRESHOLD * np.ptp(force), 2.0 * CLEAR * scatter(trace.force))
+    fallen = np.maximum.accumulate(force) - force > min_fall
     if not fallen.any():
         return way.size
-    rest = float(np.median(way[:FIRST]))
+    rest_displacement = float(np.median(way[:FIRST]))
     touched, arrived = (
-        int(np.argmax(way >= rest + share * (way.max() - rest))) for share in (FREE, ARRIVED)
+        int(np.argmax(way >= rest_displacement + share * (way.max() - rest_displacement)))
+        for share in (FREE, ARRIVED)
     )
     return max(2 * FIRST, touched if np.argmax(fallen) < arrived else arrived)
 
@@ -131,21 +132,21 @@ def _fit(time: Array, force: Array, shape: Shape, low: float) -> tuple[float, fl
         return np.stack([np.ones_like(tau), *shape(tau)], axis=-1)
 
     def solved(matrix: Array) -> tuple[Array, Array]:
-        turned = matrix.swapaxes(1, 2)
-        found = np.linalg.pinv(turned @ matrix) @ (turned @ force)[..., None]
-        return found, ((force - (matrix @ found)[..., 0]) ** 2).sum(axis=1)
+        transposed = matrix.swapaxes(1, 2)
+        solution = np.linalg.pinv(transposed @ matrix) @ (transposed @ force)[..., None]
+        return solution, ((force - (matrix @ solution)[..., 0]) ** 2).sum(axis=1)
 
     low, high = max(low, -SEARCHED), 0.0
     for _ in range(PASSES):
         starts = np.linspace(low, high, GRID)
         place = int(np.argmin(solved(columns(starts))[1]))
         low, high = float(starts[max(0, place - 1)]), float(starts[min(GRID - 1, place + 1)])
-    start, near = float(starts[place]), 1e-4
-    matrix = columns(np.array([start, start - near, start + near]))
-    found, left = solved(matrix[:1])
-    whole = np.column_stack([matrix[0], (matrix[2] - matrix[1]) @ found[0] / (2.0 * near)])
-    squares, size = max(float(left[0]), 1e-300), time.size
-    inverse = np.linalg.pinv(whole.T @ whole)[-1, -1]
-    error = float(np.sqrt(squares / max(1, size - whole.shape[1]) * max(0.0, inverse)))
-    score = size * np.log(squares / size) + whole.shape[1] * np.log(size)
-    return float(score), start, error, float(found[0, 0, 0])
+    start, step = float(starts[place]), 1e-4
+    matrix = columns(np.array([start, start - step, start + step]))
+    solution, squares_left = solved(matrix[:1])
+    jacobian = np.column_stack([matrix[0], (matrix[2] - matrix[1]) @ solution[0] / (2.0 * step)])
+    squares, size = max(float(squares_left[0]), 1e-300), time.size
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)[-1, -1]
+    error = float(np.sqrt(squares / max(1, size - jacobian.shape[1]) * max(0.0, inverse)))
+    score = size * np.log(squares / size) + jacobian.shape[1] * np.log(size)
+    return float(score), start, error, float(solution[0, 0, 0])

@@ -31,6 +31,7 @@ from dogshape.diagnosis.bench.cell_values import (
 )
 from dogshape.diagnosis.bench.foreign_table import MIN_REPEATS, REPEATS, ROUNDED, ForeignTable
 from dogshape.diagnosis.bench.quantities import (
+    LOOSE,
     SHIFTS,
     WORD,
     Quantity,
@@ -46,6 +47,7 @@ from dogshape.sim.errors import InputError, did_you_mean
 
 #: Unit of a count in a formula of quantities with units.
 PURE_NUMBER = Unit("", MISC, 1.0)
+PERCENT = Unit("%", MISC, 0.01)  #: of a share in a formula
 NONE = "-"  #: column option of a quantity that is not to be read
 #: Quantities of which loose words settle nothing between columns of the right kind.
 UNDECIDED = ("mismatch_rpm", "shift_time_s")
@@ -65,6 +67,16 @@ _STANDARD_DEVIATION = (
     r"|deviazione standard|desviacion (estandar|tipica)|scarto (tipo|quadratico medio)"
     r"|smerodatna odchylka|odchylenie standardowe"
 )
+_VARIANCE = (
+    r"varian[zs]|variance|varianza|variantie|wariancja|rozptyl|var|s ?2|sigma ?2|sigma squared"
+)
+_VARIATION = (
+    r"cv|vk|vko|rsd|variationskoeffizient\w*|\w*variationskoeff\w*|coef\w* (of |de |di )?varia\w*"
+    r"|rel\w* (standardabweichung|standard deviation|std\w*|sd|streuung)|variatiecoefficient"
+)
+#: A variation of another quantity.
+_OTHER_SPREAD = r"f|force|\w*kraft|n|mismatch|\w*drehzahl|rise|anstieg|regime"
+_SQUARED = re.compile(r"(.*[^\d\W])\s*(?:²|\^?2)")
 #: Two or three standard deviations, the number before the word.
 _MULTIPLE = rf"\b([23]) ?(?:x |mal |times )?(?:{_STANDARD_DEVIATION}|standard deviations)\b"
 _UNSETTLED = rf"{MEAN}|max|min|rel\w*|err\w*|confidence|konfidenz\w*|range|[02-9]\w*|\d\d+|k"
@@ -103,7 +115,10 @@ class Matching:
     @property
     def columns(self) -> dict[Column, str]:
         """The columns that are read, with their quantities."""
-        return {column: match.quantity.name for match in self.matches for column, _ in match.terms}
+        names = {column: m.quantity.name for m in self.matches for column, _ in m.terms}
+        # A number of shifts or a mean may also be a factor of the spread.
+        names |= {m.terms[0][0]: m.quantity.name for m in self.matches if len(m.terms) == 1}
+        return names
 
     def lines(self) -> Iterator[str]:
         """Describe the matches, a line each."""
@@ -129,8 +144,8 @@ def matched(
             matches += [stated_match(columns, quantities, name, text)] if text != NONE else []
         except InputError as error:
             questions.append(str(error))
-    taken = {column for match in matches for column, _ in match.terms}
-    free = [column for column in columns if column not in taken]
+    stated = {c for match in matches for c, _ in match.terms if not _is_factor(match, c)}
+    free = [column for column in columns if column not in stated]
     scores = {q: {c: score(q, c) for c in free} for q in quantities if q.name not in options}
     order = sorted(scores, key=lambda quantity: -max(scores[quantity].values(), default=0.0))
     for quantity in order:
@@ -144,17 +159,29 @@ def matched(
         else:
             column = candidates[0]
             free.remove(column)
-            why = "name and unit" if column.unit else "name"
-            matches.append(Match(quantity, ((column, column.unit),), why))
+            reason = "name and unit" if column.unit else "name"
+            matches.append(Match(quantity, ((column, column.unit),), reason))
     nameless = [column.head == f"column {column.place}" for column in columns]
     if missing and all(nameless):
         questions.append(_ask_for_names(missing, columns))
     else:
         questions += [_missing(quantity, free) for quantity in missing]
     if quantities is SHIFTS:
-        matches, asked = _with_spread(matches, options)
-        questions += [*asked, *_uncounted_means(matches, options)]
+        if "shift_time_sd_s" not in {match.quantity.name for match in matches} | set(options):
+            variation, spread_questions = _variation_match(matches, free)
+            matches += variation
+            questions += spread_questions
+        matches, spread_questions = _with_spread(matches, options)
+        questions += [*spread_questions, *_uncounted_means(matches, options)]
     return Matching(tuple(matches), tuple(questions))
+
+
+def _is_factor(match: Match, column: Column) -> bool:
+    """Test that a spread is a formula with a mean or number of shifts, which stay quantities."""
+    if match.quantity.name != "shift_time_sd_s" or len(match.terms) < 2:
+        return False
+    results = [q for q in SHIFTS if q.name in ("shift_time_s", "n_shifts")]
+    return any(score(quantity, column) >= LOOSE for quantity in results)
 
 
 def _candidates(
@@ -189,8 +216,8 @@ def _which(name: str, candidates: Sequence[Column]) -> str:
     repeated = {repeated_name(column) for column in candidates}
     if name == "shift_time_s" and len(repeated) == 1 and None not in repeated:
         return _repeats_question(candidates)
-    named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in candidates]
-    ways = " or ".join(f"--column {name}='{label}'" for label in named)
+    labels = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in candidates]
+    ways = " or ".join(f"--column {name}='{label}'" for label in labels)
     question = f"{name} may be the column {' or '.join(map(repr, heads))}; say which: {ways}"
     if name == "shift_time_s" and len(set(heads)) == len(heads):
         question += f", or --column {name}='{'; '.join(heads)}' where each is the time of a shift"
@@ -306,11 +333,11 @@ def stated_match(
     by_name = {quantity.name: quantity for quantity in quantities}
     if name not in by_name:
         raise InputError(f"--column {name}=... names no quantity; {did_you_mean(name, by_name)}")
-    quantity, labels = by_name[name], _labels(columns)
+    quantity, labels = by_name[name], column_labels(columns)
     pattern = "|".join(re.escape(label) for label in sorted(labels, key=len, reverse=True) if label)
-    whole = re.fullmatch(rf"({pattern})(?::(.*))?", text) if pattern else None
-    if whole:
-        column, option = labels[whole[1]], whole[2] or ""
+    match = re.fullmatch(rf"({pattern})(?::(.*))?", text) if pattern else None
+    if match:
+        column, option = labels[match[1]], match[2] or ""
         unit = unit_with_factor(option) if option else column.unit
         if name not in WORDED:
             _require_unit(quantity, option, unit)
@@ -325,7 +352,8 @@ def stated_match(
     return _formula_match(quantity, text, labels, pattern, columns)
 
 
-def _labels(columns: Sequence[Column]) -> dict[str, Column]:
+def column_labels(columns: Sequence[Column]) -> dict[str, Column]:
+    """Map heads, names and places that occur once to their columns."""
     labels = {f"column {column.place}": column for column in columns}
     for names in ([column.name for column in columns], [column.head for column in columns]):
         labels |= {n: c for n, c in zip(names, columns, strict=True) if names.count(n) == 1}
@@ -359,8 +387,8 @@ def _constant(quantity: Quantity, text: str) -> Match | None:
     if quantity.dimension is not None:
         _require_unit(quantity, text if unit is None else "", unit)
     value = float(numbers_of([cell])[0]) * (unit.factor if unit else 1.0)
-    why = f"--column {text}, for all rows"
-    return Match(quantity, (), why, formula=f"{value:.15g}", stated=True)
+    reason = f"--column {text}, for all rows"
+    return Match(quantity, (), reason, formula=f"{value:.15g}", stated=True)
 
 
 def _formula_match(
@@ -375,11 +403,13 @@ def _formula_match(
     areas = _AREA_LITERAL.findall(text) if quantity.dimension == FORCE else []
 
     def placed(match: re.Match[str]) -> str:
-        column, asked = labels[match[1]], match[2] or ""
-        unit = unit_named(asked) if asked else column.unit
+        column, unit_text = labels[match[1]], match[2] or ""
+        unit = unit_named(unit_text) if unit_text else column.unit
+        if quantity.name == "shift_time_sd_s":
+            unit = _spread_unit(column, unit_text) or unit
         pressed = unit is not None and unit.dimension == PRESSURE and len(areas) == 1
-        if not pressed:
-            _require_unit(quantity, asked, unit)
+        if not pressed and unit not in (PURE_NUMBER, PERCENT):
+            _require_unit(quantity, unit_text, unit)
         terms.append((column, unit))
         return f"c{len(terms) - 1}"
 
@@ -399,6 +429,13 @@ def _formula_match(
     if any(unit for _, unit in terms):
         terms = [(column, unit or PURE_NUMBER) for column, unit in terms]
     return Match(quantity, tuple(terms), _reason(text, terms), formula, stated=True)
+
+
+def _spread_unit(column: Column, unit_text: str) -> Unit | None:
+    """Find the unit of a coefficient of variation or of a variance in a formula of a spread."""
+    if has_word(_VARIATION, plain_words(column.name)):
+        return PERCENT if column.unit is not None and column.unit.text == "%" else PURE_NUMBER
+    return squared_time(unit_text or column.strange or "")
 
 
 def _area_in_cm2(match: re.Match[str]) -> str:
@@ -422,9 +459,9 @@ def with_repeats(
         repeats = _certain_repeats(table.columns)
     if not repeats:
         return table, options, []
-    others = [column for column in table.columns if column not in repeats]
-    summaries, questions = _summaries_of(repeats, others)
-    others = [column for column in others if column not in summaries]
+    other_columns = [column for column in table.columns if column not in repeats]
+    summaries, questions = _summaries_of(repeats, other_columns)
+    other_columns = [column for column in other_columns if column not in summaries]
     cells = [column.cells for column in repeats]
     places = [
         (k, r)
@@ -446,7 +483,7 @@ def with_repeats(
         cells=tuple(cells[r][k] for k, r in places),
         repeats=len(repeats),
     )
-    repeated = [replace(c, cells=tuple(c.cells[k] for k, _ in places)) for c in others]
+    repeated = [replace(c, cells=tuple(c.cells[k] for k, _ in places)) for c in other_columns]
     body = tuple(table.layout.body[k] for k, _ in places)
     reshaped = replace(
         table,
@@ -460,7 +497,7 @@ def with_repeats(
 
 def _stated_repeats(columns: Sequence[Column], text: str) -> tuple[list[Column], str]:
     """Read ``t1 [ms]; t2 [ms]:s``: columns that are shifts each, and their unit with its colon."""
-    labels = _labels(columns)
+    labels = column_labels(columns)
     heads, colon, unit = text.rpartition(":")
     for names, suffix in ((text, ""), (heads, colon + unit)):
         parts = [name.strip() for name in names.split(";")]
@@ -490,7 +527,7 @@ def _certain_repeats(columns: Sequence[Column]) -> list[Column]:
 
 
 def _summaries_of(
-    repeats: Sequence[Column], others: Sequence[Column]
+    repeats: Sequence[Column], other_columns: Sequence[Column]
 ) -> tuple[list[Column], list[str]]:
     """Find mean, spread and number of the repeats among other columns, and wrong ones of them."""
     values = np.ma.masked_invalid([column.values for column in repeats])
@@ -499,20 +536,22 @@ def _summaries_of(
         for name in ("n_shifts", "shift_time_sd_s")
     )
     summaries, questions = [], []
-    for column in others:
+    for column in other_columns:
         name = plain_words(column.name)
         if score(spread, column) > 0.0:
             summaries.append(column)
             continue
         if has_word(MEAN, name):
-            wanted = values.mean(axis=0)
+            expected = values.mean(axis=0)
         elif score(count, column) > 0.0 and not counts_up(column):
-            wanted = values.count(axis=0)
+            expected = values.count(axis=0)
         else:
             continue
         summaries.append(column)
-        same = np.isclose(column.values, np.ma.filled(wanted, np.nan), rtol=ROUNDED, equal_nan=True)
-        if not same.all():
+        is_equal = np.isclose(
+            column.values, np.ma.filled(expected, np.nan), rtol=ROUNDED, equal_nan=True
+        )
+        if not is_equal.all():
             questions.append(
                 f"'{column.head}' is neither mean nor number of {repeats[0].head} to "
                 f"{repeats[-1].head} in every row; give each shift a row of its own"
@@ -528,29 +567,109 @@ def _with_spread(
 ) -> tuple[list[Match], list[str]]:
     """Convert a spread that its name settles into a standard deviation; ask about others."""
     name = "shift_time_sd_s"
-    changed, questions = [], []
-    count = next((match for match in matches if match.quantity.name == "n_shifts"), None)
+    converted: list[Match] = []
+    questions: list[str] = []
+    by_name = {match.quantity.name: match for match in matches}
     for match in matches:
-        if match.quantity.name != name or name in options:
-            changed.append(match)
+        # A product is a coefficient of variation times the mean already.
+        if match.quantity.name != name or name in options or len(match.terms) > 1:
+            converted.append(match)
             continue
-        column = match.terms[0][0]
+        deviation = _deviation_of(match, by_name.get("n_shifts"))
+        if deviation is not None:
+            converted.append(deviation)
+        elif not has_word(_STANDARD_ERROR, plain_words(match.terms[0][0].name)):
+            questions.append(_open_spread(match.terms[0][0], by_name.get("shift_time_s")))
+    return converted, questions
+
+
+def _deviation_of(match: Match, count: Match | None) -> Match | None:
+    """Convert the match of a spread into a standard deviation; None where its name is open.
+
+    A standard error is open without ``count``, the match of the numbers of shifts.
+    """
+    column = match.terms[0][0]
+    words = plain_words(column.name)
+    multiple = re.search(_MULTIPLE, words)
+    squared = squared_time(column.strange or "")
+    is_variation = has_word(_VARIATION, words) and column.unit is None
+    if squared is not None:
+        reason = f"{match.why}; root of the variance"
+        return replace(match, terms=((column, squared),), formula="sqrt(c0)", why=reason)
+    if is_variation or has_word(_VARIANCE, words):
+        return None
+    if multiple:
+        reason = f"{match.why}; {multiple[1]} standard deviations"
+        return replace(match, formula=f"c0 / {multiple[1]}", why=reason)
+    if has_word(_STANDARD_ERROR, words) and count is not None:
+        reason = f"{match.why}; standard error times the root of '{count.head}'"
+        terms = (*match.terms, *((counted, PURE_NUMBER) for counted, _ in count.terms))
+        formula = "c0 * sqrt(c1)" if count.terms else f"c0 * sqrt({count.formula})"
+        return replace(match, terms=terms, formula=formula, why=reason)
+    settled = has_word(_STANDARD_DEVIATION, words) and not has_word(_UNSETTLED, words)
+    is_error = has_word(_STANDARD_ERROR, words)
+    return match if settled and not is_error else None
+
+
+def _open_spread(column: Column, time: Match | None) -> str:
+    """Ask for the meaning of a spread with an open name."""
+    words = plain_words(column.name)
+    if has_word(_VARIATION, words) and column.unit is None:
+        return _variation_question(column, time)
+    if has_word(_VARIANCE, words):
+        return _variance_question(column)
+    return _spread_question(column)
+
+
+def squared_time(text: str) -> Unit | None:
+    """Find the unit of a variance of times, ``ms²``, its factor to s²; None for another text."""
+    match = _SQUARED.fullmatch(text.strip())
+    unit = unit_named(match[1]) if match else None
+    if unit is None or unit.dimension != TIME:
+        return None
+    return Unit(text.strip(), TIME, unit.factor**2)
+
+
+def _variation_match(
+    matches: Sequence[Match], free: Sequence[Column]
+) -> tuple[list[Match], list[str]]:
+    """Match a coefficient of variation, whose product with the time is the standard deviation.
+
+    Returns the match, and a question where no unit says percent.
+    """
+    spread = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_sd_s")
+    time = next((match for match in matches if match.quantity.name == "shift_time_s"), None)
+    for column in free:
         words = plain_words(column.name)
-        multiple = re.search(_MULTIPLE, words)
-        error = has_word(_STANDARD_ERROR, words)
-        if multiple:
-            why = f"{match.why}; {multiple[1]} standard deviations"
-            changed.append(replace(match, formula=f"c0 / {multiple[1]}", why=why))
-        elif error and count is not None:
-            why = f"{match.why}; standard error times the root of '{count.head}'"
-            terms = (*match.terms, *((counted, PURE_NUMBER) for counted, _ in count.terms))
-            formula = "c0 * sqrt(c1)" if count.terms else f"c0 * sqrt({count.formula})"
-            changed.append(replace(match, terms=terms, formula=formula, why=why))
-        elif has_word(_STANDARD_DEVIATION, words) and not has_word(_UNSETTLED, words):
-            changed.append(match)
-        elif not error:
-            questions.append(_spread_question(column))
-    return changed, questions
+        is_other = column.hidden or has_word(_OTHER_SPREAD, words)
+        if is_other or not has_word(_VARIATION, words) or not np.isfinite(column.values).any():
+            continue
+        is_percent = column.unit is not None and column.unit.text.strip() == "%"
+        if not is_percent or time is None or time.formula != "c0":
+            return [], [_variation_question(column, time)]
+        reason = "name and unit; percent of the mean"
+        terms = ((column, PERCENT), *time.terms)
+        return [Match(spread, terms, reason, formula="c0 * c1")], []
+    return [], []
+
+
+def _variation_question(column: Column, time: Match | None) -> str:
+    option = "--column shift_time_sd_s"
+    mean = time.head if time is not None and time.formula == "c0" else "TIME"
+    return (
+        f"'{column.head}' is a coefficient of variation; say {option}='{column.head} * {mean} / "
+        f"100' for percent of the mean, {option}='{column.head} * {mean}' for a share of it, or "
+        f"{option}={NONE} to leave it out"
+    )
+
+
+def _variance_question(column: Column) -> str:
+    option = "--column shift_time_sd_s"
+    return (
+        f"'{column.head}' is a variance, whose root is the standard deviation, but no unit is "
+        f"squared; say {option}='sqrt({column.head}:ms2)' or s2, {option}='{column.head}' where it "
+        f"is a standard deviation, or {option}={NONE} to leave it out"
+    )
 
 
 def _spread_question(column: Column) -> str:
@@ -569,17 +688,17 @@ def _uncounted_means(matches: Sequence[Match], options: Mapping[str, str]) -> li
     if "n_shifts" in by_name or "n_shifts" in options or time is None:
         return []
     spread = by_name.get("shift_time_sd_s")
-    named = [column for column, _ in time.terms if has_word(MEAN, plain_words(column.name))]
-    if not named and spread is None:
+    means = [column for column, _ in time.terms if has_word(MEAN, plain_words(column.name))]
+    if not means and spread is None:
         return []
-    why = (
-        f"'{named[0].head}' is a mean"
-        if named
+    reason = (
+        f"'{means[0].head}' is a mean"
+        if means
         else f"'{spread.head}' is a spread"
         if spread
         else ""
     )
     return [
-        f"{why}, so that each row is a mean of shifts, but no column counts them; say --column "
+        f"{reason}, so that each row is a mean of shifts, but no column counts them; say --column "
         "n_shifts=COLUMN, or a number for all rows, such as --column n_shifts=5"
     ]

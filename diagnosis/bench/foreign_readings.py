@@ -57,13 +57,14 @@ from dogshape.diagnosis.bench.quantities import (
     score,
 )
 from dogshape.diagnosis.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
+from dogshape.diagnosis.bench.row_splits import with_lists, with_shares
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.raw_sheet import CellNote
 from dogshape.sim.texts import join_faults
 
-SHOWN = 40  #: characters of a cell that a sentence shows
-MOST = 12  #: faults of one kind that are join_faults one by one
+MAX_CELL_CHARACTERS = 40  #: characters of a cell that a sentence shows
+MAX_LISTED = 12  #: faults of one kind that are listed one by one
 #: Factor between values of one column from which two units are likely.
 MIXED_UNITS = {"force_N": 100.0, "shift_time_s": 300.0}
 #: Quantities of which a merged cell would repeat a result, not a set value.
@@ -77,18 +78,18 @@ Values = list[Any]  #: a value for each row, None where there is none
 
 @dataclass
 class Report:
-    """Faults and questions, assumptions, readings, and what was left out with the reason."""
+    """Record of a reading: faults, assumptions, readings, excluded rows and columns."""
 
     faults: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
     left_out: list[dict[str, Any]] = field(default_factory=list)
     readings: list[dict[str, Any]] = field(default_factory=list)
 
-    def require(self, where: str) -> None:
+    def require(self, place: str) -> None:
         """Raise DataError with all faults, if there are any."""
         faults = list(dict.fromkeys(self.faults))
         if faults:
-            raise DataError(join_faults(where, faults) if len(faults) > 1 else faults[0])
+            raise DataError(join_faults(place, faults) if len(faults) > 1 else faults[0])
 
 
 class TableReader:
@@ -146,10 +147,16 @@ class TableReader:
             self.table, settled = chosen_rows(self.table, self.choice)
         except InputError as error:
             questions.append(str(error))
-        self.table, reshaped_options, asked = with_repeats(self.table, options)
+        stated = set(options)
+        self.table, options, repeat_questions = with_repeats(self.table, options)
+        if not repeat_questions and self.table.layout.name != REPEATS:
+            self.table, options = with_lists(self.table, options)
+        self.table, options, faults = with_shares(self.table, options)
+        settled |= frozenset(column.head for column in self.table.columns if column.is_outcome)
+        questions += faults
         needed = {quantity.name for quantity in SHIFTS if quantity.needed}
-        beside = "" if needed <= set(options) else side_question(self.table.columns)
-        return settled, reshaped_options, [*questions, *asked, *filter(None, [beside])]
+        side_text = "" if needed <= stated else side_question(self.table.columns)
+        return settled, options, [*questions, *repeat_questions, *filter(None, [side_text])]
 
     def _drop_empty_rows(self, options: Mapping[str, str]) -> None:
         """Leave rows out that have no cell in the columns that are read."""
@@ -162,7 +169,7 @@ class TableReader:
             self.matching = matched(self.table.columns, self.quantities, options)
 
     def _find_sign(self, decimal: str | None, read: Mapping[Column, str]) -> list[str]:
-        """Determine the decimal sign of texts; record a fault where it is ambiguous."""
+        """Determine the decimal sign of texts; return a fault for an ambiguous one."""
         cells = {
             column.head: [split_quantity(cell)[0] for cell in self._plain_cells(column)]
             for column in read
@@ -190,6 +197,7 @@ class TableReader:
         ]
         if table.layout.name in SENTENCES:
             report.assumed.append(f"{file}: {SENTENCES[table.layout.name]}")
+        report.assumed += [f"{file}: {remark}" for remark in table.sheet.remarks]
         merged = [note for note in table.sheet.merged if note.row in table.rows]
         if merged:
             report.assumed.append(
@@ -224,8 +232,8 @@ class TableReader:
         faults = []
         for place, cells in groups.items():
             first, sentence = cells[0]
-            others = ", ".join(str(note.row) for note, _ in cells[1:MOST])
-            likewise = f"; likewise row {others}" if others else ""
+            other_rows = ", ".join(str(note.row) for note, _ in cells[1:MAX_LISTED])
+            likewise = f"; likewise row {other_rows}" if other_rows else ""
             faults.append(f"row {first.row}, column '{heads[place]}': {sentence}{likewise}")
         return faults
 
@@ -238,22 +246,22 @@ class TableReader:
         yield from (("rows and marks", line) for line in self.plan.lines())
 
     def _fault(self, match: Match, text: str) -> None:
-        where = f"{self.table.path}, column '{match.head}' ({match.quantity.name})"
-        self.report.faults.append(f"{where} {text}")
+        place = f"{self.table.path}, column '{match.head}' ({match.quantity.name})"
+        self.report.faults.append(f"{place} {text}")
 
     def _rows(self, cells: Sequence[Any], wrong: Sequence[bool]) -> str:
         rows = [
-            f"row {row}: '{str(cell)[:SHOWN]}'"
+            f"row {row}: '{str(cell)[:MAX_CELL_CHARACTERS]}'"
             for row, cell, is_wrong in zip(self.table.rows, cells, wrong, strict=True)
             if is_wrong
         ]
-        more = f" and {len(rows) - MOST} more" if len(rows) > MOST else ""
-        return ", ".join(rows[:MOST]) + more
+        remainder = f" and {len(rows) - MAX_LISTED} more" if len(rows) > MAX_LISTED else ""
+        return ", ".join(rows[:MAX_LISTED]) + remainder
 
-    def _record(self, match: Match, values: Values, why: str, unit: str = "") -> Values:
+    def _record(self, match: Match, values: Values, reason: str, unit: str = "") -> Values:
         """Record how values were read, and return them."""
-        known = [value for value in values if value is not None]
-        numbers = [value for value in known if isinstance(value, float)]
+        entries = [value for value in values if value is not None]
+        numbers = [value for value in entries if isinstance(value, float)]
         cells = [cell for column, _ in match.terms for cell in column.cells] if numbers else []
         signed = self.sign and any(self.sign in cell for cell in cells)
         self.report.readings.append(
@@ -263,16 +271,16 @@ class TableReader:
                 "column": match.head,
                 "unit": unit or None,
                 "decimals": NAMES[str(self.sign)] if signed else None,
-                "first": next(iter(known), None),
+                "first": next(iter(entries), None),
                 "least": min(numbers, default=None),
                 "largest": max(numbers, default=None),
-                "why": f"{match.why}; {why}".rstrip("; "),
+                "why": f"{match.why}; {reason}".rstrip("; "),
             }
         )
         return values
 
     def read(self) -> dict[str, Values]:
-        """Read all quantities, None where a column does not say them or is not there.
+        """Read all quantities, (rows,) each; None for an empty cell or a missing column.
 
         Numbers are in the project's unit; cells that cannot be read are a fault.
         """
@@ -296,15 +304,18 @@ class TableReader:
         if not match.terms:
             return self._record(match, [float(match.formula)] * len(self.table.rows), "")
         terms = [self._term(match, column, unit) for column, unit in match.terms]
-        frame, why = pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)}), ""
+        frame, error_text = (
+            pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)}),
+            "",
+        )
         try:
             values = pd.to_numeric(frame.eval(match.formula)).replace([np.inf, -np.inf], np.nan)
         except Exception as error:  # what it raises depends on the text
-            values, why = np.nan * frame["c0"], f": {error}"
+            values, error_text = np.nan * frame["c0"], f": {error}"
         if match.formula != "c0" and not values.notna().any():
             self._fault(
                 match,
-                f"is no formula of its columns ({match.why}{why}); write for "
+                f"is no formula of its columns ({match.why}{error_text}); write for "
                 "instance 'n_out - n_in'",
             )
         # A factor such as 1e-3 adds a last digit to that of the cell.
@@ -329,20 +340,20 @@ class TableReader:
             or len(sizes) < 2
         ):
             return
-        (least, low), (largest, high) = min(sizes), max(sizes)
-        if largest < limit * least:
+        (smallest, low), (largest, high) = min(sizes), max(sizes)
+        if largest < limit * smallest:
             return
         cells, rows = match.terms[0][0].cells, self.table.rows
         self._fault(
             match,
             f"has '{cells[low]}' (row {rows[low]}) beside '{cells[high]}' (row "
-            f"{rows[high]}), {number(round(largest / least))} times as much: two units in "
+            f"{rows[high]}), {number(round(largest / smallest))} times as much: two units in "
             f"one column? correct the cells, or say --column {match.quantity.name}="
             f"'{match.head}:UNIT' where all have one unit",
         )
 
     def _term(self, match: Match, column: Column, unit: Unit | None) -> tuple[Array, Unit | None]:
-        """Read a column in the project's unit, NaN where there is no number, (rows,)."""
+        """Read a column in the project's unit, (rows,); NaN for a cell without a number."""
         quantity = match.quantity
         cells = self._filled_down(match, column)
         values, factors = self._cell_numbers(match, column, cells, unit)
@@ -356,26 +367,26 @@ class TableReader:
             rows = self._rows(cells, bad.tolist())
             self._fault(match, f"must hold numbers, but has {rows}; {_remedy_of(wrong)}")
         if empty.any() and quantity.filled:
-            rows = ", ".join(map(str, np.array(self.table.rows)[empty][:MOST]))
-            below = ", or say --fill-down where the value above holds for them"
+            rows = ", ".join(map(str, np.array(self.table.rows)[empty][:MAX_LISTED]))
+            remedy = ", or say --fill-down where the value above holds for them"
             self._fault(
                 match,
                 f"is empty in row {rows}; fill the cells or remove the rows"
-                f"{below if not empty[0] else ''}",
+                f"{remedy if not empty[0] else ''}",
             )
-        known = values[np.isfinite(values)]
-        if quantity.dimension is None or not known.size or unit is PURE_NUMBER:
+        finite_values = values[np.isfinite(values)]
+        if quantity.dimension is None or not finite_values.size or unit is PURE_NUMBER:
             return values, unit
         if np.isfinite(factors).any():
             texts = (unit_of.text for _, unit_of in map(split_quantity, cells) if unit_of)
             units = f"{', '.join(dict.fromkeys(texts))} in its cells"
             return values * factors, Unit(units, str(quantity.dimension), math.nan)
         if unit is None or np.isnan(unit.factor):
-            unit = self._guessed_unit(match, column, unit, known)
+            unit = self._guessed_unit(match, column, unit, finite_values)
         return values * (unit.factor if unit else 1.0), unit
 
     def _filled_down(self, match: Match, column: Column) -> list[str]:
-        """Give empty set values that of the row above where the user says so."""
+        """Fill empty set values from the row above, if the user chose it."""
         cells = [*column.cells]
         if not self.choice.fill_down or not match.quantity.filled:
             return cells
@@ -402,16 +413,16 @@ class TableReader:
             and (cell_unit.dimension != dimension or (unit is not None and unit.factor != factor))
             for (_, cell_unit), factor in zip(pairs, factors, strict=True)
         ]
-        bare = [cell_unit is None and is_number(text) for text, cell_unit in pairs]
+        is_bare = [cell_unit is None and is_number(text) for text, cell_unit in pairs]
         if any(wrong):
             self._fault(
                 match,
                 f"has another unit in {self._rows(cells, wrong)}; correct the cells or the head",
             )
-        elif np.isfinite(factors).any() and any(bare) and unit is None:
+        elif np.isfinite(factors).any() and any(is_bare) and unit is None:
             self._fault(
                 match,
-                f"has no unit in {self._rows(cells, bare)}, but other cells have "
+                f"has no unit in {self._rows(cells, is_bare)}, but other cells have "
                 "one; write it into each",
             )
         elif unit is not None:
@@ -421,14 +432,14 @@ class TableReader:
         return values, factors
 
     def _guessed_unit(
-        self, match: Match, column: Column, unit: Unit | None, known: Array
+        self, match: Match, column: Column, unit: Unit | None, values: Array
     ) -> Unit | None:
         """Ask for a unit that is unknown, or guess the one that is not there by its size."""
         quantity = match.quantity
         option = f"--column {quantity.name}='{column.head}:"
         angular = re.search("omega|angular|winkel", plain_words(column.name))
         mismatch = quantity.name == "mismatch_rpm" and match.formula == "c0"
-        if unit is None and mismatch and abs(known).max() < 1.0:
+        if unit is None and mismatch and abs(values).max() < 1.0:
             self._fault(
                 match,
                 f"has no unit and no value of 1 or more, as a ratio has; say {option}"
@@ -437,7 +448,7 @@ class TableReader:
             return None
         if unit is None and not column.strange and not angular:
             # A recorder's clock may begin anywhere: the length of a trace decides.
-            middle = np.median(abs(known - (known.min() if quantity.name == "t_s" else 0.0)))
+            middle = np.median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
             text = {
                 TIME: "ms" if middle > 5.0 else "s",
                 FORCE: "kN" if middle < 5.0 else "N",
@@ -457,13 +468,15 @@ class TableReader:
                 f"numbers count so many of it, or {option}UNIT'",
             )
             return None
-        why = (
+        ambiguity = (
             "unknown"
             if quantity.dimension != SPEED or (unit is None and not angular)
             else ("ambiguous (revolutions or radians)")
         )
         called = f"the unit '{spelling}', which is" if spelling else "a unit that is"
-        self._fault(match, f"has {called} {why}; say {option}UNIT' with one of {quantity.units}")
+        self._fault(
+            match, f"has {called} {ambiguity}; say {option}UNIT' with one of {quantity.units}"
+        )
         return None
 
     def _counts(self, match: Match) -> Values:
@@ -478,7 +491,7 @@ class TableReader:
         return self._record(match, [cell or None for cell in match.terms[0][0].cells], "")
 
     def _answers(self, match: Match) -> Values:
-        """Convert answers to yes and no; an option such as ``gut=yes,empty=no`` prevails."""
+        """Convert answers to yes and no; an option, ``gut=yes,empty=no``, prevails."""
         cells = [answer_of(cell) for cell in match.terms[0][0].cells]
         pairs = (pair.split("=", 1) for pair in match.option.split(",") if "=" in pair)
         stated = {answer_of(word): answer_of(answer) for word, answer in pairs}

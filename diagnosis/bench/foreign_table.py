@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -36,17 +37,22 @@ from dogshape.diagnosis.bench.cell_values import (
 )
 from dogshape.diagnosis.bench.quantities import (
     SHIFTS,
+    SPLITTING,
     WORD,
+    has_word,
     is_force_by_area,
+    plain_words,
     score,
 )
 from dogshape.sim.decoding import TableLimits
 from dogshape.sim.errors import DataError
 from dogshape.sim.raw_sheet import (
+    QuoteError,
     RawRow,
     RawSheet,
     file_of,
     is_workbook,
+    quoting_of,
     read_lines,
     read_workbook,
     text_sheet,
@@ -140,8 +146,13 @@ class ForeignTable:
         """Separator between the cells."""
         return self.sheet.separator
 
+    def with_remark(self, remark: str) -> ForeignTable:
+        """Add a sentence on how the table was read."""
+        sheet = replace(self.sheet, remarks=(*self.sheet.remarks, remark))
+        return replace(self, sheet=sheet)
+
     def taking(self, places: Sequence[int], reasons: Reasons) -> ForeignTable:
-        """Keep only the rows at these places; ``reasons`` say why the others are left out."""
+        """Select the rows at these places; ``reasons`` are those of the excluded rows."""
         columns = tuple(
             replace(column, cells=tuple(column.cells[k] for k in places)) for column in self.columns
         )
@@ -195,43 +206,79 @@ def read_foreign(
     *,
     sums: bool = True,
     limits: TableLimits | None = None,
+    quoted: bool = True,
 ) -> ForeignTable:
     """Read a table whose head stands anywhere above its numbers; raises DataError without one.
 
     ``chosen`` are the rows of the file that are shifts, where its structure is not to decide.
-    Without ``sums``, as of traces, each row of numbers is a row of the table.
+    Without ``sums``, as of traces, each row of numbers is a row of the table. Unless ``quoted``,
+    quotation marks are ordinary signs.
     """
     if not file_of(path).exists():
         raise DataError(f"there is no {path}; give a CSV or .xlsx that the stand has written")
-    sheet, stated = read_sheet(path, limits or TableLimits())
+    sheet, stated = read_sheet(path, limits or TableLimits(), chosen, quoted=quoted)
     return table_of(sheet, stated, chosen, sums=sums)
 
 
-def read_sheet(path: Path, limits: TableLimits) -> tuple[RawSheet, str | None]:
-    """Read the raw sheet, and the decimal sign that the file states."""
+def read_sheet(
+    path: Path, limits: TableLimits, chosen: Sequence[range] = (), *, quoted: bool = True
+) -> tuple[RawSheet, str | None]:
+    """Read the raw sheet, and the decimal sign that the file states.
+
+    Quotation marks are ordinary signs unless ``quoted``, or where ``chosen`` has a row that they
+    would swallow. Raises QuoteError, with the options, for others that swallow rows.
+    """
     if is_workbook(path):
         return read_workbook(path, limits), None
     text = "".join(read_lines(path, limits))
     stated = _DECIMAL.search(text)
+    decimal = stated[1] if stated else None
     text = _LABVIEW.sub(lambda match: "\n" * match.group().count("\n"), text)
     lines = [f"{line}\n" for line in text.split("\n")]
-    return text_sheet(path, lines, _separator(lines), limits), stated[1] if stated else None
-
-
-def _separator(lines: Sequence[str]) -> str:
-    """Choose the separator that gives most rows of numbers, or else most cells."""
-
-    def rows_of_numbers(separator: str) -> tuple[int, int]:
-        count, cells = 0, 0
+    if quoted:
         try:
-            for row in csv.reader(lines[:SAMPLE_LINES], delimiter=separator):
+            return text_sheet(path, lines, _separator(lines), limits), decimal
+        except QuoteError as error:
+            fault = error
+    separator = _separator(lines, quoted=False)
+    sheet = text_sheet(path, lines, separator, limits, quoted=False)
+    if not quoted:
+        return sheet, decimal
+    if not any(row in span for row in fault.rows for span in chosen):
+        raise QuoteError(f"{fault}, {_quote_options(sheet, decimal)}") from None
+    remark = "quotation marks are ordinary signs, as --rows names rows between two of them"
+    return replace(sheet, remarks=(remark,)), decimal
+
+
+def _quote_options(sheet: RawSheet, decimal: str | None) -> str:
+    """Offer the options that read a sheet with quotation marks as ordinary signs."""
+    option = "or say --quotes none where quotation marks are ordinary signs"
+    try:
+        table = table_of(sheet, decimal)
+    except DataError:
+        return option
+    first, last = table.rows[0], table.rows[-1]
+    if last - first + 1 != len(table.rows):
+        return option
+    return f"{option}, or --rows {first}-{last} where each of these lines is a shift"
+
+
+def _separator(lines: Sequence[str], *, quoted: bool = True) -> str:
+    """Choose the separator that gives most rows of numbers, else whole quotations, most cells."""
+
+    def rows_of_numbers(separator: str) -> tuple[int, int, int]:
+        count, broken, cells = 0, 0, 0
+        quoting = quoting_of(quoted)
+        try:
+            for row in csv.reader(lines[:SAMPLE_LINES], delimiter=separator, quoting=quoting):
                 filled = [cell.strip() for cell in row if cell.strip()]
                 numbers = sum(map(is_number, filled))
                 count += numbers >= 2 and 2 * numbers >= len(filled)
+                broken += any(cell.count('"') % 2 for cell in filled)
                 cells += len(filled)
         except csv.Error:
-            return 0, 0
-        return count, cells
+            return 0, 0, 0
+        return count, -broken, cells
 
     return max(";\t,|", key=rows_of_numbers)
 
@@ -242,6 +289,10 @@ def table_of(
     """Find the layout of a sheet and its columns; raises as ``read_foreign``."""
     path = sheet.path
     grid = _Grid(sheet)
+    signs = _comment_signs(grid) if sums else frozenset()
+    if signs:
+        sheet = _with_remarks(sheet, signs)
+        grid = _Grid(sheet)
     if not grid.data.any():
         grid = _Grid(sheet, loose=True)
     name = PLAIN
@@ -254,14 +305,14 @@ def table_of(
             f"{path} has no rows of numbers; save the table as CSV with semicolons, tabs or commas "
             "between cells, and a name and unit above each column"
         )
-    layout = _divided(path, grid, chosen, sums=sums)
+    layout = _divided(path, grid, chosen, signs, sums=sums)
     width, place_questions = len(layout.names), list[tuple[int, str]]()
     numbers = {row.number for row in layout.body}
     body = [k for k, row in enumerate(grid.raw) if row.number in numbers]
-    left = list(layout.left_out)
+    excluded_rows = list(layout.left_out)
     if sums and not chosen:
-        left += _summaries(grid, body, place_questions)
-    excluded = {number for number, _ in left}
+        excluded_rows += _summaries(grid, body, place_questions)
+    excluded = {number for number, _ in excluded_rows}
     body = [k for k in body if grid.rows[k] not in excluded]
     if not body:
         raise DataError(f"{path} has no row of a shift; name its rows with --rows, such as 2-41")
@@ -273,20 +324,52 @@ def table_of(
         names=layout.names + nameless,
         units=layout.units + nameless,
         body=tuple(grid.raw[k] for k in body),
-        left_out=tuple(sorted(left)),
+        left_out=tuple(sorted(excluded_rows)),
     )
     columns = _columns(sheet, layout, [grid.cells[k] for k in body])
     table = ForeignTable(
         sheet,
         layout,
         columns,
-        sorted(left),
+        sorted(excluded_rows),
         stated,
         place_questions,
     )
     if sums:
         _require_rows_of_shifts(table, grid)
     return table
+
+
+def _comment_signs(grid: _Grid) -> frozenset[str]:
+    """Find the signs of comments above the numbers; none where most rows begin with one."""
+    places = np.flatnonzero(grid.data)
+    if not places.size:
+        return frozenset()
+    heads = [cells[0] for cells in grid.cells[: places[0]]]
+    signs = frozenset(head[0] for head in heads if len(head) > 1 and head[0] in MARKS)
+    commented = [cells[0][:1] in signs for cells in grid.cells[places[0] :]]
+    return signs if 2 * sum(commented) <= places.size else frozenset()
+
+
+def _with_remarks(sheet: RawSheet, signs: Collection[str]) -> RawSheet:
+    """Turn remarks behind numbers, ``131 # noisy``, into marks of their rows."""
+    pattern = re.compile(rf"(.*?\d.*?)\s*[{re.escape(''.join(signs))}]\s*(.*)")
+    usual_width = Counter(len(row.cells) for row in sheet.rows).most_common(1)[0][0]
+    rows = []
+    for row in sheet.rows:
+        matches = [(k, pattern.fullmatch(cell)) for k, cell in enumerate(row.cells)]
+        remarks = [(k, match) for k, match in matches if match and is_number(match[1])]
+        if not remarks or row.cells[0][:1] in signs:
+            rows.append(row)
+            continue
+        place, match = remarks[0]
+        # A separator within the remark makes a row longer than the others.
+        behind = row.cells[place + 1 :] if len(row.cells) > usual_width else ()
+        other_cells = () if behind else row.cells[place + 1 :]
+        words = ", ".join(filter(None, (match[2], *behind))).replace("'", " ")
+        cells = (*row.cells[:place], match[1], *other_cells)
+        rows.append(replace(row, cells=cells, marks=(*row.marks, f"remark {words}".strip())))
+    return replace(sheet, rows=tuple(rows))
 
 
 def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[Column, ...]:
@@ -310,35 +393,49 @@ def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[C
 
 def _require_width(path: Path, grid: _Grid, body: Sequence[int], width: int) -> None:
     """Raise DataError for numbers beyond the last name; words there are a column without one."""
-    wide = grid.numeric[body, width:].any(axis=1)
-    if wide.any():
+    is_wide = grid.numeric[body, width:].any(axis=1)
+    if is_wide.any():
         raise DataError(
-            f"{path}, row {grid.rows[body[int(wide.argmax())]]} has more cells than the {width} "
+            f"{path}, row {grid.rows[body[int(is_wide.argmax())]]} has more cells than the {width} "
             "columns of the head; is a decimal comma among them? save it with semicolons between "
             "cells"
         )
 
 
-def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) -> Layout:
+def _divided(
+    path: Path,
+    grid: _Grid,
+    chosen: Sequence[range],
+    signs: Collection[str] = (),
+    *,
+    sums: bool,
+) -> Layout:
     """Divide rows into names, units, shifts, and excluded rows with their reasons."""
-    asked = [any(number in span for span in chosen) for number in grid.rows]
-    heads = [k for k in range([*asked, True].index(True)) if grid.is_head(k)]
-    above = heads[-1 if chosen else 0] if heads else -1
-    first = above + 1 + int(np.argmax(grid.data[above + 1 :]))
+    is_chosen = [any(number in span for span in chosen) for number in grid.rows]
+    heads = [k for k in range([*is_chosen, True].index(True)) if grid.is_head(k)]
+    head_place = heads[-1 if chosen else 0] if heads else -1
+    first = head_place + 1 + int(np.argmax(grid.data[head_place + 1 :]))
     first += _is_numbered_head(grid, first)
-    names, units, used = _head(grid, first)
+    names, units, head_places = _head(grid, first)
     if chosen:
-        body = [k for k in range(first, len(asked)) if asked[k]]
-        others = np.setdiff1d(np.flatnonzero(grid.data), body)
-        left = [(grid.rows[k], "not among --rows") for k in others]
+        body = [k for k in range(first, len(is_chosen)) if is_chosen[k]]
+        other_places = np.setdiff1d(np.flatnonzero(grid.data), body)
+        excluded_rows = [(grid.rows[k], "not among --rows") for k in other_places]
         rows = tuple(grid.raw[k] for k in body)
-        return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(left))
-    left = [(grid.rows[k], "stands above the table") for k in range(first) if k not in used]
-    body, repeated = [], {grid.cells[k] for k in used}
+        return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows))
+    excluded_rows = [
+        (grid.rows[k], "stands above the table") for k in range(first) if k not in head_places
+    ]
+    body, repeated = [], {grid.cells[k] for k in head_places}
     words: list[int] = []
     for k in range(first, len(grid.rows)):
         if grid.cells[k] in repeated:
-            left.append((grid.rows[k], "repeats the head"))
+            excluded_rows.append((grid.rows[k], "repeats the head"))
+        elif grid.cells[k][0][:1] in signs and grid.cells[k][0]:
+            text = ", ".join(filter(None, grid.cells[k]))
+            excluded_rows.append((grid.rows[k], f"is a comment ('{text}')"))
+            is_asked = REJECTED.search(text) or has_word(SPLITTING, plain_words(text))
+            words += [k] if is_asked and not grid.numeric[k].any() else []
         elif k in heads:
             _require_no_blocks(path, grid, [j for j in range(k + 1) if not grid.data[j]])
             raise DataError(
@@ -347,13 +444,13 @@ def _divided(path: Path, grid: _Grid, chosen: Sequence[range], *, sums: bool) ->
                 f"{grid.rows[first]}-{grid.rows[k - 1]}"
             )
         elif not grid.numeric[k].any() and not any(map(begins_with_number, grid.cells[k])):
-            left.append((grid.rows[k], f"has no number ('{_first(grid, k)}')"))
+            excluded_rows.append((grid.rows[k], f"has no number ('{_first(grid, k)}')"))
             words.append(k)
         else:
             body.append(k)
     questions = _word_questions(grid, body, words, range(first)) if sums else []
     rows = tuple(grid.raw[k] for k in body)
-    return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(left), tuple(questions))
+    return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows), tuple(questions))
 
 
 def _first(grid: _Grid, k: int) -> str:
@@ -361,23 +458,23 @@ def _first(grid: _Grid, k: int) -> str:
 
 
 def _word_questions(
-    grid: _Grid, body: Sequence[int], words: Sequence[int], above: Sequence[int]
+    grid: _Grid, body: Sequence[int], words: Sequence[int], head_rows: Sequence[int]
 ) -> list[str]:
     """Ask about rows of words between the shifts, and about those that reject shifts."""
-    between = [k for k in words if body and k < body[-1]]
+    inner_words = [k for k in words if body and k < body[-1]]
     rejecting = [
         k
-        for k in (*above, *words)
-        if k not in between and REJECTED.search(" ".join(grid.cells[k])) and not grid.is_head(k)
+        for k in (*head_rows, *words)
+        if k not in inner_words and REJECTED.search(" ".join(grid.cells[k])) and not grid.is_head(k)
     ]
     rejecting = [k for k in rejecting if grid.filled[k].sum() < 3]
-    shown = [f"row {grid.rows[k]} '{_first(grid, k)}'" for k in (*between, *rejecting)]
-    if not shown:
+    row_texts = [f"row {grid.rows[k]} '{_first(grid, k)}'" for k in (*inner_words, *rejecting)]
+    if not row_texts:
         return []
     span = f"{grid.rows[body[0]]}-{grid.rows[body[-1]]}" if body else "2-41"
     return [
-        f"{', '.join(shown[:6])}: words that may say that rows are other shifts, or none; name the "
-        f"rows of shifts with --rows, such as {span}"
+        f"{', '.join(row_texts[:6])}: words that may say that rows are other shifts, or none; name "
+        f"the rows of shifts with --rows, such as {span}"
     ]
 
 
@@ -406,32 +503,34 @@ def _head(grid: _Grid, first: int) -> tuple[list[str], list[str], list[int]]:
     word that is divided by a hyphen is completed by the row above.
     """
     numbered = first - 1 if first and grid.data[first - 1] else -1
-    near = [k for k in range(max(0, first - HEADS), first) if grid.filled[k].sum() > 1]
-    zone = [k for k in near if (not grid.data[k] or k == numbered) and not grid.comment[k]] or near
+    near_rows = [k for k in range(max(0, first - HEADS), first) if grid.filled[k].sum() > 1]
+    zone = [
+        k for k in near_rows if (not grid.data[k] or k == numbered) and not grid.comment[k]
+    ] or near_rows
     rows = [[cell.lstrip(MARKS + " ") or cell for cell in grid.cells[k]] for k in zone]
     blank = [""] * grid.filled.shape[1]
-    below = len(rows) > 1 and _are_units(rows[-1], rows[-2])
-    units, used = (rows.pop(), zone[-2:]) if below else (blank, zone[-1:])
+    has_units = len(rows) > 1 and _are_units(rows[-1], rows[-2])
+    units, head_places = (rows.pop(), zone[-2:]) if has_units else (blank, zone[-1:])
     names = rows[-1] if rows else blank
     if len(rows) > 1 and (numbered in zone or _is_divided(rows[-2], names)):
         names = _completed_names(rows[-2], names)
-        used = zone[-len(used) - 1 :]
-    width = 1 + int(np.flatnonzero(grid.filled[[*used, first]].any(axis=0))[-1])
-    return names[:width], units[:width], used
+        head_places = zone[-len(head_places) - 1 :]
+    width = 1 + int(np.flatnonzero(grid.filled[[*head_places, first]].any(axis=0))[-1])
+    return names[:width], units[:width], head_places
 
 
-def _is_divided(above: Cells, names: Cells) -> bool:
+def _is_divided(upper_row: Cells, names: Cells) -> bool:
     """Test that words of the row above go on in the row of names."""
     return any(
         upper.endswith("-") and lower[:1].islower()
-        for upper, lower in zip(above, names, strict=True)
+        for upper, lower in zip(upper_row, names, strict=True)
     )
 
 
-def _completed_names(above: Cells, names: Cells) -> list[str]:
+def _completed_names(upper_row: Cells, names: Cells) -> list[str]:
     """Join names with those above them; a number gets the last name to its left."""
     completed, latest = [], ""
-    for upper, lower in zip(above, names, strict=True):
+    for upper, lower in zip(upper_row, names, strict=True):
         latest = upper or latest
         if lower.isdecimal():
             completed.append(f"{latest} {lower}".strip())
@@ -442,10 +541,12 @@ def _completed_names(above: Cells, names: Cells) -> list[str]:
     return completed
 
 
-def _are_units(row: Cells, above: Cells) -> bool:
-    known = [bool(unit_named(cell.strip("[]() "))) for cell in row]
-    words = any(c.strip("[]()-1 ") and not unit for c, unit in zip(row, known, strict=True))
-    return sum(map(bool, map(unit_named, above))) < sum(known) and (sum(known) >= 2 or not words)
+def _are_units(row: Cells, upper_row: Cells) -> bool:
+    is_unit = [bool(unit_named(cell.strip("[]() "))) for cell in row]
+    words = any(c.strip("[]()-1 ") and not unit for c, unit in zip(row, is_unit, strict=True))
+    return sum(map(bool, map(unit_named, upper_row))) < sum(is_unit) and (
+        sum(is_unit) >= 2 or not words
+    )
 
 
 # ---- rows that summarise others
@@ -454,9 +555,11 @@ def _are_units(row: Cells, above: Cells) -> bool:
 def _summaries(grid: _Grid, body: list[int], questions: Reasons) -> Reasons:
     """Find rows that summarise those above them, and ask about words in place of numbers."""
     firsts = {k: _first(grid, k) for k in body}
-    named = [k for k, word in firsts.items() if _STATISTIC.fullmatch(word)]
-    reasons = [(grid.rows[k], f"statistic of the rows above ('{firsts[k]}')") for k in named]
-    body = [k for k in body if k not in named]
+    statistic_rows = [k for k, word in firsts.items() if _STATISTIC.fullmatch(word)]
+    reasons = [
+        (grid.rows[k], f"statistic of the rows above ('{firsts[k]}')") for k in statistic_rows
+    ]
+    body = [k for k in body if k not in statistic_rows]
     values = np.ma.masked_invalid([numbers_of(grid.cells[k]) for k in body])
     for size in (2, 1):  # a sum and a mean, or one of them
         if len(body) > size + 2 and all(_is_statistic(values[:-size], v) for v in values[-size:]):
@@ -491,12 +594,14 @@ def _foot_words(grid: _Grid, body: Sequence[int], questions: Reasons) -> Reasons
     return reasons
 
 
-def _is_statistic(above: np.ma.MaskedArray, row: np.ma.MaskedArray) -> bool:
+def _is_statistic(values: np.ma.MaskedArray, row: np.ma.MaskedArray) -> bool:
     """Test that a row is sum or mean of those above it, in two columns that are not constant."""
     filled = ~np.ma.getmaskarray(row)
-    statistics = above[:, filled].mean(axis=0), above[:, filled].sum(axis=0)
-    same = any(np.ma.allclose(value, row[filled], rtol=ROUNDED, atol=0.0) for value in statistics)
-    return bool(same and (np.ma.ptp(above[:, filled], axis=0) > 0.0).sum() > 1)
+    statistics = values[:, filled].mean(axis=0), values[:, filled].sum(axis=0)
+    is_equal = any(
+        np.ma.allclose(value, row[filled], rtol=ROUNDED, atol=0.0) for value in statistics
+    )
+    return bool(is_equal and (np.ma.ptp(values[:, filled], axis=0) > 0.0).sum() > 1)
 
 
 # ---- layouts that are not one row a shift
@@ -530,7 +635,7 @@ def _is_transposed(grid: _Grid) -> bool:
 
 
 def _transposed(sheet: RawSheet) -> RawSheet:
-    """Exchange rows and columns; the row numbers are then those of columns."""
+    """Exchange rows and columns; columns give the row numbers."""
     if any(row.marks for row in sheet.rows) or sheet.hidden_columns or sheet.merged or sheet.notes:
         raise DataError(
             f"{sheet.path} is transposed, a column for each shift, and has hidden, merged or marked"
@@ -593,36 +698,41 @@ def _is_matrix(table: ForeignTable, grid: _Grid) -> bool:
     heads = [column.head for column in table.columns]
     lettered = [re.sub(r"[\d.,\s]+", "#", head) for head in heads[1:] if re.search(r"\d", head)]
     units = [c.unit for c in table.columns[1:] if c.unit and re.search(r"(^|[=\s])\d", c.name)]
-    same = len(lettered) > 1 and len(set(lettered)) == 1 and len(lettered) == len(heads) - 1
+    is_alike = len(lettered) > 1 and len(set(lettered)) == 1 and len(lettered) == len(heads) - 1
     if (
-        same
+        is_alike
         and len(units) == len(lettered)
         and all(unit.dimension in (SPEED, FORCE) for unit in units)
     ):
         return True
     first = int(np.flatnonzero(grid.data)[0])
     corner, top = grid.cells[first][0], grid.numeric[first][1:]
-    below = np.flatnonzero(grid.data)[1:]
+    lower_rows = np.flatnonzero(grid.data)[1:]
     filled = grid.filled[first][1:]
-    square = below.size and grid.numeric[below, 0].all() and top[filled].all() and filled.sum() > 1
+    square = (
+        lower_rows.size
+        and grid.numeric[lower_rows, 0].all()
+        and top[filled].all()
+        and filled.sum() > 1
+    )
     return bool(square and not is_number(corner) and not begins_with_number(corner))
 
 
 def _sides(columns: Sequence[Column]) -> list[list[Column]]:
     """Divide columns into tables that each have two needed quantities, empty for a single table."""
     sides: list[list[Column]] = []
-    seen: set[str] = set()
+    names_of_side: set[str] = set()
     last_place = 0
     for column in columns:
         names = _needs_of(column)
         heads = {c.head for c in sides[-1]} if sides else set()
         gap = column.place > last_place + 1
-        again = column.head in heads and bool(names & seen)
-        if not sides or gap or again:
+        is_repeated = column.head in heads and bool(names & names_of_side)
+        if not sides or gap or is_repeated:
             sides.append([])
-            seen = set()
+            names_of_side = set()
         sides[-1].append(column)
-        seen |= names
+        names_of_side |= names
         last_place = column.place
     full = [side for side in sides if len(set().union(*map(_needs_of, side))) >= 2]
     return full if len(full) > 1 else []

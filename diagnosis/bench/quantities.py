@@ -134,6 +134,13 @@ TRACE = (
              "|drehzahl rad|(rad|abtriebs)drehzahl",
              "n out", needed=True),
 )  # fmt: skip
+#: Words of columns that divide shifts into kinds, such as gear or direction.
+SPLITTING = (
+    r"gear|gang|gaenge|stufe|direction|richtung|sens|vorgang|vorgaenge|operation|mode|modus|type|typ"
+    r"|art|kind|phase|action|aktion|marche?|rapport|vitesse|marcia|marchas?|rychlost|bieg|smer"
+    r"|kierunek|direzione|direccion|verso|shift|state|zustand|klaue|clutch|side|seite|config\w*"
+    r"|variante?|version"
+)
 _REPEATED = (
     r"run|lauf|versuch|messung|wdh|wiederholung|repeat|rep|shift|schaltung|trial|test|mesure|essai"
     r"|prova|prueba|measurement|probe|value|wert|x|nr|no"
@@ -149,8 +156,8 @@ def plain_words(name: str) -> str:
                              ("\N{GREEK SMALL LETTER SIGMA}", " sigma "), ("ł", "l"),
                              ("ø", "oe"), ("æ", "ae")):  # fmt: skip
         words = words.replace(letter, spelling).replace(letter.upper(), spelling)
-    bare = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode()
-    return " ".join(re.sub(r"[^a-z0-9]+", " ", bare.lower()).split())
+    ascii_text = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode()
+    return " ".join(re.sub(r"[^a-z0-9]+", " ", ascii_text.lower()).split())
 
 
 def has_word(pattern: str, name: str) -> bool:
@@ -190,8 +197,8 @@ def _is_other(quantity: Quantity, column: Column, name: str) -> bool:
     numeric = any(re.search(r"\d", cell) for cell in column.cells)
     if quantity.needed and any(column.cells) and not numeric:
         return True
-    named = has_word(quantity.words, name)
-    return quantity.name == "shift_time_s" and not named and grows(column)
+    is_named = has_word(quantity.words, name)
+    return quantity.name == "shift_time_s" and not is_named and grows(column)
 
 
 def grows(column: Column) -> bool:

@@ -17,6 +17,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
+import numpy as np
+
 from dogshape.diagnosis.bench.cell_values import (
     ANSWERS,
     NOTHING,
@@ -26,20 +28,15 @@ from dogshape.diagnosis.bench.cell_values import (
     is_number,
 )
 from dogshape.diagnosis.bench.foreign_table import REJECTED, ROUNDED, ForeignTable, Reasons
-from dogshape.diagnosis.bench.quantities import counts_up, has_word, plain_words
+from dogshape.diagnosis.bench.quantities import SPLITTING, counts_up, has_word, plain_words
+from dogshape.diagnosis.bench.row_splits import FAILED, NUMBER, SHARE
 from dogshape.sim.errors import InputError, did_you_mean
-from dogshape.sim.raw_sheet import COLOURED, odd_colours
+from dogshape.sim.raw_sheet import COLOURED, is_workbook, odd_colours
 
 ROW = "row"  #: name of a workbook's marks among the columns
 ANY = "*"
 MAX_GROUPS = 6  #: words that recur and divide shifts; more of them are a text
 MAX_SHOWN = 6  #: rows that a question shows
-SPLITTING = (
-    r"gear|gang|gaenge|stufe|direction|richtung|sens|vorgang|vorgaenge|operation|mode|modus|type|typ"
-    r"|art|kind|phase|action|aktion|marche?|rapport|vitesse|marcia|marchas?|rychlost|bieg|smer"
-    r"|kierunek|direzione|direccion|verso|shift|state|zustand|klaue|clutch|side|seite|config\w*"
-    r"|variante?|version"
-)
 _FLAG = (
     r"ungueltig\w*|invalid\w*|ausreisser|outliers?|verworfen|reject\w*|discard\w*|exclu\w*|bad|flag"
     r"|omit|ignore|ausgeschlossen|aberrant\w*|rejete|anomal\w*|scart\w*|neplatn\w*|odrzucon\w*"
@@ -115,7 +112,7 @@ class RowPlan:
 
 
 def spans_of(rows: Sequence[int]) -> str:
-    """Write row numbers as ``--rows`` reads them, such as ``2-7,10``."""
+    """Format row numbers for ``--rows``, ``2-7,10``."""
     spans: list[list[int]] = []
     for row in sorted(set(rows)):
         if spans and row == spans[-1][1] + 1:
@@ -144,23 +141,25 @@ def chosen_rows(table: ForeignTable, choice: RowChoice) -> tuple[ForeignTable, f
     if not (choice.drop or choice.keep):
         return table, frozenset()
     marks = marks_of(table)
-    taken = dict.fromkeys(range(len(table.rows)), "")
+    reason_by_place = dict.fromkeys(range(len(table.rows)), "")
     settled: set[str] = set()
-    kept: dict[str, list[list[bool]]] = {}
+    selections_by_name: dict[str, list[list[bool]]] = {}
     for text in choice.drop:
         name, hits = _selected(table, marks, text, "--drop")
         settled.add(name)
-        taken |= {k: f"--drop {text}" for k, hit in enumerate(hits) if hit and not taken[k]}
+        reason_by_place |= {
+            k: f"--drop {text}" for k, hit in enumerate(hits) if hit and not reason_by_place[k]
+        }
     for text in choice.keep:
         name, hits = _selected(table, marks, text, "--keep")
         settled.add(name)
-        kept.setdefault(name, []).append(hits)
-    for name, selections in kept.items():
-        for k in taken:
-            if not any(hits[k] for hits in selections) and not taken[k]:
-                taken[k] = f"not among --keep of '{name}'"
-    places = [k for k, why in taken.items() if not why]
-    reasons: Reasons = [(table.rows[k], why) for k, why in taken.items() if why]
+        selections_by_name.setdefault(name, []).append(hits)
+    for name, selections in selections_by_name.items():
+        for k in reason_by_place:
+            if not any(hits[k] for hits in selections) and not reason_by_place[k]:
+                reason_by_place[k] = f"not among --keep of '{name}'"
+    places = [k for k, reason in reason_by_place.items() if not reason]
+    reasons: Reasons = [(table.rows[k], reason) for k, reason in reason_by_place.items() if reason]
     return table.taking(places, reasons), frozenset(settled)
 
 
@@ -173,9 +172,9 @@ def _selected(
     names = sorted([*labels, ROW], key=len, reverse=True)
     name = next((name for name in names if text.startswith(f"{name}=")), None)
     if name is None:
-        asked = text.partition("=")[0]
+        column_text = text.partition("=")[0]
         raise InputError(
-            f"{option} is '{text}', but it must be COLUMN=VALUE; {did_you_mean(asked, names)}"
+            f"{option} is '{text}', but it must be COLUMN=VALUE; {did_you_mean(column_text, names)}"
         )
     value = text[len(name) + 1 :].strip()
     everything = value == ANY and option == "--keep"
@@ -238,17 +237,17 @@ def _mean_question(table: ForeignTable, read: Mapping[Column, str]) -> str:
     if len(blocks) < 2 or not all(means):
         return ""
     rows = [table.rows[block[-1]] for block in blocks]
-    others = _other_spans(table, rows)
+    other_rows = _other_spans(table, rows)
     return (
         f"rows {_shown(rows)} are the means of those above them at the same operating point; name "
-        f"the rows of shifts with --rows, such as {others}"
+        f"the rows of shifts with --rows, such as {other_rows}"
     )
 
 
 def _code_questions(
     table: ForeignTable, read: Mapping[Column, str], settled: frozenset[str]
 ) -> list[str]:
-    """Ask about set values that are codes for no value, such as -1 or 9999."""
+    """Ask about set values that may be codes for no value: -1, 9999."""
     questions = []
     for column, name in read.items():
         if name not in ("mismatch_rpm", "force_N", "shift_time_s") or column.head in settled:
@@ -289,29 +288,37 @@ def _mark_questions(table: ForeignTable, settled: frozenset[str]) -> list[str]:
     groups = {mark: rows for mark, rows in groups.items() if len(set(rows)) < total}
     if not groups:
         return []
-    shown = "; ".join(f"{mark}: row {_shown(rows)}" for mark, rows in groups.items())
-    others = _other_spans(table, chain.from_iterable(groups.values()))
+    mark_text = "; ".join(f"{mark}: row {_shown(rows)}" for mark, rows in groups.items())
+    marked = set(chain.from_iterable(groups.values()))
+    other_rows = _other_spans(table, marked)
+    first = next(iter(groups))
+    # A shell ends the option at an apostrophe; where all rows are marked, * would drop them all.
+    is_first = len(marked) == total or len(groups) == 1
+    shell_text, apostrophe, _ = first.partition("'")
+    named_mark = shell_text + ANY if apostrophe else first
+    value = named_mark if is_first else ANY
+    place = "workbook" if is_workbook(table.path) else "file"
     return [
-        f"rows are marked in the workbook ({shown}): are they shifts? "
-        f"--drop '{ROW}={next(iter(groups)) if len(groups) == 1 else ANY}' leaves them out, "
-        f"--keep '{ROW}={ANY}' takes all rows, --rows {others} names the shifts"
+        f"rows are marked in the {place} ({mark_text}): are they shifts? "
+        f"--drop '{ROW}={value}' leaves them out, "
+        f"--keep '{ROW}={ANY}' takes all rows, --rows {other_rows} names the shifts"
     ]
 
 
 def _other_spans(table: ForeignTable, rows: Iterable[int]) -> str:
     """Write the rows of a table that are not among ``rows``, as ``--rows`` reads them."""
-    named = set(rows)
-    return spans_of([row for row in table.rows if row not in named])
+    excluded = set(rows)
+    return spans_of([row for row in table.rows if row not in excluded])
 
 
 def _shown(rows: Sequence[int]) -> str:
     distinct = list(dict.fromkeys(rows))
-    more = f" and {len(distinct) - MAX_SHOWN} more" if len(distinct) > MAX_SHOWN else ""
-    return ", ".join(map(str, distinct[:MAX_SHOWN])) + more
+    remainder = f" and {len(distinct) - MAX_SHOWN} more" if len(distinct) > MAX_SHOWN else ""
+    return ", ".join(map(str, distinct[:MAX_SHOWN])) + remainder
 
 
 def _column_question(table: ForeignTable, column: Column, outcome: Column | None) -> str:
-    """Ask about an unused column; empty where it distinguishes no rows."""
+    """Ask about an unused column; empty for one that distinguishes no rows."""
     cells = ["" if cell.lower() in NOTHING else cell for cell in column.cells]
     groups: dict[str, list[int]] = {}
     for row, cell in zip(table.rows, cells, strict=True):
@@ -353,13 +360,13 @@ def _is_code(column: Column, cells: Sequence[str], name: str) -> bool:
         return column.unit is None
     if column.unit is not None or column.strange or has_word(_PHYSICAL, name):
         return False
-    whole = all(re.fullmatch(r"[+-]?\d{1,2}([.,]0+)?", cell) for cell in filled)
+    is_whole = all(re.fullmatch(r"[+-]?\d{1,2}([.,]0+)?", cell) for cell in filled)
     few = len(set(filled)) <= 3
-    return whole and (few or has_word(SPLITTING, name))
+    return is_whole and (few or has_word(SPLITTING, name))
 
 
 def _says_outcome(column: Column, outcome: Column | None) -> bool:
-    """Test that a column has the same answers as the outcome of the shifts."""
+    """Test that a column repeats the answers of the outcome."""
     if outcome is None:
         return False
     answers = [ANSWERS.get(answer_of(cell)) for cell in column.cells]
@@ -376,49 +383,50 @@ def _is_outcome(column: Column, name: str) -> bool:
 def _outcome_question(column: Column, groups: Mapping[str, Sequence[int]]) -> str:
     words = {word: ANSWERS.get(answer_of(word)) for word in groups}
     option = f"--column engaged='{column.head}"
-    turned = ",".join(
+    opposite = ",".join(
         f"{answer_of(word)}={'no' if yes else 'yes'}"
         for word, yes in words.items()
         if yes is not None
     )
     no = next(word for word, yes in words.items() if yes is False)
     return (
-        f"'{column.head}' holds yes and no and may be the outcome; say {option}', {option}:{turned}"
-        f"' where its yes is a failure, --drop '{column.head}={no}' or another of its words where "
-        f"such rows are no shifts, or --keep '{column.head}={ANY}' where it means nothing"
+        f"'{column.head}' holds yes and no and may be the outcome; say {option}', "
+        f"{option}:{opposite}' where its yes is a failure, --drop '{column.head}={no}' or "
+        f"another of its words where such rows are no shifts, or --keep '{column.head}={ANY}' "
+        "where it means nothing"
     )
 
 
 def _flag_question(table: ForeignTable, column: Column, groups: Mapping[str, Sequence[int]]) -> str:
     rare = min(groups, key=lambda word: len(groups[word]))
-    shown = "; ".join(f"'{word}': row {_shown(rows)}" for word, rows in groups.items())
-    others = _other_spans(table, groups[rare])
+    group_text = "; ".join(f"'{word}': row {_shown(rows)}" for word, rows in groups.items())
+    other_rows = _other_spans(table, groups[rare])
     return (
-        f"'{column.head}' marks rows ({shown}): which are no shifts? --drop "
+        f"'{column.head}' marks rows ({group_text}): which are no shifts? --drop "
         f"'{column.head}={rare}' leaves these out, --keep '{column.head}={ANY}' takes all rows, "
-        f"--rows {others} names the shifts"
+        f"--rows {other_rows} names the shifts"
     )
 
 
 def _sign_question(table: ForeignTable, column: Column, signs: Mapping[str, Sequence[int]]) -> str:
-    shown = "; ".join(
+    sign_text = "; ".join(
         f"row {_shown(rows)}: '{word[:40]}'" for word, rows in [*signs.items()][:MAX_SHOWN]
     )
-    others = _other_spans(table, chain.from_iterable(signs.values()))
-    every = all(not cell or cell in signs for cell in column.cells)
-    value = ANY if every else next(iter(signs))
+    other_rows = _other_spans(table, chain.from_iterable(signs.values()))
+    has_all = all(not cell or cell in signs for cell in column.cells)
+    value = ANY if has_all else next(iter(signs))
     return (
-        f"'{column.head}' has a sign in few rows ({shown}): are they shifts? --drop "
+        f"'{column.head}' has a sign in few rows ({sign_text}): are they shifts? --drop "
         f"'{column.head}={value}' leaves them out, --keep '{column.head}={ANY}' takes all rows, "
-        f"--rows {others or 'ROWS'} names the shifts"
+        f"--rows {other_rows or 'ROWS'} names the shifts"
     )
 
 
 def _split_question(column: Column, groups: Mapping[str, Sequence[int]]) -> str:
-    shown = "; ".join(f"'{word}': row {_shown(rows)}" for word, rows in groups.items())
+    group_text = "; ".join(f"'{word}': row {_shown(rows)}" for word, rows in groups.items())
     first = next(iter(groups))
     return (
-        f"'{column.head}' divides the rows ({shown}): are they all shifts of one kind? "
+        f"'{column.head}' divides the rows ({group_text}): are they all shifts of one kind? "
         f"--keep '{column.head}={first}' takes these alone, --keep '{column.head}={ANY}' takes all "
         f"rows, --rows {spans_of(groups[first])} names the shifts"
     )
@@ -476,10 +484,23 @@ def _is_share(column: Column, of_means: bool) -> bool:
 
 
 def _share_question(column: Column) -> str:
-    shown = ", ".join([cell for cell in column.cells if cell][:3])
+    cell_text = ", ".join([cell for cell in column.cells if cell][:3])
     return (
-        f"'{column.head}' has shares or numbers of shifts ({shown} ...), which say that others of "
-        "the row did not engage: write one row for those that engaged (n_shifts, their mean time, "
-        "engaged yes) and one for those that did not (n_shifts, no time, engaged no), or say "
+        f"'{column.head}' has shares or numbers of shifts ({cell_text} ...), which say that others "
+        f"of the row did not engage: say --column engaged='{column.head}:{_share_word(column)}' "
+        "where the time of a row is the mean of those that engaged, or write one row for those "
+        "that engaged (n_shifts, their mean time, engaged yes) and one for those that did not "
+        "(n_shifts, no time, engaged no), or say "
         f"--keep '{column.head}={ANY}' where it is something else"
     )
+
+
+def _share_word(column: Column) -> str:
+    """Choose the option for a column of shares or numbers of shifts."""
+    if has_word(_FAILED, plain_words(column.name)):
+        return FAILED
+    filled = [cell for cell in column.cells if cell.lower() not in NOTHING]
+    percent = column.unit is not None
+    written = any(map(_FRACTION.fullmatch, filled))
+    small = bool(np.nanmax(column.values, initial=0.0) <= 1.0)
+    return SHARE if percent or written or small else NUMBER

@@ -63,9 +63,9 @@ class Channel:
         """Median time from sample to sample, s."""
         return step_of(self.time)
 
-    def selected(self, chosen: Mask | NDArray[np.int_], *faults: Fault) -> Channel:
+    def selected(self, selection: Mask | NDArray[np.int_], *faults: Fault) -> Channel:
         """Select samples; ``faults`` are the reasons for the others' absence."""
-        places = np.arange(self.time.size)[chosen]
+        places = np.arange(self.time.size)[selection]
         rows = [self.rows[place] for place in places.tolist()]
         return Channel(self.time[places], self.values[places], rows, (*self.faults, *faults))
 
@@ -135,20 +135,20 @@ def _falling_clock(channel: Channel, place: int) -> ClockFault:
     time, values = channel.time, channel.values
     steps = np.diff(time)
     step = float(np.median(steps[steps > 0.0]))
-    before, after = float(time[place - 1]), float(time[place])
+    last_time, next_time = float(time[place - 1]), float(time[place])
     size = min(time.size - place, place)
     if size >= MIN_CHANGES and np.array_equal(values[place : place + size], values[:size]):
         cause = "the samples from there on repeat those from the first on"
         return ClockFault(place, cause, "delete the copy")
     if (steps < 0.0).sum() > 1 and np.unique(time).size == time.size:
         return ClockFault(place, "the rows are not in the order of time", "sort the rows by time")
-    if abs(after - time[0]) <= 2.0 * step:
+    if abs(next_time - time[0]) <= 2.0 * step:
         cause = "the clock starts again, as where two records stand one below the other"
         return ClockFault(place, cause, "write a file for each shift")
-    if before - after < WRAP_STEPS * step:
+    if last_time - next_time < WRAP_STEPS * step:
         return ClockFault(place, "the rows are not in the order of time", "sort the rows by time")
-    cause = f"the clock starts again, as a counter does that wraps after {number(before)} s"
-    period = number(before - after + step)
+    cause = f"the clock starts again, as a counter does that wraps after {number(last_time)} s"
+    period = number(last_time - next_time + step)
     remedy = f"add {period} s to the times from there on, or export a clock that runs on"
     return ClockFault(place, cause, remedy)
 
@@ -196,10 +196,10 @@ def dropouts(values: Array) -> Mask:
             continue
         if not to_end and abs(jumps[1]) < least_jump:
             continue
-        others = np.delete(values, slice(first, end))
-        margin = BEYOND_RANGE * float(np.ptp(others))
-        outside = not others.min() - margin <= level <= others.max() + margin
-        marks[first:end] = level == 0.0 or outside
+        remaining_values = np.delete(values, slice(first, end))
+        margin = BEYOND_RANGE * float(np.ptp(remaining_values))
+        is_outside = not remaining_values.min() - margin <= level <= remaining_values.max() + margin
+        marks[first:end] = level == 0.0 or is_outside
     return marks
 
 
@@ -213,12 +213,12 @@ def frozen_runs(values: Array) -> list[tuple[int, int]]:
     levels = np.unique(values)
     runs = equal_runs(values)
     longest = max(runs, key=lambda run: run[1] - run[0])
-    outside = np.delete(values, slice(*longest))
-    noise = scatter(outside)
-    if levels.size < MIN_CHANGES or outside.size < MIN_CHANGES or not noise:
+    other_samples = np.delete(values, slice(*longest))
+    noise = scatter(other_samples)
+    if levels.size < MIN_CHANGES or other_samples.size < MIN_CHANGES or not noise:
         return []
     resolution = float(np.diff(levels).min())
-    third = np.diff(outside, 3)
+    third = np.diff(other_samples, 3)
     alternating = float((third[1:] * third[:-1] < 0.0).mean())
     if alternating < ALTERNATION or noise < MIN_NOISE_STEPS * resolution:
         return []

@@ -46,24 +46,24 @@ SWAPPED = "the columns mismatch_rpm and force_N swapped"
 LEAST_FORCE = 100.0  #: N, median of forces below which they may be kilonewtons
 
 
-def examine(stand: Stand, sheet: Sheet, asked: Sequence[str] = ()) -> tuple[Finding, ...]:
+def examine(stand: Stand, sheet: Sheet, corrections: Sequence[str] = ()) -> tuple[Finding, ...]:
     """Find probable slips in a sheet whose corrections have been made.
 
-    ``asked`` are these corrections; quantities that are to be taken as given, or that have
+    ``corrections`` are those made; quantities that are to be taken as given, or that have
     been swapped already, are not questioned.
     """
-    settled = [one for one in asked if one.endswith(GIVEN) or one.startswith("axes=")]
-    found: list[Finding] = []
+    settled = [way for way in corrections if way.endswith(GIVEN) or way.startswith("axes=")]
+    findings: list[Finding] = []
     for check in CHECKS:
         for finding in list(check(stand, sheet)):
-            taken = finding.correction or f"{finding.quantity}={GIVEN}"
-            if taken in settled or any(contradict(taken, one) for one in settled):
+            correction = finding.correction or f"{finding.quantity}={GIVEN}"
+            if correction in settled or any(contradict(correction, way) for way in settled):
                 continue
-            found.append(finding)
+            findings.append(finding)
             if finding.certain:
-                settled.append(taken)
-                sheet = corrected(sheet, taken, stand.sensor)
-    return tuple(found)
+                settled.append(correction)
+                sheet = corrected(sheet, correction, stand.sensor)
+    return tuple(findings)
 
 
 def require_no_slip(where: str, findings: Sequence[Finding], remedy: str | None = None) -> None:
@@ -71,18 +71,18 @@ def require_no_slip(where: str, findings: Sequence[Finding], remedy: str | None 
 
     ``where`` is the file, ``remedy`` what to do where nothing can be corrected on the way.
     """
-    certain = [one.with_remedy(remedy) if remedy else one.sentence for one in findings
-               if one.certain]  # fmt: skip
+    certain = [finding.with_remedy(remedy) if remedy else finding.sentence for finding in findings
+               if finding.certain]  # fmt: skip
     if certain:
         raise DataError(f"{where}: " + ". Also: ".join(certain))
 
 
-def impossible(stand: Stand, row: Row, asked: Sequence[str] = ()) -> str | None:
-    """Give the rule that the time of a row breaks, None where it may be true."""
+def impossible(stand: Stand, row: Row, corrections: Sequence[str] = ()) -> str | None:
+    """Return the rule that the time of a row breaks, None for a possible time."""
     limit = stand.clutch.timeout
     if row.time is not None and not 0.0 < row.time <= limit:
         return f"a time in s, above 0 and at most the time-out of {number(limit)} s"
-    if not _too_early(stand, row) or "time=given" in asked:
+    if not _too_early(stand, row) or "time=given" in corrections:
         return None
     return (
         f"a time in s not far below {number(_free_flight(stand, row))} s, which the free flight "
@@ -128,11 +128,11 @@ def axes_by_rise(_: Stand, sheet: Sheet) -> Findings:
              for name in ("force", "mismatch")]  # fmt: skip
     mixed, several = (sum(n > 1 for n in by.values()) for by in rises)
     if mixed >= 2 and not several:
-        found = (
+        text = (
             f"force_rise_s goes with mismatch_rpm: {mixed} of {len(rises[0])} forces have "
             "several rise times, and each mismatch has one"
         )
-        yield Finding("axes", found, SWAPPED, "axes=swapped", certain=True)
+        yield Finding("axes", text, SWAPPED, "axes=swapped", certain=True)
 
 
 #: Columns whose size may show a slip: name, correction, test, unit in words, and what is found.
@@ -155,28 +155,28 @@ def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
 
     Half of the rows have to be impossible; single cells are refused one by one.
     """
-    for name, correction, off, looks, found in SIZES:
+    for name, correction, off, looks, template in SIZES:
         if off(stand, sheet) and _share_impossible(stand, sheet) >= 0.5:
-            said = found.format(_span(_column(sheet, name)), number(stand.clutch.timeout))
+            text = template.format(_span(_column(sheet, name)), number(stand.clutch.timeout))
             quantity = correction.partition("=")[0]
-            yield Finding(quantity, said, looks, correction, True, arguable=quantity == "axes")
+            yield Finding(quantity, text, looks, correction, True, arguable=quantity == "axes")
             sheet = corrected(sheet, correction, stand.sensor)
 
 
 def force_by_calibration(stand: Stand, sheet: Sheet) -> Findings:
     """Find forces that are the arm's of the calibration and not the sleeve's."""
-    both = np.array([(c.arm_force_N, c.sleeve_force_N) for c in stand.calibration
+    force_pairs = np.array([(c.arm_force_N, c.sleeve_force_N) for c in stand.calibration
                      if c.arm_force_N and c.sleeve_force_N]).reshape(-1, 2)  # fmt: skip
     forces, factor = _column(sheet, "force"), stand.sensor.force_factor
-    near = abs(forces[:, None, None] / both - 1.0) < CLOSE
-    if near.any(axis=1).all(axis=0).tolist() == [True, False]:
-        found = (
+    is_close = abs(forces[:, None, None] / force_pairs - 1.0) < CLOSE
+    if is_close.any(axis=1).all(axis=0).tolist() == [True, False]:
+        text = (
             f"force_N {_span(forces)}, the values of arm_force_N in the table actuator_calibration "
             "and not those of sleeve_force_N"
         )
         looks = "the force at the robot arm instead of that at the sleeve"
         looks += f", which is {number(factor)} times as large" if factor else ""
-        yield Finding("force", found, looks, "force=arm" if factor else None, certain=True)
+        yield Finding("force", text, looks, "force=arm" if factor else None, certain=True)
 
 
 def early_times(stand: Stand, sheet: Sheet) -> Findings:
@@ -184,9 +184,9 @@ def early_times(stand: Stand, sheet: Sheet) -> Findings:
     early = sum(_too_early(stand, row, ODD) for row in sheet.rows)
     timed = _column(sheet, "time").size
     if early >= max(1, 0.2 * timed):
-        found = f"{early} of {timed} times are shorter than the free flight under their force"
+        text = f"{early} of {timed} times are shorter than the free flight under their force"
         looks = "a time that starts after the force, a larger force or a smaller mass than given"
-        yield Finding("time", found, looks)
+        yield Finding("time", text, looks)
 
 
 def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
@@ -197,35 +197,40 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
     """
     timed = [row for row in sheet.rows if row.time is not None]
     numbers = [(row.mismatch, row.force, row.rise, row.n, row.time) for row in timed]
-    keys = [row.trace.path if row.trace else own for row, own in zip(timed, numbers, strict=True)]
+    keys = [
+        row.trace.path if row.trace else numbers_of_row
+        for row, numbers_of_row in zip(timed, numbers, strict=True)
+    ]
     first = {key: row.row for key, row in zip(keys[::-1], timed[::-1], strict=True)}
     copies = [(row, first[key]) for key, row in zip(keys, timed, strict=True)
               if first[key] != row.row]  # fmt: skip
     lone = {row.row for row in timed if row.n == 1 and row.trace is None}
     if 2 * sum(row.row in lone for row, _ in copies) < max(4, len(lone)):
-        copies = [one for one in copies if one[0].row not in lone]
+        copies = [copy for copy in copies if copy[0].row not in lone]
     if copies:
-        many = f"{len(copies)} rows repeat earlier ones" if copies[1:] else "a row is there twice"
+        subject = (
+            f"{len(copies)} rows repeat earlier ones" if copies[1:] else "a row is there twice"
+        )
         looks = "a table copied below itself: copies make the data seem surer than they are"
-        said = f"{many}: row {copies[0][0].row} is row {copies[0][1]} again"
-        yield Finding("rows", said, looks, arguable=False)
+        text = f"{subject}: row {copies[0][0].row} is row {copies[0][1]} again"
+        yield Finding("rows", text, looks, arguable=False)
 
 
 def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
-    """Find rows whose set values nearly equal those of others."""
+    """Find rows with nearly equal, but different set values."""
     values, groups = near_groups(sheet.rows)
     lead = np.unique(groups, return_index=True)[1][groups]
-    near = np.flatnonzero((values != values[lead]).any(axis=1))
-    if near.size:
-        one, other = (
+    near_rows = np.flatnonzero((values != values[lead]).any(axis=1))
+    if near_rows.size:
+        row_text, lead_text = (
             f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
-            for row in (sheet.rows[near[0]], sheet.rows[lead[near[0]]])
+            for row in (sheet.rows[near_rows[0]], sheet.rows[lead[near_rows[0]]])
         )
-        many = f"{near.size} rows have" if near.size > 1 else "a row has"
-        found = f"{many} nearly the set values of others: {one} and {other} differ by "
-        found += f"about {100 * NEAR:.0f} %"
+        subject = f"{near_rows.size} rows have" if near_rows.size > 1 else "a row has"
+        text = f"{subject} nearly the set values of others: {row_text} and {lead_text} differ by "
+        text += f"about {100 * NEAR:.0f} %"
         looks = "measured in place of set values, each an operating point with errors of its own"
-        yield Finding("points", found, looks, "points=joined", certain=True)
+        yield Finding("points", text, looks, "points=joined", certain=True)
 
 
 def _single(sheet: Sheet) -> list[tuple[Row, float]]:
@@ -238,27 +243,33 @@ def found_step(sheet: Sheet) -> float:
     Of n times written in 1 ms, all are multiples of k ms by chance with the probability k^-n.
     """
     times = [round(1e6 * time) for _, time in _single(sheet)]
-    many = gcd(*times) * 1e-6 / WRITTEN
-    return many * WRITTEN if many >= COARSE and len(times) * log10(many) >= DECADES else 0.0
+    step_count = gcd(*times) * 1e-6 / WRITTEN
+    return (
+        step_count * WRITTEN
+        if step_count >= COARSE and len(times) * log10(step_count) >= DECADES
+        else 0.0
+    )
 
 
 def table_clock(stand: Stand, sheet: Sheet) -> Findings:
     """Find a step of the clock that nothing states, or a stated one that the times do not have."""
     single, step = _single(sheet), stand.clock_step
     if step is None and (step := found_step(sheet)):
-        found = f"all {len(single)} times of single shifts are multiples of {number(step / MS)} ms"
+        text = f"all {len(single)} times of single shifts are multiples of {number(step / MS)} ms"
         looks = "the cycle of a controller, and counts as errors.clock_step_ms of bench.toml"
         remedy = "state that key, with 0 where the clock is finer"
-        yield Finding("clock", found, looks, remedy=remedy)
-    elif step and (off := [one for one in single if abs(one[1] / step % 1.0 - 0.5) < 0.5 - OFF]):
-        found = (
+        yield Finding("clock", text, looks, remedy=remedy)
+    elif step and (
+        off := [timed for timed in single if abs(timed[1] / step % 1.0 - 0.5) < 0.5 - OFF]
+    ):
+        text = (
             f"errors.clock_step_ms is {number(step / MS)} ms, but {len(off)} of {len(single)} "
             f"times of single shifts are no multiples of it (row {off[0][0].row}: "
             f"{number(off[0][1])} s)"
         )
         remedy = "state the step of the clock in milliseconds, 0 for none"
         looks = "another clock, or a step in another unit"
-        yield Finding("clock", found, looks, certain=True, remedy=remedy)
+        yield Finding("clock", text, looks, certain=True, remedy=remedy)
 
 
 #: In this order: a check may rely on those before it.

@@ -101,7 +101,7 @@ class Calibration(Section):
 
 
 class Tolerance(Section):
-    """Standard uncertainties of one kind: of the nominal value, and whatever that is."""
+    """Standard uncertainties of force and mismatch: relative and absolute."""
 
     force_percent: Percent = 0.0
     force_N: Annotated[float, Field(ge=0.0, le=1e4)] = 0.0
@@ -166,7 +166,7 @@ class Margin:
 
 @dataclass(frozen=True, kw_only=True)
 class Stand:
-    """A data set without its shifts: the clutch as the bench knows it, and what is stated of it.
+    """Stand of a data set: clutch, sensors, record and stated errors, without shifts.
 
     ``relative_angles`` are in rad, ``corrections`` such as ``time=ms``. ``clock_step`` is the step
     in s of which all times are multiples, 0 where there is none, None where nothing is stated.
@@ -203,10 +203,10 @@ def load_stand(path: Path) -> Stand:
         data["record"] = {"sense": data.pop("mismatch_sense"), **data.get("record", {})}
     file = validate(_BenchFile, data, str(path))
     angles, step = file.relative_angles_deg, file.errors.clock_step_ms
-    own: Any = {n: getattr(file, n) for n in Stand.__dataclass_fields__ if hasattr(file, n)}
-    own |= {n: tuple(value) for n, value in own.items() if isinstance(value, list)}
+    fields: Any = {n: getattr(file, n) for n in Stand.__dataclass_fields__ if hasattr(file, n)}
+    fields |= {n: tuple(value) for n, value in fields.items() if isinstance(value, list)}
     return Stand(
-        **own,
+        **fields,
         clutch=_clutch(file),
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
         calibration=tuple(file.actuator_calibration),
@@ -217,14 +217,14 @@ def load_stand(path: Path) -> Stand:
 
 def _clutch(file: _BenchFile) -> Clutch:
     dog = file.dog.value
-    given = file.contact.si("friction_velocity_m_s")
-    contact = replace(contact_set("adams2019"), name="bench", **given)
-    left = dog.travel - file.shift_travel_mm * MM
-    if not 0.0 < left < dog.height:
+    friction_velocity = file.contact.si("friction_velocity_m_s")
+    contact = replace(contact_set("adams2019"), name="bench", **friction_velocity)
+    shift_travel = dog.travel - file.shift_travel_mm * MM
+    if not 0.0 < shift_travel < dog.height:
         rule = f"it must lie below the full travel of {dog.travel / MM:.6g} mm and past entry"
         remedy = "give the travel at which a shift counts as finished"
         raise DataError(refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
     require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
-    both, drive = rings(file.sliding, file.output), file.drive.value
+    ring_inertias, drive = rings(file.sliding, file.output), file.drive.value
     solver = solver_for(contact, drive=drive)
-    return Clutch(dog, both, contact, solver, file.timeout_s, left, drive=drive)
+    return Clutch(dog, ring_inertias, contact, solver, file.timeout_s, shift_travel, drive=drive)

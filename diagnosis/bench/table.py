@@ -29,14 +29,14 @@ COLUMNS = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s"
            "trace", "shift_time_sd_s", "order", "timestamp")  # fmt: skip
 NEEDED = COLUMNS[:5]  #: without the others, a source says nothing of them
 NUMERIC = (*NEEDED, *COLUMNS[7:])
-MOST = 1_000_000  #: shifts that a row may stand for; at one a second they take twelve days
+MAX_SHIFTS = 1_000_000  #: shifts that a row may stand for; at one a second they take twelve days
 ENGAGED = {"true": True, "false": False, "": None}
 NEAR = 0.01  #: of a set value, up to which two are those of one operating point
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row as it stands: 1/min, N, s, s by the names of the columns.
+    """Row of ``shifts.csv`` in its units: 1/min, N, s.
 
     ``sd`` is the standard deviation of the ``n`` times of a mean, s. ``place`` is that in the
     series of all shifts: the order, or else the ``timestamp`` in s; None where the table does not
@@ -83,20 +83,20 @@ def load_sheet(path: Path) -> Sheet:
         if (wrong := np.asarray(bad, dtype=bool)).any():
             at = int(wrong.argmax())
             raise bad_cell(path, rows[at], f"column {column}", cells[column][at], rule)
-    found = []
+    sheet_rows = []
     for k, row in enumerate(rows):
-        known: list[Any] = [None if np.isnan(v := values[n][k]) else v.item() for n in NUMERIC]
-        mismatch, force, rise, n, time, sd, order, stamp = known
+        numbers: list[Any] = [None if np.isnan(v := values[n][k]) else v.item() for n in NUMERIC]
+        mismatch, force, rise, n, time, sd, order, stamp = numbers
         engaged = True if time is not None else ENGAGED[cells["engaged"][k]]
         name, place = cells["trace"][k], stamp if order is None else order
         try:
             trace = read_trace(path.parent / name) if name else None
         except DataError as error:
             raise DataError(f"{path}, row {row}, column trace: {error}") from error
-        found.append(
+        sheet_rows.append(
             Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
         )
-    return Sheet(path, tuple(found))
+    return Sheet(path, tuple(sheet_rows))
 
 
 def _faults(
@@ -104,34 +104,34 @@ def _faults(
 ) -> Iterator[tuple[str, Any, str]]:
     """Yield columns, marks of their wrong cells, and the rule that these break."""
     for name in NUMERIC[:-1]:
-        given = (cells[name] != "") | (name in COLUMNS[:3])
-        bad = given & ~np.isfinite(values[name]) & (name != "n_shifts")
+        is_filled = (cells[name] != "") | (name in COLUMNS[:3])
+        bad = is_filled & ~np.isfinite(values[name]) & (name != "n_shifts")
         first = cells[name][int(bad.argmax())]
         yield name, bad, "a finite number" if is_plain(first) else number_rule(first)
     count, time, sd, stamps = (values[name] for name in NUMERIC[3:] if name != "order")
     count = np.clip(np.nan_to_num(count), 0.0, 1e300)
     timed, spread, traced = ~np.isnan(time), ~np.isnan(sd), cells["trace"] != ""
     plain, stamped = np.array(list(map(is_plain, cells["timestamp"]))), cells["timestamp"] != ""
-    outside = [Path(c).is_absolute() or ".." in Path(c).parts for c in cells["trace"]]
+    is_outside = [Path(c).is_absolute() or ".." in Path(c).parts for c in cells["trace"]]
     # So large is a spread where one shift took all the time and the others none.
-    wide = spread & ~((sd >= 0.0) & (sd <= time * count**0.5))
+    is_wide = spread & ~((sd >= 0.0) & (sd <= time * count**0.5))
     yield from (
         ("n_shifts", ~((count >= 1) & (count % 1 == 0)), "a whole number of at least 1, the shifts "
          "that its time is the mean of: 1 for a single shift"),
-        ("n_shifts", count > MOST,
-         f"at most {MOST}: shifts that a stand has made, not a count of samples"),
+        ("n_shifts", count > MAX_SHIFTS,
+         f"at most {MAX_SHIFTS}: shifts that a stand has made, not a count of samples"),
         ("engaged", ~np.isin(cells["engaged"], [*ENGAGED]), "true, false or empty"),
         ("engaged", timed & (cells["engaged"] == "false"),
          "true where shift_time_s has a time, or else that cell must be empty"),
         ("shift_time_sd_s", spread & ((count < 2) | ~timed),
          "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"),
-        ("shift_time_sd_s", wide, "between 0 and the mean times the root of n_shifts: times above "
-         "0 of this mean cannot scatter by more"),
+        ("shift_time_sd_s", is_wide, "between 0 and the mean times the root of n_shifts: times "
+         "above 0 of this mean cannot scatter by more"),
         ("timestamp", stamped & ~np.isfinite(stamps),
          "a date and time such as 2024-05-31T14:05:09, or seconds"),
         ("timestamp", plain & (stamped & ~plain).any(), "a date and time as in the other rows"),
         ("trace", traced & (count != 1), "empty where n_shifts is not 1: it is one shift's"),
-        ("trace", outside, "a path inside the folder of the data set"),
+        ("trace", is_outside, "a path inside the folder of the data set"),
     )  # fmt: skip
     for name in ("order", "timestamp"):
         empty = timed & (cells[name] == "")
@@ -155,9 +155,9 @@ def near_groups(rows: Sequence[Row]) -> tuple[Array, np.ndarray]:
     values = np.array([(row.mismatch, row.force, row.rise) for row in rows])
     labels = np.empty(values.shape)
     for place, column in enumerate(values.T):
-        known, which = np.unique(column, return_inverse=True)
-        apart = np.diff(known) > NEAR * np.maximum(abs(known[1:]), abs(known[:-1]))
-        labels[:, place] = np.append(0, np.cumsum(apart))[which.ravel()]
+        levels, which = np.unique(column, return_inverse=True)
+        is_separate = np.diff(levels) > NEAR * np.maximum(abs(levels[1:]), abs(levels[:-1]))
+        labels[:, place] = np.append(0, np.cumsum(is_separate))[which.ravel()]
     return values, np.unique(labels, axis=0, return_inverse=True)[1].ravel()
 
 
@@ -166,9 +166,9 @@ def joined_rows(rows: Sequence[Row]) -> tuple[Row, ...]:
     weights = np.array([row.n for row in rows], dtype=float)
     values, groups = near_groups(rows)
     for group in range(groups.max() + 1):
-        mine = groups == group
-        if (values[mine] != values[mine][0]).any():
-            values[mine] = np.average(values[mine], axis=0, weights=weights[mine])
+        members = groups == group
+        if (values[members] != values[members][0]).any():
+            values[members] = np.average(values[members], axis=0, weights=weights[members])
     return tuple(
         replace(row, mismatch=n, force=force, rise=rise)
         for row, (n, force, rise) in zip(rows, values.tolist(), strict=True)

@@ -97,7 +97,7 @@ def traced(stand: Stand, sheet: Sheet) -> list[TracedRow]:
 
 
 def speed_ratio(one: TracedRow) -> float:
-    """Compute the relative speed at the beginning over that of the row."""
+    """Compute the ratio of relative speed at the beginning to mismatch of the row."""
     slip = one.trace.output_speed - one.trace.sliding_speed
     first = float(np.median(slip[: max(FIRST, slip.size // 32)]))
     return first / RPM / (one.row.mismatch or np.nan)
@@ -110,7 +110,7 @@ def travel_ratio(one: TracedRow) -> float:
 
 
 def time_ratio(one: TracedRow) -> float:
-    """Compute the time of the travel over the shift's, where it is beyond the time-out."""
+    """Compute the ratio of travel time to shift time, for travel times beyond the time-out."""
     way, timeout = one.trace.displacement - one.rest, one.stand.clutch.timeout
     end = one.trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
     took = float(end - (one.start.time if one.start else one.trace.time[0]))
@@ -168,8 +168,8 @@ def recording_faults(stand: Stand, sheet: Sheet) -> Findings:
 
 def _of_traces(texts: Sequence[str]) -> str:
     """Give the first of the sentences on traces, and the number of the others."""
-    others = f", and {len(texts) - 1} more alike" if len(texts) > 1 else ""
-    return f"{texts[0]}{others}"
+    remainder = f", and {len(texts) - 1} more alike" if len(texts) > 1 else ""
+    return f"{texts[0]}{remainder}"
 
 
 def trace_signs(stand: Stand, sheet: Sheet) -> Findings:
@@ -194,11 +194,11 @@ def trace_signs(stand: Stand, sheet: Sheet) -> Findings:
 def _fall(values: Array) -> tuple[float, float] | None:
     """Return first and lowest reading of a channel that falls further than it rises, or None."""
     smooth = smoothed(values)
-    rest = float(np.median(values[:FIRST]))
-    fall, rise = rest - float(smooth.min()), float(smooth.max()) - rest
+    rest_level = float(np.median(values[:FIRST]))
+    fall, rise = rest_level - float(smooth.min()), float(smooth.max()) - rest_level
     noise = CLEAR * scatter(values)
     falls = fall > noise and rise < max(noise, FALLING * fall)
-    return (rest, rest - fall) if falls else None
+    return (rest_level, rest_level - fall) if falls else None
 
 
 def trace_lock(stand: Stand, sheet: Sheet) -> Findings:
@@ -263,13 +263,13 @@ def trace_jumps(stand: Stand, sheet: Sheet) -> Findings:
         force = np.maximum.accumulate(np.maximum(smoothed(trace.force), nominal))
         work = np.maximum(force, 0.0) * (abs(np.maximum.accumulate(way) - way[0]) + noise)
         speed = np.sqrt(2.0 * work / mass)
-        most = MAX_SPEED * speed[1:] * np.diff(trace.time) + noise
-        places = np.flatnonzero(abs(np.diff(way)) > most)
+        longest = MAX_SPEED * speed[1:] * np.diff(trace.time) + noise
+        places = np.flatnonzero(abs(np.diff(way)) > longest)
         if places.size:
-            before, after = way[places[0] : places[0] + 2] / MM
+            start, end = way[places[0] : places[0] + 2] / MM
             jumps.append(
-                f"{trace.path.name}: displacement_mm jumps from {short(before, 3)} to "
-                f"{short(after, 3)} mm at {number(trace.time[places[0] + 1])} s, further than the "
+                f"{trace.path.name}: displacement_mm jumps from {short(start, 3)} to "
+                f"{short(end, 3)} mm at {number(trace.time[places[0] + 1])} s, further than the "
                 "force can move the sleeve in one sample step"
             )
     if jumps:
@@ -281,80 +281,85 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
     """Find traces of another time zero than the table has, or of another end."""
     if not (rows := traced(stand, sheet)):
         return
-    start, end, least = np.array([_clock(one) for one in rows]).T
-    took = np.array([one.row.time or np.nan for one in rows])
-    late = end - took
+    start, end, visible = np.array([_clock(row) for row in rows]).T
+    took = np.array([row.row.time or np.nan for row in rows])
+    delay = end - took
     # Times of the table, and the travel at which a stand ends a shift, scatter as well.
-    between, middle = CLOCK + float(np.median(least)), median(late)
-    over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
-    off = abs(start) > least
+    tolerance, middle = CLOCK + float(np.median(visible)), median(delay)
+    is_late = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
+    off = abs(start) > visible
     # A single start that the travel does not confirm is scatter of the fit.
-    off &= (2 * off.sum() >= off.size) | (abs(late) > between) | over
+    off &= (2 * off.sum() >= off.size) | (abs(delay) > tolerance) | is_late
     if off.any():
-        ends = sorted({f"{one:.4f}" for one in (start[off].min(), start[off].max())}, key=float)
-        found = (
+        ends = sorted({f"{time:.4f}" for time in (start[off].min(), start[off].max())}, key=float)
+        text = (
             f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
             f"{' to '.join(ends)} s"
         )
         looks, correction = "the recorder's clock, or a record that begins before its trigger", None
-        seen = np.isfinite(late[off]).any()
-        found += f"; {_ends(median(late[off]))}" if seen else ""
-        if seen and abs(median(late[off])) <= between:
+        has_end = np.isfinite(delay[off]).any()
+        text += f"; {_ends(median(delay[off]))}" if has_end else ""
+        if has_end and abs(median(delay[off])) <= tolerance:
             looks = ANOTHER if stand.record.time_zero == "force" else DEAD
         elif np.isnan(start).any():
-            found += f"; in {np.isnan(start).sum()} traces no rise of the force is seen at all"
+            text += f"; in {np.isnan(start).sum()} traces no rise of the force is seen at all"
         else:
             correction = "trace_time=from_force"
-        yield Finding("trace_time", found, looks, correction, bool((off & over).any()))
+        yield Finding("trace_time", text, looks, correction, bool((off & is_late).any()))
     elif np.isnan(start).all():
-        found = "no rise of force_N stands out from its noise in the traces: t_s = 0 is unchecked"
-        found += f"; {_ends(middle)}" if abs(middle) > between else ""
+        text = "no rise of force_N stands out from its noise in the traces: t_s = 0 is unchecked"
+        text += f"; {_ends(middle)}" if abs(middle) > tolerance else ""
         looks = "a sensor not connected or of opposite sign, or a force from the first sample on"
-        yield Finding("trace_time", found, looks)
-    elif abs(middle) > between > median(abs(late - middle)) - 0.1 * abs(middle):
+        yield Finding("trace_time", text, looks)
+    elif abs(middle) > tolerance > median(abs(delay - middle)) - 0.1 * abs(middle):
         dead = stand.record.time_zero == "command" and middle < 0.0
         looks = "a dead time between command and force" if dead else ANOTHER
         yield Finding("trace_time", _ends(middle), f"{looks}, or to another travel")
 
 
-def _clock(one: TracedRow) -> tuple[float, float, float]:
+def _clock(traced_row: TracedRow) -> tuple[float, float, float]:
     """Give start of the force, end of travel, and least time that is seen, s; NaN for not shown."""
-    start, travel = None if one.moving else one.start, one.stand.clutch.shift_travel
-    way = np.maximum.accumulate(smoothed(one.trace.displacement) - one.rest)
-    end = float(np.interp(travel, way, one.trace.time)) if way[-1] >= travel else np.nan
-    least = max(CLOCK, 3.0 * step_of(one.trace.time), 4.0 * (start.error if start else 0.0))
-    return (start.time if start else np.nan), end, least
+    start, travel = (
+        None if traced_row.moving else traced_row.start,
+        traced_row.stand.clutch.shift_travel,
+    )
+    way = np.maximum.accumulate(smoothed(traced_row.trace.displacement) - traced_row.rest)
+    end = float(np.interp(travel, way, traced_row.trace.time)) if way[-1] >= travel else np.nan
+    visible = max(
+        CLOCK, 3.0 * step_of(traced_row.trace.time), 4.0 * (start.error if start else 0.0)
+    )
+    return (start.time if start else np.nan), end, visible
 
 
-def _ends(late: float) -> str:
-    size = f"{1e3 * abs(late):.1f} ms" if abs(late) < 1.0 else f"{abs(late):.4f} s"
-    when = "after" if late > 0.0 else "before"
+def _ends(delay: float) -> str:
+    size = f"{1e3 * abs(delay):.1f} ms" if abs(delay) < 1.0 else f"{abs(delay):.4f} s"
+    when = "after" if delay > 0.0 else "before"
     return f"the travel of the traces ends {size} {when} shift_time_s of their rows (median)"
 
 
 def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
     """Find displacements and forces that are not zero before the force begins."""
     rows, noise = traced(stand, sheet), CLEAR / np.sqrt(FIRST)
-    moving = sum(one.moving for one in rows)
+    moving = sum(row.moving for row in rows)
     if 2 * moving > max(1, len(rows)):
-        found = f"the sleeve moves already at the first samples of {moving} of {len(rows)} traces"
-        yield Finding("displacement", found, "records that begin after the force")
+        text = f"the sleeve moves already at the first samples of {moving} of {len(rows)} traces"
+        yield Finding("displacement", text, "records that begin after the force")
         return
     gap = REST * stand.clutch.dog.axial_gap
-    way = [one.rest / MM for one in rows
-           if abs(one.rest) > max(gap, noise * scatter(one.trace.displacement))]  # fmt: skip
+    way = [row.rest / MM for row in rows
+           if abs(row.rest) > max(gap, noise * scatter(row.trace.displacement))]  # fmt: skip
     force = [
-        one.start.force for one in rows if one.start and one.start.time >= one.trace.time[0]
-        and abs(one.start.force) > max(REST * one.row.force, noise * scatter(one.trace.force))
+        row.start.force for row in rows if row.start and row.start.time >= row.trace.time[0]
+        and abs(row.start.force) > max(REST * row.row.force, noise * scatter(row.trace.force))
     ]  # fmt: skip
     looks, when = "a sensor that is not set to zero", "(median) before the force begins"
     of_all = f"of {len(rows)} traces is"
     if way:
-        found = f"displacement_mm of {len(way)} {of_all} {short(median(way), 3)} mm {when}"
-        yield Finding("displacement", found, looks, "displacement=zeroed")
+        text = f"displacement_mm of {len(way)} {of_all} {short(median(way), 3)} mm {when}"
+        yield Finding("displacement", text, looks, "displacement=zeroed")
     if 2 * len(force) > len(rows):
-        found = f"force_N of {len(force)} {of_all} {short(median(force), 3)} N {when}"
-        yield Finding("trace_force", found, looks, "trace_force=zeroed")
+        text = f"force_N of {len(force)} {of_all} {short(median(force), 3)} N {when}"
+        yield Finding("trace_force", text, looks, "trace_force=zeroed")
 
 
 MIN_CURED = 0.5  #: share of the rows that the correction of a slip brings into the range
@@ -384,19 +389,19 @@ class Range:
     alternatives: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     def _middle(self, stand: Stand, sheet: Sheet) -> float:
-        return median([self.ratio(one) for one in traced(stand, sheet)], 1.0)
+        return median([self.ratio(row) for row in traced(stand, sheet)], 1.0)
 
     def _cured_share(self, stand: Stand, sheet: Sheet, correction: str, high: float) -> float:
         """Compute the share of rows whose ratio a correction brings into the range."""
         try:
-            other = corrected(sheet, correction, stand.sensor)
+            corrected_sheet = corrected(sheet, correction, stand.sensor)
         except InputError:  # the stand does not say by how much
             return 0.0
-        ratios = np.array([self.ratio(row) for row in traced(stand, other)])
+        ratios = np.array([self.ratio(row) for row in traced(stand, corrected_sheet)])
         ratios = ratios[np.isfinite(ratios)]
-        inside = (self.low <= ratios) & (ratios <= high)
+        is_inside = (self.low <= ratios) & (ratios <= high)
         # A force of the right unit may be too early in its rise for a ratio.
-        return float(inside.mean()) if inside.size else 1.0
+        return float(is_inside.mean()) if is_inside.size else 1.0
 
     def __call__(self, stand: Stand, sheet: Sheet) -> Findings:
         """Find a ratio out of the range."""
@@ -409,7 +414,7 @@ class Range:
         correction, looks = max(self.ways, key=lambda way: shares[way[0]])
         if shares[correction] >= MIN_CURED:
             text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
-            others = tuple(
+            alternatives = tuple(
                 (way, cause)
                 for way, cause in self.alternatives.get(correction, ())
                 if self._cured_share(stand, sheet, way, high) >= MIN_CURED
@@ -421,7 +426,7 @@ class Range:
                 correction,
                 certain=True,
                 arguable=self.arguable,
-                alternatives=others,
+                alternatives=alternatives,
             )
             return
         certain = not self.possible[0] < middle < self.possible[1]

@@ -70,10 +70,10 @@ class BenchTrace:
 TIME = "t_s"
 LEAD = "displacement_mm"  #: the channel whose times all others get
 COLUMNS = (TIME, LEAD, "force_N", "sliding_speed_rpm", "output_speed_rpm")
-LEAST = 10  #: samples that a trace must have
+MIN_SAMPLES = 10  #: samples that a trace must have
 MAX_DROPOUT = 1.0 / 3.0  #: share of a channel's samples at most that dropouts may take
 #: Share of the sample step within which times are equal: float32 masters differ by less.
-ALIKE = 0.1
+CLOCK_TOLERANCE = 0.1
 HOLE = 5.0  #: sample steps without a sample from which samples count as lost
 DIMENSIONS = {TIME: DURATION, LEAD: LENGTH, COLUMNS[2]: FORCE, COLUMNS[3]: SPEED, COLUMNS[4]: SPEED}
 OWN_UNITS = {DURATION: "s", LENGTH: "mm", FORCE: "N", SPEED: "1/min"}  #: of the project's files
@@ -93,18 +93,19 @@ def read_trace(path: Path) -> BenchTrace:
     read = READERS.get(path.suffix.lower(), _read_csv)(path)
     channels = {name: _examined(path, name, channel) for name, channel in read.items()}
     lead = channels[LEAD]
-    margin = ALIKE * lead.step
+    margin = CLOCK_TOLERANCE * lead.step
     first = max(channel.time[0] for channel in channels.values()) - margin
     last = min(channel.time[-1] for channel in channels.values()) + margin
     time = lead.time[(lead.time >= first) & (lead.time <= last)]
-    if time.size < LEAST:
+    if time.size < MIN_SAMPLES:
         spans = ", ".join(
             f"{name} from {number(channel.time[0])} to {number(channel.time[-1])} s"
             for name, channel in channels.items()
         )
         raise DataError(
             f"{path}: the channels have {time.size} samples of {LEAD} in common ({spans}), but a "
-            f"trace needs at least {LEAST}; correct start times or rates, or export the whole shift"
+            f"trace needs at least {MIN_SAMPLES}; correct start times or rates, or export the "
+            "whole shift"
         )
     table = {
         name: np.interp(time, channel.time, channel.values) for name, channel in channels.items()
@@ -123,13 +124,13 @@ def read_trace(path: Path) -> BenchTrace:
 def _notes(channels: Mapping[str, Channel], time: Array, margin: float) -> list[str]:
     """List sentences on interpolated, cut and lost samples."""
     lead = channels[LEAD]
-    apart = [
+    interpolated = [
         f"{name} ({channel.time.size} samples, every {number(channel.step / MS)} ms)"
         for name, channel in channels.items()
         if abs(channel.step - lead.step) > margin or _distance(time, channel.time) > margin
     ]
-    notes = [f"{', '.join(apart)} interpolated on the times of {LEAD} (every "
-             f"{number(lead.step / MS)} ms)"] if apart else []  # fmt: skip
+    notes = [f"{', '.join(interpolated)} interpolated on the times of {LEAD} (every "
+             f"{number(lead.step / MS)} ms)"] if interpolated else []  # fmt: skip
     if time.size < lead.time.size:
         notes.append(
             f"{lead.time.size - time.size} of {lead.time.size} samples of {LEAD} cut, as not all "
@@ -138,8 +139,8 @@ def _notes(channels: Mapping[str, Channel], time: Array, margin: float) -> list[
     for name, channel in channels.items():
         place = int(np.argmax(np.diff(channel.time)))
         low, high = channel.time[place : place + 2]
-        own = name == LEAD or not np.array_equal(channel.time, lead.time)
-        if own and high - low > HOLE * channel.step:
+        has_own_clock = name == LEAD or not np.array_equal(channel.time, lead.time)
+        if has_own_clock and high - low > HOLE * channel.step:
             notes.append(f"{name} without a sample from {number(low)} to {number(high)} s")
     return notes
 
@@ -164,9 +165,9 @@ def _examined(path: Path, name: str, channel: Channel) -> Channel:
     _require_samples(path, name, channel)
     time, values = channel.time, channel.values
     clock = _clock_name(name)
-    still = np.append(False, np.diff(time) == 0.0)
-    doubled = still & np.append(False, np.diff(values) == 0.0)
-    if doubled.any() and (doubled == still).all() and (np.diff(time[~doubled]) > 0.0).all():
+    is_still = np.append(False, np.diff(time) == 0.0)
+    doubled = is_still & np.append(False, np.diff(values) == 0.0)
+    if doubled.any() and (doubled == is_still).all() and (np.diff(time[~doubled]) > 0.0).all():
         row = channel.rows[int(doubled.argmax())]
         text = f"{doubled.sum()} of {time.size} samples are there twice (row {row}) and left out"
         channel = channel.selected(~doubled, Fault(text, "samples that were written twice"))
@@ -192,18 +193,19 @@ def _examined(path: Path, name: str, channel: Channel) -> Channel:
 def _without_faults(path: Path, name: str, channel: Channel) -> Channel:
     """Leave out dropouts and repeated values, and name values that stand still."""
     time, values = channel.time, channel.values
-    lost = dropouts(values)
-    if lost.any():
-        level = values[lost][abs(values[lost]).argmax()]
-        level = level if abs(level) > abs(values[~lost]).max() else 0.0
+    is_lost = dropouts(values)
+    if is_lost.any():
+        level = values[is_lost][abs(values[is_lost]).argmax()]
+        level = level if abs(level) > abs(values[~is_lost]).max() else 0.0
         text = (
-            f"{lost.sum()} of {time.size} samples of {name} lie at {number(level)} between "
-            f"{number(time[lost][0])} and {number(time[lost][-1])} s, between values far from it"
+            f"{is_lost.sum()} of {time.size} samples of {name} lie at {number(level)} between "
+            f"{number(time[is_lost][0])} and {number(time[is_lost][-1])} s, between values far "
+            "from it"
         )
-        if lost.sum() > MAX_DROPOUT * time.size:
+        if is_lost.sum() > MAX_DROPOUT * time.size:
             raise DataError(f"{path}: {text}; mend sensor or cable, and measure the shift again")
         fault = Fault(f"{text}, and are left out", "dropouts of the sensor or its cable")
-        channel = channel.selected(~lost, fault)
+        channel = channel.selected(~is_lost, fault)
     if (count := held_step(channel.values)) > 1:
         first = int(np.flatnonzero(np.diff(channel.values))[0] + 1) % count
         places = np.arange(first, channel.values.size, count)
@@ -233,11 +235,11 @@ def _require_samples(path: Path, name: str, channel: Channel) -> None:
     for place_name, values in ((f"column {name}", channel.values), (clock, time)):
         for place in np.flatnonzero(~np.isfinite(values)).tolist():
             raise bad_cell(path, channel.rows[place], place_name, values[place], "a finite number")
-    least = LEAST if name == LEAD else 2
-    if time.size < least:
+    min_samples = MIN_SAMPLES if name == LEAD else 2
+    if time.size < min_samples:
         spacing = f"they lie {number(channel.step / MS)} ms apart: " if time.size > 1 else ""
         raise DataError(
-            f"{path} has {time.size} samples of {name}, but a trace needs at least {least}; "
+            f"{path} has {time.size} samples of {name}, but a trace needs at least {min_samples}; "
             f"{spacing}sample faster, or export the whole shift"
         )
 
@@ -278,7 +280,7 @@ def _reader(library: str, name: str, kind: str, extra: str) -> Any:
 
 
 def _undamaged(path: Path, kind: str, read: Callable[[Path], dict[str, Channel]]) -> Any:
-    """Read a file; whatever its library raises for damaged bytes becomes a DataError."""
+    """Read a file; raise DataError for any error of its library."""
     hook = sys.unraisablehook
     try:
         return read(path)
@@ -303,12 +305,12 @@ def _ignore(_: object) -> None:
     """Report nothing."""
 
 
-def _only(path: Path, name: str, groups: Sequence[Any], known: Iterable[str]) -> Any:
+def _only(path: Path, name: str, groups: Sequence[Any], channel_names: Iterable[str]) -> Any:
     """Give the only group that has a channel; else raise DataError."""
     if not groups:
         raise DataError(
             f"{path}: the channel '{name}' is missing; name the channels as in a CSV trace (in the "
-            f"file: {did_you_mean(name, known)})"
+            f"file: {did_you_mean(name, channel_names)})"
         )
     if len(groups) > 1:
         raise DataError(
@@ -334,7 +336,7 @@ def _require_unit(path: Path, name: str, text: str) -> None:
     """Raise DataError for a unit beside a channel that is not the one of its name."""
     if not (spelling := str(text).strip()):
         return
-    unit, own = unit_named(spelling), OWN_UNITS[DIMENSIONS[name]]
+    unit, unit_of_name = unit_named(spelling), OWN_UNITS[DIMENSIONS[name]]
     if unit is not None and unit.dimension == DIMENSIONS[name] and unit.factor == 1.0:
         return
     fault = "but its name says another unit"
@@ -343,8 +345,8 @@ def _require_unit(path: Path, name: str, text: str) -> None:
     elif np.isnan(unit.factor):
         fault = "which may be revolutions or radians a second"
     raise DataError(
-        f"{path}, channel {name} is in '{spelling}', {fault}; convert the channel to {own}, or "
-        "export the trace as CSV with the unit in the name"
+        f"{path}, channel {name} is in '{spelling}', {fault}; convert the channel to "
+        f"{unit_of_name}, or export the trace as CSV with the unit in the name"
     )
 
 
@@ -393,13 +395,13 @@ def _collected_warnings(library: str) -> Iterator[list[str]]:
     handler = _Warnings()
     names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == library]
     loggers = [logging.getLogger(name) for name in names]
-    before = [(logger, logger.handlers, logger.propagate) for logger in loggers]
+    states = [(logger, logger.handlers, logger.propagate) for logger in loggers]
     for logger in loggers:
         logger.handlers, logger.propagate = [handler], False
     try:
         yield handler.texts
     finally:
-        for logger, handlers, propagate in before:
+        for logger, handlers, propagate in states:
             logger.handlers, logger.propagate = handlers, propagate
 
 
@@ -408,11 +410,11 @@ def _read_tdms(path: Path) -> dict[str, Channel]:
     read = _reader("npTDMS", "TdmsFile.read", "a TDMS", "tdms")
     with _collected_warnings("nptdms") as texts:
         file = read(str(path))
-        known = [channel.name for group in file.groups() for channel in group.channels()]
-        if not known:
+        channel_names = [channel.name for group in file.groups() for channel in group.channels()]
+        if not channel_names:
             raise DataError(f"{path} has no channel: it is empty or cut short; copy the file again")
         groups = {
-            name: _only(path, name, [g for g in file.groups() if name in g], known)
+            name: _only(path, name, [g for g in file.groups() if name in g], channel_names)
             for name in COLUMNS[1:]
         }
         sizes = {name: len(group[name]) for name, group in groups.items()}
@@ -426,7 +428,7 @@ def _read_tdms(path: Path) -> dict[str, Channel]:
 def _cut_short(path: Path, sizes: Mapping[str, int]) -> tuple[Fault, ...]:
     """Give the fault of a file that is cut short; DataError where too little of it is there."""
     counts = ", ".join(f"{name} {size}" for name, size in sizes.items())
-    if min(sizes.values()) < LEAST:
+    if min(sizes.values()) < MIN_SAMPLES:
         raise DataError(
             f"{path} is cut short: of its samples there are {counts}; copy the file again"
         )
@@ -475,15 +477,15 @@ def _tdms_channel(
 
 def _waveform(path: Path, channel: Any, lead: Any) -> Array:
     """Return the times of a channel after the start time of the displacement, s, (n,)."""
-    start, first = (one.properties.get("wf_start_time") for one in (channel, lead))
+    start, first = (waveform.properties.get("wf_start_time") for waveform in (channel, lead))
     if (start is None) != (first is None):
         raise DataError(
             f"{path} has wf_start_time on one of the channels {channel.name} and {LEAD} only, so "
             "that their times cannot be compared; write it on both"
         )
     try:
-        late = 0.0 if start is None else (start - first) / np.timedelta64(1, "s")
-        return late + np.asarray(channel.time_track(), dtype=float)
+        delay = 0.0 if start is None else (start - first) / np.timedelta64(1, "s")
+        return delay + np.asarray(channel.time_track(), dtype=float)
     except KeyError as error:
         raise DataError(
             f"{path} has neither a channel {TIME} nor the waveform properties wf_increment and "

@@ -14,6 +14,7 @@ from dogshape.sim.errors import InputError
 from dogshape.terminal import print_parts, terminal
 
 if TYPE_CHECKING:
+    from dogshape.pipeline.drafts.bench_folder import BenchDraft
     from dogshape.pipeline.record import Table
     from dogshape.result import Result
 
@@ -64,12 +65,35 @@ StudyArg = Annotated[
     str, Argument(metavar="STUDY", help="TOML file, folder with study.toml, or bundled name")
 ]
 BenchArg = Annotated[str, Argument(metavar="BENCH_DIR", help="folder of a data set")]
+BenchOrTable = Annotated[
+    str, Argument(metavar="BENCH_DIR|TABLE", help="folder of a data set, CSV, or .xlsx[#SHEET]")
+]
 Sets = Annotated[
     list[str] | None,
     Option("--set", metavar="KEY=VALUE", help="list: 'KEY=[1, 2]'", callback=_warn_of_repeats),
 ]
 Engine = Annotated[str | None, Option(help="drake or planar; default: the study's")]
 Json = Annotated[bool, Option("--json", help="print one JSON document")]
+#: Options of reading a table, in the order of ``bench_draft``.
+Origin = Annotated[
+    str | None, Option("--from", help="whose clutch the stand has; default: mq200_stand")
+]
+Columns = Annotated[list[str] | None, Option("--column", metavar="QUANTITY=COLUMN[:UNIT]")]
+RiseTime = Annotated[float | None, Option("--rise-s", help="rise time where no column has it")]
+Decimal = Annotated[str | None, Option(help="decimal sign of the tables, . or ,")]
+Rows = Annotated[str | None, Option(help="rows that are shifts, e.g. 2-41,45")]
+Drop = Annotated[list[str] | None, Option(metavar="COLUMN=VALUE", help="rows that are no shifts")]
+Keep = Annotated[
+    list[str] | None, Option(metavar="COLUMN=VALUE", help="rows that alone are shifts")
+]
+FillDown = Annotated[bool, Option("--fill-down", help="empty set values have the value above")]
+SizeLimits = Annotated[
+    list[str] | None,
+    Option("--limit", metavar="NAME=NUMBER", help="size up to which a table is read"),
+]
+Quotes = Annotated[
+    str | None, Option(help="none: quotation marks are ordinary signs; default: cells")
+]
 Cluster = Annotated[str | None, Option(help="Dask scheduler, e.g. tcp://scheduler:8786")]
 Corrections = Annotated[
     list[str] | None, Option("--correct", metavar="QUANTITY=WAY", help="e.g. time=ms")
@@ -80,6 +104,61 @@ SurrogateFile = Annotated[Path | None, Option(help="default: of results/NAME, or
 OneMismatch = Annotated[float | None, Option(help="one operating point only")]
 OneForce = Annotated[float | None, Option("--force-N", help="with --mismatch-rpm")]
 Rise = Annotated[float | None, Option(help="rise time; default: the study's table")]
+
+
+def bench_draft(
+    tables: Sequence[str | Path],
+    *,
+    origin: str | None = None,
+    column: Sequence[str] | None = None,
+    rise_s: float | None = None,
+    decimal: str | None = None,
+    rows: str | None = None,
+    drop: Sequence[str] | None = None,
+    keep: Sequence[str] | None = None,
+    fill_down: bool = False,
+    limit: Sequence[str] | None = None,
+    quotes: str | None = None,
+    set_: Sequence[str] | None = None,
+) -> BenchDraft:
+    """Build the draft of a bench folder from the options of reading; InputError for a wrong one."""
+    from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts.bench_folder import BenchDraft  # noqa: PLC0415
+    from dogshape.sim.decoding import parse_limits  # noqa: PLC0415
+
+    defaults = BenchDraft(tuple(tables))
+    return BenchDraft(
+        tables=tuple(tables),
+        origin=origin or defaults.origin,
+        columns=dict(column_pair(text) for text in column or ()),
+        rise_s=rise_s,
+        values=dict(pair_of(text) for text in set_ or ()),
+        decimal=decimal,
+        rows=rows or "",
+        drop=tuple(drop or ()),
+        keep=tuple(keep or ()),
+        fill_down=fill_down,
+        limits=parse_limits(dict(_limit_pair(text) for text in limit or ())),
+        quotes=quotes or defaults.quotes,
+    )
+
+
+def column_pair(text: str) -> tuple[str, str]:
+    """Split a column option into quantity and column; InputError without both."""
+    name, sign, column = text.partition("=")
+    if not sign or not column:
+        raise InputError(
+            f"--column is '{text}', but it must be QUANTITY=COLUMN or QUANTITY=COLUMN:UNIT; "
+            "write for instance shift_time_s=t_shift:ms"
+        )
+    return name.strip(), column
+
+
+def _limit_pair(text: str) -> tuple[str, str]:
+    name, sign, size = text.partition("=")
+    if not sign:
+        raise InputError(f"--limit is '{text}', but it must be NAME=NUMBER, such as rows=600000")
+    return name.strip(), size.strip()
 
 
 def run_arguments(

@@ -126,7 +126,7 @@ strength mq200_paper --set dog.heigth_mm=3 | did you mean 'dog.height_mm'?
 strength mq200_paper --set 'dog.count=15\ndog.height_mm=3' | more than one value
 shift ONE --force-N -469 | shift force is -469 N
 shift ONE --force-N 5000 | actuation.rise_s, or give --force-rise-s
-shift ONE --report no/such/a.html | --report is no/such/a.html, but there is no folder no/such; make it
+shift ONE --report no/such/a.html | --report is no/such/a.html, but there is no folder no/such
 shift ONE --report a.x --trace a.x | give two files
 expect mq200_paper --force-rise-s 0.1 | goes with one operating point
 expect mq200_paper --angles few | --angles is 'few'

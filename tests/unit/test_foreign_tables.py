@@ -16,8 +16,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from dogshape.cli import dialogue
 from dogshape.cli.app import app
-from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import Reading, load_bench
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.bench.table import NEAR, Row, joined_rows
@@ -333,7 +333,7 @@ def test_a_slip_is_settled_by_the_option_that_it_names(bench: Bench) -> None:
 
 def test_terminal_questions_take_options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     Path("m.csv").write_text(
         'Number,dn,F,t_shift\n1,50,469,116\n2,100,469,104\n3,"1,200",469,98\nWdh,149,642,97\n'
         "5,149,642,99\n"

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 import dogshape as ds
+from dogshape.cli import dialogue
 from dogshape.cli.app import app
-from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.pipeline.config.study_file import Setup, load_study
@@ -49,7 +49,7 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
 
 def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     # Actuator; points, at once refused; actuator and points again; dogs, ring and what turns with
     # it; height, fork, torque, coast; toothing, shafts, engine, drag, latch, torque left, shifts,
     # strike, steel.
@@ -101,7 +101,7 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A data sheet is typed as it stands; what it leaves open is asked again."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     lines = (
         "amt|12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|15\N{DEGREE SIGN}|15|"
         "|-3|\N{MINUS SIGN}3 deg|122|110|1|1 deg|0.15|3.1 kg|0.35|45|6|1.2|3,200|3200 N m|1500 N m"
@@ -207,7 +207,7 @@ def test_own_mismatch_and_force_replace_the_points_of_the_kind(
     with pytest.raises(ds.InputError, match=r'\{"operating.points": None\}'):
         ds.Study("amt", {"operating.force_N": [600.0]})
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     # The forces of the kind at own mismatches, and own forces at the mismatches of the kind.
     cases = ("\n\n\n\n20 50\n", 4, [600.0, 1000.0]), ("500 900\n0.1 0.1\n", 16, [500.0, 900.0])
     for typed, n, forces in cases:

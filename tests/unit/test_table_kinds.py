@@ -19,11 +19,12 @@ import pandas as pd
 import pytest
 from openpyxl import Workbook, load_workbook
 from openpyxl.comments import Comment
+from openpyxl.formatting.rule import CellIsRule, FormulaRule, Rule
 from openpyxl.styles import Font, PatternFill
 from typer.testing import CliRunner
 
+from dogshape.cli import dialogue
 from dogshape.cli.app import app
-from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.sim.decoding import CODE_PAGES, decode_text
 from dogshape.sim.errors import InputError
@@ -93,6 +94,18 @@ KINDS: dict[str, Case] = {
         beside("pipe", ['1/4"'] * 6)),
     "quotes of a word processor": Case(
         text_of(*("“" + row.replace(";", "”;„") + "“" for row in ROWS))),
+    "quote that is no quotation": Case(
+        beside("note", ['"ok', "", "", "", "", ""]), words=("--quotes none", "--rows 2-7"),
+        option=("--rows", "2-7")),
+    "quotes over two rows": Case(
+        beside("note", ["", '"ok', "", 'x"', "", ""]), words=("2 lines would be lost",),
+        option=("--rows", "2-7")),
+    "inch marks in all rows": Case(
+        beside("pipe", ['"1/4', '"1/4', '"1/4', '"1/4', '"1/4', '"1/4']),
+        words=("row 2: a quotation mark", "--quotes none"), option=("--quotes", "none")),
+    "quote, comma separated": Case(
+        beside("note", ["", "", '"ok', "", "", ""]).replace(";", ","),
+        words=("--quotes none", "--rows 2-7"), option=("--rows", "2-7")),
     # 9 matrix, transposed
     "matrix with units in its head": Case(
         "dn [1/min];235 N;469 N;642 N\n25;121;93;77\n50;118;88;70\n100;99;81;66\n",
@@ -166,7 +179,29 @@ KINDS: dict[str, Case] = {
     "deviation behind +/-": Case(
         text_of("50;469;116 +/- 12", "100;469;84 +/- 9"), words=("row 2: '116 +/- 12'",)),
     "two times in a cell": Case(
-        text_of("50;469;116 / 131", "100;469;84 / 71"), words=("row 2: '116 / 131'", "own")),
+        text_of("50;469;116 / 131", "100;469;84 / 71"), times=TIMES[:4]),
+    "lists between semicolons": Case(
+        text_of("50,469,116; 131", "100,642,84; 71; 98", head=HEAD.replace(";", ",")),
+        times=TIMES[:5]),
+    "lists between bars, decimal commas": Case(
+        text_of("50;469;116,5 | 131", "100;469;84", "149;642;71 | 98 | 103,25"),
+        times=[116.5, 131, 84, 71, 98, 103.25]),
+    "lists with their number": Case(
+        text_of('50;469;2;"116, 131"', '100;469;2;"84, 97"', "149;642;1;71",
+                head="dn;F;n;t_shift [ms]"), times=[116, 131, 84, 97, 71]),
+    "lists in seconds with commas": Case(
+        text_of('50;469;"0,116, 0,131, 0,084"', '100;642;"0,071, 0,098"',
+                head="dn;F;Schaltzeit [s]"), times=TIMES[:5]),
+    "lists of another number": Case(
+        text_of('50;469;3;"116, 131"', '100;469;2;"84, 71"', head="dn;F;n;t_shift [ms]"),
+        words=("row 2: '116, 131'", "a row of its own")),
+    "lists in one order may be phases": Case(
+        text_of("50;469;20 / 116", "100;469;21 / 84"), words=("row 2: '20 / 116'", "own")),
+    "lists beside a spread": Case(
+        text_of("50;469;116 / 131;9", "100;469;84 / 71;8", head=f"{HEAD};Standardabweichung [ms]"),
+        words=("row 2: '116 / 131'",)),
+    "mean and deviation in a cell": Case(
+        text_of("50;469;116 / 12", "100;469;84 / 9"), words=("row 2: '116 / 12'",)),
     "units in some cells": Case(
         text_of("50;469;116 ms", "100;469;84", head="dn;F;t_shift"), words=("row 3: '84'",)),
     "another unit than the head": Case(
@@ -181,6 +216,27 @@ KINDS: dict[str, Case] = {
     "rate in German": Case(
         text_of("50;469;15;73 %;116", "100;469;15;100 %;84",
                 head="dn;F;Anzahl;Erfolgsquote;t_shift [ms]"), words=("73 %",)),
+    # 22 comments
+    "remark behind a number": Case(
+        "% stand 7\n" + text_of(*ROWS[:2], f"{ROWS[2]} % valve", *ROWS[3:]),
+        words=("rows are marked in the file (remark valve: row 5)", "--drop 'row=remark valve'"),
+        option=("--keep", "row=*")),
+    "row that is a comment": Case(
+        "# stand 7\n" + text_of(*ROWS[:2], "# 50;469;905 again", *ROWS[2:])),
+    "comments of words between the rows": Case(
+        "# stand 7\n" + text_of(*ROWS[:2], "# pause", *ROWS[2:])),
+    "comment on another kind of shifts": Case(
+        "# stand 7\n" + text_of(*ROWS[:3], "# gear 2", *ROWS[3:]),
+        words=("row 6 '# gear 2'", "--rows"), option=("--rows", "3-5"), times=TIMES[:3]),
+    "remark with the separator": Case(
+        "# stand 7\n" + text_of(*ROWS[:5], f"{ROWS[5]} # loud, hot").replace(";", ","),
+        words=("remark loud, hot: row 8",), option=("--drop", "row=remark*"), times=TIMES[:5]),
+    "remark on a force": Case(
+        "! stand 7\n" + text_of(ROWS[0], "50;469 ! new valve;131", *ROWS[2:]),
+        words=("remark new valve: row 4",), option=("--keep", "row=*")),
+    "numbers with a sign are no comments": Case(
+        "# stand 7\n" + text_of(*(f"#{k};{row}" for k, row in enumerate(ROWS)),
+                                head=f"Nr;{HEAD}")),
     # 18 marks
     "sign in front": Case(
         beside("!", ["", "!", "", "", "", ""], first=True), words=("row 3", "--drop '!=*'"),
@@ -481,6 +537,16 @@ def thousands_text(sheet: Any) -> None:
     sheet["B3"] = "1.200"
 
 
+def ruled(rule: Rule, area: str = "C2:C7") -> Any:
+    def change(sheet: Any) -> None:
+        sheet.conditional_formatting.add(area, rule)
+
+    return change
+
+
+RED = PatternFill("solid", bgColor="FFFFC7CE")
+
+
 #: Changes of the plain workbook, and what is right as of a ``Case``.
 BOOKS: dict[str, tuple[dict[str, Any], tuple[str, ...], tuple[str, ...], Sequence[float]]] = {
     "plain": ({}, (), (), TIMES),
@@ -533,6 +599,18 @@ BOOKS: dict[str, tuple[dict[str, Any], tuple[str, ...], tuple[str, ...], Sequenc
     "a word shows nothing": ({"D1": "r", "D4": ("x", "0;0;0;")},
                              ("hidden by a number format: row 4",), ("--rows", "2-7"), TIMES),
     "zeros are blank": ({"D1": "temperature [°C]", "D2": (0, "0;-0;"), "D3": 7}, (), (), TIMES),
+    "rule above a value": ({"a": ruled(CellIsRule("greaterThan", ["120"], fill=RED))},
+                           ("under the rule above 120: row 3",),
+                           ("--drop", "row=under the rule above 120"), [116, 84, 71, 98, 103]),
+    "rule between cells": ({"F1": 80, "F2": 100, "a": ruled(
+        CellIsRule("notBetween", ["$F$1", "$F$2"], fill=RED))},
+        ("under the rule not between 80 and 100: row 2, 3, 5, 7",), ("--keep", "row=*"), TIMES),
+    "rule on forces": ({"a": ruled(CellIsRule("equal", ["469"], fill=RED), "B1:B99")},
+                       ("under the rule equal to 469: row 2, 3, 4",),
+                       ("--keep", "row=under the rule equal to 469"), TIMES[:3]),
+    "rule on no cell": ({"a": ruled(CellIsRule("lessThan", ["0"], fill=RED))}, (), (), TIMES),
+    "rule that is a formula": ({"a": ruled(FormulaRule(["MOD(ROW(),2)=0"], fill=RED))}, (), (),
+                               TIMES),
     "error value": ({"C6": "#DIV/0!"}, ("row 6: '#DIV/0!'",), (), []),
 }  # fmt: skip
 
@@ -577,6 +655,130 @@ def test_a_workbook_is_read_as_a_person_sees_it(dogshape: Call, kind: str) -> No
         times, _, refusal = times_of(dogshape, "m.xlsx", *option)
     assert not refusal
     assert times == [float(t) for t in wanted]
+
+
+#: Tables of shares, the option, and rows of the folder: engaged, number, time in ms.
+SHARES: dict[str, tuple[str, str, list[tuple[bool, int, float | None]]]] = {
+    "percent": ("dn;F;n;engaged [%];t_shift [ms]\n50;469;5;100;116\n100;469;5;80;84\n",
+                "engaged [%]:share", [(True, 5, 116), (True, 4, 84), (False, 1, None)]),
+    "fractions": ("dn;F;engaged;t_shift [ms]\n50;469;5/5;116\n100;469;2 of 5;84\n",
+                  "engaged:share", [(True, 5, 116), (True, 2, 84), (False, 3, None)]),
+    "none engaged": ("dn;F;ok;t_shift [ms]\n50;469;3/5;116\n100;469;0/5;\n", "ok:share",
+                     [(True, 3, 116), (False, 2, None), (False, 5, None)]),
+    "rounded percent": ("dn;F;Anzahl;Erfolgsquote;t_shift [ms]\n50;469;15;73 %;116\n",
+                        "Erfolgsquote:share", [(True, 11, 116), (False, 4, None)]),
+    "share below 1": ("dn;F;n;rate;t_shift [ms]\n50;469;8;0.75;116\n100;469;8;1;84\n",
+                      "rate:share", [(True, 6, 116), (False, 2, None), (True, 8, 84)]),
+    "number": ("dn;F;n;engaged;t_shift [ms]\n50;469;15;11;116\n100;469;15;15;84\n",
+               "engaged:number", [(True, 11, 116), (False, 4, None), (True, 15, 84)]),
+    "failures": ("dn;F;n;failures;t_shift [ms]\n50;469;15;4;116\n100;469;15;0;84\n",
+                 "failures:failed", [(True, 11, 116), (False, 4, None), (True, 15, 84)]),
+    "failures in percent": ("dn;F;n;Fehlerquote [%];t_shift [ms]\n50;469;10;30;116\n",
+                            "Fehlerquote [%]:failed", [(True, 7, 116), (False, 3, None)]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SHARES)
+def test_a_share_divides_a_row_and_loses_no_shift(dogshape: Call, kind: str) -> None:
+    """The question offers the option, and the option gives all shifts of each row."""
+    table, column, wanted = SHARES[kind]
+    Path("m.csv").write_text(table)
+    refused = dogshape("init", "bench", "m.csv", "--yes", "--out", "b")
+    assert refused.status == 2
+    assert f"--column engaged='{column}'" in refused.err
+    said = dogshape("init", "bench", "m.csv", "--yes", "--out", "b", "--column",
+                    f"engaged={column}")  # fmt: skip
+    assert said.status == 0, said.err
+    rows = [
+        (r.engaged, r.n, None if r.time is None else round(1e3 * r.time, 6))
+        for r in load_bench("b").readings
+    ]
+    assert rows == wanted
+
+
+@pytest.mark.parametrize(
+    ("rows", "option", "words"),
+    [
+        ("50;469;7;73 %;116", "share:share", "of 7 shifts are 5.11, but must be a whole number"),
+        ("50;469;300;73.1 %;116", "share:share", "must be a whole number"),
+        ("50;469;5;4/6;116", "share:share", "is of 6 shifts, but their number is 5"),
+        ("50;469;5;6;116", "share:number", "is no part of 5 shifts"),
+        ("50;469;5;2.5;116", "share:number", "is no whole number of shifts"),
+        ("50;469;5;4;116", "share:share", "is no share between 0 and 1; say :number"),
+        ("50;469;;40 %;116", "share:share", "is of an unknown number of shifts"),
+        ("50;469;5;most;116", "share:share", "is no share and no number"),
+    ],
+)
+def test_a_share_that_is_no_whole_number_of_shifts_is_refused(
+    dogshape: Call, rows: str, option: str, words: str
+) -> None:
+    Path("m.csv").write_text(f"dn;F;n;share;t_shift [ms]\n{rows}\n149;642;10;1/10;98\n")
+    said = dogshape("init", "bench", "m.csv", "--yes", "--out", "b", "--column",
+                    f"engaged={option}")  # fmt: skip
+    assert said.status == 2
+    assert f"'share' (engaged): row 2: '{rows.split(';')[3]}' " in said.err
+    assert words in said.err
+    assert not Path("b").exists()
+
+
+#: Head and cells of a spread beside means of 116 and 84 ms, an option, and deviations in ms.
+SPREADS: dict[str, tuple[str, str, str, tuple[str, ...], list[float]]] = {
+    "variance": ("Varianz [ms²]", "144", "81", (), [12.0, 9.0]),
+    "variance in s": ("variance [s^2]", "0.000144", "0.000081", (), [12.0, 9.0]),
+    "squared sigma": ("σ² [ms²]", "144", "81", (), [12.0, 9.0]),
+    "variance without a unit": ("Varianz", "144", "81",
+                                ("--column", "shift_time_sd_s=sqrt(Varianz:ms2)"), [12.0, 9.0]),
+    "variance in a wrong unit": ("variance [ms]", "144", "81",
+                                 ("--column", "shift_time_sd_s=sqrt(variance [ms]:ms2)"),
+                                 [12.0, 9.0]),
+    "percent": ("CV %", "10", "25", (), [11.6, 21.0]),
+    "coefficient in German": ("Variationskoeffizient [%]", "10", "25", (), [11.6, 21.0]),
+    "relative deviation": ("rel. Standardabweichung [%]", "10", "25", (), [11.6, 21.0]),
+    "share of the mean": ("CV", "0.1", "0.25",
+                          ("--column", "shift_time_sd_s=CV * t_shift [ms]"), [11.6, 21.0]),
+    "percent without a sign": ("coefficient of variation", "10", "25",
+                               ("--column", "shift_time_sd_s="
+                                            "coefficient of variation * t_shift [ms] / 100"),
+                               [11.6, 21.0]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SPREADS)
+def test_a_variance_and_a_variation_become_a_deviation(dogshape: Call, kind: str) -> None:
+    head, first, second, option, wanted = SPREADS[kind]
+    Path("m.csv").write_text(
+        f"dn [1/min];F [N];n;t_shift [ms];{head}\n50;469;5;116;{first}\n100;469;5;84;{second}\n"
+    )
+    said = dogshape("init", "bench", "m.csv", "--yes", "--out", "b")
+    if option:
+        assert said.status == 2
+        assert option[1].replace("=", "='", 1) in said.err
+        said = dogshape("init", "bench", "m.csv", "--yes", "--out", "b", *option)
+    assert said.status == 0, said.err
+    readings = load_bench("b").readings
+    assert [r.time for r in readings] == [0.116, 0.084]
+    assert [r.sd for r in readings] == pytest.approx([1e-3 * sd for sd in wanted], rel=1e-6)
+
+
+def test_a_rule_that_is_not_judged_is_named(dogshape: Call) -> None:
+    Path("m.xlsx").write_bytes(book(a=ruled(FormulaRule(["MOD(ROW(),2)=0"], fill=RED))))
+    said = dogshape("init", "bench", "m.xlsx", "--yes", "--json", "--out", "b")
+    assert "conditional formatting of C2:C7 (expression MOD(ROW(),2)=0) is not judged" in " ".join(
+        said.json["assumed"]
+    )
+
+
+def test_ordinary_quotation_marks_lose_no_line(dogshape: Call) -> None:
+    """Both tables of an open quotation mark, with the option that makes marks ordinary signs."""
+    for notes in (["", '"jams', "", "good", "", ""], ["", '"jams', "", 'x"', "", ""]):
+        Path("m.csv").write_text(beside("note", notes))
+        times, _, refusal = times_of(dogshape, "m.csv", "--quotes", "none")
+        assert times == []
+        assert "'note' has a sign in few rows (row 3: '\"jams'" in refusal
+        read = times_of(dogshape, "m.csv", "--quotes", "none", "--keep", "note=*")
+        assert read[0] == TIMES
+    wrong = dogshape("init", "bench", "m.csv", "--out", "c", "--quotes", "some")
+    assert "--quotes is 'some', but must be cells or none" in wrong.sentence
 
 
 def test_the_steps_of_reading_are_printed(dogshape: Call) -> None:
@@ -626,7 +828,7 @@ def test_an_answer_in_a_terminal_is_the_option(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     Path("m.csv").write_text(text_of("50;469;116;x", ";;84;", "100;642;71;"
                                      , head=f"{HEAD};Mark"))  # fmt: skip
     answers = ["--keep 'Mark=*'", "--fill-down", "y", "", "", "", "y", "", "", "", "n"]

@@ -3,12 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 import dogshape as ds
-from dogshape.cli.options import BenchArg, Corrections, Jobs, Json, emit, show
+from dogshape.cli import dialogue
+from dogshape.cli.options import (
+    BenchOrTable,
+    Columns,
+    Corrections,
+    Decimal,
+    Drop,
+    FillDown,
+    Jobs,
+    Json,
+    Keep,
+    Origin,
+    Quotes,
+    RiseTime,
+    Rows,
+    Sets,
+    SizeLimits,
+    bench_draft,
+    emit,
+    show,
+)
 from dogshape.sim.errors import DogshapeError, InputError
 
 Bank = Annotated[
@@ -18,7 +38,7 @@ Effects = Annotated[Path | None, Option(help="folder with effects of your own, a
 
 
 def diagnose(
-    bench: BenchArg,
+    bench: BenchOrTable,
     out: Annotated[Path | None, Option(help="for report.html, gap.json and cells.csv")] = None,
     bank: Bank = None,
     effects: Effects = None,
@@ -30,14 +50,27 @@ def diagnose(
     engine: Annotated[str, Option(help="planar or drake, which takes hours")] = "planar",
     seed: Annotated[int, Option(min=0, help="of the random draws of the inference")] = 1,
     correct: Corrections = None,
+    origin: Origin = None,
+    column: Columns = None,
+    rise_s: RiseTime = None,
+    decimal: Decimal = None,
+    rows: Rows = None,
+    drop: Drop = None,
+    keep: Keep = None,
+    fill_down: FillDown = False,
+    limit: SizeLimits = None,
+    quotes: Quotes = None,
+    set_: Sets = None,
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
     """Identify the cause of the gap between bench and simulation.
 
+    A table is read as by 'init bench', with the same options from --from to --set; its readings and
+    assumptions are printed first, and a fault is asked about in a terminal.
     Simulations of a clutch and its operating points take some minutes, once.
 
-    Example: dogshape diagnose mq200_stand --out results/gap-stand
+    Example: dogshape diagnose measured.csv --out results/gap --column shift_time_s=t90:ms
     """
     for option, text in (("--base", base), ("--causes", causes)):
         if text is not None and write is None:
@@ -52,8 +85,22 @@ def diagnose(
         if effect_names is not None:
             calibrated_study.require_effects(effect_names, load(effects))
         calibrated_study.require_new_study(write, base)
-    diagnosis = ds.diagnose(
+    draft = _table_draft(
         bench,
+        origin=origin,
+        column=column,
+        rise_s=rise_s,
+        decimal=decimal,
+        rows=rows,
+        drop=drop,
+        keep=keep,
+        fill_down=fill_down,
+        limit=limit,
+        quotes=quotes,
+        set_=set_,
+    )
+    diagnosis = ds.diagnose(
+        draft or bench,
         correct=correct or (),
         out=out,
         bank=bank,
@@ -81,6 +128,33 @@ def diagnose(
     ]
     record = {**diagnosis.to_dict(), "calibrated": calibrated}
     emit(record, json, lambda: [*diagnosis.to_parts(), *lines])
+
+
+def _table_draft(bench: str, **options: Any) -> ds.BenchDraft | None:
+    """Build the draft of a table and print its reading; None for the folder of a data set.
+
+    A fault is asked about in a terminal. ``options`` are those of ``bench_draft``; InputError for
+    an option that a folder does not take.
+    """
+    from dogshape.pipeline.drafts.bench_folder import guess_readings, is_table  # noqa: PLC0415
+
+    if not is_table(bench):
+        names = {"origin": "--from", "rise_s": "--rise-s", "fill_down": "--fill-down"}
+        names["set_"] = "--set"
+        given = [names.get(name, f"--{name}") for name, value in options.items() if value]
+        if given:
+            raise InputError(
+                f"{given[0]} says how a table is read, but {bench} is no table; give the table, "
+                "such as measured.csv, or change bench.toml of the data set"
+            )
+        return None
+    draft = bench_draft([bench], **options)
+    if dialogue.may_ask():
+        return dialogue.correct_reading(draft, confirm=False)[0]
+    reading = guess_readings(draft)
+    if not reading["faults"]:
+        dialogue.print_reading(reading)
+    return draft
 
 
 def plan_shifts(
