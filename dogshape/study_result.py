@@ -20,7 +20,7 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.clutch_tables import validate
-from dogshape.sim.files import naming
+from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.interface import verb
 
 PRINTED_KEYS = (
@@ -119,7 +119,7 @@ class StudyResult(Result):
         page = publish(StudyFolder(self.folder), receiver(progress).say)
         if path is None:
             return page
-        with naming(Path(path)):
+        with name_file_in_errors(Path(path)):
             return Path(shutil.copyfile(page, path))
 
 
