@@ -385,7 +385,7 @@ def _drawn_studies(study: str | Path, path: Path, common_keys: Mapping[str, Any]
         pairs = zip(table.head, cells, strict=True)
         keys = [f"{key}={cell}" for key, cell in pairs if key not in DRAW_LABELS and cell]
         try:
-            studies.append(load_study(study, settings_of(keys) | common_keys))
+            studies.append(load_study(study, {**settings_of(keys), **common_keys}))
         except DogshapeError as error:
             raise type(error)(f"{path}, row {row}: {error}") from error
     return studies

@@ -98,7 +98,7 @@ Cluster = Annotated[str | None, Option(help="Dask scheduler, e.g. tcp://schedule
 Corrections = Annotated[
     list[str] | None, Option("--correct", metavar="QUANTITY=WAY", help="e.g. time=ms")
 ]
-Keep = Annotated[Path | None, Option(help="folder of the shifts of a stopped run")]
+ShiftFolder = Annotated[Path | None, Option("--keep", help="folder of the shifts of a stopped run")]
 Jobs = Annotated[int, Option("--jobs", min=0, help="worker processes, 0: one a core")]
 SurrogateFile = Annotated[Path | None, Option(help="default: of results/NAME, or the package's")]
 OneMismatch = Annotated[float | None, Option(help="one operating point only")]

@@ -36,17 +36,17 @@ def current_words(arguments: Sequence[str]) -> tuple[list[str], dict[str, str]]:
             renamed[" ".join(old_verb)] = new_verb
             break
     verb = words[0] if words else ""
-    for (old_verb, option), new_verb in SPLIT_OPTIONS.items():
+    for (split_verb, option), new_verb in SPLIT_OPTIONS.items():
         place = _place_of(words, option)
-        if verb == old_verb and place is not None:
+        if verb == split_verb and place is not None:
             words = _moved_option(words, place, new_verb)
-            renamed[f"{old_verb} {option} FILE"] = f"{new_verb} STUDY FILE"
+            renamed[f"{split_verb} {option} FILE"] = f"{new_verb} STUDY FILE"
     names = OPTIONS.get(verb, {})
-    for place, word in enumerate(words):
-        option, sign, value = word.partition("=")
-        if option in names:
-            words[place] = f"{names[option]}{sign}{value}"
-            renamed[option] = names[option]
+    for index, word in enumerate(words):
+        name, sign, value = word.partition("=")
+        if name in names:
+            words[index] = f"{names[name]}{sign}{value}"
+            renamed[name] = names[name]
     return words, renamed
 
 

@@ -17,11 +17,11 @@ from dogshape.cli.options import (
     Engine,
     Jobs,
     Json,
-    Keep,
     OneForce,
     OneMismatch,
     Rise,
     Sets,
+    ShiftFolder,
     StudyArg,
     SurrogateFile,
     angles_of,
@@ -132,7 +132,7 @@ def expect(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: Keep = None,
+    keep: ShiftFolder = None,
     json: Json = False,
 ) -> None:
     """Compute the expected shift time over the relative angle.
@@ -191,7 +191,7 @@ def validate(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: Keep = None,
+    keep: ShiftFolder = None,
     json: Json = False,
 ) -> None:
     """Compare a bench data set with the simulation.
@@ -216,7 +216,7 @@ def strength(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: Keep = None,
+    keep: ShiftFolder = None,
     json: Json = False,
 ) -> None:
     """Check strength, self-locking and manufacture of a design.
