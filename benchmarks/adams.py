@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench, Cell, load_bench
-from dogshape.diagnosis.bench.comparison import Comparison, compare
+from dogshape.bench.bench_data import Bench, Cell, load_bench
+from dogshape.diagnosis.comparison import Comparison, compare
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.kernel import crossing
 from dogshape.sim.shift.clutch import Clutch, ImpactLaw, contact_set

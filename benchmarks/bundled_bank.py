@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import diagnose
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.pipeline.diagnose.bank import Bank, series_key

@@ -28,7 +28,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import psutil
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions

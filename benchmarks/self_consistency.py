@@ -23,8 +23,8 @@ import numpy as np
 from joblib import Parallel, delayed
 from scipy.stats import kstest
 
-from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading, load_bench
-from dogshape.diagnosis.bench.stand_file import BenchRecord
+from dogshape.bench.bench_data import Bench, Cell, Reading, load_bench
+from dogshape.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of

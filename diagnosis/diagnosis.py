@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.comparison import PointGap
-from dogshape.diagnosis.bench.stand_file import EmptyCells
+from dogshape.bench.bench_data import Bench
+from dogshape.bench.stand_file import EmptyCells
+from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, predict_held_out
 from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.ranking import Ranking, rank

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import rel_entr
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
+from dogshape.bench.bench_data import Bench
+from dogshape.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
 from dogshape.diagnosis.diagnosis import Diagnosis, RecordMeaning
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import (

@@ -8,7 +8,6 @@ exists once for each sense; results of the two are never combined.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from dogshape.sim.effect import Effect
 Array = NDArray[np.float64]
 Hypothesis = tuple[str, ...]  #: effects by name, () for none
 NONE: Hypothesis = ()
-Sense = Literal["known", "unknown"]  #: of rotation: sign of the mismatch (``docs/mismatch.md``)
 REVERSED = "reversed_mismatch"  #: name of the effect
 DELAY = "actuation_delay"  #: needs no shift, and so no bank of its own
 UNKNOWN: Hypothesis = ("unknown",)  #: a structured gap that no known effect explains

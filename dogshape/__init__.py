@@ -17,8 +17,9 @@ from dogshape.python_words import wrap_verb
 # a quick answer does not need.
 if TYPE_CHECKING:
     from dogshape.app import serve_app as serve_app
-    from dogshape.bench import Comparison as Comparison
-    from dogshape.bench import validate as validate
+    from dogshape.bench.bench_draft import BenchDraft as BenchDraft
+    from dogshape.bench_comparison import Comparison as Comparison
+    from dogshape.bench_comparison import validate as validate
     from dogshape.check import Check as Check
     from dogshape.check import Strength as Strength
     from dogshape.designs import SideBySide as SideBySide
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from dogshape.gap import diagnose as diagnose
     from dogshape.gap import plan_shifts as plan_shifts
     from dogshape.gap import update_diagnosis as update_diagnosis
-    from dogshape.pipeline.drafts.bench_folder import BenchDraft as BenchDraft
     from dogshape.pipeline.drafts.bench_folder import write_bench as write_bench
     from dogshape.pipeline.progress import Progress as Progress
     from dogshape.predictions import Predictions as Predictions

@@ -28,6 +28,7 @@ from werkzeug.serving import BaseWSGIServer, make_server
 
 from dogshape import app_page
 from dogshape.app_page import Number
+from dogshape.bench.texts import is_plain
 from dogshape.check import Checked
 from dogshape.pipeline.config.study_file import Setup, settings_of
 from dogshape.pipeline.export.cad import write_step
@@ -42,7 +43,6 @@ from dogshape.pipeline.train.training_rows import matching_surrogate
 from dogshape.running import receiver
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.interface import argument, verb
-from dogshape.sim.texts import is_plain
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.study import Study

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
+from dogshape.bench.texts import read_table
 from dogshape.pipeline.config.study_file import (
     EVERYWHERE,
     OWN_RISE,
@@ -59,7 +60,6 @@ from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeat_count
 from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.statistics.expectation import Expectation as Mean
-from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG, RPM
 
 DRAW_LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys

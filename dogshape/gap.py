@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_shifts
-from dogshape.diagnosis.bench.table import COLUMNS
+from dogshape.bench.bench_data import Bench, load_bench, require_shifts
+from dogshape.bench.bench_draft import BenchDraft, is_table
+from dogshape.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.inference.outcome import DISTINCT_LOG_ODDS, ShiftPlan, shift_plan
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
@@ -27,7 +28,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
 )
 from dogshape.pipeline.diagnose.consequence import Consequence, compute_consequence, load_candidates
 from dogshape.pipeline.diagnose.study_keys import rounded
-from dogshape.pipeline.drafts.bench_folder import BenchDraft, draft_bench, is_table
+from dogshape.pipeline.drafts.bench_folder import draft_bench
 from dogshape.pipeline.drafts.reading_table import assumption_lines, count_text, left_out_lines
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of

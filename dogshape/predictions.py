@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from dogshape.bench.raw_sheet import file_of
+from dogshape.bench.texts import TextTable, is_plain, read_table
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Place, Setup, points_of
 from dogshape.pipeline.record import Figure, Table
@@ -23,15 +25,13 @@ from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.result import Result
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DogshapeError, InputError, number_rule
+from dogshape.sim.errors import DogshapeError, InputError, join_faults, number_rule
 from dogshape.sim.files import write_frame
 from dogshape.sim.interface import argument, key_argument
-from dogshape.sim.raw_sheet import file_of
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.strength.verdict import Missing, missing_checks
-from dogshape.sim.texts import TextTable, is_plain, join_faults, read_table
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate, interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics

@@ -22,12 +22,18 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
-from dogshape.sim.errors import InputError, did_you_mean, meant_number, ranges_of, refusal
+from dogshape.sim.errors import (
+    InputError,
+    did_you_mean,
+    join_faults,
+    meant_number,
+    ranges_of,
+    refusal,
+)
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
-from dogshape.sim.texts import join_faults
 from dogshape.sim.units import DEG, from_si, suffix_of, to_si, unit_of
 
 MAX_VALUE_CHARACTERS = 60  #: of a value in a message

@@ -134,6 +134,14 @@ def did_you_mean(name: str, valid: Iterable[str]) -> str:
     return "valid are " + ", ".join(names)
 
 
+def join_faults(place: str, faults: Iterable[str]) -> str:
+    """Return a message of ``place`` and one fault, or of their number and a line for each."""
+    lines = list(faults)
+    if len(lines) == 1:
+        return f"{place}: {lines[0]}"
+    return "\n".join([f"{place}: {len(lines)} mistakes", *(f"- {line}" for line in lines)])
+
+
 def require_known(name: str, value: str, kind: str, valid: Iterable[str]) -> None:
     """Raise InputError unless ``value`` is in ``valid``; ``kind`` is a noun with its article."""
     valid_values = tuple(valid)

@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.stand_file import BenchRecord
+from dogshape.bench.bench_data import Bench, load_bench
+from dogshape.bench.stand_file import BenchRecord
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.effects import load

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, setting_of
-from dogshape.diagnosis.bench.comparison import PointGap
+from dogshape.bench.bench_data import Bench, Reading, gather, load_bench, setting_of
+from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of

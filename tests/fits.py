@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import Field, field_of
 from dogshape.diagnosis.prediction.curve import ParameterSpace

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
+from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
+from dogshape.bench.traces import BenchTrace
 from dogshape.diagnosis.prediction.simulations import settings_of
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.likelihood.observed import Observations
 from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.model import Model

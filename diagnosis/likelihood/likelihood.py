@@ -23,8 +23,8 @@ from scipy.special import betaln, expit, gammaln, logit, logsumexp
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.stand_file import Tolerance
+from dogshape.bench.bench_data import Bench
+from dogshape.bench.stand_file import Tolerance
 from dogshape.diagnosis.likelihood.observed import Observations
 from dogshape.diagnosis.prediction.model import Model, Prediction
 from dogshape.diagnosis.prediction.moments import LOG_MEAN, MIN_SD_S

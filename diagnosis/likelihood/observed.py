@@ -19,8 +19,8 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading
-from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
+from dogshape.bench.bench_data import Bench, Cell, Reading
+from dogshape.bench.flight_marks import SeenFlight, flights_of
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.prediction.moments import MIN_SD_S, mark_late
 from dogshape.diagnosis.terms import Array

@@ -39,7 +39,7 @@ from scipy.special import gammaln
 from scipy.stats import f as f_distribution
 from scipy.stats import multivariate_normal, norm
 
-from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, SeenFlight
+from dogshape.bench.flight_marks import FORCES, SIZE, WAYS, SeenFlight
 from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.settings import USUAL

@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import expit, logit
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.prediction.curve import (
     MIN_CONTACT_SHARE,
     AngleDistribution,

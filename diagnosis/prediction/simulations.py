@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Sensor, Setting

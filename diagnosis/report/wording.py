@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import gap_decrease

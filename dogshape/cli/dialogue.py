@@ -15,7 +15,7 @@ from dogshape.sim.errors import InputError
 from dogshape.terminal import print_parts, terminal
 
 if TYPE_CHECKING:
-    from dogshape.pipeline.drafts.bench_folder import BenchDraft
+    from dogshape.bench.bench_draft import BenchDraft
 
 PIPE_WIDTH = 160  #: characters of a table where standard error is no terminal
 #: Fields of a draft with one text, by their options.
@@ -73,7 +73,7 @@ def correct_reading(draft: BenchDraft, *, confirm: bool) -> tuple[BenchDraft, Ma
     With ``confirm`` a reading without a fault is asked about too. Returns the draft with the
     answers, and its reading (``guess_readings``).
     """
-    from dogshape.pipeline.drafts.bench_folder import guess_readings  # noqa: PLC0415
+    from dogshape.bench.bench_draft import guess_readings  # noqa: PLC0415
 
     reading = guess_readings(draft)
     while draft.paths:
@@ -122,7 +122,7 @@ def _sheet_of(answer: str, draft: BenchDraft) -> str:
 
 def _with_sheet(draft: BenchDraft, sheet: str) -> tuple[str, ...]:
     """Name the sheet behind each workbook of a draft that has none."""
-    from dogshape.sim.raw_sheet import file_of, is_workbook  # noqa: PLC0415
+    from dogshape.bench.raw_sheet import file_of, is_workbook  # noqa: PLC0415
 
     tables = []
     for path in draft.paths:

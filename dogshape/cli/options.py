@@ -14,7 +14,7 @@ from dogshape.sim.errors import InputError
 from dogshape.terminal import print_parts, terminal
 
 if TYPE_CHECKING:
-    from dogshape.pipeline.drafts.bench_folder import BenchDraft
+    from dogshape.bench.bench_draft import BenchDraft
     from dogshape.pipeline.record import Table
     from dogshape.result import Result
 
@@ -122,9 +122,9 @@ def bench_draft(
     set_: Sequence[str] | None = None,
 ) -> BenchDraft:
     """Build the draft of a bench folder from the options of reading; InputError for a wrong one."""
+    from dogshape.bench.bench_draft import BenchDraft  # noqa: PLC0415
+    from dogshape.bench.decoding import parse_limits  # noqa: PLC0415
     from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
-    from dogshape.pipeline.drafts.bench_folder import BenchDraft  # noqa: PLC0415
-    from dogshape.sim.decoding import parse_limits  # noqa: PLC0415
 
     defaults = BenchDraft(tuple(tables))
     return BenchDraft(

@@ -24,6 +24,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
+from dogshape.bench.texts import read_toml
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import MechanismSection, Section, later, or_one
 from dogshape.sim.effect import Effect
@@ -42,7 +43,6 @@ from dogshape.sim.shift.actuation import ForceProfile, RiseTable
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.statistics.uncertainty import Distribution, sobol_shares
-from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from dogshape.bench.texts import place_of, read_toml
 from dogshape.pipeline.config.operating import (
     ACTUATION_KEYS,
     FORCE,
@@ -30,7 +31,7 @@ from dogshape.pipeline.config.operating import (
 from dogshape.pipeline.config.schema import FORMAT, ContactSection, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
+from dogshape.sim.errors import DogshapeError, InputError, join_faults, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
@@ -48,7 +49,6 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
-from dogshape.sim.texts import join_faults, place_of, read_toml
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 

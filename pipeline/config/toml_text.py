@@ -13,8 +13,8 @@ from typing import Any
 import tomlkit
 from tomlkit.items import Comment, Item, Null, Table
 
+from dogshape.bench.texts import place_of
 from dogshape.sim.errors import InputError
-from dogshape.sim.texts import place_of
 
 COMMENT_WIDTH = 86  #: characters of a line of comment
 SOURCE = "source:"

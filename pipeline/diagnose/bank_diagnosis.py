@@ -16,7 +16,7 @@ from pathlib import Path
 
 from platformdirs import user_cache_dir
 
-from dogshape.diagnosis.bench.bench_data import (
+from dogshape.bench.bench_data import (
     Bench,
     Reading,
     bundled_benches,
@@ -24,7 +24,7 @@ from dogshape.diagnosis.bench.bench_data import (
     load_bench,
     require_shifts,
 )
-from dogshape.diagnosis.bench.stand_file import BenchRecord
+from dogshape.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.outcome import Field, field_of
 from dogshape.diagnosis.inference.static_readings import measured_facts

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from dogshape.bench.texts import read_toml
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.wording import chance, describe_parameter, headline_of
 from dogshape.diagnosis.terms import Array, Hypothesis, hypothesis_name
@@ -31,7 +32,6 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.errors import InputError, StorageError, require_known
 from dogshape.sim.files import write_whole
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.texts import read_toml
 
 DRAWS = 200  #: of the posterior
 MAX_LISTED = 5  #: hypotheses that an error names

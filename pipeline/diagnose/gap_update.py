@@ -19,10 +19,12 @@ from typing import Any, TypeVar
 
 import pandas as pd
 
-from dogshape.diagnosis.bench.bench_data import Bench, corrected_sheet, load_bench, readings_of
-from dogshape.diagnosis.bench.slips import examine, require_no_slip
-from dogshape.diagnosis.bench.stand_file import load_stand
-from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC, Sheet
+from dogshape.bench.bench_data import Bench, corrected_sheet, load_bench, readings_of
+from dogshape.bench.raw_sheet import file_of
+from dogshape.bench.slips import examine, require_no_slip
+from dogshape.bench.stand_file import load_stand
+from dogshape.bench.table import COLUMNS, NUMERIC, Sheet
+from dogshape.bench.texts import read_table
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.verdict import Verdict
 from dogshape.diagnosis.report.wording import chance, headline_of
@@ -30,8 +32,6 @@ from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, hypothesis_name
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.files import write_whole
-from dogshape.sim.raw_sheet import file_of
-from dogshape.sim.texts import read_table
 
 DATA = "data"
 JOINING = "joining"

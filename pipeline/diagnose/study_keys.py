@@ -7,7 +7,7 @@ from contextlib import suppress
 from itertools import product
 from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.bench.bench_data import Bench
 from dogshape.pipeline.config.operating import PROBE, effect_keys
 from dogshape.pipeline.config.schema import FORMAT
 from dogshape.sim import effects as registry

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dogshape.diagnosis.bench.cell_values import FORCE, LENGTH, SPEED, TIME, bare_unit, unit_named
+from dogshape.bench.cell_values import FORCE, LENGTH, SPEED, TIME, bare_unit, unit_named
 from dogshape.sim.errors import InputError, meant_number
 from dogshape.sim.units import DEG
 

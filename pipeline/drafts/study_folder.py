@@ -20,7 +20,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import Bench, bundled_benches, load_bench
+from dogshape.bench.bench_data import Bench, bundled_benches, load_bench
+from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.operating import OperatingSection, replaced_keys
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import (
@@ -44,10 +45,8 @@ from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import Tolerances
 from dogshape.sim.strength.materials import MATERIALS
-from dogshape.sim.texts import text_of
 from dogshape.sim.units import RPM, from_si, unit_of
 
-PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 COMMENTED = "mq200"  #: bundled study whose file explains the keys
 LookUp = Callable[[str], Any]  #: returns the value of a dotted key, None for a missing one
 HEAD = """\

@@ -10,7 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 from markupsafe import Markup
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.outcome import MIN_INFORMATION_NATS
 from dogshape.diagnosis.report.wording import (

@@ -29,7 +29,7 @@ from dogshape.sim.strength.verdict import STANDARD
 from dogshape.sim.units import RPM, short
 
 if TYPE_CHECKING:
-    from dogshape.diagnosis.bench.comparison import PointGap
+    from dogshape.diagnosis.comparison import PointGap
 
 
 IN_MS: dict[str, Any] = {"scale": 1e3, "form": ".1f"}  #: how a time is shown

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, diagnose_bench

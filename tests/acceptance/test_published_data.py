@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.adams import DENSE_ANGLES, deviations, free_flights, laws, ratios_without_skips
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.comparison import compare
+from dogshape.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.comparison import compare
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import engage

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 import dogshape as ds
-from dogshape.diagnosis.bench.bench_data import Bench, gather
-from dogshape.diagnosis.bench.stand_file import Sensor
+from dogshape.bench.bench_data import Bench, gather
+from dogshape.bench.stand_file import Sensor
 from dogshape.diagnosis.report.wording import amount, summary
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,

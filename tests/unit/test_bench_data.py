@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
-from dogshape.diagnosis.bench.stand_file import EmptyCells, Measured, TestTerms, Tolerance
+from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
+from dogshape.bench.stand_file import EmptyCells, Measured, TestTerms, Tolerance
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.next_test import require_terms

@@ -14,8 +14,8 @@ import pandas as pd
 import pytest
 from scipy.optimize import brentq
 
-from dogshape.diagnosis.bench.bench_data import Reading, gather, load_bench
-from dogshape.diagnosis.bench.flight_marks import (
+from dogshape.bench.bench_data import Reading, gather, load_bench
+from dogshape.bench.flight_marks import (
     FORCE_FLOOR,
     FORCES,
     SIZE,
@@ -24,7 +24,7 @@ from dogshape.diagnosis.bench.flight_marks import (
     mark_of,
     trace_marks,
 )
-from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
+from dogshape.bench.traces import COLUMNS, BenchTrace, read_trace
 from dogshape.diagnosis.prediction.flights import fly
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError
@@ -372,7 +372,7 @@ def test_without_the_extra_a_sentence_says_what_to_install(
     def missing(name: str) -> None:
         raise ImportError(f"No module named '{name}'")
 
-    monkeypatch.setattr("dogshape.diagnosis.bench.traces.import_module", missing)
+    monkeypatch.setattr("dogshape.bench.traces.import_module", missing)
     (tmp_path / name).write_bytes(b"")
     with pytest.raises(InputError, match=rf"cannot be loaded.*'\.\[{extra}\]'"):
         read_trace(tmp_path / name)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
+from dogshape.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
-from dogshape.diagnosis.bench.stand_file import Margin, NominalErrors
+from dogshape.bench.stand_file import Margin, NominalErrors
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import Observations
 from dogshape.diagnosis.prediction.model import LateDelay, Prediction

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 import dogshape as ds
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import toml_text

@@ -8,10 +8,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.bench.bench_data import load_bench
+from dogshape.bench.texts import read_table
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.sim.texts import read_table
 from dogshape.sim.units import RPM
 from tests.conftest import Call, CommandResult
 

@@ -16,11 +16,11 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from dogshape.bench.bench_data import Reading, load_bench
+from dogshape.bench.stand_file import BenchRecord
+from dogshape.bench.table import NEAR, Row, joined_rows
 from dogshape.cli import dialogue
 from dogshape.cli.app import app
-from dogshape.diagnosis.bench.bench_data import Reading, load_bench
-from dogshape.diagnosis.bench.stand_file import BenchRecord
-from dogshape.diagnosis.bench.table import NEAR, Row, joined_rows
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import build_study, load_study
 from dogshape.pipeline.diagnose.study_keys import study_of

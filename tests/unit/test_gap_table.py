@@ -13,9 +13,9 @@ from openpyxl import Workbook
 from typer.testing import CliRunner
 
 import dogshape as ds
+from dogshape.bench.bench_data import Bench
 from dogshape.cli import dialogue
 from dogshape.cli.app import app
-from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.sim.errors import DataError, InputError
 from tests.conftest import Call

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 import dogshape as ds
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.table import COLUMNS
+from dogshape.bench.bench_data import Bench
+from dogshape.bench.table import COLUMNS
 from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.pipeline.diagnose.gap_update import sentence
 from dogshape.sim.errors import DataError, StorageError

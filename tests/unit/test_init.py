@@ -9,10 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 import dogshape as ds
+from dogshape.bench.bench_data import load_bench
+from dogshape.bench.stand_file import BenchRecord
 from dogshape.cli import dialogue
 from dogshape.cli.app import app
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import SOURCE
 from dogshape.pipeline.drafts.answers import read_numbers

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
-from dogshape.diagnosis.bench.stand_file import Measured, TestTerms
+from dogshape.bench.flight_marks import FORCES, SIZE, WAYS
+from dogshape.bench.stand_file import Measured, TestTerms
 from dogshape.diagnosis.inference.outcome import (
     SETUP_HOURS,
     SHIFT_HOURS,

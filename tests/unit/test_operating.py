@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dogshape.bench.texts import read_toml
 from dogshape.pipeline.config.operating import OPERATED, POINT_SETS
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.sampler import Guide, Space
@@ -15,7 +16,6 @@ from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.statistics.blocks import even_blocks
-from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.surrogate.query import require_same_physics

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import Setup

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
+from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.inference import outcome
 from dogshape.diagnosis.inference.outcome import Field, shift_plan, visits
 from dogshape.diagnosis.terms import NONE

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.force_start import find_force_start
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.bench.bench_data import Bench, load_bench
+from dogshape.bench.force_start import find_force_start
+from dogshape.bench.traces import BenchTrace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.shift.actuation import cubic_step

@@ -11,7 +11,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from dogshape.diagnosis.bench.stand_file import _BenchFile
+from dogshape.bench.stand_file import _BenchFile
 from dogshape.pipeline.config.schema import SearchSection, StudyFile, keys_like
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.config.toml_text import toml_text

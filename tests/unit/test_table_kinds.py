@@ -23,13 +23,13 @@ from openpyxl.formatting.rule import CellIsRule, FormulaRule, Rule
 from openpyxl.styles import Font, PatternFill
 from typer.testing import CliRunner
 
+from dogshape.bench.bench_data import load_bench
+from dogshape.bench.decoding import CODE_PAGES, decode_text
+from dogshape.bench.texts import read_toml
 from dogshape.cli import dialogue
 from dogshape.cli.app import app
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.sim.decoding import CODE_PAGES, decode_text
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import write_frame
-from dogshape.sim.texts import read_toml
 from tests.conftest import Call
 
 TIMES = [116.0, 131.0, 84.0, 71.0, 98.0, 103.0]

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.bench.bench_data import load_bench
+from dogshape.bench.texts import read_table
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import DataError, InputError
-from dogshape.sim.texts import read_table
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set
 

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.samples import dropouts, frozen_runs, held_step, rounded_clock
-from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
+from dogshape.bench.bench_data import load_bench
+from dogshape.bench.samples import dropouts, frozen_runs, held_step, rounded_clock
+from dogshape.bench.traces import COLUMNS, BenchTrace, read_trace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
 from dogshape.sim.units import MM, RPM

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
-from dogshape.diagnosis.bench.stand_file import BenchRecord
+from dogshape.bench.bench_data import load_bench, setting_of
+from dogshape.bench.stand_file import BenchRecord
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.conclusion import engage

@@ -13,8 +13,8 @@ from scipy.special import logsumexp
 from scipy.stats import chi2, multivariate_t
 from scipy.stats.qmc import Sobol
 
-from dogshape.diagnosis.bench.bench_data import Bench, gather
-from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS, SeenFlight, flights_of
+from dogshape.bench.bench_data import Bench, gather
+from dogshape.bench.flight_marks import FORCES, WAYS, SeenFlight, flights_of
 from dogshape.diagnosis.prediction import flights as module
 from dogshape.diagnosis.prediction.flights import Flights, fly, log_flights, log_unknown
 from dogshape.diagnosis.terms import Array, Hypothesis

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading
+from dogshape.bench.bench_data import Bench, Cell, Reading
 from dogshape.diagnosis.likelihood.likelihood import (
     NODES,
     WEIGHTS,

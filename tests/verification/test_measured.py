@@ -11,8 +11,8 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.stand_file import Calibration, Measured, Sensor
+from dogshape.bench.bench_data import Bench, load_bench
+from dogshape.bench.stand_file import Calibration, Measured, Sensor
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.static_readings import (
     Fact,

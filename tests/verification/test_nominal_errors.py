@@ -10,9 +10,9 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
-from dogshape.diagnosis.bench.comparison import compare
-from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
+from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
+from dogshape.bench.stand_file import NominalErrors, Tolerance
+from dogshape.diagnosis.comparison import compare
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import DRIFT_SD, Drift, estimate_drift, observe
 from dogshape.diagnosis.prediction.model import build_models

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models

@@ -16,10 +16,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.flight_marks import joined_marks
-from dogshape.diagnosis.bench.stand_file import Place
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.bench.bench_data import Bench, load_bench
+from dogshape.bench.flight_marks import joined_marks
+from dogshape.bench.stand_file import Place
+from dogshape.bench.traces import BenchTrace
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.verdict import is_nameable

@@ -136,7 +136,7 @@ def _table_draft(bench: str, **options: Any) -> ds.BenchDraft | None:
     A fault is asked about in a terminal. ``options`` are those of ``bench_draft``; InputError for
     an option that a folder does not take.
     """
-    from dogshape.pipeline.drafts.bench_folder import guess_readings, is_table  # noqa: PLC0415
+    from dogshape.bench.bench_draft import guess_readings, is_table  # noqa: PLC0415
 
     if not is_table(bench):
         names = {"origin": "--from", "rise_s": "--rise-s", "fill_down": "--fill-down"}

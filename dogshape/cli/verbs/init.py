@@ -33,7 +33,7 @@ from dogshape.cli.options import (
 from dogshape.sim.errors import GeometryError, InputError
 
 if TYPE_CHECKING:
-    from dogshape.pipeline.drafts.bench_folder import BenchDraft
+    from dogshape.bench.bench_draft import BenchDraft
     from dogshape.pipeline.record import Table
 
 init = typer.Typer(name="init", help="Begin a study or a bench: a commented folder.", **PLAIN)
@@ -205,7 +205,7 @@ def bench(
 
 def _explain(draft: BenchDraft, json: bool) -> None:
     """Print the steps of reading; raises DataError with the faults."""
-    from dogshape.pipeline.drafts.bench_folder import explain_reading  # noqa: PLC0415
+    from dogshape.bench.bench_draft import explain_reading  # noqa: PLC0415
     from dogshape.pipeline.drafts.reading_table import (  # noqa: PLC0415
         assumption_lines,
         reading_parts,

@@ -19,7 +19,7 @@ from itertools import chain
 
 import numpy as np
 
-from dogshape.diagnosis.bench.cell_values import (
+from dogshape.bench.cell_values import (
     ANSWERS,
     NOTHING,
     Column,
@@ -27,11 +27,11 @@ from dogshape.diagnosis.bench.cell_values import (
     is_dated,
     is_number,
 )
-from dogshape.diagnosis.bench.foreign_table import REJECTED, ROUNDED, ForeignTable, Reasons
-from dogshape.diagnosis.bench.quantities import SPLITTING, counts_up, has_word, plain_words
-from dogshape.diagnosis.bench.row_splits import FAILED, NUMBER, SHARE
+from dogshape.bench.foreign_table import REJECTED, ROUNDED, ForeignTable, Reasons
+from dogshape.bench.quantities import SPLITTING, counts_up, has_word, plain_words
+from dogshape.bench.raw_sheet import COLOURED, is_workbook, odd_colours
+from dogshape.bench.row_splits import FAILED, NUMBER, SHARE
 from dogshape.sim.errors import InputError, did_you_mean
-from dogshape.sim.raw_sheet import COLOURED, is_workbook, odd_colours
 
 ROW = "row"  #: name of a workbook's marks among the columns
 ANY = "*"

@@ -20,9 +20,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from dogshape.diagnosis.bench.samples import scatter, smoothed, step_of
-from dogshape.diagnosis.bench.traces import BenchTrace
-from dogshape.diagnosis.terms import Array
+from dogshape.bench.samples import scatter, smoothed, step_of
+from dogshape.bench.traces import BenchTrace
+from dogshape.sim.elementwise import Array
 
 #: Force above rest that is seen as a rise, of the largest: above the hum and drift of load cells.
 THRESHOLD = 0.05

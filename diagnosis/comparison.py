@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench, Cell
+from dogshape.bench.bench_data import Bench, Cell
 from dogshape.sim.statistics.blocks import Block, Runner, even_blocks, numerical_error
 from dogshape.sim.statistics.expectation import expect_point
 from dogshape.sim.statistics.shift_records import result_of

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import load_bench, require_shifts
-from dogshape.diagnosis.bench.comparison import ANGLES, compare
-from dogshape.diagnosis.bench.comparison import Comparison as Compared
+from dogshape.bench.bench_data import load_bench, require_shifts
+from dogshape.diagnosis.comparison import ANGLES, compare
+from dogshape.diagnosis.comparison import Comparison as Compared
 from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of, percent, tabulate

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from zipfile import BadZipFile, ZipFile
 
-from dogshape.sim.decoding import TableLimits, decode_text, read_bytes
+from dogshape.bench.decoding import TableLimits, decode_text, read_bytes
 from dogshape.sim.errors import DataError
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dogshape.diagnosis.bench.cell_values import (
+from dogshape.bench.cell_values import (
     AREA,
     FORCE,
     MISC,
@@ -29,8 +29,8 @@ from dogshape.diagnosis.bench.cell_values import (
     unit_named,
     unit_with_factor,
 )
-from dogshape.diagnosis.bench.foreign_table import MIN_REPEATS, REPEATS, ROUNDED, ForeignTable
-from dogshape.diagnosis.bench.quantities import (
+from dogshape.bench.foreign_table import MIN_REPEATS, REPEATS, ROUNDED, ForeignTable
+from dogshape.bench.quantities import (
     LOOSE,
     SHIFTS,
     WORD,

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.corrections import Finding, corrected, parse
-from dogshape.diagnosis.bench.slips import examine, found_step, impossible, require_no_slip
-from dogshape.diagnosis.bench.stand_file import EmptyCells, Stand, load_stand
-from dogshape.diagnosis.bench.table import Sheet, load_sheet
-from dogshape.diagnosis.bench.traces import BenchTrace, bad_cell
-from dogshape.diagnosis.terms import Array
+from dogshape.bench.corrections import Finding, corrected, parse
+from dogshape.bench.slips import examine, found_step, impossible, require_no_slip
+from dogshape.bench.stand_file import EmptyCells, Stand, load_stand
+from dogshape.bench.table import Sheet, load_sheet
+from dogshape.bench.traces import BenchTrace, bad_cell
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile

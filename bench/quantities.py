@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.diagnosis.bench.cell_values import (
+from dogshape.bench.cell_values import (
     FORCE,
     LENGTH,
     MISC,

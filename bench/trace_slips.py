@@ -13,18 +13,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dogshape.diagnosis.bench.corrections import Finding, Findings, corrected
-from dogshape.diagnosis.bench.force_start import (
+from dogshape.bench.corrections import Finding, Findings, corrected
+from dogshape.bench.force_start import (
     FIRST,
     ForceStart,
     displacement_at_rest,
     find_force_start,
 )
-from dogshape.diagnosis.bench.samples import scatter, smoothed, step_of
-from dogshape.diagnosis.bench.stand_file import Stand
-from dogshape.diagnosis.bench.table import Row, Sheet
-from dogshape.diagnosis.bench.traces import LEAD, BenchTrace
-from dogshape.diagnosis.terms import Array
+from dogshape.bench.samples import scatter, smoothed, step_of
+from dogshape.bench.stand_file import Stand
+from dogshape.bench.table import Row, Sheet
+from dogshape.bench.traces import LEAD, BenchTrace
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, MS, RPM, short

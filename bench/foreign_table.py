@@ -1,7 +1,7 @@
 """Layout of a foreign table: head, rows of shifts, and excluded rows with their reasons.
 
 A foreign table is read in five steps, each a frozen value that ``init bench FILE --explain``
-prints: *raw sheet* (``sim.raw_sheet``), *layout* (here), *columns and units*
+prints: *raw sheet* (``bench.raw_sheet``), *layout* (here), *columns and units*
 (``foreign_columns``), *rows and marks* (``row_marks``), *readings* (``foreign_readings``).
 
 A layout has one row for each shift or mean, else it is reshaped where that is certain (transposed,
@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dogshape.diagnosis.bench.cell_values import (
+from dogshape.bench.cell_values import (
     FORCE,
     NOTHING,
     SPEED,
@@ -35,7 +35,8 @@ from dogshape.diagnosis.bench.cell_values import (
     split_quantity,
     unit_named,
 )
-from dogshape.diagnosis.bench.quantities import (
+from dogshape.bench.decoding import TableLimits
+from dogshape.bench.quantities import (
     SHIFTS,
     SPLITTING,
     WORD,
@@ -44,9 +45,7 @@ from dogshape.diagnosis.bench.quantities import (
     plain_words,
     score,
 )
-from dogshape.sim.decoding import TableLimits
-from dogshape.sim.errors import DataError
-from dogshape.sim.raw_sheet import (
+from dogshape.bench.raw_sheet import (
     QuoteError,
     RawRow,
     RawSheet,
@@ -57,6 +56,7 @@ from dogshape.sim.raw_sheet import (
     read_workbook,
     text_sheet,
 )
+from dogshape.sim.errors import DataError
 
 Cells = Sequence[str]
 Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from dogshape.diagnosis.terms import Array
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import number
 from dogshape.sim.units import MS, short
 

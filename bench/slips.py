@@ -18,17 +18,17 @@ from math import gcd, log10
 
 import numpy as np
 
-from dogshape.diagnosis.bench.corrections import GIVEN, Finding, Findings, contradict, corrected
-from dogshape.diagnosis.bench.stand_file import Stand
-from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_groups
-from dogshape.diagnosis.bench.trace_slips import (
+from dogshape.bench.corrections import GIVEN, Finding, Findings, contradict, corrected
+from dogshape.bench.stand_file import Stand
+from dogshape.bench.table import NEAR, Row, Sheet, near_groups
+from dogshape.bench.trace_slips import (
     TRACED,
     median,
     recording_faults,
     trace_notes,
     trace_rate,
 )
-from dogshape.diagnosis.terms import Array
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MS

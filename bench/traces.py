@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.cell_values import FORCE, LENGTH, SPEED, unit_named
-from dogshape.diagnosis.bench.cell_values import TIME as DURATION
-from dogshape.diagnosis.bench.samples import (
+from dogshape.bench.cell_values import FORCE, LENGTH, SPEED, unit_named
+from dogshape.bench.cell_values import TIME as DURATION
+from dogshape.bench.samples import (
     Channel,
     Fault,
     clock_fault,
@@ -33,7 +33,8 @@ from dogshape.diagnosis.bench.samples import (
     rounded_clock,
     scatter,
 )
-from dogshape.diagnosis.terms import Array
+from dogshape.bench.texts import is_plain, read_table
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
     DataError,
     DogshapeError,
@@ -42,7 +43,6 @@ from dogshape.sim.errors import (
     number,
     number_rule,
 )
-from dogshape.sim.texts import is_plain, read_table
 from dogshape.sim.units import MS, short, to_si
 
 

@@ -16,22 +16,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.diagnosis.bench.cell_values import (
+from dogshape.bench.cell_values import (
     NOTHING,
     Column,
     is_number,
     numbers_of,
     split_quantity,
 )
-from dogshape.diagnosis.bench.foreign_columns import (
+from dogshape.bench.foreign_columns import (
     MEAN,
     NONE,
     Match,
     column_labels,
     matched,
 )
-from dogshape.diagnosis.bench.foreign_table import ForeignTable
-from dogshape.diagnosis.bench.quantities import (
+from dogshape.bench.foreign_table import ForeignTable
+from dogshape.bench.quantities import (
     SHIFTS,
     has_word,
     plain_words,

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from dogshape.diagnosis.terms import Array, Sense
+from dogshape.bench.texts import read_toml
 from dogshape.sim.clutch_tables import (
     DogSection,
     DriveSection,
@@ -26,12 +26,13 @@ from dogshape.sim.clutch_tables import (
     rings,
     validate,
 )
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, ContactSet, contact_set, solver_for
-from dogshape.sim.texts import read_toml
 from dogshape.sim.units import DEG, MM, MS, RPM
 
 Place = Literal["sleeve", "actuator", "unknown"]
+Sense = Literal["known", "unknown"]  #: of rotation: sign of the mismatch (``docs/mismatch.md``)
 EmptyCells = Literal["not_made", "failed", "unknown"]
 
 #: Uncertainty beyond which a linear law would say nothing.

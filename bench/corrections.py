@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dogshape.diagnosis.bench.force_start import (
+from dogshape.bench.force_start import (
     ForceStart,
     displacement_at_rest,
     find_force_start,
 )
-from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.bench.table import Row, Sheet, joined_rows
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.bench.stand_file import Sensor
+from dogshape.bench.table import Row, Sheet, joined_rows
+from dogshape.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError, require_known
 from dogshape.sim.units import MM, MS, RPM
 

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.diagnosis.terms import Array
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError
 
 _ORDINARY_SIGNS = str.maketrans({

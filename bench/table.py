@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.traces import BenchTrace, bad_cell, read_trace
-from dogshape.diagnosis.terms import Array
+from dogshape.bench.raw_sheet import file_of
+from dogshape.bench.texts import is_plain, read_table
+from dogshape.bench.traces import BenchTrace, bad_cell, read_trace
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, number_rule
-from dogshape.sim.raw_sheet import file_of
-from dogshape.sim.texts import is_plain, read_table
 
 COLUMNS = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "engaged",
            "trace", "shift_time_sd_s", "order", "timestamp")  # fmt: skip

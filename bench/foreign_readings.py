@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.cell_values import (
+from dogshape.bench.cell_values import (
     ANSWERS,
     FORCE,
     NAMES,
@@ -34,20 +34,20 @@ from dogshape.diagnosis.bench.cell_values import (
     unit_named,
     unit_with_factor,
 )
-from dogshape.diagnosis.bench.foreign_columns import (
+from dogshape.bench.foreign_columns import (
     NONE,
     PURE_NUMBER,
     Match,
     matched,
     with_repeats,
 )
-from dogshape.diagnosis.bench.foreign_table import (
+from dogshape.bench.foreign_table import (
     REPEATS,
     TRANSPOSED,
     ForeignTable,
     side_question,
 )
-from dogshape.diagnosis.bench.quantities import (
+from dogshape.bench.quantities import (
     SHIFTS,
     WORD,
     Quantity,
@@ -56,12 +56,11 @@ from dogshape.diagnosis.bench.quantities import (
     plain_words,
     score,
 )
-from dogshape.diagnosis.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
-from dogshape.diagnosis.bench.row_splits import with_lists, with_shares
-from dogshape.diagnosis.terms import Array
-from dogshape.sim.errors import DataError, InputError, number
-from dogshape.sim.raw_sheet import CellNote
-from dogshape.sim.texts import join_faults
+from dogshape.bench.raw_sheet import CellNote
+from dogshape.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
+from dogshape.bench.row_splits import with_lists, with_shares
+from dogshape.sim.elementwise import Array
+from dogshape.sim.errors import DataError, InputError, join_faults, number
 
 MAX_CELL_CHARACTERS = 40  #: characters of a cell that a sentence shows
 MAX_LISTED = 12  #: faults of one kind that are listed one by one

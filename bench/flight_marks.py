@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.samples import scatter, smoothed, step_of
-from dogshape.diagnosis.bench.traces import BenchTrace
-from dogshape.diagnosis.terms import Array
+from dogshape.bench.bench_data import Bench
+from dogshape.bench.samples import scatter, smoothed, step_of
+from dogshape.bench.traces import BenchTrace
+from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.actuation import ForceProfile
 
 WAYS = (0.02, 0.1, 0.3, 0.6, 0.9)  #: shares of the axial gap

@@ -1,7 +1,7 @@
 """Text files of users as editors and spreadsheets save them: encodings, TOML, tables of text.
 
 Commas, semicolons or tabs separate the cells; unless these are commas, numbers may have a decimal
-comma. An ambiguous table is refused with a remedy. A sheet of a workbook (``sim.raw_sheet``) is
+comma. An ambiguous table is refused with a remedy. A sheet of a workbook (``bench.raw_sheet``) is
 read as a table with tabs; a sheet with marks is refused.
 """
 
@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dogshape.sim.decoding import TableLimits, decode_text, read_bytes
-from dogshape.sim.errors import DataError, InputError, did_you_mean
-from dogshape.sim.raw_sheet import (
+from dogshape.bench.decoding import TableLimits, decode_text, read_bytes
+from dogshape.bench.raw_sheet import (
     FILTERED,
     HIDDEN,
     MASKED,
@@ -27,6 +26,7 @@ from dogshape.sim.raw_sheet import (
     RawSheet,
     read_raw,
 )
+from dogshape.sim.errors import DataError, InputError, did_you_mean, join_faults
 
 SEPARATORS = (",", ";", "\t")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -88,16 +88,8 @@ def is_plain(text: str) -> bool:
     return True
 
 
-def join_faults(place: str, faults: Iterable[str]) -> str:
-    """Return a message of ``place`` and one fault, or of their number and a line for each."""
-    lines = list(faults)
-    if len(lines) == 1:
-        return f"{place}: {lines[0]}"
-    return "\n".join([f"{place}: {len(lines)} mistakes", *(f"- {line}" for line in lines)])
-
-
 def text_of(path: Path) -> str:
-    """Read a text file of any encoding that ``sim.decoding`` detects.
+    """Read a text file of any encoding that ``bench.decoding`` detects.
 
     Raises DataError for binary or too large files, OSError if the file cannot be read.
     """

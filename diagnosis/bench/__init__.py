@@ -1,1 +1,0 @@
-"""Read bench data: tables, traces, the stand, and slips of units and axes."""
