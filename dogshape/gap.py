@@ -34,11 +34,12 @@ from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of
 from dogshape.pipeline.reports import gap_page
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
+from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError, number
-from dogshape.sim.files import lock_folder, write_frame
+from dogshape.sim.files import write_frame
 from dogshape.sim.interface import argument
 from dogshape.sim.units import RPM
 

@@ -35,12 +35,12 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
+from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.pipeline.store.result_records import EngineAgreement, HangKeys, hang_keys
 from dogshape.pipeline.store.trial_storage import guard_storage, open_storage
 from dogshape.pipeline.train.training import train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import EngineError, GeometryError, InputError
-from dogshape.sim.files import lock_folder
 from dogshape.sim.statistics.expectation import Estimate
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions

@@ -1,21 +1,17 @@
-"""Durable files: atomic writes, folder locks, and frames that spreadsheets open safely.
+"""Durable files: atomic writes, and frames that spreadsheets open safely.
 
 A rename may reach the disk before the content does, and a new name after it: the content is forced
-to the disk, then the name is exchanged, then the folder is forced. One writer holds a folder.
+to the disk, then the name is exchanged, then the folder is forced.
 """
 
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from dogshape.sim.errors import StorageError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -98,40 +94,3 @@ def write_frame(frame: DataFrame, path: Path, digits: int = 9) -> None:
             return
         number_format = f"%.{digits}g"
         safe_frame.to_csv(path, index=False, float_format=number_format, lineterminator="\n")
-
-
-RETRY_PAUSE_S = 0.2  #: between two attempts to lock a folder
-
-
-@contextmanager
-def lock_folder(
-    root: Path, patience: float = 0.0, say: Callable[[str], None] | None = None
-) -> Iterator[None]:
-    """Lock a folder for writing, and create it if missing.
-
-    Raises StorageError if another process holds it for ``patience`` s; ``say`` receives the message
-    that one waits. The lock is the operating system's and ends with the process.
-    """
-    deadline = time.monotonic() + patience
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        handle = (root / ".lock").open("w")
-    except OSError as error:
-        raise StorageError(
-            f"{root} cannot be written ({error.strerror}); choose another folder"
-        ) from error
-    with handle:
-        while True:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except OSError:
-                if time.monotonic() >= deadline:
-                    raise StorageError(
-                        f"{root} is in use by another run; wait for it or choose another folder"
-                    ) from None
-                if say is not None:
-                    say(f"waiting for another run that uses {root}")
-                    say = None
-            time.sleep(RETRY_PAUSE_S)
-        yield

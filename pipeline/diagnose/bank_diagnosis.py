@@ -38,10 +38,10 @@ from dogshape.pipeline.diagnose.bank import Bank
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import ShiftJournal
+from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import effect_files, load
 from dogshape.sim.errors import EffectError, InputError, StorageError
-from dogshape.sim.files import lock_folder
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record

@@ -29,8 +29,8 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.store.folder import ShiftJournal, append
+from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.sim.errors import InputError, StorageError, WorkerError
-from dogshape.sim.files import lock_folder
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions

@@ -34,10 +34,11 @@ from dogshape.pipeline.store.folder import (
     read_lines,
     write_json,
 )
+from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.pipeline.train.training_rows import row_record, with_rows
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.files import lock_folder, name_file_in_errors
+from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
 from dogshape.sim.statistics.shift_records import (

@@ -16,7 +16,7 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import pair_of
-from dogshape.sim.files import lock_folder
+from dogshape.pipeline.store.folder_lock import lock_folder
 from tests.conftest import SMALL
 
 #: Keys of the study file that make a study small, with their values; None takes a key out.

@@ -28,9 +28,9 @@ from dogshape.pipeline.diagnose import bank_diagnosis
 from dogshape.pipeline.diagnose.bank import TICK, Bank
 from dogshape.pipeline.diagnose.bank_diagnosis import BUNDLED_BANK, TIMES, BankOptions, models_of
 from dogshape.pipeline.store.folder import ShiftJournal
+from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
-from dogshape.sim.files import lock_folder
 from dogshape.sim.statistics.blocks import Block, Runner
 from dogshape.sim.statistics.shift_records import Record
 from tests.analytic import AnalyticShifts, select_cells, simulate_analytic
