@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from pandas import DataFrame
 
+from dogshape.bench.answers import no_column
 from dogshape.bench.decoding import TableLimits
-from dogshape.bench.foreign_columns import NONE
 from dogshape.bench.foreign_readings import Report, TableReader
 from dogshape.bench.foreign_table import ForeignTable, read_foreign, read_sheet, table_of
 from dogshape.bench.quantities import SHIFTS, TRACE
@@ -23,6 +23,7 @@ from dogshape.bench.row_marks import RowChoice
 from dogshape.bench.table import COLUMNS, NUMERIC
 from dogshape.bench.traces import READERS
 from dogshape.sim.errors import DataError, InputError
+from dogshape.sim.interface import argument
 
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
@@ -96,7 +97,8 @@ class BenchDraft:
         """Rows of the file that are shifts; raises InputError for a text that names none."""
         spans = [re.fullmatch(r"\s*(\d+)(?:-(\d+))?\s*", part) for part in self.rows.split(",")]
         if self.rows and not all(spans):
-            raise InputError(f"--rows is '{self.rows}', but must name rows, such as 2-41,45")
+            fault = f"{argument('rows')} is '{self.rows}'"
+            raise InputError(f"{fault}, but must name rows, such as 2-41,45")
         return [range(int(span[1]), int(span[2] or span[1]) + 1) for span in spans if span]
 
 
@@ -178,9 +180,11 @@ def _require_readable(draft: BenchDraft) -> None:
             "rename one"
         )
     if draft.decimal not in (None, ".", ","):
-        raise InputError(f"--decimal is '{draft.decimal}', but must be a point or a comma: . or ,")
+        fault = f"{argument('decimal')} is '{draft.decimal}'"
+        raise InputError(f"{fault}, but must be a point or a comma: . or ,")
     if draft.quotes not in QUOTES:
-        raise InputError(f"--quotes is '{draft.quotes}', but must be {' or '.join(QUOTES)}")
+        fault = f"{argument('quotes')} is '{draft.quotes}'"
+        raise InputError(f"{fault}, but must be {' or '.join(QUOTES)}")
 
 
 def _read_rows(
@@ -206,7 +210,7 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     if rows["order"][rows["shift_time_s"].notna()].dropna().duplicated().any():
         report.faults.append(
             f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "
-            f"the whole series; --column order={NONE} leaves it out"
+            f"the whole series; {no_column('order')} leaves it out"
         )
     silent = _silent(rows).sum()
     report.assumed += [
@@ -221,7 +225,7 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
             *(
                 (
                     f"'{reader.matches[name].head}' is the order of the shifts, so a diagnosis "
-                    f"looks for a drift; --column {name}={NONE} leaves it out",
+                    f"looks for a drift; {no_column(name)} leaves it out",
                     True,
                 )
                 for name in ("order", "timestamp")

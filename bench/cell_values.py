@@ -14,8 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
+from dogshape.bench.answers import column_answer
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError
+from dogshape.sim.interface import argument
 
 _ORDINARY_SIGNS = str.maketrans({
     **dict.fromkeys("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}", " "),
@@ -85,8 +87,8 @@ def decimal_sign(
                 questions.setdefault(
                     mark,
                     f"column '{head}', row {row}: '{cell}' can be read as "
-                    f"{cell.replace(mark, '')}, --decimal {OTHER_DECIMAL[mark]}, or as "
-                    f"{cell.replace(mark, '.')}, --decimal {mark}",
+                    f"{cell.replace(mark, '')}, {argument('decimal', OTHER_DECIMAL[mark])}, or as "
+                    f"{cell.replace(mark, '.')}, {argument('decimal', mark)}",
                 )
     if len(certain) > 1 or (stated and OTHER_DECIMAL[stated] in certain):
         signs = " and with ".join(certain[mark] for mark in sorted(certain))
@@ -272,10 +274,11 @@ def stamps_of(cells: Sequence[str], form: str) -> tuple[list[str], str]:
     trials = {way: pd.to_datetime(texts, format=way, errors="coerce", utc=True) for way in forms}
     way, moments = min(trials.items(), key=lambda trial: trial[1].isna().sum())
     if (wrong := moments.isna()).any():
+        answer = column_answer("timestamp", "COLUMN:%d/%m/%Y %H:%M:%S")
         raise DataError(
             f"has '{cells[int(wrong.argmax())]}', which is no date and time as "
             f"{form or '2024-05-31 14:05:09 or 31.05.2024 14:05:09'}; say its form behind the "
-            "column: --column timestamp='COLUMN:%d/%m/%Y %H:%M:%S'"
+            f"column: {answer}"
         )
     if way == FORMS[0] or "%d" in way:
         return [moment.isoformat() for moment in moments], f"dates as {way}"

@@ -20,6 +20,7 @@ from dogshape.bench.stand_file import Sensor
 from dogshape.bench.table import Row, Sheet, joined_rows
 from dogshape.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError, require_known
+from dogshape.sim.interface import listed_argument
 from dogshape.sim.units import MM, MS, RPM
 
 GIVEN = "given"
@@ -173,10 +174,14 @@ class Finding:
     @property
     def sentence(self) -> str:
         """Finding, probable cause and remedy in a sentence."""
-        ways = [f"--correct {self.correction} applies this correction"] if self.correction else []
-        ways += [f"--correct {way} where it is {cause}" for way, cause in self.alternatives]
+        ways = []
+        if self.correction:
+            ways.append(f"{listed_argument('correct', self.correction)} applies this correction")
+        for way, cause in self.alternatives:
+            ways.append(f"{listed_argument('correct', way)} where it is {cause}")
         if self.arguable:
-            ways.append(f"--correct {self.quantity}={GIVEN} keeps the values")
+            answer = listed_argument("correct", f"{self.quantity}={GIVEN}")
+            ways.append(f"{answer} keeps the values")
         return self.with_remedy(self.remedy or ", or ".join(["correct the data set", *ways]))
 
     def with_remedy(self, remedy: str) -> str:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from dogshape.sim.errors import DataError, InputError, did_you_mean
+from dogshape.sim.interface import key_argument
 
 _WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 CODE_PAGES = ("cp1252", "cp850", "cp437", "mac_roman")  #: by precedence where scores are equal
@@ -50,9 +51,10 @@ class TableLimits:
         """Raise DataError if ``size`` exceeds the limit ``name``; ``place`` begins the message."""
         limit = getattr(self, name)
         if size > limit:
+            answer = key_argument("limits", name, size)
             raise DataError(
                 f"{place}: {name.replace('_', ' ')} are {size}, but at most {limit} are read; "
-                f"{remedy}, or raise the limit: --limit {name}={size}"
+                f"{remedy}, or raise the limit: {answer}"
             )
 
 
@@ -61,9 +63,12 @@ def parse_limits(values: Mapping[str, str]) -> TableLimits:
     names = [field.name for field in fields(TableLimits)]
     for name, text in values.items():
         if name not in names:
-            raise InputError(f"--limit {name}=... names no limit; {did_you_mean(name, names)}")
+            answer = key_argument("limits", name, "...")
+            raise InputError(f"{answer} names no limit; {did_you_mean(name, names)}")
         if not text.isdecimal() or int(text) < 1:
-            raise InputError(f"--limit {name} is '{text}', but it must be a whole number above 0")
+            raise InputError(
+                f"{key_argument('limits', name)} is '{text}', but it must be a whole number above 0"
+            )
     return replace(TableLimits(), **{name: int(text) for name, text in values.items()})
 
 

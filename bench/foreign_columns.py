@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dogshape.bench.answers import NONE, column_answer, column_placeholder, no_column
 from dogshape.bench.cell_values import (
     AREA,
     FORCE,
@@ -44,11 +45,11 @@ from dogshape.bench.quantities import (
     score,
 )
 from dogshape.sim.errors import InputError, did_you_mean
+from dogshape.sim.interface import argument, key_argument, text_value
 
 #: Unit of a count in a formula of quantities with units.
 PURE_NUMBER = Unit("", MISC, 1.0)
 PERCENT = Unit("%", MISC, 0.01)  #: of a share in a formula
-NONE = "-"  #: column option of a quantity that is not to be read
 #: Quantities of which loose words settle nothing between columns of the right kind.
 UNDECIDED = ("mismatch_rpm", "shift_time_s")
 #: Quantities with an option of words in place of a unit.
@@ -194,17 +195,18 @@ def _candidates(
 
 def _ask_about_numbers(head: str) -> str:
     return (
-        f"'{head}' numbers the rows and is no count of shifts; say --column order='{head}'"
-        f", or --column n_shifts='{head}' where each row is the mean of so many shifts"
+        f"'{head}' numbers the rows and is no count of shifts; say {column_answer('order', head)}, "
+        f"or {column_answer('n_shifts', head)} where each row is the mean of so many shifts"
     )
 
 
 def _ask_for_names(missing: Sequence[Quantity], columns: Sequence[Column]) -> str:
     names = ", ".join(quantity.name for quantity in missing)
     heads = ", ".join(repr(column.head) for column in columns)
+    answer = column_answer(missing[0].name, f"{columns[0].head}:UNIT")
     return (
         f"no column looks like {names}: no row names the columns ({heads}); add names and units, "
-        f"or say each, such as --column {missing[0].name}='{columns[0].head}:UNIT'"
+        f"or say each, such as {answer}"
     )
 
 
@@ -217,30 +219,33 @@ def _which(name: str, candidates: Sequence[Column]) -> str:
     if name == "shift_time_s" and len(repeated) == 1 and None not in repeated:
         return _repeats_question(candidates)
     labels = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in candidates]
-    ways = " or ".join(f"--column {name}='{label}'" for label in labels)
+    ways = " or ".join(column_answer(name, label) for label in labels)
     question = f"{name} may be the column {' or '.join(map(repr, heads))}; say which: {ways}"
     if name == "shift_time_s" and len(set(heads)) == len(heads):
-        question += f", or --column {name}='{'; '.join(heads)}' where each is the time of a shift"
+        answer = column_answer(name, "; ".join(heads))
+        question += f", or {answer} where each is the time of a shift"
     return question
 
 
 def _difference_question(name: str, candidates: Sequence[Column]) -> str:
     first, second = candidates[0].name, candidates[1].name
     heads = " or ".join(repr(column.head) for column in candidates)
+    answer = column_answer(name, f"{second} - {first}")
+    opposite = text_value(f"{first} - {second}", quoted=True)
     return (
-        f"{name} may be {heads}, or their difference; say "
-        f"--column {name}='{second} - {first}' or '{first} - {second}', positive where it runs "
-        "the traction flanks together (docs/mismatch.md), or the column itself"
+        f"{name} may be {heads}, or their difference; say {answer} or {opposite}, positive where "
+        "it runs the traction flanks together (docs/mismatch.md), or the column itself"
     )
 
 
 def _repeats_question(candidates: Sequence[Column]) -> str:
     heads = "; ".join(column.head for column in candidates)
     named = ", ".join(repr(column.head) for column in candidates)
+    repeats = column_answer("shift_time_s", heads)
+    total = column_answer("shift_time_s", candidates[-1].head)
     return (
-        f"{named} may be repeats of a shift, or phases of one; say --column shift_time_s='{heads}' "
-        f"where each is the time of a shift, or the column of the whole time, such as "
-        f"--column shift_time_s='{candidates[-1].head}'"
+        f"{named} may be repeats of a shift, or phases of one; say {repeats} where each is the "
+        f"time of a shift, or the column of the whole time, such as {total}"
     )
 
 
@@ -258,9 +263,10 @@ def _missing(quantity: Quantity, free: Sequence[Column]) -> str:
         f"{column.head!r}{' (hidden in the workbook)' if column.hidden else ''}" for column in free
     )
     heads = heads or "none"
+    answer = column_placeholder(quantity.name)
     return (
-        f"no column looks like {quantity.name}; say which one it is: --column {quantity.name}="
-        f"COLUMN or COLUMN:UNIT (columns left: {heads}), or a value for all rows{sentence}"
+        f"no column looks like {quantity.name}; say which one it is: {answer} or "
+        f"{text_value('COLUMN:UNIT')} (columns left: {heads}), or a value for all rows{sentence}"
     )
 
 
@@ -270,16 +276,18 @@ def _missing_speed(free: Sequence[Column]) -> str:
         return _difference_question("mismatch_rpm", speeds)
     if speeds:
         head = speeds[0].head
+        difference = column_answer("mismatch_rpm", f"{speeds[0].name} - 1450")
         return (
             f"'{head}' is a speed, but no word says that it is the difference of both sides, which "
-            f"mismatch_rpm is; say --column mismatch_rpm='{head}' where it is, or subtract the "
-            f"other side, such as --column mismatch_rpm='{speeds[0].name} - 1450'"
+            f"mismatch_rpm is; say {column_answer('mismatch_rpm', head)} where it is, or subtract "
+            f"the other side, such as {difference}"
         )
     ratios = [c.head for c in free if has_word("slip|schlupf|glissement", plain_words(c.name))]
     if ratios:
+        product = column_answer("mismatch_rpm", f"{ratios[0]} * 1450")
         return (
             f"; '{ratios[0]}' has no unit of a speed and may be a ratio: multiply it by the speed "
-            f"of the shaft in 1/min, such as --column mismatch_rpm='{ratios[0]} * 1450'"
+            f"of the shaft in 1/min, such as {product}"
         )
     return ""
 
@@ -289,13 +297,15 @@ def _missing_force(free: Sequence[Column]) -> str:
     if column is None or column.unit is None:
         return ""
     if column.unit.dimension == PRESSURE:
+        product = column_answer("force_N", f"{column.head} * 4.9 cm2")
         return (
             f"'{column.head}' is a pressure and no force_N; say the area of the piston, such as "
-            f"--column force_N='{column.head} * 4.9 cm2', or add the force"
+            f"{product}, or add the force"
         )
+    weight = column_answer("force_N", f"{column.head}:kgf")
     return (
-        f"'{column.head}' is in {column.unit.text}, a mass and no force_N; say --column "
-        f"force_N='{column.head}:kgf' where it is the weight of so many kilograms (9.80665 N)"
+        f"'{column.head}' is in {column.unit.text}, a mass and no force_N; say {weight} where it "
+        "is the weight of so many kilograms (9.80665 N)"
     )
 
 
@@ -307,9 +317,10 @@ def _missing_time(free: Sequence[Column]) -> str:
     ends = [column for column in free if re.fullmatch(_TIMES_AT, names[column])]
     if len(ends) == 2:
         first, second = sorted(ends, key=lambda column: float(np.nanmean(column.values)))
+        answer = column_answer("shift_time_s", f"{second.head} - {first.head}")
         return (
             f"shift_time_s may be the difference of '{first.head}' and '{second.head}'; say "
-            f"--column shift_time_s='{second.head} - {first.head}'"
+            f"{answer}"
         )
     time = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
     clocks = [c.head for c in free if c.is_dated and has_word(time.words, names[c])]
@@ -332,7 +343,8 @@ def stated_match(
     """
     by_name = {quantity.name: quantity for quantity in quantities}
     if name not in by_name:
-        raise InputError(f"--column {name}=... names no quantity; {did_you_mean(name, by_name)}")
+        answer = column_placeholder(name, "...")
+        raise InputError(f"{answer} names no quantity; {did_you_mean(name, by_name)}")
     quantity, labels = by_name[name], column_labels(columns)
     pattern = "|".join(re.escape(label) for label in sorted(labels, key=len, reverse=True) if label)
     match = re.fullmatch(rf"({pattern})(?::(.*))?", text) if pattern else None
@@ -375,7 +387,7 @@ def _reason(text: str, terms: Sequence[tuple[Column, Unit | None]]) -> str:
         for column, unit in terms
         if column.unit and unit and unit.factor != column.unit.factor
     ]
-    option = text if terms[0][0].repeats else f"--column {text}"
+    option = text if terms[0][0].repeats else f"{argument('columns')} {text}"
     return "; ".join([option, *(signed if len(terms) > 1 else []), *heads])
 
 
@@ -387,7 +399,7 @@ def _constant(quantity: Quantity, text: str) -> Match | None:
     if quantity.dimension is not None:
         _require_unit(quantity, text if unit is None else "", unit)
     value = float(numbers_of([cell])[0]) * (unit.factor if unit else 1.0)
-    reason = f"--column {text}, for all rows"
+    reason = f"{argument('columns')} {text}, for all rows"
     return Match(quantity, (), reason, formula=f"{value:.15g}", stated=True)
 
 
@@ -417,13 +429,14 @@ def _formula_match(
     if not terms:
         hint = did_you_mean(text, [column.head for column in columns])
         raise InputError(
-            f"--column {quantity.name} is '{text}', but the file has no such column; {hint}"
+            f"{key_argument('columns', quantity.name)} is '{text}', but the file has no such "
+            f"column; {hint}"
         )
     pressures = [unit for _, unit in terms if unit and unit.dimension == PRESSURE]
     if areas and len(pressures) != 1:
         raise InputError(
-            f"--column {quantity.name} is '{text}', but an area makes a force of one pressure only;"
-            " give its column a unit, such as 'p:bar * 4.9 cm2'"
+            f"{key_argument('columns', quantity.name)} is '{text}', but an area makes a force of "
+            "one pressure only; give its column a unit, such as 'p:bar * 4.9 cm2'"
         )
     formula = _AREA_LITERAL.sub(_area_in_cm2, formula)
     if any(unit for _, unit in terms):
@@ -654,30 +667,32 @@ def _variation_match(
 
 
 def _variation_question(column: Column, time: Match | None) -> str:
-    option = "--column shift_time_sd_s"
     mean = time.head if time is not None and time.formula == "c0" else "TIME"
+    percent = column_answer("shift_time_sd_s", f"{column.head} * {mean} / 100")
+    share = column_answer("shift_time_sd_s", f"{column.head} * {mean}")
     return (
-        f"'{column.head}' is a coefficient of variation; say {option}='{column.head} * {mean} / "
-        f"100' for percent of the mean, {option}='{column.head} * {mean}' for a share of it, or "
-        f"{option}={NONE} to leave it out"
+        f"'{column.head}' is a coefficient of variation; say {percent} for percent of the mean, "
+        f"{share} for a share of it, or {no_column('shift_time_sd_s')} to leave it out"
     )
 
 
 def _variance_question(column: Column) -> str:
-    option = "--column shift_time_sd_s"
+    root = column_answer("shift_time_sd_s", f"sqrt({column.head}:ms2)")
+    deviation = column_answer("shift_time_sd_s", column.head)
     return (
         f"'{column.head}' is a variance, whose root is the standard deviation, but no unit is "
-        f"squared; say {option}='sqrt({column.head}:ms2)' or s2, {option}='{column.head}' where it "
-        f"is a standard deviation, or {option}={NONE} to leave it out"
+        f"squared; say {root} or s2, {deviation} where it is a standard deviation, or "
+        f"{no_column('shift_time_sd_s')} to leave it out"
     )
 
 
 def _spread_question(column: Column) -> str:
-    option = "--column shift_time_sd_s"
+    single = column_answer("shift_time_sd_s", column.head)
+    double = column_answer("shift_time_sd_s", f"{column.head} / 2")
     return (
         f"'{column.head}' may be a standard deviation, a multiple of it, a half width or a range; "
-        f"say {option}='{column.head}' for one standard deviation, {option}='{column.head} / 2' "
-        f"for two, or {option}={NONE} to leave it out"
+        f"say {single} for one standard deviation, {double} for two, or "
+        f"{no_column('shift_time_sd_s')} to leave it out"
     )
 
 
@@ -699,6 +714,7 @@ def _uncounted_means(matches: Sequence[Match], options: Mapping[str, str]) -> li
         else ""
     )
     return [
-        f"{reason}, so that each row is a mean of shifts, but no column counts them; say --column "
-        "n_shifts=COLUMN, or a number for all rows, such as --column n_shifts=5"
+        f"{reason}, so that each row is a mean of shifts, but no column counts them; say "
+        f"{column_placeholder('n_shifts')}, or a number for all rows, such as "
+        f"{column_placeholder('n_shifts', '5')}"
     ]

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dogshape.bench.answers import NONE, column_answer, no_column
 from dogshape.bench.cell_values import (
     ANSWERS,
     FORCE,
@@ -35,7 +36,6 @@ from dogshape.bench.cell_values import (
     unit_with_factor,
 )
 from dogshape.bench.foreign_columns import (
-    NONE,
     PURE_NUMBER,
     Match,
     matched,
@@ -61,6 +61,7 @@ from dogshape.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
 from dogshape.bench.row_splits import with_lists, with_shares
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError, join_faults, number
+from dogshape.sim.interface import argument
 
 MAX_CELL_CHARACTERS = 40  #: characters of a cell that a sentence shows
 MAX_LISTED = 12  #: faults of one kind that are listed one by one
@@ -343,12 +344,12 @@ class TableReader:
         if largest < limit * smallest:
             return
         cells, rows = match.terms[0][0].cells, self.table.rows
+        answer = column_answer(match.quantity.name, f"{match.head}:UNIT")
         self._fault(
             match,
             f"has '{cells[low]}' (row {rows[low]}) beside '{cells[high]}' (row "
             f"{rows[high]}), {number(round(largest / smallest))} times as much: two units in "
-            f"one column? correct the cells, or say --column {match.quantity.name}="
-            f"'{match.head}:UNIT' where all have one unit",
+            f"one column? correct the cells, or say {answer} where all have one unit",
         )
 
     def _term(self, match: Match, column: Column, unit: Unit | None) -> tuple[Array, Unit | None]:
@@ -367,7 +368,8 @@ class TableReader:
             self._fault(match, f"must hold numbers, but has {rows}; {_remedy_of(wrong)}")
         if empty.any() and quantity.filled:
             rows = ", ".join(map(str, np.array(self.table.rows)[empty][:MAX_LISTED]))
-            remedy = ", or say --fill-down where the value above holds for them"
+            fill_down = argument("fill_down", value=True)
+            remedy = f", or say {fill_down} where the value above holds for them"
             self._fault(
                 match,
                 f"is empty in row {rows}; fill the cells or remove the rows"
@@ -435,14 +437,14 @@ class TableReader:
     ) -> Unit | None:
         """Ask for a unit that is unknown, or guess the one that is not there by its size."""
         quantity = match.quantity
-        option = f"--column {quantity.name}='{column.head}:"
+        answer = column_answer(quantity.name, f"{column.head}:UNIT")
         angular = re.search("omega|angular|winkel", plain_words(column.name))
         mismatch = quantity.name == "mismatch_rpm" and match.formula == "c0"
         if unit is None and mismatch and abs(values).max() < 1.0:
             self._fault(
                 match,
-                f"has no unit and no value of 1 or more, as a ratio has; say {option}"
-                "UNIT', or multiply it by the speed of the shaft",
+                f"has no unit and no value of 1 or more, as a ratio has; say {answer}, or "
+                "multiply it by the speed of the shaft",
             )
             return None
         if unit is None and not column.strange and not angular:
@@ -455,16 +457,17 @@ class TableReader:
             }.get(str(quantity.dimension), "mm")
             self.report.assumed.append(
                 f"{self.table.path}: '{column.head}' ({quantity.name}) has no unit and is taken as "
-                f"{text} by its size; {option}UNIT' says another"
+                f"{text} by its size; {answer} says another"
             )
             return unit_named(text)
         spelling = unit.text if unit else column.strange or ""
         scaled = unit_with_factor(spelling)
         if spelling and scaled and scaled.dimension == quantity.dimension and unit is None:
+            multiple = column_answer(quantity.name, f"{column.head}:{spelling}")
             self._fault(
                 match,
-                f"has the unit '{spelling}': say {option}{spelling}' where its "
-                f"numbers count so many of it, or {option}UNIT'",
+                f"has the unit '{spelling}': say {multiple} where its numbers count so many of "
+                f"it, or {answer}",
             )
             return None
         ambiguity = (
@@ -473,9 +476,7 @@ class TableReader:
             else ("ambiguous (revolutions or radians)")
         )
         called = f"the unit '{spelling}', which is" if spelling else "a unit that is"
-        self._fault(
-            match, f"has {called} {ambiguity}; say {option}UNIT' with one of {quantity.units}"
-        )
+        self._fault(match, f"has {called} {ambiguity}; say {answer} with one of {quantity.units}")
         return None
 
     def _counts(self, match: Match) -> Values:
@@ -498,11 +499,11 @@ class TableReader:
         values = {w: ANSWERS[stated.get(w, w)] for w in counts if stated.get(w, w) in ANSWERS}
         if strange := [word for word in counts if word not in values]:
             bad = self._rows(cells, [cell in strange for cell in cells])
+            answer = column_answer("engaged", f"{match.head}:{strange[0]}=yes,empty=no")
             self._fault(
                 match,
-                f"must be yes, no or empty, but {bad}; write true or false, or say "
-                f"--column engaged='{match.head}:{strange[0]}=yes,empty=no', or "
-                f"--column engaged={NONE} to leave it out",
+                f"must be yes, no or empty, but {bad}; write true or false, or say {answer}, or "
+                f"{no_column('engaged')} to leave it out",
             )
         names = {True: "yes", False: "no", None: "not said"}
         read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in counts.items())
@@ -519,10 +520,11 @@ class TableReader:
             else:
                 moments, way = stamps_of(cells, "" if unit else match.option)
         except DataError as error:
+            answer = column_answer("timestamp", f"{match.head}:s")
             self._fault(
                 match,
-                f"{error}, or say --column timestamp='{match.head}:s' for numbers "
-                f"of seconds, or --column timestamp={NONE} to leave it out",
+                f"{error}, or say {answer} for numbers of seconds, or {no_column('timestamp')} to "
+                "leave it out",
             )
             return [None] * len(column.cells)
         stamps = iter(moments)
@@ -564,7 +566,9 @@ def _reason(column: Column) -> str:
     if column.hidden:
         return "hidden in the workbook"
     if counts_up(column):
-        return f"numbers the rows; --column order='{column.head}' takes it as order of the shifts"
+        answer = column_answer("order", column.head)
+        return f"numbers the rows; {answer} takes it as order of the shifts"
     if column.is_dated or (column.unit and column.unit.dimension == TIME and grows(column)):
-        return f"clock; --column timestamp='{column.head}' takes it as times of the shifts"
+        answer = column_answer("timestamp", column.head)
+        return f"clock; {answer} takes it as times of the shifts"
     return "no quantity of this name" if any(column.cells) else "empty"

@@ -1,8 +1,8 @@
 """Layout of a foreign table: head, rows of shifts, and excluded rows with their reasons.
 
-A foreign table is read in five steps, each a frozen value that ``init bench FILE --explain``
-prints: *raw sheet* (``bench.raw_sheet``), *layout* (here), *columns and units*
-(``foreign_columns``), *rows and marks* (``row_marks``), *readings* (``foreign_readings``).
+A foreign table is read in five steps, each a frozen value that ``explain_reading`` tells about:
+*raw sheet* (``bench.raw_sheet``), *layout* (here), *columns and units* (``foreign_columns``),
+*rows and marks* (``row_marks``), *readings* (``foreign_readings``).
 
 A layout has one row for each shift or mean, else it is reshaped where that is certain (transposed,
 repeats as columns) and refused by its name where it is not: matrix, blocks with titles, tables side
@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dogshape.bench.answers import rows_example, shift_rows
 from dogshape.bench.cell_values import (
     FORCE,
     NOTHING,
@@ -57,6 +58,7 @@ from dogshape.bench.raw_sheet import (
     text_sheet,
 )
 from dogshape.sim.errors import DataError
+from dogshape.sim.interface import argument, key_arguments
 
 Cells = Sequence[str]
 Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why
@@ -246,13 +248,15 @@ def read_sheet(
         return sheet, decimal
     if not any(row in span for row in fault.rows for span in chosen):
         raise QuoteError(f"{fault}, {_quote_options(sheet, decimal)}") from None
-    remark = "quotation marks are ordinary signs, as --rows names rows between two of them"
+    remark = (
+        f"quotation marks are ordinary signs, as {argument('rows')} names rows between two of them"
+    )
     return replace(sheet, remarks=(remark,)), decimal
 
 
 def _quote_options(sheet: RawSheet, decimal: str | None) -> str:
     """Offer the options that read a sheet with quotation marks as ordinary signs."""
-    option = "or say --quotes none where quotation marks are ordinary signs"
+    option = f"or say {argument('quotes', 'none')} where quotation marks are ordinary signs"
     try:
         table = table_of(sheet, decimal)
     except DataError:
@@ -260,7 +264,7 @@ def _quote_options(sheet: RawSheet, decimal: str | None) -> str:
     first, last = table.rows[0], table.rows[-1]
     if last - first + 1 != len(table.rows):
         return option
-    return f"{option}, or --rows {first}-{last} where each of these lines is a shift"
+    return f"{option}, or {shift_rows(f'{first}-{last}')} where each of these lines is a shift"
 
 
 def _separator(lines: Sequence[str], *, quoted: bool = True) -> str:
@@ -315,7 +319,7 @@ def table_of(
     excluded = {number for number, _ in excluded_rows}
     body = [k for k in body if grid.rows[k] not in excluded]
     if not body:
-        raise DataError(f"{path} has no row of a shift; name its rows with --rows, such as 2-41")
+        raise DataError(f"{path} has no row of a shift; name its rows with {rows_example('2-41')}")
     _require_width(path, grid, body, width)
     nameless = ("",) * int(grid.filled[body, width:].any(axis=0).sum())
     layout = replace(
@@ -420,7 +424,7 @@ def _divided(
     if chosen:
         body = [k for k in range(first, len(is_chosen)) if is_chosen[k]]
         other_places = np.setdiff1d(np.flatnonzero(grid.data), body)
-        excluded_rows = [(grid.rows[k], "not among --rows") for k in other_places]
+        excluded_rows = [(grid.rows[k], f"not among {argument('rows')}") for k in other_places]
         rows = tuple(grid.raw[k] for k in body)
         return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows))
     excluded_rows = [
@@ -438,10 +442,10 @@ def _divided(
             words += [k] if is_asked and not grid.numeric[k].any() else []
         elif k in heads:
             _require_no_blocks(path, grid, [j for j in range(k + 1) if not grid.data[j]])
+            answer = shift_rows(f"{grid.rows[first]}-{grid.rows[k - 1]}")
             raise DataError(
                 f"{path}: another table begins in row {grid.rows[k]}; save each as a file of its "
-                "own, or name the rows of shifts, such as --rows "
-                f"{grid.rows[first]}-{grid.rows[k - 1]}"
+                f"own, or name the rows of shifts, such as {answer}"
             )
         elif not grid.numeric[k].any() and not any(map(begins_with_number, grid.cells[k])):
             excluded_rows.append((grid.rows[k], f"has no number ('{_first(grid, k)}')"))
@@ -474,7 +478,7 @@ def _word_questions(
     span = f"{grid.rows[body[0]]}-{grid.rows[body[-1]]}" if body else "2-41"
     return [
         f"{', '.join(row_texts[:6])}: words that may say that rows are other shifts, or none; name "
-        f"the rows of shifts with --rows, such as {span}"
+        f"the rows of shifts with {rows_example(span)}"
     ]
 
 
@@ -588,7 +592,7 @@ def _foot_words(grid: _Grid, body: Sequence[int], questions: Reasons) -> Reasons
                 (
                     place + 1,
                     f"row {grid.rows[k]} has '{word}' where other rows have a number; "
-                    "correct it, or name the rows of shifts with --rows, such as 2-41",
+                    f"correct it, or name the rows of shifts with {rows_example('2-41')}",
                 )
             )
     return reasons
@@ -689,7 +693,7 @@ def side_question(columns: Sequence[Column]) -> str:
     spans = ", ".join(f"{side[0].place} to {side[-1].place}" for side in sides)
     return (
         f"{len(sides)} tables stand side by side (columns {spans}); save each as a file of its "
-        f"own, or name the columns of the shifts: {_options_of(sides[0])}"
+        f"own, or name the columns of the shifts: {_columns_of(sides[0])}"
     )
 
 
@@ -738,11 +742,11 @@ def _sides(columns: Sequence[Column]) -> list[list[Column]]:
     return full if len(full) > 1 else []
 
 
-def _options_of(side: Sequence[Column]) -> str:
-    """Write the column options that take one of several tables."""
-    options = []
+def _columns_of(side: Sequence[Column]) -> str:
+    """Write the columns that take one of several tables."""
+    columns = {}
     for quantity in (quantity for quantity in SHIFTS if quantity.needed):
         best = max(side, key=lambda column: score(quantity, column))
         if score(quantity, best) > 0.0:
-            options.append(f"--column {quantity.name}='column {best.place}'")
-    return " ".join(options)
+            columns[quantity.name] = f"column {best.place}"
+    return key_arguments("columns", columns)

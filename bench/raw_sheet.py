@@ -22,6 +22,7 @@ from zipfile import BadZipFile, ZipFile
 
 from dogshape.bench.decoding import TableLimits, decode_text, read_bytes
 from dogshape.sim.errors import DataError
+from dogshape.sim.interface import key_argument
 
 if TYPE_CHECKING:
     from openpyxl.cell.cell import Cell
@@ -250,9 +251,10 @@ def text_sheet(
         if "field larger" not in str(error):
             raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
         _require_closed(path, number + 1, lines[first_line:], separator)
+        answer = key_argument("limits", "cell_characters", "NUMBER")
         raise DataError(
             f"{path}, row {number + 1} has a cell of more than {limits.cell_characters} "
-            "characters; shorten it, or raise the limit: --limit cell_characters=NUMBER"
+            f"characters; shorten it, or raise the limit: {answer}"
         ) from None
     finally:
         csv.field_size_limit(default_size_limit)

@@ -3,10 +3,10 @@
 Fourth step of reading. Four kinds of evidence raise a question: a column in which few rows have a
 sign, words that split the shifts into groups, numbers of engaged shifts, and what a workbook shows
 on a row (hidden, filtered, grouped, struck out, coloured, with a comment). Each is one question
-with the rows that it concerns, and three answers: ``--drop 'COLUMN=VALUE'`` leaves rows out,
-``--keep 'COLUMN=VALUE'`` takes these rows alone, ``--rows 2-7,10`` names the shifts.
-``*`` is any sign, ``--keep 'COLUMN=*'`` takes all rows. The column of a workbook's marks is
-``row``: ``--drop 'row=hidden'``.
+with the rows that it concerns, and three answers: ``drop=["COLUMN=VALUE"]`` leaves rows out,
+``keep=["COLUMN=VALUE"]`` takes these rows alone, ``rows="2-7,10"`` names the shifts. ``*`` is any
+sign, ``keep=["COLUMN=*"]`` takes all rows. The column of a workbook's marks is ``row``:
+``drop=["row=hidden"]``.
 """
 
 from __future__ import annotations
@@ -19,6 +19,13 @@ from itertools import chain
 
 import numpy as np
 
+from dogshape.bench.answers import (
+    column_answer,
+    drop_rows,
+    keep_rows,
+    rows_example,
+    shift_rows,
+)
 from dogshape.bench.cell_values import (
     ANSWERS,
     NOTHING,
@@ -32,6 +39,7 @@ from dogshape.bench.quantities import SPLITTING, counts_up, has_word, plain_word
 from dogshape.bench.raw_sheet import COLOURED, is_workbook, odd_colours
 from dogshape.bench.row_splits import FAILED, NUMBER, SHARE
 from dogshape.sim.errors import InputError, did_you_mean
+from dogshape.sim.interface import argument
 
 ROW = "row"  #: name of a workbook's marks among the columns
 ANY = "*"
@@ -112,7 +120,7 @@ class RowPlan:
 
 
 def spans_of(rows: Sequence[int]) -> str:
-    """Format row numbers for ``--rows``, ``2-7,10``."""
+    """Format row numbers as the argument ``rows`` reads them, ``2-7,10``."""
     spans: list[list[int]] = []
     for row in sorted(set(rows)):
         if spans and row == spans[-1][1] + 1:
@@ -145,28 +153,29 @@ def chosen_rows(table: ForeignTable, choice: RowChoice) -> tuple[ForeignTable, f
     settled: set[str] = set()
     selections_by_name: dict[str, list[list[bool]]] = {}
     for text in choice.drop:
-        name, hits = _selected(table, marks, text, "--drop")
+        name, hits = _selected(table, marks, text, "drop")
         settled.add(name)
+        reason = f"{argument('drop')} {text}"
         reason_by_place |= {
-            k: f"--drop {text}" for k, hit in enumerate(hits) if hit and not reason_by_place[k]
+            k: reason for k, hit in enumerate(hits) if hit and not reason_by_place[k]
         }
     for text in choice.keep:
-        name, hits = _selected(table, marks, text, "--keep")
+        name, hits = _selected(table, marks, text, "keep")
         settled.add(name)
         selections_by_name.setdefault(name, []).append(hits)
     for name, selections in selections_by_name.items():
         for k in reason_by_place:
             if not any(hits[k] for hits in selections) and not reason_by_place[k]:
-                reason_by_place[k] = f"not among --keep of '{name}'"
+                reason_by_place[k] = f"not among {argument('keep')} of '{name}'"
     places = [k for k, reason in reason_by_place.items() if not reason]
     reasons: Reasons = [(table.rows[k], reason) for k, reason in reason_by_place.items() if reason]
     return table.taking(places, reasons), frozenset(settled)
 
 
 def _selected(
-    table: ForeignTable, marks: Sequence[Sequence[str]], text: str, option: str
+    table: ForeignTable, marks: Sequence[Sequence[str]], text: str, answer: str
 ) -> tuple[str, list[bool]]:
-    """Find the rows that an answer selects, and the head of its column."""
+    """Find the rows that an answer, ``drop`` or ``keep``, selects, and the head of its column."""
     labels = {column.name: column for column in table.columns}
     labels |= {column.head: column for column in table.columns}
     names = sorted([*labels, ROW], key=len, reverse=True)
@@ -174,10 +183,11 @@ def _selected(
     if name is None:
         column_text = text.partition("=")[0]
         raise InputError(
-            f"{option} is '{text}', but it must be COLUMN=VALUE; {did_you_mean(column_text, names)}"
+            f"{argument(answer)} is '{text}', but it must be COLUMN=VALUE; "
+            f"{did_you_mean(column_text, names)}"
         )
     value = text[len(name) + 1 :].strip()
-    everything = value == ANY and option == "--keep"
+    everything = value == ANY and answer == "keep"
     pattern = re.compile(re.escape(value).replace(r"\*", ".*"), re.IGNORECASE)
     if name in labels:
         head, cells = labels[name].head, [[cell] for cell in labels[name].cells]
@@ -188,7 +198,9 @@ def _selected(
         for row_cells in cells
     ]
     if not any(hits):
-        raise InputError(f"{option} is '{text}', but no row of column '{head}' has that value")
+        raise InputError(
+            f"{argument(answer)} is '{text}', but no row of column '{head}' has that value"
+        )
     return head, hits
 
 
@@ -240,7 +252,7 @@ def _mean_question(table: ForeignTable, read: Mapping[Column, str]) -> str:
     other_rows = _other_spans(table, rows)
     return (
         f"rows {_shown(rows)} are the means of those above them at the same operating point; name "
-        f"the rows of shifts with --rows, such as {other_rows}"
+        f"the rows of shifts with {rows_example(other_rows)}"
     )
 
 
@@ -263,8 +275,8 @@ def _code_questions(
             rows = [row for row, cell in zip(table.rows, column.cells, strict=True) if cell in odd]
             questions.append(
                 f"'{column.head}' is {', '.join(odd)} in row {_shown(rows)}, which may be a code "
-                f"for no value: --drop '{column.head}={odd[0]}' leaves these rows out, --keep "
-                f"'{column.head}={ANY}' takes all rows"
+                f"for no value: {drop_rows(column.head, odd[0])} leaves these rows out, "
+                f"{keep_rows(column.head, ANY)} takes all rows"
             )
     return questions
 
@@ -300,13 +312,13 @@ def _mark_questions(table: ForeignTable, settled: frozenset[str]) -> list[str]:
     place = "workbook" if is_workbook(table.path) else "file"
     return [
         f"rows are marked in the {place} ({mark_text}): are they shifts? "
-        f"--drop '{ROW}={value}' leaves them out, "
-        f"--keep '{ROW}={ANY}' takes all rows, --rows {other_rows} names the shifts"
+        f"{drop_rows(ROW, value)} leaves them out, {keep_rows(ROW, ANY)} takes all rows, "
+        f"{shift_rows(other_rows)} names the shifts"
     ]
 
 
 def _other_spans(table: ForeignTable, rows: Iterable[int]) -> str:
-    """Write the rows of a table that are not among ``rows``, as ``--rows`` reads them."""
+    """Format the rows of a table that are not among ``rows``, as ``spans_of`` does."""
     excluded = set(rows)
     return spans_of([row for row in table.rows if row not in excluded])
 
@@ -382,18 +394,19 @@ def _is_outcome(column: Column, name: str) -> bool:
 
 def _outcome_question(column: Column, groups: Mapping[str, Sequence[int]]) -> str:
     words = {word: ANSWERS.get(answer_of(word)) for word in groups}
-    option = f"--column engaged='{column.head}"
     opposite = ",".join(
         f"{answer_of(word)}={'no' if yes else 'yes'}"
         for word, yes in words.items()
         if yes is not None
     )
     no = next(word for word, yes in words.items() if yes is False)
+    outcome = column_answer("engaged", column.head)
+    opposite_outcome = column_answer("engaged", f"{column.head}:{opposite}")
     return (
-        f"'{column.head}' holds yes and no and may be the outcome; say {option}', "
-        f"{option}:{opposite}' where its yes is a failure, --drop '{column.head}={no}' or "
-        f"another of its words where such rows are no shifts, or --keep '{column.head}={ANY}' "
-        "where it means nothing"
+        f"'{column.head}' holds yes and no and may be the outcome; say {outcome}, "
+        f"{opposite_outcome} where its yes is a failure, {drop_rows(column.head, no)} or another "
+        f"of its words where such rows are no shifts, or {keep_rows(column.head, ANY)} where it "
+        "means nothing"
     )
 
 
@@ -402,9 +415,9 @@ def _flag_question(table: ForeignTable, column: Column, groups: Mapping[str, Seq
     group_text = "; ".join(f"'{word}': row {_shown(rows)}" for word, rows in groups.items())
     other_rows = _other_spans(table, groups[rare])
     return (
-        f"'{column.head}' marks rows ({group_text}): which are no shifts? --drop "
-        f"'{column.head}={rare}' leaves these out, --keep '{column.head}={ANY}' takes all rows, "
-        f"--rows {other_rows} names the shifts"
+        f"'{column.head}' marks rows ({group_text}): which are no shifts? "
+        f"{drop_rows(column.head, rare)} leaves these out, {keep_rows(column.head, ANY)} takes all "
+        f"rows, {shift_rows(other_rows)} names the shifts"
     )
 
 
@@ -416,9 +429,9 @@ def _sign_question(table: ForeignTable, column: Column, signs: Mapping[str, Sequ
     has_all = all(not cell or cell in signs for cell in column.cells)
     value = ANY if has_all else next(iter(signs))
     return (
-        f"'{column.head}' has a sign in few rows ({sign_text}): are they shifts? --drop "
-        f"'{column.head}={value}' leaves them out, --keep '{column.head}={ANY}' takes all rows, "
-        f"--rows {other_rows or 'ROWS'} names the shifts"
+        f"'{column.head}' has a sign in few rows ({sign_text}): are they shifts? "
+        f"{drop_rows(column.head, value)} leaves them out, {keep_rows(column.head, ANY)} takes all "
+        f"rows, {shift_rows(other_rows)} names the shifts"
     )
 
 
@@ -427,8 +440,8 @@ def _split_question(column: Column, groups: Mapping[str, Sequence[int]]) -> str:
     first = next(iter(groups))
     return (
         f"'{column.head}' divides the rows ({group_text}): are they all shifts of one kind? "
-        f"--keep '{column.head}={first}' takes these alone, --keep '{column.head}={ANY}' takes all "
-        f"rows, --rows {spans_of(groups[first])} names the shifts"
+        f"{keep_rows(column.head, first)} takes these alone, {keep_rows(column.head, ANY)} takes "
+        f"all rows, {shift_rows(spans_of(groups[first]))} names the shifts"
     )
 
 
@@ -485,13 +498,13 @@ def _is_share(column: Column, of_means: bool) -> bool:
 
 def _share_question(column: Column) -> str:
     cell_text = ", ".join([cell for cell in column.cells if cell][:3])
+    answer = column_answer("engaged", f"{column.head}:{_share_word(column)}")
     return (
         f"'{column.head}' has shares or numbers of shifts ({cell_text} ...), which say that others "
-        f"of the row did not engage: say --column engaged='{column.head}:{_share_word(column)}' "
-        "where the time of a row is the mean of those that engaged, or write one row for those "
-        "that engaged (n_shifts, their mean time, engaged yes) and one for those that did not "
-        "(n_shifts, no time, engaged no), or say "
-        f"--keep '{column.head}={ANY}' where it is something else"
+        f"of the row did not engage: say {answer} where the time of a row is the mean of those "
+        "that engaged, or write one row for those that engaged (n_shifts, their mean time, engaged "
+        "yes) and one for those that did not (n_shifts, no time, engaged no), or say "
+        f"{keep_rows(column.head, ANY)} where it is something else"
     )
 
 

@@ -2,7 +2,7 @@
 
 A row with a list ``116, 131, 88`` in the column of times becomes a row for each, where nothing
 contradicts. A row of n shifts of which k engaged becomes two, where the user says that its time is
-the mean of those k: ``--column engaged='engaged [%]:share'``.
+the mean of those k: ``columns={"engaged": "engaged [%]:share"}``.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dogshape.bench.answers import NONE, column_placeholder
 from dogshape.bench.cell_values import (
     NOTHING,
     Column,
@@ -25,7 +26,6 @@ from dogshape.bench.cell_values import (
 )
 from dogshape.bench.foreign_columns import (
     MEAN,
-    NONE,
     Match,
     column_labels,
     matched,
@@ -309,8 +309,9 @@ def _engaged_count(column: Column, cell: str, count: float, word: str) -> tuple[
         if math.isfinite(count) and count != total:
             raise ValueError(f"is of {total} shifts, but their number is {count:g}; correct one")
     elif not math.isfinite(count) or count < 1 or count % 1:
-        option = "--column n_shifts=COLUMN, or a number for all rows"
-        raise ValueError(f"is of an unknown number of shifts; say {option}")
+        answer = column_placeholder("n_shifts")
+        remedy = f"say {answer}, or a number for all rows"
+        raise ValueError(f"is of an unknown number of shifts; {remedy}")
     else:
         total = int(count)
         percent = _PERCENT.fullmatch(cell)

@@ -30,6 +30,7 @@ from dogshape.bench.trace_slips import (
 )
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError, number
+from dogshape.sim.interface import listed_argument
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MS
 
@@ -86,7 +87,8 @@ def impossible(stand: Stand, row: Row, corrections: Sequence[str] = ()) -> str |
         return None
     return (
         f"a time in s not far below {number(_free_flight(stand, row))} s, which the free flight "
-        "alone takes under this force (--correct time=given takes it as it stands)"
+        f"alone takes under this force ({listed_argument('correct', 'time=given')} takes it as it "
+        "stands)"
     )
 
 

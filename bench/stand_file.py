@@ -28,6 +28,7 @@ from dogshape.sim.clutch_tables import (
 )
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, refusal, require_between
+from dogshape.sim.interface import verb
 from dogshape.sim.shift.clutch import Clutch, ContactSet, contact_set, solver_for
 from dogshape.sim.units import DEG, MM, MS, RPM
 
@@ -195,8 +196,9 @@ def load_stand(path: Path) -> Stand:
     except FileNotFoundError as error:
         fault = f"there is no {path}; a data set needs bench.toml"
         if (path.parent / "study.toml").is_file():
-            fault += f"; {path.parent} is a study, from which 'dogshape init bench TABLE --from "
-            fault += f"{path.parent}' makes a data set of measured times"
+            call = verb("init bench", "TABLE", origin=str(path.parent))
+            fault += f"; {path.parent} is a study, from which {call} makes a data set of measured "
+            fault += "times"
         raise DataError(fault) from error
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror}; check path and rights") from None

@@ -18,6 +18,7 @@ from dogshape.python_words import wrap_verb
 if TYPE_CHECKING:
     from dogshape.app import serve_app as serve_app
     from dogshape.bench.bench_draft import BenchDraft as BenchDraft
+    from dogshape.bench.decoding import TableLimits as TableLimits
     from dogshape.bench_comparison import Comparison as Comparison
     from dogshape.bench_comparison import validate as validate
     from dogshape.check import Check as Check

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 
@@ -16,7 +16,15 @@ from contextvars import ContextVar
 _ON_COMMAND_LINE: ContextVar[bool] = ContextVar("_ON_COMMAND_LINE", default=False)
 
 #: Options whose name is not that of the argument.
-OPTIONS = {"origin": "from", "settings": "set", "values": "set", "columns": "column"}
+OPTIONS = {
+    "origin": "from",
+    "settings": "set",
+    "values": "set",
+    "columns": "column",
+    "limits": "limit",
+}
+#: Classes of Python for arguments with named fields in place of a mapping.
+CLASSES = {"limits": "ds.TableLimits"}
 #: Objects of Python whose methods the verbs of the command line call; ``ds`` without an entry.
 OWNERS = {
     "search": "study",
@@ -27,7 +35,7 @@ OWNERS = {
     "report": "result",
 }
 #: Functions of Python for verbs of another name.
-FUNCTIONS = {"init bench": "write_bench", "export": "data_sheet"}
+FUNCTIONS = {"init bench": "BenchDraft", "export": "data_sheet"}
 
 
 @contextmanager
@@ -51,21 +59,60 @@ def argument(name: str, value: object = None) -> str:
     return name if value is None else f"{name}={_literal(value)}"
 
 
-def listed_argument(name: str, value: str) -> str:
-    """Write one value of an argument that takes several: ``--drop 'gear=2'``, ``drop=[...]``."""
+def listed_argument(name: str, value: str, *, quoted: bool = False) -> str:
+    """Write one value of an argument that takes several: ``--drop 'gear=2'``, ``drop=[...]``.
+
+    ``quoted`` as in ``text_value``.
+    """
     if _ON_COMMAND_LINE.get():
-        return argument(name, value)
+        return f"{argument(name)} {text_value(value, quoted=quoted)}"
     return f"{name}=[{_literal(value)}]"
 
 
-def key_argument(name: str, key: str, value: str) -> str:
+def key_argument(name: str, key: str, value: object = None, *, quoted: bool = False) -> str:
     """Write one entry of an argument that maps keys: ``--column force_N=F:kN``, ``columns={...}``.
 
-    ``settings`` and ``values`` are ``--set`` of the command line.
+    Without a value the entry alone, ``--column force_N`` or ``columns["force_N"]``. ``settings``
+    and ``values`` are ``--set`` of the command line. ``quoted`` as in ``text_value``.
     """
     if _ON_COMMAND_LINE.get():
-        return argument(name, f"{key}={value}")
+        if value is None:
+            return f"{argument(name)} {key}"
+        text = _key_text(value)
+        if name == "columns":  # heads have blanks: the quantity is read at a glance
+            return f"{argument(name)} {key}={text_value(text, quoted=quoted)}"
+        return argument(name, f"{key}={text}")
+    if value is None:
+        return f"{name}[{_literal(key)}]"
+    if name in CLASSES:
+        return f"{name}={CLASSES[name]}({key}={_literal(value)})"
     return f"{name}={{{_literal(key)}: {_literal(value)}}}"
+
+
+def _key_text(value: object) -> str:
+    """Write the value of a key as ``KEY=VALUE`` of the command line takes it."""
+    if isinstance(value, list):
+        return json.dumps(value, ensure_ascii=False)
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def key_arguments(name: str, values: Mapping[str, str]) -> str:
+    """Write several entries of an argument that maps keys."""
+    if _ON_COMMAND_LINE.get():
+        return " ".join(key_argument(name, key, value) for key, value in values.items())
+    return f"{name}={json.dumps(dict(values), ensure_ascii=False)}"
+
+
+def text_value(value: str, *, quoted: bool = False) -> str:
+    """Write a text as the value of an argument, with the quotation marks of the interface.
+
+    ``quoted`` sets them on the command line also where the shell needs none, as around heads of
+    tables; Python has them always.
+    """
+    if not _ON_COMMAND_LINE.get():
+        return _literal(value)
+    word = shlex.quote(value)
+    return f"'{value}'" if quoted and word == value else word
 
 
 def verb(name: str, subject: str = "", **arguments: object) -> str:
@@ -88,4 +135,5 @@ def verb(name: str, subject: str = "", **arguments: object) -> str:
 
 def _literal(value: object) -> str:
     """Write a value as Python does, texts in double quotation marks."""
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+    is_text = isinstance(value, str | list)
+    return json.dumps(value, ensure_ascii=False) if is_text else repr(value)

@@ -28,6 +28,7 @@ from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
 from dogshape.pipeline.drafts.study_folder import Source, draft_folder, source_of
 from dogshape.sim.errors import DogshapeError, InputError, number
+from dogshape.sim.interface import argument, key_argument, listed_argument
 from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.units import MM
@@ -99,11 +100,11 @@ def draft_bench(draft: BenchDraft, corrections: Sequence[str] = ()) -> Iterator[
 
 
 def _name_setting(correction: str) -> str:
-    return f"""--set 'corrections=["{correction}"]'"""
+    return key_argument("values", "corrections", [correction])
 
 
 def _name_correction(correction: str) -> str:
-    return f"--correct {correction}"
+    return listed_argument("correct", correction)
 
 
 def _fill_folder(
@@ -180,15 +181,19 @@ def _fault_of(
         return "{file}, row {row}".format(**rows.iloc[int(row_match[1]) - 2])
 
     text = re.sub(rf"{re.escape(str(folder / 'shifts.csv'))}, row (\d+)", row_text, text)
-    text = re.sub(r"--correct (\S+)", lambda option: name_correction(option[1]), text)
+    before, after = listed_argument("correct", "WAY").split("WAY")
+    answer = rf"{re.escape(before)}([^\s\"]+){re.escape(after)}"
+    text = re.sub(answer, lambda match: name_correction(match[1]), text)
     if "set values of others" in text:
-        sets = "; name with --from a study or bench that has the set values, correct"
+        origin = argument("origin")
+        sets = f"; name with {origin} a study or bench that has the set values, correct"
         text = text.replace("; correct", sets)
     # A table rarely has its times in s, as the folder has.
     rule = r"time_s is '(-?0\.\d+)', but it must be a time in s,?"
     text = re.sub(rule, lambda t: f"time_s is {1e3 * float(t[1]):.6g} ms, but must be a time", text)
-    remedy = ", or say --set timeout_s=... where the stand gives up later"
-    text += remedy if "at most the time-out" in text else ""
+    if "at most the time-out" in text:
+        timeout = key_argument("values", "timeout_s", "...")
+        text += f", or say {timeout} where the stand gives up later"
     return text.replace(str(folder), str(out))
 
 
@@ -220,11 +225,11 @@ def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report
         error = f"errors.each_point.{key}"
         errors[error] = float(f"{np.sqrt((off**2).sum() / (len(rows) - len(sets))):.2g}")
         rows[name] = levels
+        answer = key_argument("values", "corrections", ["points=given"])
         report.assumed.append(
             f"{name.partition('_')[0]} is measured: {len(rows)} values are grouped at "
             f"{', '.join(map(number, sets))}, the set values of '{source.name}', with their "
-            f"scatter as {error} = {errors[error]:g}; --set 'corrections=[\"points=given\"]' keeps "
-            "each"
+            f"scatter as {error} = {errors[error]:g}; {answer} keeps each"
         )
     return errors
 
@@ -245,11 +250,11 @@ def _mark_time_outs(rows: DataFrame, draft: BenchDraft, source: Source, report: 
     counts, largest = times.value_counts(), times.max()
     piled = len(counts) > 1 and counts[largest] > counts.drop(largest).max()
     if piled or abs(largest / source.clutch.timeout - 1.0) < 1e-6:
+        answer = key_argument("values", "timeout_s", float(number(largest)))
         report.faults.append(
             f"the largest time, {number(largest)} s, is there {counts[largest]} times (row "
-            f"{rows['row'][times.idxmax()]}), as where a stand gives up; say --set timeout_s="
-            f"{number(largest)} where these shifts did not engage, or a longer time-out where "
-            "they did"
+            f"{rows['row'][times.idxmax()]}), as where a stand gives up; say {answer} where these "
+            "shifts did not engage, or a longer time-out where they did"
         )
 
 
@@ -267,9 +272,10 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Repo
     outer_forces = sorted({f for f in rows["force_N"][lacks_rise] if not source.table.covers(f)})
     outer_text = ", ".join(map(number, outer_forces))
     remark = f"; {outer_text} N lie beyond and have the rise time of the nearest "
+    answer = argument("rise_s")
     report.assumed.append(
         f"the force rises in {low} to {high} s, by its size as in '{source.name}' ({low_force} to "
-        f"{high_force} N){f'{remark}force' if outer_forces else ''}; --rise-s says another time"
+        f"{high_force} N){f'{remark}force' if outer_forces else ''}; {answer} says another time"
         if draft.rise_s is None
         else f"the force rises in {low} s where no row says it"
     )
@@ -319,13 +325,14 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
                 rows["trace"].notna().any(),
             ),
             (
-                "the event at which the times start is unknown: --set record.time_zero=command, "
-                "or force, states it",
+                "the event at which the times start is unknown: "
+                f"{key_argument('values', 'record.time_zero', 'command')}, or force, states it",
                 "record.time_zero" not in settings,
             ),
             (
-                "the place of the displacement sensor is unknown: --set "
-                "record.displacement_at=sleeve, or actuator, states it",
+                "the place of the displacement sensor is unknown: "
+                f"{key_argument('values', 'record.displacement_at', 'sleeve')}, or actuator, "
+                "states it",
                 "record.displacement_at" not in settings,
             ),
             (
@@ -339,8 +346,8 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
             ),
             (
                 f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "
-                "before the shift: --set drive.shaft_speed_rpm=SPEED and drive.engine_side say "
-                "otherwise",
+                f"before the shift: {key_argument('values', 'drive.shaft_speed_rpm', 'SPEED')} and "
+                "drive.engine_side say otherwise",
                 drive != NO_DRIVE
                 and not source.is_bench
                 and not any("drive" in key for key in settings),

@@ -185,6 +185,45 @@ def test_messages_name_the_rows_of_the_table(dogshape: Call) -> None:
     assert "bench.toml" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("head", "cell", "option", "python"),
+    [
+        (
+            "Schaltzeit [ms]",
+            "116",
+            "--column shift_time_s='t_shift [ms]'",
+            'columns={"shift_time_s": "t_shift [ms]"}',
+        ),
+        ("Remark", "x", "--drop 'Remark=*'", 'drop=["Remark=*"]'),
+        ("Remark", "x", "--keep 'Remark=*'", 'keep=["Remark=*"]'),
+        ("Remark", "x", "--rows 2,4-5 names", 'rows="2,4-5" names'),
+        ("n", "1,200", "--decimal ,", 'decimal=","'),
+    ],
+)
+def test_questions_name_arguments_of_a_draft(
+    dogshape: Call, head: str, cell: str, option: str, python: str
+) -> None:
+    """A question names an option on the command line, and in Python the argument."""
+    lines = TABLE.splitlines()
+    cells = (head, "", cell, "", "") if head == "Remark" else (head, *[cell] * 4)
+    text = "\n".join(f"{line};{added}" for line, added in zip(lines, cells, strict=True))
+    Path("m.csv").write_text(text)
+    said = dogshape("init", "bench", "m.csv", "--out", "b")
+    assert (said.status, option in said.err) == (2, True), said.err
+    with pytest.raises((DataError, InputError)) as refused:
+        ds.diagnose("m.csv")
+    assert python in str(refused.value)
+    assert "--" not in str(refused.value)
+
+
+def test_a_limit_of_python_is_raised_as_its_message_says() -> None:
+    Path("m.csv").write_text(TABLE)
+    draft = ds.BenchDraft("m.csv", limits=ds.TableLimits(rows=2))
+    with pytest.raises(DataError, match=r"limits=ds\.TableLimits\(rows=5\)"):
+        ds.write_bench("b", draft)
+    assert ds.write_bench("b", ds.BenchDraft("m.csv", limits=ds.TableLimits(rows=5)))["rows"] == 4
+
+
 def test_a_draft_of_python_is_written_as_by_the_command_line(dogshape: Call) -> None:
     Path("m.csv").write_text(TABLE)
     draft = ds.BenchDraft([Path("m.csv")], values={"record.sense": "known"})

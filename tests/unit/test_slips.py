@@ -85,7 +85,7 @@ def test_a_slip_is_refused_and_taken_back_as_asked(
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
     for correction in asked:
-        assert f"--correct {correction} applies this correction" in str(refused.value)
+        assert f'correct=["{correction}"] applies this correction' in str(refused.value)
     again = load_bench(folder, asked)
     assert same(again, good)
     assert {str(correction) for correction in again.corrections} == set(asked)
@@ -100,7 +100,7 @@ def test_a_slip_is_refused_and_taken_back_as_asked(
 def test_good_sets_raise_no_alarm_and_published_ones_with_swapped_axes_do(tmp_path: Path) -> None:
     shutil.copytree(bundled_root() / "bench" / "mq200_stand", tmp_path / "stand")
     swap(tmp_path / "stand" / "shifts.csv")
-    with pytest.raises(DataError, match="--correct axes=swapped applies this correction"):
+    with pytest.raises(DataError, match=r'correct=\["axes=swapped"\] applies this correction'):
         load_bench(tmp_path / "stand")
     assert same(load_bench(tmp_path / "stand", ["axes=swapped"]), load_bench("mq200_stand"))
     for bench in (load_bench("mq200_stand"), load_bench("mq200_adams")):
@@ -137,7 +137,7 @@ def test_measured_set_values_are_joined_to_operating_points(tmp_path: Path) -> N
     more["force_N"] *= 1.0 + 0.002 * np.linspace(-1.0, 1.0, len(more)).round(2)
     more["shift_time_s"] *= 1.01
     pd.concat([table, more]).to_csv(file, index=False)
-    words = "nearly the set values of others: row .*--correct points=joined applies this correction"
+    words = r'nearly the set values of others: row .*correct=\["points=joined"\] applies this'
     with pytest.raises(DataError, match=words):
         load_bench(folder)
     joined = load_bench(folder, ["points=joined"])
@@ -305,7 +305,7 @@ def test_a_recorders_clock_is_refused_and_corrected_as_asked(
     assert "this looks like the recorder's clock" in said
     assert "wrong scale" not in said
     for correction in asked:
-        assert f"--correct {correction} applies this correction" in said
+        assert f'correct=["{correction}"] applies this correction' in said
     for mine, theirs in pairs(load_bench(folder, asked), tmp_path):
         assert abs(mine.time[-1] - theirs.time[-1]) < 4.0 * mine.start_error + 1e-3
         assert 1e-4 < mine.start_error < 5e-3

@@ -296,7 +296,7 @@ def test_signs_and_exchanged_speeds_are_named_and_turned_as_asked(
         load_bench(folder)
     assert words in str(refused.value)
     for way in ways:
-        assert f"--correct {way}" in str(refused.value)
+        assert f'correct=["{way}"]' in str(refused.value)
     bench = load_bench(folder, ways)
     assert bench.warnings == ()
     for reading, known in zip(bench.readings, good.readings, strict=True):
@@ -318,7 +318,7 @@ def test_turning_rings_with_speeds_in_two_units_are_named_without_their_lock(
 
     with pytest.raises(DataError) as refused:
         load_bench(spoilt_set(tmp_path, spoil))
-    assert f"--correct speeds={way}_rad_s" in str(refused.value)
+    assert f'correct=["speeds={way}_rad_s"]' in str(refused.value)
     assert "speeds=rad_s" not in str(refused.value)
 
 
@@ -329,7 +329,7 @@ def test_a_resting_ring_leaves_open_which_speeds_are_in_radians(tmp_path: Path) 
 
     with pytest.raises(DataError) as refused:
         load_bench(spoilt_set(tmp_path, spoil))
-    assert "--correct speeds=rad_s" in str(refused.value)
+    assert 'correct=["speeds=rad_s"]' in str(refused.value)
 
 
 def jumped(table: pd.DataFrame) -> pd.DataFrame:
