@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from pandas import DataFrame
 
-from dogshape.bench.answers import no_column
 from dogshape.bench.decoding import TableLimits
+from dogshape.bench.draft_arguments import no_column
 from dogshape.bench.foreign_readings import Report, TableReader
 from dogshape.bench.foreign_table import ForeignTable, read_foreign, read_sheet, table_of
 from dogshape.bench.quantities import SHIFTS, TRACE

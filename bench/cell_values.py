@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.bench.answers import column_answer
+from dogshape.bench.draft_arguments import column_argument
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError
 from dogshape.sim.interface import argument
@@ -274,7 +274,7 @@ def stamps_of(cells: Sequence[str], form: str) -> tuple[list[str], str]:
     trials = {way: pd.to_datetime(texts, format=way, errors="coerce", utc=True) for way in forms}
     way, moments = min(trials.items(), key=lambda trial: trial[1].isna().sum())
     if (wrong := moments.isna()).any():
-        answer = column_answer("timestamp", "COLUMN:%d/%m/%Y %H:%M:%S")
+        answer = column_argument("timestamp", "COLUMN:%d/%m/%Y %H:%M:%S")
         raise DataError(
             f"has '{cells[int(wrong.argmax())]}', which is no date and time as "
             f"{form or '2024-05-31 14:05:09 or 31.05.2024 14:05:09'}; say its form behind the "

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dogshape.bench.answers import NONE, column_answer, column_placeholder, no_column
 from dogshape.bench.cell_values import (
     AREA,
     FORCE,
@@ -30,6 +29,7 @@ from dogshape.bench.cell_values import (
     unit_named,
     unit_with_factor,
 )
+from dogshape.bench.draft_arguments import NONE, column_argument, column_placeholder, no_column
 from dogshape.bench.foreign_table import MIN_REPEATS, REPEATS, ROUNDED, ForeignTable
 from dogshape.bench.quantities import (
     LOOSE,
@@ -194,16 +194,18 @@ def _candidates(
 
 
 def _ask_about_numbers(head: str) -> str:
+    order = column_argument("order", head)
+    count = column_argument("n_shifts", head)
     return (
-        f"'{head}' numbers the rows and is no count of shifts; say {column_answer('order', head)}, "
-        f"or {column_answer('n_shifts', head)} where each row is the mean of so many shifts"
+        f"'{head}' numbers the rows and is no count of shifts; say {order}, or {count} where each "
+        "row is the mean of so many shifts"
     )
 
 
 def _ask_for_names(missing: Sequence[Quantity], columns: Sequence[Column]) -> str:
     names = ", ".join(quantity.name for quantity in missing)
     heads = ", ".join(repr(column.head) for column in columns)
-    answer = column_answer(missing[0].name, f"{columns[0].head}:UNIT")
+    answer = column_argument(missing[0].name, f"{columns[0].head}:UNIT")
     return (
         f"no column looks like {names}: no row names the columns ({heads}); add names and units, "
         f"or say each, such as {answer}"
@@ -219,10 +221,10 @@ def _which(name: str, candidates: Sequence[Column]) -> str:
     if name == "shift_time_s" and len(repeated) == 1 and None not in repeated:
         return _repeats_question(candidates)
     labels = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in candidates]
-    ways = " or ".join(column_answer(name, label) for label in labels)
+    ways = " or ".join(column_argument(name, label) for label in labels)
     question = f"{name} may be the column {' or '.join(map(repr, heads))}; say which: {ways}"
     if name == "shift_time_s" and len(set(heads)) == len(heads):
-        answer = column_answer(name, "; ".join(heads))
+        answer = column_argument(name, "; ".join(heads))
         question += f", or {answer} where each is the time of a shift"
     return question
 
@@ -230,7 +232,7 @@ def _which(name: str, candidates: Sequence[Column]) -> str:
 def _difference_question(name: str, candidates: Sequence[Column]) -> str:
     first, second = candidates[0].name, candidates[1].name
     heads = " or ".join(repr(column.head) for column in candidates)
-    answer = column_answer(name, f"{second} - {first}")
+    answer = column_argument(name, f"{second} - {first}")
     opposite = text_value(f"{first} - {second}", quoted=True)
     return (
         f"{name} may be {heads}, or their difference; say {answer} or {opposite}, positive where "
@@ -241,8 +243,8 @@ def _difference_question(name: str, candidates: Sequence[Column]) -> str:
 def _repeats_question(candidates: Sequence[Column]) -> str:
     heads = "; ".join(column.head for column in candidates)
     named = ", ".join(repr(column.head) for column in candidates)
-    repeats = column_answer("shift_time_s", heads)
-    total = column_answer("shift_time_s", candidates[-1].head)
+    repeats = column_argument("shift_time_s", heads)
+    total = column_argument("shift_time_s", candidates[-1].head)
     return (
         f"{named} may be repeats of a shift, or phases of one; say {repeats} where each is the "
         f"time of a shift, or the column of the whole time, such as {total}"
@@ -276,15 +278,16 @@ def _missing_speed(free: Sequence[Column]) -> str:
         return _difference_question("mismatch_rpm", speeds)
     if speeds:
         head = speeds[0].head
-        difference = column_answer("mismatch_rpm", f"{speeds[0].name} - 1450")
+        whole = column_argument("mismatch_rpm", head)
+        difference = column_argument("mismatch_rpm", f"{speeds[0].name} - 1450")
         return (
             f"'{head}' is a speed, but no word says that it is the difference of both sides, which "
-            f"mismatch_rpm is; say {column_answer('mismatch_rpm', head)} where it is, or subtract "
-            f"the other side, such as {difference}"
+            f"mismatch_rpm is; say {whole} where it is, or subtract the other side, such as "
+            f"{difference}"
         )
     ratios = [c.head for c in free if has_word("slip|schlupf|glissement", plain_words(c.name))]
     if ratios:
-        product = column_answer("mismatch_rpm", f"{ratios[0]} * 1450")
+        product = column_argument("mismatch_rpm", f"{ratios[0]} * 1450")
         return (
             f"; '{ratios[0]}' has no unit of a speed and may be a ratio: multiply it by the speed "
             f"of the shaft in 1/min, such as {product}"
@@ -297,12 +300,12 @@ def _missing_force(free: Sequence[Column]) -> str:
     if column is None or column.unit is None:
         return ""
     if column.unit.dimension == PRESSURE:
-        product = column_answer("force_N", f"{column.head} * 4.9 cm2")
+        product = column_argument("force_N", f"{column.head} * 4.9 cm2")
         return (
             f"'{column.head}' is a pressure and no force_N; say the area of the piston, such as "
             f"{product}, or add the force"
         )
-    weight = column_answer("force_N", f"{column.head}:kgf")
+    weight = column_argument("force_N", f"{column.head}:kgf")
     return (
         f"'{column.head}' is in {column.unit.text}, a mass and no force_N; say {weight} where it "
         "is the weight of so many kilograms (9.80665 N)"
@@ -317,7 +320,7 @@ def _missing_time(free: Sequence[Column]) -> str:
     ends = [column for column in free if re.fullmatch(_TIMES_AT, names[column])]
     if len(ends) == 2:
         first, second = sorted(ends, key=lambda column: float(np.nanmean(column.values)))
-        answer = column_answer("shift_time_s", f"{second.head} - {first.head}")
+        answer = column_argument("shift_time_s", f"{second.head} - {first.head}")
         return (
             f"shift_time_s may be the difference of '{first.head}' and '{second.head}'; say "
             f"{answer}"
@@ -668,8 +671,8 @@ def _variation_match(
 
 def _variation_question(column: Column, time: Match | None) -> str:
     mean = time.head if time is not None and time.formula == "c0" else "TIME"
-    percent = column_answer("shift_time_sd_s", f"{column.head} * {mean} / 100")
-    share = column_answer("shift_time_sd_s", f"{column.head} * {mean}")
+    percent = column_argument("shift_time_sd_s", f"{column.head} * {mean} / 100")
+    share = column_argument("shift_time_sd_s", f"{column.head} * {mean}")
     return (
         f"'{column.head}' is a coefficient of variation; say {percent} for percent of the mean, "
         f"{share} for a share of it, or {no_column('shift_time_sd_s')} to leave it out"
@@ -677,8 +680,8 @@ def _variation_question(column: Column, time: Match | None) -> str:
 
 
 def _variance_question(column: Column) -> str:
-    root = column_answer("shift_time_sd_s", f"sqrt({column.head}:ms2)")
-    deviation = column_answer("shift_time_sd_s", column.head)
+    root = column_argument("shift_time_sd_s", f"sqrt({column.head}:ms2)")
+    deviation = column_argument("shift_time_sd_s", column.head)
     return (
         f"'{column.head}' is a variance, whose root is the standard deviation, but no unit is "
         f"squared; say {root} or s2, {deviation} where it is a standard deviation, or "
@@ -687,8 +690,8 @@ def _variance_question(column: Column) -> str:
 
 
 def _spread_question(column: Column) -> str:
-    single = column_answer("shift_time_sd_s", column.head)
-    double = column_answer("shift_time_sd_s", f"{column.head} / 2")
+    single = column_argument("shift_time_sd_s", column.head)
+    double = column_argument("shift_time_sd_s", f"{column.head} / 2")
     return (
         f"'{column.head}' may be a standard deviation, a multiple of it, a half width or a range; "
         f"say {single} for one standard deviation, {double} for two, or "

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.bench.answers import NONE, column_answer, no_column
 from dogshape.bench.cell_values import (
     ANSWERS,
     FORCE,
@@ -35,6 +34,7 @@ from dogshape.bench.cell_values import (
     unit_named,
     unit_with_factor,
 )
+from dogshape.bench.draft_arguments import NONE, column_argument, no_column
 from dogshape.bench.foreign_columns import (
     PURE_NUMBER,
     Match,
@@ -344,7 +344,7 @@ class TableReader:
         if largest < limit * smallest:
             return
         cells, rows = match.terms[0][0].cells, self.table.rows
-        answer = column_answer(match.quantity.name, f"{match.head}:UNIT")
+        answer = column_argument(match.quantity.name, f"{match.head}:UNIT")
         self._fault(
             match,
             f"has '{cells[low]}' (row {rows[low]}) beside '{cells[high]}' (row "
@@ -437,7 +437,7 @@ class TableReader:
     ) -> Unit | None:
         """Ask for a unit that is unknown, or guess the one that is not there by its size."""
         quantity = match.quantity
-        answer = column_answer(quantity.name, f"{column.head}:UNIT")
+        answer = column_argument(quantity.name, f"{column.head}:UNIT")
         angular = re.search("omega|angular|winkel", plain_words(column.name))
         mismatch = quantity.name == "mismatch_rpm" and match.formula == "c0"
         if unit is None and mismatch and abs(values).max() < 1.0:
@@ -463,7 +463,7 @@ class TableReader:
         spelling = unit.text if unit else column.strange or ""
         scaled = unit_with_factor(spelling)
         if spelling and scaled and scaled.dimension == quantity.dimension and unit is None:
-            multiple = column_answer(quantity.name, f"{column.head}:{spelling}")
+            multiple = column_argument(quantity.name, f"{column.head}:{spelling}")
             self._fault(
                 match,
                 f"has the unit '{spelling}': say {multiple} where its numbers count so many of "
@@ -499,7 +499,7 @@ class TableReader:
         values = {w: ANSWERS[stated.get(w, w)] for w in counts if stated.get(w, w) in ANSWERS}
         if strange := [word for word in counts if word not in values]:
             bad = self._rows(cells, [cell in strange for cell in cells])
-            answer = column_answer("engaged", f"{match.head}:{strange[0]}=yes,empty=no")
+            answer = column_argument("engaged", f"{match.head}:{strange[0]}=yes,empty=no")
             self._fault(
                 match,
                 f"must be yes, no or empty, but {bad}; write true or false, or say {answer}, or "
@@ -520,7 +520,7 @@ class TableReader:
             else:
                 moments, way = stamps_of(cells, "" if unit else match.option)
         except DataError as error:
-            answer = column_answer("timestamp", f"{match.head}:s")
+            answer = column_argument("timestamp", f"{match.head}:s")
             self._fault(
                 match,
                 f"{error}, or say {answer} for numbers of seconds, or {no_column('timestamp')} to "
@@ -566,9 +566,9 @@ def _reason(column: Column) -> str:
     if column.hidden:
         return "hidden in the workbook"
     if counts_up(column):
-        answer = column_answer("order", column.head)
+        answer = column_argument("order", column.head)
         return f"numbers the rows; {answer} takes it as order of the shifts"
     if column.is_dated or (column.unit and column.unit.dimension == TIME and grows(column)):
-        answer = column_answer("timestamp", column.head)
+        answer = column_argument("timestamp", column.head)
         return f"clock; {answer} takes it as times of the shifts"
     return "no quantity of this name" if any(column.cells) else "empty"

@@ -22,7 +22,6 @@ from pathlib import Path
 
 import numpy as np
 
-from dogshape.bench.answers import rows_example, shift_rows
 from dogshape.bench.cell_values import (
     FORCE,
     NOTHING,
@@ -37,6 +36,7 @@ from dogshape.bench.cell_values import (
     unit_named,
 )
 from dogshape.bench.decoding import TableLimits
+from dogshape.bench.draft_arguments import rows_argument, rows_example
 from dogshape.bench.quantities import (
     SHIFTS,
     SPLITTING,
@@ -264,7 +264,7 @@ def _quote_options(sheet: RawSheet, decimal: str | None) -> str:
     first, last = table.rows[0], table.rows[-1]
     if last - first + 1 != len(table.rows):
         return option
-    return f"{option}, or {shift_rows(f'{first}-{last}')} where each of these lines is a shift"
+    return f"{option}, or {rows_argument(f'{first}-{last}')} where each of these lines is a shift"
 
 
 def _separator(lines: Sequence[str], *, quoted: bool = True) -> str:
@@ -442,7 +442,7 @@ def _divided(
             words += [k] if is_asked and not grid.numeric[k].any() else []
         elif k in heads:
             _require_no_blocks(path, grid, [j for j in range(k + 1) if not grid.data[j]])
-            answer = shift_rows(f"{grid.rows[first]}-{grid.rows[k - 1]}")
+            answer = rows_argument(f"{grid.rows[first]}-{grid.rows[k - 1]}")
             raise DataError(
                 f"{path}: another table begins in row {grid.rows[k]}; save each as a file of its "
                 f"own, or name the rows of shifts, such as {answer}"

@@ -19,13 +19,6 @@ from itertools import chain
 
 import numpy as np
 
-from dogshape.bench.answers import (
-    column_answer,
-    drop_rows,
-    keep_rows,
-    rows_example,
-    shift_rows,
-)
 from dogshape.bench.cell_values import (
     ANSWERS,
     NOTHING,
@@ -33,6 +26,13 @@ from dogshape.bench.cell_values import (
     answer_of,
     is_dated,
     is_number,
+)
+from dogshape.bench.draft_arguments import (
+    column_argument,
+    drop_argument,
+    keep_argument,
+    rows_argument,
+    rows_example,
 )
 from dogshape.bench.foreign_table import REJECTED, ROUNDED, ForeignTable, Reasons
 from dogshape.bench.quantities import SPLITTING, counts_up, has_word, plain_words
@@ -275,8 +275,8 @@ def _code_questions(
             rows = [row for row, cell in zip(table.rows, column.cells, strict=True) if cell in odd]
             questions.append(
                 f"'{column.head}' is {', '.join(odd)} in row {_shown(rows)}, which may be a code "
-                f"for no value: {drop_rows(column.head, odd[0])} leaves these rows out, "
-                f"{keep_rows(column.head, ANY)} takes all rows"
+                f"for no value: {drop_argument(column.head, odd[0])} leaves these rows out, "
+                f"{keep_argument(column.head, ANY)} takes all rows"
             )
     return questions
 
@@ -312,8 +312,8 @@ def _mark_questions(table: ForeignTable, settled: frozenset[str]) -> list[str]:
     place = "workbook" if is_workbook(table.path) else "file"
     return [
         f"rows are marked in the {place} ({mark_text}): are they shifts? "
-        f"{drop_rows(ROW, value)} leaves them out, {keep_rows(ROW, ANY)} takes all rows, "
-        f"{shift_rows(other_rows)} names the shifts"
+        f"{drop_argument(ROW, value)} leaves them out, {keep_argument(ROW, ANY)} takes all rows, "
+        f"{rows_argument(other_rows)} names the shifts"
     ]
 
 
@@ -400,24 +400,26 @@ def _outcome_question(column: Column, groups: Mapping[str, Sequence[int]]) -> st
         if yes is not None
     )
     no = next(word for word, yes in words.items() if yes is False)
-    outcome = column_answer("engaged", column.head)
-    opposite_outcome = column_answer("engaged", f"{column.head}:{opposite}")
+    outcome = column_argument("engaged", column.head)
+    opposite_outcome = column_argument("engaged", f"{column.head}:{opposite}")
+    drop = drop_argument(column.head, no)
+    keep_all = keep_argument(column.head, ANY)
     return (
         f"'{column.head}' holds yes and no and may be the outcome; say {outcome}, "
-        f"{opposite_outcome} where its yes is a failure, {drop_rows(column.head, no)} or another "
-        f"of its words where such rows are no shifts, or {keep_rows(column.head, ANY)} where it "
-        "means nothing"
+        f"{opposite_outcome} where its yes is a failure, {drop} or another of its words where such "
+        f"rows are no shifts, or {keep_all} where it means nothing"
     )
 
 
 def _flag_question(table: ForeignTable, column: Column, groups: Mapping[str, Sequence[int]]) -> str:
     rare = min(groups, key=lambda word: len(groups[word]))
     group_text = "; ".join(f"'{word}': row {_shown(rows)}" for word, rows in groups.items())
-    other_rows = _other_spans(table, groups[rare])
+    drop = drop_argument(column.head, rare)
+    keep_all = keep_argument(column.head, ANY)
+    rows = rows_argument(_other_spans(table, groups[rare]))
     return (
-        f"'{column.head}' marks rows ({group_text}): which are no shifts? "
-        f"{drop_rows(column.head, rare)} leaves these out, {keep_rows(column.head, ANY)} takes all "
-        f"rows, {shift_rows(other_rows)} names the shifts"
+        f"'{column.head}' marks rows ({group_text}): which are no shifts? {drop} leaves these "
+        f"out, {keep_all} takes all rows, {rows} names the shifts"
     )
 
 
@@ -428,20 +430,24 @@ def _sign_question(table: ForeignTable, column: Column, signs: Mapping[str, Sequ
     other_rows = _other_spans(table, chain.from_iterable(signs.values()))
     has_all = all(not cell or cell in signs for cell in column.cells)
     value = ANY if has_all else next(iter(signs))
+    drop = drop_argument(column.head, value)
+    keep_all = keep_argument(column.head, ANY)
+    rows = rows_argument(other_rows)
     return (
-        f"'{column.head}' has a sign in few rows ({sign_text}): are they shifts? "
-        f"{drop_rows(column.head, value)} leaves them out, {keep_rows(column.head, ANY)} takes all "
-        f"rows, {shift_rows(other_rows)} names the shifts"
+        f"'{column.head}' has a sign in few rows ({sign_text}): are they shifts? {drop} leaves "
+        f"them out, {keep_all} takes all rows, {rows} names the shifts"
     )
 
 
 def _split_question(column: Column, groups: Mapping[str, Sequence[int]]) -> str:
     group_text = "; ".join(f"'{word}': row {_shown(rows)}" for word, rows in groups.items())
     first = next(iter(groups))
+    keep = keep_argument(column.head, first)
+    keep_all = keep_argument(column.head, ANY)
+    rows = rows_argument(spans_of(groups[first]))
     return (
         f"'{column.head}' divides the rows ({group_text}): are they all shifts of one kind? "
-        f"{keep_rows(column.head, first)} takes these alone, {keep_rows(column.head, ANY)} takes "
-        f"all rows, {shift_rows(spans_of(groups[first]))} names the shifts"
+        f"{keep} takes these alone, {keep_all} takes all rows, {rows} names the shifts"
     )
 
 
@@ -498,13 +504,13 @@ def _is_share(column: Column, of_means: bool) -> bool:
 
 def _share_question(column: Column) -> str:
     cell_text = ", ".join([cell for cell in column.cells if cell][:3])
-    answer = column_answer("engaged", f"{column.head}:{_share_word(column)}")
+    answer = column_argument("engaged", f"{column.head}:{_share_word(column)}")
     return (
         f"'{column.head}' has shares or numbers of shifts ({cell_text} ...), which say that others "
         f"of the row did not engage: say {answer} where the time of a row is the mean of those "
         "that engaged, or write one row for those that engaged (n_shifts, their mean time, engaged "
         "yes) and one for those that did not (n_shifts, no time, engaged no), or say "
-        f"{keep_rows(column.head, ANY)} where it is something else"
+        f"{keep_argument(column.head, ANY)} where it is something else"
     )
 
 

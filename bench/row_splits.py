@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.bench.answers import NONE, column_placeholder
 from dogshape.bench.cell_values import (
     NOTHING,
     Column,
@@ -24,6 +23,7 @@ from dogshape.bench.cell_values import (
     numbers_of,
     split_quantity,
 )
+from dogshape.bench.draft_arguments import NONE, column_placeholder
 from dogshape.bench.foreign_columns import (
     MEAN,
     Match,

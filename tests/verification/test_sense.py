@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from dogshape.bench.bench_data import Bench, load_bench
+from dogshape.bench.stand_file import Sense
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.prediction.simulations import ANGLES, DENSE_FACTOR, Level, simulate_benches
 from dogshape.diagnosis.settings import USUAL
-from dogshape.diagnosis.terms import NONE, REVERSED, Sense, reverse_sense, strip_sense
+from dogshape.diagnosis.terms import NONE, REVERSED, reverse_sense, strip_sense
 from dogshape.sim.effect import BenchTest, Effect, Values
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
