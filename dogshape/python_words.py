@@ -29,6 +29,14 @@ REPLACEMENTS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (r"dogshape diagnose BENCH_DIR --out (\S+)", r'ds.diagnose(BENCH, out="\1")'),
     (r"'dogshape validate'", "ds.validate()"),
     (r"'dogshape report'", "ds.load_result(folder).report()"),
+    (r"--correct (\S+?)(?=[\s,;:)]|$)", r'correct=["\1"]'),
+    (r"--column (\w+)='([^']*)'", r'columns={"\1": "\2"}'),
+    (r"--column (\w+)=(\S+?)(?=[\s,;:)]|$)", r'columns={"\1": "\2"}'),
+    (r"--(drop|keep) '([^']*)'", r'\1=["\2"]'),
+    (r"--rows ([\d,-]*\d)", r'rows="\1"'),
+    (r"--quotes none", 'quotes="none"'),
+    (r"--decimal ([.,])", r'decimal="\1"'),
+    (r"--fill-down", "fill_down=True"),
     (r"(?<!TABLE )--([a-z][a-zA-Z-]*)", lambda option: option[1].replace("-", "_")),
 )
 

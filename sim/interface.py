@@ -73,7 +73,8 @@ def key_argument(name: str, key: str, value: object = None, *, quoted: bool = Fa
     """Write one entry of an argument that maps keys: ``--column force_N=F:kN``, ``columns={...}``.
 
     Without a value the entry alone, ``--column force_N`` or ``columns["force_N"]``. ``settings``
-    and ``values`` are ``--set`` of the command line. ``quoted`` as in ``text_value``.
+    and ``values`` are ``--set`` of the command line. An empty value takes the key out. ``quoted``
+    as in ``text_value``.
     """
     if _ON_COMMAND_LINE.get():
         if value is None:
@@ -86,7 +87,7 @@ def key_argument(name: str, key: str, value: object = None, *, quoted: bool = Fa
         return f"{name}[{_literal(key)}]"
     if name in CLASSES:
         return f"{name}={CLASSES[name]}({key}={_literal(value)})"
-    return f"{name}={{{_literal(key)}: {_literal(value)}}}"
+    return f"{name}={{{_literal(key)}: {_literal(None if value == '' else value)}}}"
 
 
 def _key_text(value: object) -> str:

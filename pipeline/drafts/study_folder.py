@@ -300,7 +300,7 @@ def require_free(folder: Path, force: bool) -> None:
     if folder.is_dir() and not force and any(folder.iterdir()):
         raise StorageError(
             f"{folder} holds files already; name another folder with {argument('out')}, or write "
-            f"over files of the same name with {argument('force', value=True)}"
+            f"over files of the same name with {argument('force')}"
         )
 
 

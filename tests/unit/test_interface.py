@@ -65,6 +65,11 @@ WORDS: list[tuple[Callable[[], str], str, str]] = [
         "--set dog.count=18",
         'settings={"dog.count": "18"}',
     ),
+    (
+        lambda: key_argument("settings", "operating.seed", ""),
+        "--set operating.seed=",
+        'settings={"operating.seed": None}',
+    ),
     (lambda: verb("fit"), "'dogshape fit'", "ds.fit()"),
     (
         lambda: verb("search", "mq200", resume=True),
