@@ -284,12 +284,12 @@ class Clutch:
 
         (near, far), dog, rings, own = self.shafts, self.dog, self.rings, self.mechanism
         stiff, loss = own.linkage(rings.mass) if own.has_linkage else (0.0, 0.0)
-        share = own.spline_share(rings.mass, dog.mean_radius, near.near) if not near.far else 1.0
+        share = own.spline_share(rings.mass, dog.mean_radius, near.ring_inertia) if not near.side_inertia else 1.0
         used = kernel.LINKED_SIZE if own.has_linkage else kernel.PLAIN_SIZE
         drive = self.drive
         places: dict[int, float] = {
-            kernel.SLEEVE: own.sleeve_mass(rings.mass), kernel.SLIDING: near.near,
-            kernel.FAR: own.actuator_mass(rings.mass) or 1.0, kernel.OUTPUT: far.near,
+            kernel.SLEEVE: own.sleeve_mass(rings.mass), kernel.SLIDING: near.ring_inertia,
+            kernel.FAR: own.actuator_mass(rings.mass) or 1.0, kernel.OUTPUT: far.ring_inertia,
             kernel.DAMPING: own.damping, kernel.FRICTION: own.friction, kernel.DETENT: own.detent,
             kernel.DETENT_AT: own.detent_position, kernel.DETENT_WIDTH: own.detent_width,
             kernel.DETENT_SEAT: own.detent_seat or math.inf,
@@ -300,9 +300,9 @@ class Clutch:
             kernel.RADIUS: dog.mean_radius, kernel.WAY: self.shift_travel,
             kernel.SLIP_SPEED: SLIP, kernel.TURN_SPEED: TURN, kernel.DEEP_STOP: DEEP,
             kernel.TWIST: DEEP_TWIST, kernel.LINKED: own.has_linkage,
-            kernel.USED: kernel.SIZE if near.far or far.far else used, kernel.BEHIND: near.far,
+            kernel.USED: kernel.SIZE if near.side_inertia or far.side_inertia else used, kernel.BEHIND: near.side_inertia,
             kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping,
-            kernel.BACKLASH: near.backlash, kernel.AHEAD: far.far,
+            kernel.BACKLASH: near.backlash, kernel.AHEAD: far.side_inertia,
             kernel.OUT_SHAFT: far.stiffness, kernel.OUT_LOSS: far.damping,
             kernel.PITCH: dog.pitch_angle, kernel.CREST: dog.crest_overlap,
             kernel.FACES: 2.0 * dog.face_width, kernel.SLOPE: dog.tangents[0],

@@ -130,8 +130,8 @@ class PlanarClutch:
     def _drive(self, course: TorqueCourse, now: float, state: Array, numbers: Array) -> float:
         """Write the torques from ``now`` on into ``numbers``, and return the end of them, s."""
         near, far = self.clutch.shafts
-        sliding = state[9] if near.far else state[5]
-        output = state[11] if far.far else state[3]
+        sliding = state[9] if near.side_inertia else state[5]
+        output = state[11] if far.side_inertia else state[3]
         piece = course.piece(now, float(output - sliding))
         numbers[kernel.TORQUE_START] = piece.start
         numbers[kernel.SLIDING_TORQUE], numbers[kernel.OUTPUT_TORQUE] = piece.torques

@@ -76,7 +76,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         ring = plant.GetBodyByName("sliding_ring")
         self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
         self.contact = self.shapes = None
-        if mechanism.spline_friction > 0.0 and not self._shafts[0].far:
+        if mechanism.spline_friction > 0.0 and not self._shafts[0].side_inertia:
             if clutch.solver.scheme == "cenic":
                 self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
             else:
@@ -101,7 +101,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         torque -= (1.0 - self._spline) * drives[0]
         forces = dict.fromkeys(self._joints, 0.0)
         for (ring, behind), shaft in zip(BEHIND.items(), self._shafts, strict=True):
-            if shaft.far:
+            if shaft.side_inertia:
                 (near, rate), (far, far_rate) = COLUMNS[ring], COLUMNS[behind]
                 twist = shaft.torque(state[far] - state[near], state[far_rate] - state[rate])
                 forces[ring] += twist / share
@@ -111,10 +111,10 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             drive = mechanism.pull(state[6] - way, state[7] - speed, *self._linkage) / share
             forces[ACTUATOR] = push - drive
         forces[SHIFT] = drive - mechanism.resistance(way, speed, torque) / share
-        dragged = BEHIND[SLIDING] if self._shafts[0].far else SLIDING
+        dragged = BEHIND[SLIDING] if self._shafts[0].side_inertia else SLIDING
         forces[dragged] -= (mechanism.drag(state[9]) - drives[0]) / share
         if self._drive:
-            driven = BEHIND[OUTPUT] if self._shafts[1].far else OUTPUT
+            driven = BEHIND[OUTPUT] if self._shafts[1].side_inertia else OUTPUT
             forces[driven] += drives[1] / share
         output.SetFromVector([forces[name] for name in self._joints])
 
@@ -187,8 +187,8 @@ class ClutchPlant:
             shape = tree.UnitInertia.SolidSphere(0.01)
             self._add_apart(ACTUATOR, mass, shape, tree.PrismaticJoint, "actuator_force")
         for name, shaft in zip(BEHIND.values(), clutch.shafts, strict=True):
-            if shaft.far:
-                far, shape = shaft.far / self.share, tree.UnitInertia(0.5, 0.5, 1.0)
+            if shaft.side_inertia:
+                far, shape = shaft.side_inertia / self.share, tree.UnitInertia(0.5, 0.5, 1.0)
                 self._add_apart(name, far, shape, tree.RevoluteJoint, f"{name}_torque")
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
@@ -324,12 +324,12 @@ class ClutchPlant:
 
     def _add_output_ring(self) -> None:
         clutch, plant, (_, shaft) = self.clutch, self.plant, self.clutch.shafts
-        inertia = shaft.near / self.share
+        inertia = shaft.ring_inertia / self.share
         body = plant.AddRigidBody("output_ring", _ring_inertia(1.0 / self.share, inertia))
         joint = plant.AddJoint(
             tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), AXIS, damping=0.0)
         )
-        if shaft.far or clutch.drive.has_torques:
+        if shaft.side_inertia or clutch.drive.has_torques:
             plant.AddJointActuator("output_torque", joint)
         properties = geo.ProximityProperties()
         geo.AddRigidHydroelasticProperties(properties)
@@ -378,7 +378,7 @@ class ClutchPlant:
         clutch, plant = self.clutch, self.plant
         # Only the sum of both masses acts; Drake wants one at either joint.
         mass = 0.5 * clutch.mechanism.sleeve_mass(clutch.rings.mass) / self.share
-        inertia = clutch.shafts[0].near / self.share
+        inertia = clutch.shafts[0].ring_inertia / self.share
         carriage = plant.AddRigidBody("carriage", _ring_inertia(mass, inertia))
         body = plant.AddRigidBody("sliding_ring", _ring_inertia(mass, inertia))
         damping = clutch.mechanism.damping / self.share

@@ -68,10 +68,10 @@ def lost_share(clutch: Clutch, force: float = FORCE) -> float:
     first, last = np.searchsorted(turned, (np.array(PART) - START) * face.width)
     before, after = states[first], states[last]
     near = clutch.shafts[0]
-    turning = 0.5 * near.near * (after[5] ** 2 - before[5] ** 2)
+    turning = 0.5 * near.ring_inertia * (after[5] ** 2 - before[5] ** 2)
     turning += 0.5 * rings.output_inertia * (after[3] ** 2 - before[3] ** 2)
-    if near.far:
-        turning += 0.5 * near.far * (after[9] ** 2 - before[9] ** 2)
+    if near.side_inertia:
+        turning += 0.5 * near.side_inertia * (after[9] ** 2 - before[9] ** 2)
         twists = (state[2] - state[8] for state in (after, before))
         turning += 0.5 * near.stiffness * np.subtract(*(twist**2 for twist in twists))
     moving = 0.5 * rings.mass * (after[4] ** 2 - before[4] ** 2)
