@@ -36,6 +36,21 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim import kernel
 from dogshape.sim.elementwise import Array
+from dogshape.sim.kernel_layout import (
+    ACTUATOR_DISPLACEMENT,
+    ACTUATOR_SPEED,
+    AXIAL_SPEED,
+    DISPLACEMENT,
+    INPUT_SIDE_ANGLE,
+    INPUT_SIDE_SPEED,
+    OUTPUT_ANGLE,
+    OUTPUT_SIDE_ANGLE,
+    OUTPUT_SIDE_SPEED,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+    STATE_SIZE,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, require_engine
 from dogshape.sim.shift.conclusion import Run, failure_of, states_held
@@ -45,11 +60,17 @@ from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, rin
 #: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
 ACTUATOR, SHIFT, SLIDING, OUTPUT = "actuator", "shift", "sliding", "output"
 BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joints of what is behind a ring's shaft
-#: Places of displacement or angle and of its rate in a state, by joint.
+#: Columns of displacement or angle and of its rate in a state, by joint.
 COLUMNS = {
-    OUTPUT: (0, 3), SHIFT: (1, 4), SLIDING: (2, 5), ACTUATOR: (6, 7), BEHIND[SLIDING]: (8, 9),
-    BEHIND[OUTPUT]: (10, 11),
-}  # fmt: skip
+    OUTPUT: (OUTPUT_ANGLE, OUTPUT_SPEED),
+    SHIFT: (DISPLACEMENT, AXIAL_SPEED),
+    SLIDING: (SLIDING_ANGLE, SLIDING_SPEED),
+    ACTUATOR: (ACTUATOR_DISPLACEMENT, ACTUATOR_SPEED),
+    BEHIND[SLIDING]: (INPUT_SIDE_ANGLE, INPUT_SIDE_SPEED),
+    BEHIND[OUTPUT]: (OUTPUT_SIDE_ANGLE, OUTPUT_SIDE_SPEED),
+}
+#: Joint that each joint moves with where the clutch has none for it.
+CARRIERS = {ACTUATOR: SHIFT, BEHIND[SLIDING]: SLIDING, BEHIND[OUTPUT]: OUTPUT}
 AXIS = np.array([0.0, 0.0, 1.0])
 
 
@@ -86,13 +107,14 @@ class _Forces(LeafSystem):  # type: ignore[misc]
     def _calculate(self, context: Context, output: BasicVector) -> None:
         state = self.state.Eval(context)[self._order].tolist()
         push = drive = float(self.push.Eval(context)[0])
-        mechanism, share, way, speed = self._mechanism, self._share, state[1], state[4]
+        mechanism, share = self._mechanism, self._share
+        way, speed = state[DISPLACEMENT], state[AXIAL_SPEED]
         torque = 0.0  # of the contact on one modelled sliding dog, where the spline asks for it
         if self.shapes is not None:
             surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
                 geo.HydroelasticContactRepresentation.kTriangle
             )
-            turn = state[5] - state[3]
+            turn = state[SLIDING_SPEED] - state[OUTPUT_SPEED]
             torque = ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
         elif self.contact is not None:
             torque = float(self.contact.Eval(context)[self._torque])
@@ -108,11 +130,12 @@ class _Forces(LeafSystem):  # type: ignore[misc]
                 forces[behind] -= twist / share
                 torque = twist if ring == SLIDING else torque
         if self._linkage is not None:
-            drive = mechanism.pull(state[6] - way, state[7] - speed, *self._linkage) / share
+            stretch, rate = state[ACTUATOR_DISPLACEMENT] - way, state[ACTUATOR_SPEED] - speed
+            drive = mechanism.pull(stretch, rate, *self._linkage) / share
             forces[ACTUATOR] = push - drive
         forces[SHIFT] = drive - mechanism.resistance(way, speed, torque) / share
         dragged = BEHIND[SLIDING] if self._shafts[0].side_inertia else SLIDING
-        forces[dragged] -= (mechanism.drag(state[9]) - drives[0]) / share
+        forces[dragged] -= (mechanism.drag(state[INPUT_SIDE_SPEED]) - drives[0]) / share
         if self._drive:
             driven = BEHIND[OUTPUT] if self._shafts[1].side_inertia else OUTPUT
             forces[driven] += drives[1] / share
@@ -124,7 +147,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         start, sliding, output, *slopes = self.torques.Eval(context).tolist()
         piece = TorquePiece(start, start, (sliding, output), (slopes[0], slopes[1]))
         given = piece.at(context.get_time())
-        partner = self._drive.partner_torques(state[9], state[11])
+        partner = self._drive.partner_torques(state[INPUT_SIDE_SPEED], state[OUTPUT_SIDE_SPEED])
         return given[0] + partner[0], given[1] + partner[1]
 
 
@@ -195,14 +218,18 @@ class ClutchPlant:
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
         # Where Drake's state has each column of ours: what does not move apart moves as its ring.
-        self._columns, rates = dict[int, int](), self.plant.num_positions()
+        self._columns: dict[int, int] = {}
+        order = np.zeros(STATE_SIZE, dtype=int)
+        rates = self.plant.num_positions()
         for name, (place, rate) in COLUMNS.items():
-            if self.plant.HasJointNamed(name):
-                joint = self.plant.GetJointByName(name)
+            moves = self.plant.HasJointNamed(name)
+            joint = self.plant.GetJointByName(name if moves else CARRIERS[name])
+            order[place] = joint.position_start()
+            order[rate] = rates + joint.velocity_start()
+            if moves:
                 self._columns[place] = joint.position_start()
                 self._columns[rate] = rates + joint.velocity_start()
-        same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
-        self.order = [self._columns.get(k, self._columns[same.get(k, k)]) for k in range(12)]
+        self.order = order.tolist()
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         self._forces: _Forces | None = None
         if clutch.has_forces:
@@ -244,10 +271,17 @@ class ClutchPlant:
         simulator, clutch = self.start(point, angle), self.clutch
         course = TorqueCourse(clutch.drive, clutch.timeout) if clutch.drive.has_torques else None
         # Places in the state of what has not made its travel: ring, actuator.
-        under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
+        under_way = {DISPLACEMENT}
+        if clutch.mechanism.has_linkage:
+            under_way.add(ACTUATOR_DISPLACEMENT)
         # Beside where the run begins: the time in which the ring was held.
         times, states = self.held[0][:-1].tolist(), [*self.held[1][:-1]]
-        blocked, failure, last, check_at = False, "", np.full(12, np.nan), kernel.STILL_WINDOW
+        blocked, failure, last, check_at = (
+            False,
+            "",
+            np.full(STATE_SIZE, np.nan),
+            kernel.STILL_WINDOW_S,
+        )
         deadline = time.monotonic() + clutch.solver.time_limit
 
         def record(context: Context) -> EventStatus | None:
@@ -260,11 +294,11 @@ class ClutchPlant:
             if under_way and len(times) > 1:
                 failure = failure_of(clutch, now, state, len(times), deadline)
             if course is not None and not course.settled(now):
-                last, check_at = np.full(12, np.nan), now + kernel.STILL_WINDOW
+                last, check_at = np.full(STATE_SIZE, np.nan), now + kernel.STILL_WINDOW_S
             if under_way and not failure and now >= check_at:
                 left, knots = clutch.timeout - now, point.profile.knots
                 blocked = kernel.stands_still(now, last, state, left, clutch.numbers, knots)
-                last, check_at = state, now + kernel.STILL_WINDOW
+                last, check_at = state, now + kernel.STILL_WINDOW_S
             ended = blocked or failure or not under_way
             return EventStatus.ReachedTermination(self.plant, "ended") if ended else None
 
@@ -292,7 +326,7 @@ class ClutchPlant:
         """Set the torques of the drive from ``now`` on, and return the end of them, s."""
         assert self._forces is not None
         state = self.state()
-        piece = course.piece(now, float(state[11] - state[9]))
+        piece = course.piece(now, float(state[OUTPUT_SIDE_SPEED] - state[INPUT_SIDE_SPEED]))
         context = self._forces.GetMyMutableContextFromRoot(self.context)
         self._forces.torques.FixValue(context, [piece.start, *piece.torques, *piece.slopes])
         return piece.end

@@ -11,6 +11,7 @@ from scipy.special import ive
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.sim.effects import load
+from dogshape.sim.kernel_layout import INPUT_SIDE_SPEED
 from dogshape.sim.setting import Setting, angle_weights
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
@@ -70,7 +71,7 @@ def test_sliding_inertia_takes_the_mismatch(setting: Setting, factor: float, sha
     heavy = EFFECTS["sliding_inertia"].apply(setting, {"inertia_factor": factor})
     found, rings = _shifted(heavy), setting.clutch.rings
     trace, ring = found.trace, 3e-4 if shaft else 0.0
-    behind = found.run.states[:, 9] if shaft else trace.sliding_speed
+    behind = found.run.states[:, INPUT_SIDE_SPEED] if shaft else trace.sliding_speed
     gained = ring * trace.sliding_speed + (factor * rings.sliding_inertia - ring) * behind
     lost = rings.output_inertia * (50.0 * RPM - trace.output_speed)
     most = float(np.abs(gained).max())

@@ -9,6 +9,16 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from dogshape.sim.kernel_layout import (
+    AXIAL_SPEED,
+    DISPLACEMENT,
+    INPUT_SIDE_ANGLE,
+    INPUT_SIDE_SPEED,
+    OUTPUT_ANGLE,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.conclusion import engage
@@ -64,18 +74,20 @@ def lost_share(clutch: Clutch, force: float = FORCE) -> float:
     engine = ClutchPlant if clutch.solver.engine == "drake" else PlanarClutch
     point = OperatingPoint(0.0, ForceProfile(force, 1e-4))
     states = engage(engine(clutch), point, start).run.states
-    turned = np.abs(states[:, 0] - states[:, 2] - start) * dog.mean_radius
+    turned = np.abs(states[:, OUTPUT_ANGLE] - states[:, SLIDING_ANGLE] - start) * dog.mean_radius
     first, last = np.searchsorted(turned, (np.array(PART) - START) * face.width)
     before, after = states[first], states[last]
     near = clutch.shafts[0]
-    turning = 0.5 * near.ring_inertia * (after[5] ** 2 - before[5] ** 2)
-    turning += 0.5 * rings.output_inertia * (after[3] ** 2 - before[3] ** 2)
+    turning = 0.5 * near.ring_inertia * (after[SLIDING_SPEED] ** 2 - before[SLIDING_SPEED] ** 2)
+    output_squares = after[OUTPUT_SPEED] ** 2 - before[OUTPUT_SPEED] ** 2
+    turning += 0.5 * rings.output_inertia * output_squares
     if near.side_inertia:
-        turning += 0.5 * near.side_inertia * (after[9] ** 2 - before[9] ** 2)
-        twists = (state[2] - state[8] for state in (after, before))
+        side_squares = after[INPUT_SIDE_SPEED] ** 2 - before[INPUT_SIDE_SPEED] ** 2
+        turning += 0.5 * near.side_inertia * side_squares
+        twists = (state[SLIDING_ANGLE] - state[INPUT_SIDE_ANGLE] for state in (after, before))
         turning += 0.5 * near.stiffness * np.subtract(*(twist**2 for twist in twists))
-    moving = 0.5 * rings.mass * (after[4] ** 2 - before[4] ** 2)
-    return float(1.0 - turning / (force * (after[1] - before[1]) - moving))
+    moving = 0.5 * rings.mass * (after[AXIAL_SPEED] ** 2 - before[AXIAL_SPEED] ** 2)
+    return float(1.0 - turning / (force * (after[DISPLACEMENT] - before[DISPLACEMENT]) - moving))
 
 
 def bounded(clutch: Clutch, force: float) -> Clutch:
