@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dogshape.sim.elementwise import Array, Mask
 
@@ -128,32 +129,45 @@ class Surfaces(NamedTuple):
     is_face: Mask  #: whether a plane is a face of the tip, (p,)
 
 
-class ContactLaw(NamedTuple):
-    """Law of the contact between two dogs.
-
-    The pressure of a layer with Hunt and Crossley's dissipation or, with ``is_impact``, the force
-    IMPACT of Adams on the whole dog.
-    """
-
-    stiffness: float  #: Pa/m; of IMPACT N/m^1.5
-    damping: float  #: dissipation, s/m; of IMPACT N s/m
-    dynamic_friction: float
-    stiction_velocity: float  #: m/s
-    static_friction: float
-    has_face_friction: bool  #: whether faces on faces have a friction of their own
-    face_friction: float  #: of faces on faces, static and dynamic
-    is_impact: bool
-    damping_depth: float  #: at which IMPACT's damping is full, m
-    transition_velocity: float  #: slip from which IMPACT's friction is dynamic, m/s
+#: Law of the contact between two dogs: the pressure of a layer with Hunt and Crossley's dissipation
+#: or, with ``is_impact``, the force IMPACT of Adams on the whole dog.
+CONTACT_LAW = np.dtype(
+    (
+        np.record,
+        np.dtype(
+            [
+                ("stiffness", "f8"),  # Pa/m; of IMPACT N/m^1.5
+                ("damping", "f8"),  # dissipation, s/m; of IMPACT N s/m
+                ("dynamic_friction", "f8"),
+                ("stiction_velocity", "f8"),  # m/s
+                ("static_friction", "f8"),
+                ("has_face_friction", "?"),  # whether faces on faces have a friction of their own
+                ("face_friction", "f8"),  # of faces on faces, static and dynamic
+                ("is_impact", "?"),
+                ("damping_depth", "f8"),  # at which IMPACT's damping is full, m
+                ("transition_velocity", "f8"),  # slip from which IMPACT's friction is dynamic, m/s
+            ],
+            align=True,
+        ),
+    )
+)
 
 
 class ShiftModel(NamedTuple):
-    """Everything that the motion of a shift depends on."""
+    """Everything that the motion of a shift depends on.
 
-    numbers: np.record  #: of ``CLUTCH_NUMBERS``
+    Records as arrays of one: the compiler takes microseconds to recognise a record alone.
+    """
+
+    numbers: NDArray[np.record]  #: a record of ``CLUTCH_NUMBERS``, (1,)
     knots: Array  #: of the shift force: times, forces and slopes, (3, n)
     surfaces: Surfaces
-    law: ContactLaw
+    law: NDArray[np.record]  #: a record of ``CONTACT_LAW``, (1,)
+
+
+def shift_model(numbers: np.record, knots: Array, surfaces: Surfaces, law: np.record) -> ShiftModel:
+    """Build a model with its own copy of numbers and law."""
+    return ShiftModel(np.array([numbers]), knots, surfaces, np.array([law]))
 
 
 class StepLimits(NamedTuple):
@@ -179,18 +193,6 @@ STEP_MODE = np.dtype(
 )
 
 
-class ShiftRecord(NamedTuple):
-    """Room for the recorded steps of a run."""
-
-    times: Array  #: s, (n,)
-    states: Array  #: (n, 12)
-
-
 def empty_record(dtype: np.dtype[np.record]) -> np.record:
     """Make one record of zeros."""
     return np.zeros((), dtype)[()]
-
-
-def shift_record(size: int) -> ShiftRecord:
-    """Make room for ``size`` recorded steps."""
-    return ShiftRecord(np.empty(size), np.empty((size, STATE_SIZE)))

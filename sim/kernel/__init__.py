@@ -5,7 +5,7 @@ from __future__ import annotations
 from dogshape.sim.kernel.compiler import compiled
 from dogshape.sim.kernel.contact import (
     FACE_DEPTH_SHARE,
-    clip_buffers,
+    clip_room,
     contact,
     face_overlap,
     faces_meet,
@@ -50,7 +50,7 @@ __all__ = [
     "Progress",
     "ShiftSummary",
     "advance",
-    "clip_buffers",
+    "clip_room",
     "compiled",
     "contact",
     "contact_means",

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import Array, Mask
+from dogshape.sim.elementwise import Array
 from dogshape.sim.kernel.compiler import compiled, inlined, making
 
 #: Least cosine between the normal of a rigid surface and the gradient of a pressure that it meets
@@ -38,23 +38,25 @@ FACE_DEPTH_SHARE = 0.05  #: of the height, depth to which turned faces may still
 
 
 class ClipBuffers(NamedTuple):
-    """Room for the clip of one rigid surface by p planes; arrays are reused between calls."""
+    """Views of the room for the clip of one rigid surface by p planes."""
 
-    depths: Array  #: of the surface's corners below each plane, m, (4, p)
-    dividers: Mask  #: whether the surface has corners on both sides of a plane, (p,)
-    polygons: Array  #: two polygons in turn, corners by row, m, (2, p + EXTRA_CORNERS, 3)
-    planes: Array  #: of the compliant dog in the rigid dog's frame: normal and offset, m, (p, 4)
+    depths: Array  #: of the surface's corners below each plane, m, (4 or more, p or more)
+    dividers: Array  #: 1 for a plane between corners of the surface, else 0, (p or more,)
+    polygons: Array  #: two polygons in turn, corners by row, m, (2, p + EXTRA_CORNERS, 3 or more)
+    #: of the compliant dog in the rigid dog's frame: normal and offset, m, (p or more, 4 or more)
+    planes: Array
 
 
 @making
-def clip_buffers(plane_count):
-    """Make room for the clip of surfaces by a number of planes."""
-    return ClipBuffers(
-        np.empty((4, plane_count)),
-        np.empty(plane_count, np.bool_),
-        np.empty((2, plane_count + EXTRA_CORNERS, 3)),
-        np.empty((plane_count, 4)),
-    )
+def clip_room(plane_count):
+    """Make room for ``ClipBuffers``, in one array: a call passes every field of every array."""
+    return np.empty((4, plane_count + EXTRA_CORNERS, max(4, plane_count)))
+
+
+@inlined
+def _clip_buffers(room):
+    """Divide the room for a clip."""
+    return ClipBuffers(depths=room[0], dividers=room[0, 4], polygons=room[1:3], planes=room[3])
 
 
 @inlined
@@ -147,7 +149,7 @@ def _friction_over_slip(slip, dynamic_friction, static_friction, stiction_veloci
 
 
 @inlined
-def contact(angle, distance, relative_speed, axial_speed, surfaces, law, buffers):
+def contact(angle, distance, relative_speed, axial_speed, surfaces, law, room):
     """Compute force along and torque about the shaft on the compliant dog.
 
     Parameters
@@ -157,14 +159,15 @@ def contact(angle, distance, relative_speed, axial_speed, surfaces, law, buffers
     relative_speed : output less sliding speed, rad/s.
     axial_speed : of the sliding ring into engagement, m/s.
     surfaces : ``Surfaces`` of the dog.
-    law : ``ContactLaw``.
-    buffers : of ``clip_buffers``.
+    law : record of ``CONTACT_LAW``.
+    room : of ``clip_room``.
 
     Returns
     -------
     tuple of float
         Force against the shift, N, and torque on the sliding ring, N m; of one dog.
     """
+    buffers = _clip_buffers(room)
     pitch = surfaces.pitch_angle
     plane_count = surfaces.normals.shape[0]
     axial = 0.0
@@ -183,7 +186,7 @@ def contact(angle, distance, relative_speed, axial_speed, surfaces, law, buffers
             continue
         _place_planes(dog_angle, distance, surfaces, buffers)
         if law.is_impact:
-            force, moment = _impact(turn, speed, surfaces, law, buffers)
+            force, moment = _impact(turn, speed, surfaces, law, room)
             axial += force
             torque += moment
             continue
@@ -259,7 +262,7 @@ def _may_be_nearest(buffers, plane, plane_count):
             any_outside |= depth <= 0.0
         if not any_inside:
             return False
-        buffers.dividers[other] = any_outside
+        buffers.dividers[other] = 1.0 if any_outside else 0.0
     return True
 
 
@@ -287,7 +290,7 @@ def _part_nearest(quad, plane, surfaces, buffers):
             buffers.polygons[0, i, k] = corners[quad, i, k]
     for unwrapped in range(plane, plane + plane_count):
         other = unwrapped if unwrapped < plane_count else unwrapped - plane_count
-        if corner_count > 2 and buffers.dividers[other]:
+        if corner_count > 2 and buffers.dividers[other] > 0.0:
             corner_count, polygon = _clip(buffers, polygon, corner_count, other, plane)
     return corner_count, polygon
 
@@ -402,7 +405,7 @@ def impact_friction_at(slip, law):
 
 
 @compiled
-def _impact(turn, speed, surfaces, law, buffers):
+def _impact(turn, speed, surfaces, law, room):
     """Compute IMPACT's force and torque on the compliant dog from one dog of the opposite ring.
 
     Returns
@@ -410,6 +413,7 @@ def _impact(turn, speed, surfaces, law, buffers):
     tuple of float
         Force along the shaft, N, and torque about it, N m.
     """
+    buffers = _clip_buffers(room)
     volume = 0.0
     deepest = 0.0
     # Point and normal times the volume.

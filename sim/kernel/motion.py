@@ -14,9 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import Array
 from dogshape.sim.kernel.compiler import compiled, inlined, making
-from dogshape.sim.kernel.contact import clip_buffers, contact, face_overlap, faces_meet, facing
+from dogshape.sim.kernel.contact import clip_room, contact, face_overlap, faces_meet, facing
 from dogshape.sim.kernel_layout import (
     ACTUATOR_DISPLACEMENT,
     ACTUATOR_SPEED,
@@ -34,6 +33,7 @@ from dogshape.sim.kernel_layout import (
     SLIDING_ANGLE,
     SLIDING_SPEED,
     STATE_SIZE,
+    ShiftModel,
 )
 
 #: Whether a column of a state is an angle or displacement, not a rate, (12,).
@@ -68,18 +68,14 @@ STILL_WINDOW_S = 0.02  #: time over which rings must stand still to count as blo
 MAX_PACK_CHANGE = 0.01  #: share by which a pack's torque may still change on blocked rings
 STILL_SLIP_M_S = 1e-3  #: slip below which faces count as held
 
-
-class StepBuffers(NamedTuple):
-    """Room for one step of the integration."""
-
-    k1: Array  #: rates at the start of the step, (12,)
-    k2: Array  #: rates of the second stage, (12,)
-    k3: Array  #: rates of the third stage, (12,)
-    k4: Array  #: rates at the end of the step, (12,)
-    error: Array  #: estimated error over the length of the step, (12,)
-    trial: Array  #: state of a stage, at last of the end, (12,)
-    jacobian: Array  #: change of the rates with each column of the state and with time, (13, 12)
-    factors: Array  #: of ``_factor``, (12, 12)
+# Rows of the stages of a step, each (12,).
+K1 = 0  #: rates at the start of the step
+K2 = 1  #: rates of the second stage
+K3 = 2  #: rates of the third stage
+K4 = 3  #: rates at the end of the step
+ERROR = 4  #: estimated error over the length of the step
+TRIAL = 5  #: state of a stage, at last of the end
+STAGE_ROWS = 6
 
 
 class Progress(NamedTuple):
@@ -90,21 +86,6 @@ class Progress(NamedTuple):
     step: float  #: to try next, s
     recorded: int  #: number of recorded steps
     evaluations: int  #: of the rates
-
-
-@making
-def _step_buffers():
-    """Make room for one step."""
-    return StepBuffers(
-        np.empty(STATE_SIZE),
-        np.empty(STATE_SIZE),
-        np.empty(STATE_SIZE),
-        np.empty(STATE_SIZE),
-        np.empty(STATE_SIZE),
-        np.empty(STATE_SIZE),
-        np.zeros((STATE_SIZE + 1, STATE_SIZE)),
-        np.empty((STATE_SIZE, STATE_SIZE)),
-    )
 
 
 @inlined
@@ -276,7 +257,7 @@ def drive_torques(time, state, numbers):
 
 
 @inlined
-def _contact_loads(state, model, buffers):
+def _contact_loads(state, model, room):
     """Compute the contact's force along the shaft, N, and torque about it, N m, of all dogs."""
     surfaces = model.surfaces
     if state[DISPLACEMENT] <= surfaces.axial_gap:
@@ -285,7 +266,7 @@ def _contact_loads(state, model, buffers):
     relative_speed = state[OUTPUT_SPEED] - state[SLIDING_SPEED]
     distance = surfaces.travel - state[DISPLACEMENT]
     axial, torque = contact(
-        angle, distance, relative_speed, state[AXIAL_SPEED], surfaces, model.law, buffers
+        angle, distance, relative_speed, state[AXIAL_SPEED], surfaces, model.law, room
     )
     dog_count = model.numbers.dog_count
     return axial * dog_count, torque * dog_count
@@ -359,16 +340,16 @@ def _motion(time, push, axial, torque, state, rates_out, numbers):
 
 
 @compiled
-def rates(time, state, rates_out, model, buffers):
+def rates(time, state, rates_out, model, room):
     """Write the rates of a state into ``rates_out``, (12,), and return whether dogs touch."""
-    axial, torque = _contact_loads(state, model, buffers)
+    axial, torque = _contact_loads(state, model, room)
     push = force_at(time, model.knots)
     _motion(time, push, axial, torque, state, rates_out, model.numbers)
     return axial != 0.0 or torque != 0.0
 
 
 @making
-def _measure_jacobian(time, state, state_rates, jacobian, model, buffers):
+def _measure_jacobian(time, state, state_rates, jacobian, model, room):
     """Measure the change of ``state_rates`` with each column of the state and with time.
 
     Writes ``jacobian``, (13, 12). The contact depends on relative angle and speed, so that the
@@ -387,7 +368,7 @@ def _measure_jacobian(time, state, state_rates, jacobian, model, buffers):
         if column < STATE_SIZE:
             change = _jacobian_step(column, numbers)
             state[column] += change
-        changed_axial, changed_torque = _contact_loads(state, model, buffers)
+        changed_axial, changed_torque = _contact_loads(state, model, room)
         if column == STATE_SIZE:
             axial = changed_axial
             torque = changed_torque
@@ -449,20 +430,19 @@ def _solve(factors, right, size):
 
 
 @making
-def _implicit_step(time, step, renew, state, steps, model, buffers):
-    """Make an implicit step into ``steps.trial`` and its error into ``steps.error``.
+def _implicit_step(time, step, renew, state, stages, jacobian, factors, model, room):
+    """Make an implicit step into the stages TRIAL and ERROR.
 
-    With ``renew`` the Jacobian is measured first. Returns whether dogs touch at the end.
+    With ``renew`` the Jacobian, (13, 12), is measured first; its factors (12, 12) are made anew.
+    Returns whether dogs touch at the end.
     """
-    k1 = steps.k1
-    k2 = steps.k2
-    k4 = steps.k4
-    trial = steps.trial
-    error = steps.error
-    jacobian = steps.jacobian
-    factors = steps.factors
+    k1 = stages[K1]
+    k2 = stages[K2]
+    k4 = stages[K4]
+    trial = stages[TRIAL]
+    error = stages[ERROR]
     if renew:
-        _measure_jacobian(time, state, k1, jacobian, model, buffers)
+        _measure_jacobian(time, state, k1, jacobian, model, room)
     size = model.numbers.state_size
     implicit_step = step * ROSENBROCK_SHARE
     time_slope = jacobian[STATE_SIZE]
@@ -470,12 +450,12 @@ def _implicit_step(time, step, renew, state, steps, model, buffers):
     slope1 = k1 + implicit_step * time_slope
     _solve(factors, slope1, size)
     trial[:] = state + 0.5 * step * slope1
-    rates(time + 0.5 * step, trial, k2, model, buffers)
+    rates(time + 0.5 * step, trial, k2, model, room)
     slope2 = k2 - slope1
     _solve(factors, slope2, size)
     slope2 += slope1
     trial[:] = state + step * slope2
-    touching = rates(time + step, trial, k4, model, buffers)
+    touching = rates(time + step, trial, k4, model, room)
     error[:] = (
         k4
         - (6.0 + math.sqrt(2.0)) * (slope2 - k2)
@@ -488,27 +468,28 @@ def _implicit_step(time, step, renew, state, steps, model, buffers):
 
 
 @compiled
-def _explicit_step(time, step, state, steps, model, buffers):
-    """Make an explicit step into ``steps.trial`` and its error into ``steps.error``.
+def _explicit_step(time, step, state, stages, model, room):
+    """Make an explicit step into the stages TRIAL and ERROR.
 
     Returns whether dogs touch at the end.
     """
-    k1 = steps.k1
-    k2 = steps.k2
-    k3 = steps.k3
-    k4 = steps.k4
-    trial = steps.trial
+    k1 = stages[K1]
+    k2 = stages[K2]
+    k3 = stages[K3]
+    k4 = stages[K4]
+    trial = stages[TRIAL]
+    error = stages[ERROR]
     for i in range(STATE_SIZE):
         trial[i] = state[i] + 0.5 * step * k1[i]
-    rates(time + 0.5 * step, trial, k2, model, buffers)
+    rates(time + 0.5 * step, trial, k2, model, room)
     for i in range(STATE_SIZE):
         trial[i] = state[i] + 0.75 * step * k2[i]
-    rates(time + 0.75 * step, trial, k3, model, buffers)
+    rates(time + 0.75 * step, trial, k3, model, room)
     for i in range(STATE_SIZE):
         trial[i] = state[i] + step * (2.0 * k1[i] + 3.0 * k2[i] + 4.0 * k3[i]) / 9.0
-    touching = rates(time + step, trial, k4, model, buffers)
+    touching = rates(time + step, trial, k4, model, room)
     for i in range(STATE_SIZE):
-        steps.error[i] = -5.0 * k1[i] / 72.0 + k2[i] / 12.0 + k3[i] / 9.0 - 0.125 * k4[i]
+        error[i] = -5.0 * k1[i] / 72.0 + k2[i] / 12.0 + k3[i] / 9.0 - 0.125 * k4[i]
     return touching
 
 
@@ -544,12 +525,11 @@ def _largest_error(step, errors, numbers, limits):
 
 
 @making
-def _reason_to_stop(at_look, time, state, look_state, timeout, model):
+def _reason_to_stop(at_look, time, state, look_state, timeout, numbers, knots):
     """Decide whether the shift is at its end: ENGAGED, HELD, or PAUSED for neither.
 
     ``at_look`` is true after the step before a look, others as for ``advance``.
     """
-    numbers = model.numbers
     arrived = state[DISPLACEMENT] >= numbers.shift_travel
     if numbers.has_linkage:
         arrived = arrived and state[ACTUATOR_DISPLACEMENT] >= numbers.shift_travel
@@ -557,7 +537,7 @@ def _reason_to_stop(at_look, time, state, look_state, timeout, model):
         return ENGAGED
     if not at_look or not look_state.size:
         return PAUSED
-    held = stands_still(time, look_state, state, timeout - time, numbers, model.knots)
+    held = stands_still(time, look_state, state, timeout - time, numbers, knots)
     look_state[:] = state
     return HELD if held else PAUSED
 
@@ -568,6 +548,24 @@ def _next_look(time, look_state, timeout):
     if not look_state.size:
         return timeout
     return min(STILL_WINDOW_S * (math.floor(time / STILL_WINDOW_S + 1e-9) + 1.0), timeout)
+
+
+@inlined
+def _take_step(time, length, implicit, renew, state, stages, jacobian, factors, model, room):
+    """Make a step into the stages; return whether dogs touch at its end, and evaluations."""
+    if not implicit:
+        return _explicit_step(time, length, state, stages, model, room), 3
+    touches = _implicit_step(time, length, renew, state, stages, jacobian, factors, model, room)
+    return touches, 7 if renew else 2
+
+
+@inlined
+def _accept_step(touching, state, stages, mode):
+    """Copy the end of a step to the state, and its rates to the start of the next step."""
+    for i in range(STATE_SIZE):
+        state[i] = stages[TRIAL, i]
+        stages[K1, i] = stages[K4, i]
+    mode.steps_in_touch = mode.steps_in_touch + 1.0 if touching else 0.0
 
 
 @inlined
@@ -584,7 +582,7 @@ def _switch_mode(implicit, touching, step, mode):
 
 
 @making
-def advance(time, step, state, look_state, pause, timeout, model, limits, mode, record):
+def advance(time, step, state, look_state, pause, timeout, model, limits, mode, times, states):
     """Integrate until the travel is made, the rings are held, or time or record are at an end.
 
     Parameters
@@ -596,53 +594,55 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
     pause, timeout : end of this call and of the shift, s.
     model : ``ShiftModel``.
     limits : ``StepLimits``.
-    mode : record of ``STEP_MODE``, zeros at the start; holds what the next call goes on with.
-    record : ``ShiftRecord``, which gets the steps.
+    mode : a record of ``STEP_MODE``, (1,), zeros at the start; the next call continues with it.
+    times, states : room for the recorded steps, s, (n,), and (n, 12).
 
     Returns
     -------
     Progress
         Why it ended, and what the next call begins with.
     """
-    buffers = clip_buffers(model.surfaces.normals.shape[0])
-    steps = _step_buffers()
-    touching = rates(time, state, steps.k1, model, buffers)
+    numbers = model.numbers[0]
+    model_row = ShiftModel(numbers, model.knots, model.surfaces, model.law[0])
+    mode_row = mode[0]
+    room = clip_room(model.surfaces.normals.shape[0])
+    stages = np.empty((STAGE_ROWS, STATE_SIZE))
+    jacobian = np.zeros((STATE_SIZE + 1, STATE_SIZE))
+    factors = np.empty((STATE_SIZE, STATE_SIZE))
+    touching = rates(time, state, stages[K1], model_row, room)
     recorded = 0
     evaluations = 1
     jacobian_age = MAX_JACOBIAN_AGE
     max_growth = MAX_GROWTH
     last_error = 1.0
     while time < pause:
-        if recorded >= record.times.shape[0]:
+        if recorded >= times.shape[0]:
             return Progress(FULL, time, step, recorded, evaluations)
         look = _next_look(time, look_state, timeout)
         stop = min(look, pause)
         to_stop = time + step >= stop
         length = stop - time if to_stop else step
-        implicit = mode.explicit_step > 0.0
-        if implicit:
-            renew = jacobian_age >= MAX_JACOBIAN_AGE
-            if renew:
-                evaluations += 5
-                jacobian_age = 0
-            touches = _implicit_step(time, length, renew, state, steps, model, buffers)
-            evaluations += 2
-        else:
-            touches = _explicit_step(time, length, state, steps, model, buffers)
-            evaluations += 3
-        error = _largest_error(length, steps.error, model.numbers, limits)
+        implicit = mode_row.explicit_step > 0.0
+        renew = implicit and jacobian_age >= MAX_JACOBIAN_AGE
+        if renew:
+            jacobian_age = 0
+        touches, step_evaluations = _take_step(
+            time, length, implicit, renew, state, stages, jacobian, factors, model_row, room
+        )
+        evaluations += step_evaluations
+        error = _largest_error(length, stages[ERROR], numbers, limits)
         if error <= 1.0:
             time = stop if to_stop else time + length
-            state[:] = steps.trial
-            steps.k1[:] = steps.k4
-            record.times[recorded] = time
-            record.states[recorded] = steps.trial
+            _accept_step(touches, state, stages, mode_row)
+            times[recorded] = time
+            states[recorded] = state
             recorded += 1
             jacobian_age = MAX_JACOBIAN_AGE if to_stop else jacobian_age + 1
             touching = touches
-            mode.steps_in_touch = mode.steps_in_touch + 1.0 if touching else 0.0
             at_look = to_stop and stop == look
-            reason = _reason_to_stop(at_look, time, state, look_state, timeout, model)
+            reason = _reason_to_stop(
+                at_look, time, state, look_state, timeout, numbers, model.knots
+            )
             if reason != PAUSED:
                 return Progress(reason, time, step, recorded, evaluations)
         elif length < MIN_STEP_S:
@@ -654,7 +654,7 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
             step = min(length * factor, limits.max_step)
         if not implicit:
             jacobian_age = MAX_JACOBIAN_AGE
-        _switch_mode(implicit, touching, step, mode)
+        _switch_mode(implicit, touching, step, mode_row)
     return Progress(PAUSED, time, step, recorded, evaluations)
 
 

@@ -1,4 +1,4 @@
-"""The compiled engine: the same faces, pressure and friction as the Drake plant, in closed form.
+"""Compiled engine: faces, pressure and friction of the Drake plant in closed form.
 
 ``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE_ERROR_S`` times
 it that of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone,
@@ -19,6 +19,7 @@ from dogshape.sim import kernel
 from dogshape.sim.elementwise import Array
 from dogshape.sim.kernel_layout import (
     AXIAL_SPEED,
+    CONTACT_LAW,
     DISPLACEMENT,
     INPUT_SIDE_SPEED,
     OUTPUT_SIDE_SPEED,
@@ -26,12 +27,10 @@ from dogshape.sim.kernel_layout import (
     SLIDING_SPEED,
     STATE_SIZE,
     STEP_MODE,
-    ContactLaw,
-    ShiftModel,
     StepLimits,
     Surfaces,
     empty_record,
-    shift_record,
+    shift_model,
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -67,18 +66,7 @@ NO_DOGS = Surfaces(
     travel=1e9,
     is_face=np.zeros(1, dtype=bool),
 )
-NO_LAW = ContactLaw(
-    stiffness=0.0,
-    damping=0.0,
-    dynamic_friction=0.0,
-    stiction_velocity=0.0,
-    static_friction=0.0,
-    has_face_friction=False,
-    face_friction=0.0,
-    is_impact=False,
-    damping_depth=0.0,
-    transition_velocity=0.0,
-)
+NO_LAW = empty_record(CONTACT_LAW)
 NO_LOOK = np.zeros(0)  #: no state of a look: a ring that stands still is simulated on
 
 
@@ -116,8 +104,8 @@ class PlanarClutch:
         return surfaces_of(self.clutch.dog)
 
     @cached_property
-    def law(self) -> ContactLaw:
-        """Law of the contact.
+    def law(self) -> np.record:
+        """Law of the contact, a record of ``sim.kernel_layout``.
 
         As in the Drake plant static friction counts where the contact set needs ``cenic``.
         """
@@ -125,19 +113,21 @@ class PlanarClutch:
         impact = contact.impact
         has_static = impact is not None or self.clutch.solver.scheme == "cenic"
         static_friction = contact.static_friction if has_static else contact.dynamic_friction
-        has_face_friction = contact.face_friction is not None
-        return ContactLaw(
-            stiffness=float(contact.stiffness if impact is None else impact.stiffness),
-            damping=float(contact.dissipation if impact is None else impact.damping),
-            dynamic_friction=float(contact.dynamic_friction),
-            stiction_velocity=float(contact.stiction_velocity),
-            static_friction=float(static_friction),
-            has_face_friction=has_face_friction,
-            face_friction=float(contact.face_dynamic_friction),
-            is_impact=impact is not None,
-            damping_depth=0.0 if impact is None else float(impact.depth),
-            transition_velocity=0.0 if impact is None else float(impact.transition_velocity),
-        )
+        law = empty_record(CONTACT_LAW)
+        law.stiffness = contact.stiffness
+        law.damping = contact.dissipation
+        law.dynamic_friction = contact.dynamic_friction
+        law.stiction_velocity = contact.stiction_velocity
+        law.static_friction = static_friction
+        law.has_face_friction = contact.face_friction is not None
+        law.face_friction = contact.face_dynamic_friction
+        if impact is not None:
+            law.is_impact = True
+            law.stiffness = impact.stiffness
+            law.damping = impact.damping
+            law.damping_depth = impact.depth
+            law.transition_velocity = impact.transition_velocity
+        return law
 
     def run(self, point: OperatingPoint, angle: float) -> Run:
         """Integrate from where friction lets the ring go to the end of travel or the time-out."""
@@ -157,26 +147,26 @@ class PlanarClutch:
         evaluations = 0
         reason = kernel.FULL
         failure = ""
-        mode = empty_record(STEP_MODE)
+        mode = np.zeros(1, STEP_MODE)
         last_look = np.full(STATE_SIZE, math.nan)
         look_state = last_look
-        numbers = clutch.numbers
+        model = shift_model(clutch.numbers, point.profile.knots, self.surfaces, self.law)
         pause = clutch.timeout
         course = None
         if clutch.drive.has_torques:
             course = TorqueCourse(clutch.drive, clutch.timeout)
-            numbers = numbers.copy()
             pause = now
-        model = ShiftModel(numbers, point.profile.knots, self.surfaces, self.law)
         deadline = time.monotonic() + solver.time_limit
         while not failure and reason in (kernel.FULL, kernel.PAUSED) and now < clutch.timeout:
             if course is not None and now >= pause:
-                pause = self._set_torques(course, now, state, numbers)
+                pause = self._set_torques(course, now, state, model.numbers[0])
                 look_state = last_look
                 if not course.settled(now):
                     look_state = NO_LOOK
                     last_look[:] = math.nan
-            record = shift_record(max(0, min(RECORD_SIZE, solver.max_steps + 1 - step_count)))
+            size = max(0, min(RECORD_SIZE, solver.max_steps + 1 - step_count))
+            times = np.empty(size)
+            states = np.empty((size, STATE_SIZE))
             progress = kernel.advance(
                 now,
                 step,
@@ -187,12 +177,13 @@ class PlanarClutch:
                 model=model,
                 limits=limits,
                 mode=mode,
-                record=record,
+                times=times,
+                states=states,
             )
             reason = progress.reason
             now = progress.time
             step = progress.step
-            records.append((record.times[: progress.recorded], record.states[: progress.recorded]))
+            records.append((times[: progress.recorded], states[: progress.recorded]))
             step_count += progress.recorded
             evaluations += progress.evaluations
             if reason == kernel.UNDERFLOW:
@@ -214,9 +205,10 @@ class PlanarClutch:
             state[OUTPUT_SIDE_SPEED] if output_shaft.side_inertia else state[OUTPUT_SPEED]
         )
         piece = course.piece(now, float(output_speed - sliding_speed))
-        numbers.torque_start = piece.start
-        numbers.sliding_torque, numbers.output_torque = piece.torques
-        numbers.sliding_torque_rate, numbers.output_torque_rate = piece.slopes
+        # By key: an attribute of a record takes microseconds, and a control has many pieces.
+        numbers["torque_start"] = piece.start
+        numbers["sliding_torque"], numbers["output_torque"] = piece.torques
+        numbers["sliding_torque_rate"], numbers["output_torque_rate"] = piece.slopes
         return piece.end
 
 
@@ -240,7 +232,8 @@ def free_flight(
     numbers = clutch.numbers.copy()
     numbers.shift_travel = FREE_TRAVEL_SHARE * displacement
     numbers.rebound = FREE_REBOUND_M
-    record = shift_record(FREE_RECORD_SIZE)
+    times = np.empty(FREE_RECORD_SIZE)
+    states = np.empty((FREE_RECORD_SIZE, STATE_SIZE))
     progress = kernel.advance(
         release_time,
         FIRST_STEP,
@@ -248,19 +241,20 @@ def free_flight(
         look_state=NO_LOOK,
         pause=clutch.timeout,
         timeout=clutch.timeout,
-        model=ShiftModel(numbers, profile.knots, NO_DOGS, NO_LAW),
+        model=shift_model(numbers, profile.knots, NO_DOGS, NO_LAW),
         limits=FREE_LIMITS,
-        mode=empty_record(STEP_MODE),
-        record=record,
+        mode=np.zeros(1, STEP_MODE),
+        times=times,
+        states=states,
     )
-    times = np.append(held_times, record.times[: progress.recorded])
-    states = np.concatenate([held_states, record.states[: progress.recorded]])
+    times = np.append(held_times, times[: progress.recorded])
+    states = np.concatenate([held_states, states[: progress.recorded]])
     return times, states, release_time
 
 
 @lru_cache(maxsize=512)  # operating points share forces
 def touch_time(clutch: Clutch, profile: ForceProfile) -> float:
-    """Compute the time until the axial gap is closed, s; the time-out where it stays open."""
+    """Compute the time until the axial gap is closed, s; the time-out if it stays open."""
     gap = clutch.dog.axial_gap
     times, states, _ = free_flight(clutch, profile, gap)
     gap_time = kernel.crossing(times, states[:, DISPLACEMENT], states[:, AXIAL_SPEED], gap)

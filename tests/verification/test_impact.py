@@ -16,10 +16,8 @@ from dogshape.sim.kernel_layout import (
     DISPLACEMENT,
     STATE_SIZE,
     STEP_MODE,
-    ShiftModel,
     StepLimits,
-    empty_record,
-    shift_record,
+    shift_model,
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import (
@@ -119,7 +117,8 @@ def _bounced(clutch: Clutch, law: ImpactLaw, speed: float) -> Impact:
     """Throw the compiled ring at the other, flat face on flat face, until it flies back."""
     flat = flat_dogs(clutch, replace(ADAMS, impact=law)).with_engine("planar")
     plant, gap = PlanarClutch(flat), flat.dog.axial_gap
-    state, record = np.zeros(STATE_SIZE), shift_record(30_000)
+    state = np.zeros(STATE_SIZE)
+    times, states = np.empty(30_000), np.empty((30_000, STATE_SIZE))
     state[DISPLACEMENT], state[AXIAL_SPEED] = gap, speed
     knots = ForceProfile(1.0, 10.0).knots
     progress = kernel.advance(
@@ -129,17 +128,18 @@ def _bounced(clutch: Clutch, law: ImpactLaw, speed: float) -> Impact:
         look_state=NO_LOOK,
         pause=0.02,
         timeout=0.02,
-        model=ShiftModel(flat.numbers, knots, plant.surfaces, plant.law),
+        model=shift_model(flat.numbers, knots, plant.surfaces, plant.law),
         limits=StepLimits(speed_error=1e-6, place_error=1e-12, max_step=1e-6),
-        mode=empty_record(STEP_MODE),
-        record=record,
+        mode=np.zeros(1, STEP_MODE),
+        times=times,
+        states=states,
     )
-    time = record.times[: progress.recorded]
-    depth = record.states[: progress.recorded, DISPLACEMENT] - gap
+    time = times[: progress.recorded]
+    depth = states[: progress.recorded, DISPLACEMENT] - gap
     out = int(np.argmax(depth < 0.0))
     share = depth[out - 1] / (depth[out - 1] - depth[out])
     end = float(time[out - 1] + share * (time[out] - time[out - 1]))
-    return Impact(float(depth.max()), -float(record.states[out, AXIAL_SPEED]) / speed, end)
+    return Impact(float(depth.max()), -float(states[out, AXIAL_SPEED]) / speed, end)
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.4])

@@ -73,8 +73,8 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -
 
 def force_of(plant: PlanarClutch, *state: float) -> tuple[float, float]:
     """Compute force and torque at angle, distance and both speeds."""
-    buffers = kernel.clip_buffers(len(plant.surfaces.normals))
-    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, buffers)
+    room = kernel.clip_room(len(plant.surfaces.normals))
+    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, room)
     return found
 
 
