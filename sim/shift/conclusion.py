@@ -64,7 +64,7 @@ MESSAGES = {
 
 #: Beginning of the reason of a failure that depends on the speed of the machine.
 TIME_LIMIT = "no end after solver.time_limit_s"
-#: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
+#: Share of the apex's depth to which the field covers all faces (``sim.shift.mesh``).
 COVERED_DEPTH = 1.0 / 3.0
 #: Overlap within a step without contact that a shift may have, beyond that of rounded edges.
 MAX_MISSED_OVERLAP_M = 1e-5
@@ -167,7 +167,7 @@ class Engagement:
     loads: Loads
     evaluations: int  #: derivatives that the integrator asked for, what a shift costs
     detail: str
-    missed: float  #: how deep dogs lay in each other within steps that show no contact, m
+    missed: float  #: largest penetration within steps that show no contact, m
     run: Run
 
     @cached_property

@@ -549,7 +549,7 @@ class FlankContact:
 
 
 def tip_radius(dog: Dog, root_radius: float) -> float:
-    """Select the radius of tip edges as made, m: their own or, without one, that of the roots."""
+    """Select the radius of tip edges as made, m: their own or the roots' radius."""
     return dog.edge_radius or root_radius
 
 

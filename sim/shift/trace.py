@@ -99,14 +99,15 @@ def crests_cross(clutch: Clutch, relative_angle: Array, displacement: Array) -> 
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
-    dog, radius = clutch.dog, clutch.dog.edge_radius
-    back = 2.0 * crest_setback(dog, radius)
-    crossing = abs(2.0 * dog.ridge_offset - back) / dog.mean_radius
+    dog = clutch.dog
+    radius = dog.edge_radius
+    setback = 2.0 * crest_setback(dog, radius)
+    crossing_angle = abs(2.0 * dog.ridge_offset - setback) / dog.mean_radius
     slope = math.sin(math.atan(clutch.contact.static_friction))
-    beyond = 0.5 * crossing * dog.radial_width + 2.0 * radius * slope
+    reach = 0.5 * crossing_angle * dog.radial_width + 2.0 * radius * slope
     overlap = kernel.face_overlap(relative_angle, clutch.numbers)
     depth = displacement - dog.axial_gap - 2.0 * crest_loss(dog, radius)
-    return (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - back) <= beyond)
+    return (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - setback) <= reach)
 
 
 @dataclass(frozen=True)
@@ -168,16 +169,18 @@ def torque_peak(clutch: Clutch, trace: Trace, stiffness: float) -> float:
     rate = math.sqrt(stiffness / inertia)
     torque = trace.tangential_force[1:] * clutch.dog.mean_radius
     turns = rate * (trace.time - trace.time[0])
-    back = np.exp(-1j * turns)
-    pushes = torque * (back[:-1] - back[1:]) / 1j
-    # T is the imaginary part of the state and its rate over that of the swing the real one.
-    state = np.concatenate([[0.0], np.cumsum(pushes)]) / back
-    ahead, swing = state.imag[:-1] - torque, np.hypot(state.imag[:-1] - torque, state.real[:-1])
-    crest = np.arctan2(state.real[:-1], ahead) % (2.0 * math.pi)
-    trough = (crest + math.pi) % (2.0 * math.pi)
-    within = np.diff(turns)
-    turning = ((crest, torque + swing), (trough, torque - swing))
-    largest = [np.abs(np.where(place <= within, value, 0.0)) for place, value in turning]
+    phasor = np.exp(-1j * turns)
+    pushes = torque * (phasor[:-1] - phasor[1:]) / 1j
+    # T is the imaginary part of the state, the real one its rate over that of the swing.
+    state = np.concatenate([[0.0], np.cumsum(pushes)]) / phasor
+    excess = state.imag[:-1] - torque
+    swing = np.hypot(excess, state.real[:-1])
+    crest_turn = np.arctan2(state.real[:-1], excess) % (2.0 * math.pi)
+    trough_turn = (crest_turn + math.pi) % (2.0 * math.pi)
+    step_turns = np.diff(turns)
+    crests = np.abs(np.where(crest_turn <= step_turns, torque + swing, 0.0))
+    troughs = np.abs(np.where(trough_turn <= step_turns, torque - swing, 0.0))
     engaged = bool((trace.displacement >= clutch.shift_travel).any())
-    last = inertia * float(trace.relative_speed[-1]) * rate if engaged else 0.0
-    return float(max(np.abs(state.imag).max(), *map(np.max, largest), abs(state[-1] + last)))
+    last_strike = inertia * float(trace.relative_speed[-1]) * rate if engaged else 0.0
+    peaks = (np.abs(state.imag).max(), crests.max(), troughs.max(), abs(state[-1] + last_strike))
+    return float(max(peaks))
