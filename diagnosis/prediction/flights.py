@@ -55,7 +55,7 @@ from dogshape.sim.kernel_layout import (
 )
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.mechanism import SLIP
+from dogshape.sim.shift.mechanism import SMOOTH_SPEED_M_S
 from dogshape.sim.shift.planar import FIRST_STEP, free_flight
 
 CREEP_ERROR = 1.8  #: of a held start, over the creep of the smooth law by the speed at the mark
@@ -156,7 +156,9 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
         way_times = times[k, : ways.size]
         mark_speed = np.interp(way_times, time, speed)
         rings[k] = np.interp(way_times, time, states[:, DISPLACEMENT])
-        creep[k, : ways.size] = CREEP_ERROR * SLIP * stiction_ratio / np.fmax(mark_speed, SLIP)
+        creep[k, : ways.size] = (
+            CREEP_ERROR * SMOOTH_SPEED_M_S * stiction_ratio / np.fmax(mark_speed, SMOOTH_SPEED_M_S)
+        )
     return times, creep, rings
 
 

@@ -30,11 +30,11 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import (
-    DEEP,
-    DEEP_TWIST,
     NOTHING,
-    SLIP,
-    TURN,
+    SMOOTH_SPEED_M_S,
+    SMOOTH_TURN_RAD_S,
+    STOP_DEPTH_M,
+    STOP_TWIST_RAD,
     Mechanism,
     Shaft,
     shaft_of,
@@ -217,7 +217,8 @@ SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
 CENIC_WITH_FORCES = 1e-9  #: where mechanism or drive have forces, taken from the start of a step
 #: Dynamic over static friction, from which on the dynamic one stands for both.
 MIN_FRICTION_RATIO = 0.75
-SLOW = 1e-3  #: m/s, stiction velocity from which slip of a tooth-to-tooth contact lies in its ramp
+#: Stiction velocity from which slip of a tooth-to-tooth contact lies in its ramp.
+SLOW_STICTION_M_S = 1e-3
 
 
 def require_engine(contact: ContactSet, engine: str) -> None:
@@ -244,7 +245,7 @@ def solver_for(
     slowly, the static one decides whether a flank holds.
     """
     falls = contact.dynamic_friction < MIN_FRICTION_RATIO * contact.static_friction
-    creeps = contact.stiction_velocity > SLOW
+    creeps = contact.stiction_velocity > SLOW_STICTION_M_S
     scheme = "cenic" if falls or creeps else "runge_kutta3"
     return Solver(scheme, accuracy_of(scheme, forced=mechanism.has_forces or drive.has_torques))
 
@@ -339,8 +340,8 @@ class Clutch:
         if spline_share > 0.0:
             numbers.spline_inertia_ratio = (1.0 - spline_share) / spline_share
         numbers.drag_torque = mechanism.drag_torque
-        numbers.smooth_speed = SLIP
-        numbers.smooth_turn = TURN
+        numbers.smooth_speed = SMOOTH_SPEED_M_S
+        numbers.smooth_turn = SMOOTH_TURN_RAD_S
         numbers.detent = mechanism.detent
         numbers.detent_position = mechanism.detent_position
         numbers.detent_seat = mechanism.detent_seat or math.inf
@@ -368,7 +369,7 @@ class Clutch:
             numbers.linkage_stiffness = stiffness
             numbers.linkage_damping = damping
         numbers.free_play = mechanism.free_play
-        numbers.stop_depth = DEEP
+        numbers.stop_depth = STOP_DEPTH_M
 
     def _set_shafts(self, numbers: np.record) -> None:
         """Write stiffness, damping and play of the shafts behind the rings."""
@@ -376,7 +377,7 @@ class Clutch:
         numbers.input_stiffness = input_shaft.stiffness
         numbers.input_damping = input_shaft.damping
         numbers.spline_backlash = input_shaft.backlash
-        numbers.stop_twist = DEEP_TWIST
+        numbers.stop_twist = STOP_TWIST_RAD
         numbers.output_stiffness = output_shaft.stiffness
         numbers.output_damping = output_shaft.damping
 

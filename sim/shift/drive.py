@@ -41,7 +41,7 @@ from dogshape.sim.errors import (
     require_ranges,
     within,
 )
-from dogshape.sim.shift.mechanism import TURN, smooth_sign
+from dogshape.sim.shift.mechanism import SMOOTH_TURN_RAD_S, smooth_sign
 from dogshape.sim.units import RPM
 
 EngineSide = Literal["sliding", "output"]
@@ -171,10 +171,10 @@ class Drive:
 
         Speeds in rad/s and torques about the axis.
         """
-        shared = self.synchroniser * smooth_sign(output_speed - sliding_speed, TURN)
+        shared = self.synchroniser * smooth_sign(output_speed - sliding_speed, SMOOTH_TURN_RAD_S)
         on_sliding = self.engine_side == "sliding"
         slip = self.sense * self.pack_speed - (sliding_speed if on_sliding else output_speed)
-        pack = self.pack_torque * smooth_sign(slip, TURN) + self.pack_viscous * slip
+        pack = self.pack_torque * smooth_sign(slip, SMOOTH_TURN_RAD_S) + self.pack_viscous * slip
         if on_sliding:
             return shared + pack, -shared
         return shared, pack - shared
@@ -307,7 +307,7 @@ class TorqueCourse:
         return [self._cycles * control.cycle, *(start for start, _ in self._pending)]
 
     def settled(self, time: float) -> bool:
-        """Decide whether the torques on held rings stay the same from ``time`` in s on."""
+        """Decide whether the torques on held rings stay constant from ``time`` in s on."""
         drive = self.drive
         control = drive.control
         if drive.has_table and drive.times and time < drive.times[-1]:

@@ -32,15 +32,15 @@ from dogshape.sim.units import MM
 
 Number = TypeVar("Number", float, Array)  #: a number or (n,)
 
-SLIP = 1e-3  #: m/s below which friction along the shaft is smooth
-TURN = 0.05  #: rad/s below which the drag torque is smooth
-FORK = 0.1  #: share of the ring's mass that stands on the actuator's side of a linkage
+SMOOTH_SPEED_M_S = 1e-3  #: below which friction along the shaft is smooth
+SMOOTH_TURN_RAD_S = 0.05  #: below which the drag torque is smooth
+FORK_MASS_SHARE = 0.1  #: share of the ring's mass that stands on the actuator's side of a linkage
 DAMPING_RATIO = 0.3  #: of a linkage; a stop then gives back 0.6 of the speed of a slow blow
-STOP = 1e-6  #: m/N, compliance of a linkage that has play and is stiff otherwise
+STOP_COMPLIANCE_M_N = 1e-6  #: of a linkage that has play and is stiff otherwise
 SPLINE = 0.8  #: radius of the spline over the inner radius of the dogs, where none is given
-DEEP = 1e-5  #: m of depth in a stop at which half of the damping acts
+STOP_DEPTH_M = 1e-5  #: depth in a stop at which half of the damping acts
 SHAFT_DAMPING = 0.02  #: of a shaft with what hangs on it, over the critical one
-DEEP_TWIST = 1e-4  #: rad beyond a play at which half of the damping acts
+STOP_TWIST_RAD = 1e-4  #: twist beyond a play at which half of the damping acts
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Shaft:
         """Compute the torque on the ring, N m; ``lead`` of its side in rad and its rate."""
         half_play = 0.5 * self.backlash
         law = (self.stiffness, self.damping)
-        return spring_force(lead, rate, law, stops=(-half_play, half_play), deep=DEEP_TWIST)
+        return spring_force(lead, rate, law, stops=(-half_play, half_play), deep=STOP_TWIST_RAD)
 
 
 def shaft_of(
@@ -156,15 +156,15 @@ class Mechanism:
 
     def sleeve_mass(self, mass: float) -> float:
         """Compute the mass that moves with a ring of ``mass`` in kg, kg."""
-        return (1.0 - FORK) * mass if self.has_linkage else mass + self.added_mass
+        return (1.0 - FORK_MASS_SHARE) * mass if self.has_linkage else mass + self.added_mass
 
     def actuator_mass(self, mass: float) -> float:
         """Compute the mass on the actuator's side of the linkage, kg; 0 without a linkage."""
-        return FORK * mass + self.added_mass if self.has_linkage else 0.0
+        return FORK_MASS_SHARE * mass + self.added_mass if self.has_linkage else 0.0
 
     def linkage(self, mass: float) -> tuple[float, float]:
         """Compute stiffness, N/m, and damping, N s/m, of the linkage to a ring of ``mass``, kg."""
-        stiffness = 1.0 / (self.compliance or STOP)
+        stiffness = 1.0 / (self.compliance or STOP_COMPLIANCE_M_N)
         sleeve = self.sleeve_mass(mass)
         actuator = self.actuator_mass(mass)
         critical = (stiffness * sleeve * actuator / (sleeve + actuator)) ** 0.5
@@ -175,7 +175,9 @@ class Mechanism:
 
         Numbers or (n,), as are all forces below.
         """
-        return spring_force(stretch, rate, (stiffness, damping), (0.0, self.free_play), DEEP)
+        return spring_force(
+            stretch, rate, (stiffness, damping), (0.0, self.free_play), STOP_DEPTH_M
+        )
 
     def resistance(self, way: Number, speed: Number, torque: Number) -> Number:
         """Compute friction, detent and spline friction against the ring's motion, N.
@@ -186,7 +188,7 @@ class Mechanism:
         if self.detent_seat > 0.0:
             detent = detent - self._climb(way - self.detent_seat)
         spline = self.spline_friction / self.spline_radius * abs(torque)
-        return detent + (self.friction + spline) * smooth_sign(speed, SLIP)
+        return detent + (self.friction + spline) * smooth_sign(speed, SMOOTH_SPEED_M_S)
 
     def _climb(self, way: Number) -> Number:
         """Compute the force of the climb onto the detent, N; ``way`` in m from its peak."""
@@ -195,7 +197,7 @@ class Mechanism:
 
     def drag(self, speed: Number) -> Number:
         """Compute the drag torque on a ring that turns at ``speed`` in rad/s, N m."""
-        return self.drag_torque * smooth_sign(speed, TURN)
+        return self.drag_torque * smooth_sign(speed, SMOOTH_TURN_RAD_S)
 
     def spline_share(self, mass: float, radius: float, inertia: float) -> float:
         """Compute the share of the contact's torque that goes through the spline.

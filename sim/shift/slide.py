@@ -42,8 +42,8 @@ from dogshape.sim.shift.clutch import Clutch, ContactSet
 from dogshape.sim.shift.mechanism import Shaft
 
 LOSS_LIMIT = 0.02  #: share of the axial power from which a study is told (judged)
-START = 0.25  #: of a face, where the reference slide starts from rest
-PART = (0.35, 0.9)  #: of a face, over which the loss is averaged
+START_SHARE = 0.25  #: of a face, where the reference slide starts from rest
+AVERAGED_SHARES = (0.35, 0.9)  #: of a face, over which the loss is averaged
 SAMPLES = 64  #: intervals of the slide in the mean over its way
 
 
@@ -120,8 +120,8 @@ def slide_loss(clutch: Clutch, force: float, face: SlidingFace) -> float:
     slope = face.slope
     mass = clutch.rings.mass + clutch.mechanism.added_mass
     arm = dog.mean_radius * math.tan(slope)
-    overlap = np.linspace(*PART, SAMPLES + 1) * face.width
-    way = (overlap - START * face.width) * math.tan(slope)
+    overlap = np.linspace(*AVERAGED_SHARES, SAMPLES + 1) * face.width
+    way = (overlap - START_SHARE * face.width) * math.tan(slope)
     ring_mass = _turning_mass((shaft.ring_inertia for shaft in clutch.shafts), arm)
     duration = math.sqrt(2.0 * float(way[-1]) * (mass + ring_mass) / force)
     turning = _turning_mass((inertia_moved(shaft, duration) for shaft in clutch.shafts), arm)

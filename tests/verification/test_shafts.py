@@ -24,15 +24,13 @@ from dogshape.sim.kernel_layout import (
     SLIDING_SPEED,
     STATE_SIZE,
     STEP_MODE,
-    ShiftModel,
     StepLimits,
-    empty_record,
-    shift_record,
+    shift_model,
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
-from dogshape.sim.shift.mechanism import DEEP_TWIST, SHAFT_DAMPING, Mechanism, Shaft
+from dogshape.sim.shift.mechanism import SHAFT_DAMPING, STOP_TWIST_RAD, Mechanism, Shaft
 from dogshape.sim.shift.planar import NO_LOOK, PlanarClutch
 from dogshape.sim.shift.trace import Trace, torque_peak
 from dogshape.sim.statistics.blocks import engage
@@ -78,10 +76,11 @@ def _free(mechanism: Mechanism, start: dict[int, float], until: float) -> np.nda
         look_state=NO_LOOK,
         pause=until,
         timeout=until,
-        model=ShiftModel(plant.clutch.numbers, knots, plant.surfaces, plant.law),
+        model=shift_model(plant.clutch.numbers, knots, plant.surfaces, plant.law),
         limits=StepLimits(speed_error=1e-7, place_error=1e-11, max_step=1e-4),
-        mode=empty_record(STEP_MODE),
-        record=shift_record(200_000),
+        mode=np.zeros(1, STEP_MODE),
+        times=np.empty(200_000),
+        states=np.empty((200_000, STATE_SIZE)),
     )
     assert progress.reason == kernel.PAUSED
     return state
@@ -119,8 +118,8 @@ def test_flanks_of_a_play_push_and_never_pull() -> None:
     assert torques == pytest.approx([-INPUT * 2e-3, 0.0, 0.0, 0.0, INPUT * 2e-3])
     parting = float(shaft.torque(1.1e-3, -100.0))
     assert parting == 0.0
-    pressed = float(shaft.torque(1e-3 + DEEP_TWIST, 2.0))
-    assert pressed == pytest.approx(INPUT * DEEP_TWIST + 0.5 * 5.0 * 2.0)
+    pressed = float(shaft.torque(1e-3 + STOP_TWIST_RAD, 2.0))
+    assert pressed == pytest.approx(INPUT * STOP_TWIST_RAD + 0.5 * 5.0 * 2.0)
 
 
 @pytest.mark.parametrize("engine", ["planar", "drake"])
