@@ -13,7 +13,6 @@ from scipy.special import ndtri
 
 from dogshape.pipeline.config.study_file import (
     EVERYWHERE,
-    OWN_RISE,
     Place,
     Setup,
     load_study,
@@ -235,7 +234,7 @@ def simulate_mean(
     if place[2] is not None and place[1] is None:
         rise = argument("force_rise_s")
         raise InputError(f"{rise} goes with one operating point; give its speed and force")
-    points = points_of(config, place, OWN_RISE)
+    points = points_of(config, place, f", or give {argument('force_rise_s')}")
     if precision is not None and angles is not None:
         raise InputError(
             f"{argument('precision')} finds the number of angles itself; leave out "

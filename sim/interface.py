@@ -16,7 +16,13 @@ from contextvars import ContextVar
 _ON_COMMAND_LINE: ContextVar[bool] = ContextVar("_ON_COMMAND_LINE", default=False)
 
 #: Options whose name is not that of the argument.
-OPTIONS = {"origin": "from", "settings": "set", "values": "set", "columns": "column"}
+OPTIONS = {
+    "origin": "from",
+    "settings": "set",
+    "values": "set",
+    "columns": "column",
+    "path": "write",  # of a calibrated study
+}
 #: Objects of Python whose methods the verbs of the command line call; ``ds`` without an entry.
 OWNERS = {
     "search": "study",

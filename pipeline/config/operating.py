@@ -37,6 +37,7 @@ from dogshape.sim.errors import (
     require_ranges,
     within,
 )
+from dogshape.sim.interface import key_argument
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, RiseTable
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
@@ -213,7 +214,7 @@ class OperatingSection(Section):
                 )
             raise InputError(
                 f"operating.{name} cannot stand beside {statement}; remove one of the two "
-                f"(--set operating.{surplus_key}=){alternative}"
+                f"({key_argument('settings', f'operating.{surplus_key}', '')}){alternative}"
             )
 
     def _axis(self, name: str, shares: Iterator[Array]) -> list[tuple[float, float]]:

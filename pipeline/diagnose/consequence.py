@@ -28,6 +28,7 @@ from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError, InputError
+from dogshape.sim.interface import argument, verb
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Runner, even_block
 from dogshape.sim.statistics.expectation import Expectation
@@ -147,11 +148,11 @@ def load_candidates(place: str | Path) -> tuple[Setup, dict[str, Params]]:
     if result_folder.manifest.is_file():
         study = result_folder.stored_study()
         folders = [result_folder]
-        remedy = f"run 'dogshape search' with --resume and --out {place}"
+        remedy = f"run {verb('search', resume=True, out=str(place))}"
     else:
         study = load_study(place)
         folders = [StudyFolder(default_out(study)), StudyFolder(bundled_root() / study.name)]
-        remedy = f"run 'dogshape search {place}' first, or name the folder of its results"
+        remedy = f"run {verb('search', str(place))} first, or name the folder of its results"
     for folder in folders:
         if folder.result.is_file():
             return study, _designs(study, folder.stored_result())
@@ -270,8 +271,8 @@ def compute_consequence(
     cause = next((h for h in posterior if h != UNKNOWN and set(h) - OF_STAND), None)
     if cause is None or posterior[cause] < MIN_PROBABILITY:
         raise InputError(
-            f"--study is '{study}', but the diagnosis of {diagnosis.bench.name} has no effect "
-            f"above {100 * MIN_PROBABILITY:.0f} %; leave --study out"
+            f"{argument('study')} is '{study}', but the diagnosis of {diagnosis.bench.name} has no "
+            f"effect above {100 * MIN_PROBABILITY:.0f} %; leave {argument('study')} out"
         )
     setup, designs = load_candidates(study)
     intervals = diagnosis.fits[cause].intervals

@@ -37,6 +37,7 @@ from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import mm_per_deg, validate
 from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.interface import argument
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.drive import ENGINE_SIDES
@@ -302,11 +303,11 @@ def bundled_kinds() -> str:
 def require_free(folder: Path, force: bool) -> None:
     """Raise StorageError if a folder holds files, unless ``force`` allows to write over them."""
     if folder.exists() and not folder.is_dir():
-        raise StorageError(f"--out is {folder}, which is a file; name a folder")
+        raise StorageError(f"{argument('out')} is {folder}, which is a file; name a folder")
     if folder.is_dir() and not force and any(folder.iterdir()):
         raise StorageError(
-            f"{folder} holds files already; name another folder with --out, or write over files "
-            "of the same name with --force"
+            f"{folder} holds files already; name another folder with {argument('out')}, or write "
+            f"over files of the same name with {argument('force')}"
         )
 
 
@@ -319,7 +320,7 @@ def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
         draft = tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent)
     except OSError as error:
         fault = f"{folder} cannot be written ({error.strerror})"
-        raise StorageError(f"{fault}; name another folder with --out") from error
+        raise StorageError(f"{fault}; name another folder with {argument('out')}") from error
     with draft as part:
         # A temporary folder is private, and modes are copied along.
         place = Path(part) / "draft"

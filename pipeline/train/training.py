@@ -38,6 +38,7 @@ from dogshape.pipeline.train.training_rows import row_record, with_rows
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.files import lock_folder, name_file_in_errors
+from dogshape.sim.interface import verb
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
 from dogshape.sim.statistics.shift_records import (
@@ -327,7 +328,7 @@ def _require_shape_only(study: Setup) -> None:
     if operation_keys:
         raise InputError(
             f"the study searches {', '.join(operation_keys)}, which the surrogate learns from a "
-            "search alone; run 'dogshape search', which leaves one, or take them out of [variables]"
+            f"search alone; run {verb('search')}, which leaves one, or take them out of [variables]"
         )
 
 
