@@ -5,7 +5,7 @@ Declared apart from the engine, which is slow to load.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,6 +193,7 @@ STEP_MODE = np.dtype(
 )
 
 
-def empty_record(dtype: np.dtype[np.record]) -> np.record:
+def empty_record(dtype: np.dtype[Any]) -> np.record:
     """Make one record of zeros."""
-    return np.zeros((), dtype)[()]
+    record: Any = np.zeros((), dtype)[()]
+    return record

@@ -31,7 +31,7 @@ def _decorator(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         dispatcher = njit(cache=True, **options)(function)
         if dispatcher is function:  # NUMBA_DISABLE_JIT
             return function
-        index = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+        index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
         if not hasattr(index, "_source_stamp"):
             # Another version of the compiler: no cache is slow, a stale one is wrong.
             return njit(**options)(function)
