@@ -22,7 +22,8 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
-from dogshape.sim.errors import InputError, did_you_mean, meant_number, ranges_of, refusal
+from dogshape.sim.errors import InputError, did_you_mean, meant_number, refusal
+from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog
@@ -153,17 +154,17 @@ def keys_of(
     named_by: Any = None,
     *,
     leave: Sequence[str] = (),
-    late: Sequence[str] = (),
     kind_of_number: Any = None,
 ) -> Any:
-    """Create the base class of a section from the ranges of the dataclass ``of`` (``within``).
+    """Create the base class of a section from the quantities of the dataclass ``of``.
+
+    Late quantities and those with the default None are no part of a hash at their default.
 
     Parameters
     ----------
     of : dataclass of ``sim`` that the section builds.
     named_by : function that returns a set by name; absent keys then keep the values of the set.
     leave : fields without a key.
-    late : fields whose keys came later (``later``), as those with the default None.
     kind_of_number : type of the keys if it is not that of the fields.
     """
 
@@ -173,20 +174,20 @@ def keys_of(
 
     keys: dict[str, Any] = {}
     hints = get_type_hints(of)
-    for name, (key, *_) in ranges_of(of).items():
+    for name, declared in quantities_of(of).items():
         if name in leave:
             continue
         default: Any = None
         if not named_by:
-            default = getattr(of, name, None if name in late else ...)
+            default = getattr(of, name, None if declared.late else ...)
         hint = kind_of_number or hints[name]
         if default is None:
             hint = Optional[hint]  # noqa: UP045  # no '|' for Annotated
         elif default is not ...:
-            default = from_si(key, default)
-        if name in late or (default is None and not named_by):
+            default = from_si(declared.key, default)
+        if declared.late or (default is None and not named_by):
             default = later(default)
-        keys[key] = (hint, default)
+        keys[declared.key] = (hint, default)
     return create_model(f"{of.__name__}Keys", __base__=Base, **keys)
 
 
@@ -195,7 +196,7 @@ def mm_per_deg(outer: float, inner: float) -> float:
     return 0.25 * DEG * (outer + inner)
 
 
-class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "backlash"))):  # type: ignore[misc]
+class DogSection(keys_of(Dog)):  # type: ignore[misc]
     """Geometry of the dogs of both rings."""
 
     @model_validator(mode="before")
@@ -217,7 +218,7 @@ class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "bac
             raise ValueError(broken_rule(name, fault))
         try:
             per_deg = mm_per_deg(data["outer_diameter_mm"], data["inner_diameter_mm"])
-            max_angle = abs(ranges_of(Dog)["backlash"].high / per_deg)
+            max_angle = abs(quantities_of(Dog)["backlash"].high / per_deg)
         except (KeyError, TypeError, ZeroDivisionError):  # the validator refuses these diameters
             return lengths
         if not 0.0 <= angle <= max_angle:

@@ -21,15 +21,8 @@ from typing import TypeVar
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import (
-    InputError,
-    ranged_record,
-    ranges_of,
-    refusal,
-    require_between,
-    require_ranges,
-    within,
-)
+from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 
 Times = TypeVar("Times", float, Array)  #: one time, or (n,)
 SMALLEST_FORCE = 1.0  #: N, of a shift force and of what reaches the sleeve of it
@@ -47,15 +40,15 @@ def cubic_step(share: Times, full: Times | float) -> Times:
 class ForceProfile:
     """A shift force that rises as a cubic step; times of all methods count from its start."""
 
-    force: float = within("force_N", SMALLEST_FORCE, 1e5, remedy="correct the force")  #: final, N
-    rise: float = within("force_rise_s", 1e-4, 10.0)  #: s
+    force: float = quantity("force_N", SMALLEST_FORCE, 1e5, remedy="correct the force")  #: final, N
+    rise: float = quantity("force_rise_s", 1e-4, 10.0)  #: s
     _: KW_ONLY
     #: dead time from the command to the start of the force, s
-    delay: float = within("force_delay_s", 0.0, 10.0, 0.0)
+    delay: float = quantity("force_delay_s", 0.0, 10.0, 0.0)
     #: constant part that never reaches the sleeve, N; the rest rises in the time
-    loss: float = within("force_loss_N", 0.0, 1e5, 0.0, remedy="give a smaller loss")
+    loss: float = quantity("force_loss_N", 0.0, 1e5, 0.0, remedy="give a smaller loss")
     #: time constant through which the force comes, s; 0 or at least ``SMALLEST_LAG``
-    lag: float = within("force_lag_s", 0.0, 10.0, 0.0)
+    lag: float = quantity("force_lag_s", 0.0, 10.0, 0.0)
 
     def __post_init__(self) -> None:
         remedy = "give it in seconds"
@@ -106,7 +99,7 @@ class ForceProfile:
     @property
     def record(self) -> dict[str, float]:
         """The profile as a flat record in the edge's units."""
-        return {key: value for key, value in ranged_record(self).items() if value != 0.0}
+        return {key: value for key, value in record_quantities(self).items() if value != 0.0}
 
     def free_flight(self, time: Times, mass: float) -> Times:
         """Compute the displacement of a free ``mass`` in kg at ``time`` in s, m."""
@@ -148,7 +141,7 @@ class ForceProfile:
 
 def recorded_profile(record: Mapping[str, float]) -> ForceProfile:
     """Build the profile that a flat record describes."""
-    keys = {name: value_range.key for name, value_range in ranges_of(ForceProfile).items()}
+    keys = {name: declared.key for name, declared in quantities_of(ForceProfile).items()}
     values = {name: record[key] for name, key in keys.items() if key in record}
     return ForceProfile(**values)
 

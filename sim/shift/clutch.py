@@ -8,17 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.sim.errors import (
-    InputError,
-    ranged_record,
-    ranges_of,
-    refusal,
-    require_between,
-    require_known,
-    require_parts,
-    require_ranges,
-    within,
-)
+from dogshape.sim.errors import InputError, refusal, require_between, require_known, require_parts
 from dogshape.sim.kernel_layout import (
     CLUTCH_NUMBERS,
     LINKED_STATE_SIZE,
@@ -26,6 +16,7 @@ from dogshape.sim.kernel_layout import (
     STATE_SIZE,
     empty_record,
 )
+from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
 from dogshape.sim.shift.geometry import Dog
@@ -52,10 +43,10 @@ class ImpactLaw:
     and 8), its ``K = 1e8 N/m`` read in SI units.
     """
 
-    stiffness: float = within("impact_stiffness_N_m1_5", 1e5, 1e13, 1e8)  #: K, N/m^1.5
-    damping: float = within("impact_damping_Ns_m", 0.0, 1e7, 1e4)  #: C, N s/m
-    depth: float = within("impact_depth_mm", 1e-5, 1.0, 1e-5)  #: where damping is full, m
-    transition_velocity: float = within("transition_velocity_m_s", 1e-4, 1e2, 1.0)  #: slip, m/s
+    stiffness: float = quantity("impact_stiffness_N_m1_5", 1e5, 1e13, 1e8)  #: K, N/m^1.5
+    damping: float = quantity("impact_damping_Ns_m", 0.0, 1e7, 1e4)  #: C, N s/m
+    depth: float = quantity("impact_depth_mm", 1e-5, 1.0, 1e-5)  #: where damping is full, m
+    transition_velocity: float = quantity("transition_velocity_m_s", 1e-4, 1e2, 1.0)  #: slip, m/s
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the law")
@@ -74,14 +65,14 @@ class ContactSet:
     """
 
     name: str
-    static_friction: float = within("static_friction", 0.0, 1.5)
-    dynamic_friction: float = within("dynamic_friction", 0.0, 1.5)
-    stiction_velocity: float = within("stiction_velocity_m_s", 1e-5, 1.0)  #: slip, m/s
-    stiffness: float = within("stiffness_Pa_m", 1e10, 1e16)  #: pressure per penetration, Pa/m
-    dissipation: float = within("dissipation_s_m", 0.0, 1e4)  #: s/m
+    static_friction: float = quantity("static_friction", 0.0, 1.5)
+    dynamic_friction: float = quantity("dynamic_friction", 0.0, 1.5)
+    stiction_velocity: float = quantity("stiction_velocity_m_s", 1e-5, 1.0)  #: slip, m/s
+    stiffness: float = quantity("stiffness_Pa_m", 1e10, 1e16)  #: pressure per penetration, Pa/m
+    dissipation: float = quantity("dissipation_s_m", 0.0, 1e4)  #: s/m
     impact: ImpactLaw | None = None
     #: of faces on faces, such as an oil film's; None: that of flanks and edges
-    face_friction: float | None = within("face_friction", 0.0, 1.5, None)
+    face_friction: float | None = quantity("face_friction", 0.0, 1.5, None, late=True)
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the contact set")
@@ -102,7 +93,7 @@ class ContactSet:
         for name, layer_value in IMPACT_LAYER:
             value = getattr(self, name)
             if value != layer_value:
-                key = ranges_of(ContactSet)[name].key
+                key = quantities_of(ContactSet)[name].key
                 rule = "the set has the law IMPACT, which has its own stiffness and damping"
                 remedy = 'leave it out, or take contact.set = "adams2019"'
                 raise InputError(refusal(f"contact.{key}", value, unit_of(key), rule, remedy))
@@ -115,7 +106,7 @@ class ContactSet:
     @property
     def record(self) -> dict[str, float]:
         """Numbers of the contact by their keys in the edge's units."""
-        return {key: value for key, value in ranged_record(self).items() if value is not None}
+        return {key: value for key, value in record_quantities(self).items() if value is not None}
 
     @property
     def compiled_only(self) -> bool:
@@ -165,9 +156,9 @@ def contact_set(name: str) -> ContactSet:
 class Rings:
     """Masses that move: sliding ring (kg, kg m2) and output ring (kg m2)."""
 
-    mass: float = within("sliding.mass_kg", 1e-3, 1e3)
-    sliding_inertia: float = within("sliding.inertia_kgm2", 1e-6, 100.0)
-    output_inertia: float = within("output.inertia_kgm2", 1e-6, 1e4)
+    mass: float = quantity("sliding.mass_kg", 1e-3, 1e3)
+    sliding_inertia: float = quantity("sliding.inertia_kgm2", 1e-6, 100.0)
+    output_inertia: float = quantity("output.inertia_kgm2", 1e-6, 1e4)
 
     def __post_init__(self) -> None:
         require_ranges(self, "", "check the value and its unit")
@@ -197,11 +188,11 @@ class Solver:
     """
 
     scheme: str = "runge_kutta3"
-    accuracy: float = within("accuracy", 1e-10, 0.1, 3e-4)
-    max_step: float = within("max_step_s", 1e-6, 0.01, 1e-3)
+    accuracy: float = quantity("accuracy", 1e-10, 0.1, 3e-4)
+    max_step: float = quantity("max_step_s", 1e-6, 0.01, 1e-3)
     all_dogs: bool = False
-    max_steps: int = within("max_steps", 10, 1e8, MAX_STEPS)
-    time_limit: float = within("time_limit_s", 0.01, 86_400.0, 600.0)
+    max_steps: int = quantity("max_steps", 10, 1e8, MAX_STEPS, late=True)
+    time_limit: float = quantity("time_limit_s", 0.01, 86_400.0, 600.0, late=True)
     engine: str = "drake"
 
     def __post_init__(self) -> None:

@@ -32,15 +32,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import (
-    InputError,
-    ranged_record,
-    refusal,
-    require_between,
-    require_known,
-    require_ranges,
-    within,
-)
+from dogshape.sim.errors import InputError, refusal, require_between, require_known
+from dogshape.sim.quantity import quantity, record_quantities, require_ranges
 from dogshape.sim.shift.mechanism import SMOOTH_TURN_RAD_S, smooth_sign
 from dogshape.sim.units import RPM
 
@@ -55,14 +48,13 @@ STEADY = 0.01  #: share of the limit that a control's torque may still change by
 class SpeedControl:
     """Proportional-integral control of the mismatch by a torque on the engine's side."""
 
-    set_point: float = within(
-        "set_point_rpm", -5e3, 5e3, 0.0
-    )  #: of output less sliding speed, rad/s
-    proportional: float = within("proportional_Nms_rad", 0.0, 1e5, 0.0)  #: N m s/rad
-    integral: float = within("integral_Nm_rad", 0.0, 1e7, 0.0)  #: N m/rad
-    limit: float = within("limit_Nm", 1e-6, MAX_TORQUE_NM, 100.0)  #: of the torque, N m
-    dead_time: float = within("dead_time_s", 0.0, 1.0, 0.0)  #: from measurement to torque, s
-    cycle: float = within("cycle_s", 1e-4, 1.0, 0.01)  #: from one measurement to the next, s
+    #: of output less sliding speed, rad/s
+    set_point: float = quantity("set_point_rpm", -5e3, 5e3, 0.0)
+    proportional: float = quantity("proportional_Nms_rad", 0.0, 1e5, 0.0)  #: N m s/rad
+    integral: float = quantity("integral_Nm_rad", 0.0, 1e7, 0.0)  #: N m/rad
+    limit: float = quantity("limit_Nm", 1e-6, MAX_TORQUE_NM, 100.0)  #: of the torque, N m
+    dead_time: float = quantity("dead_time_s", 0.0, 1.0, 0.0)  #: from measurement to torque, s
+    cycle: float = quantity("cycle_s", 1e-4, 1.0, 0.01)  #: from one measurement to the next, s
 
     def __post_init__(self) -> None:
         require_ranges(self, "drive.control", "correct the control")
@@ -82,18 +74,18 @@ class Drive:
     """
 
     #: of the ring on the wheels' side, rad/s; 0 where the sliding ring stands before the shift
-    shaft_speed: float = within("shaft_speed_rpm", 0.0, 2e4, 0.0)
+    shaft_speed: float = quantity("shaft_speed_rpm", 0.0, 2e4, 0.0)
     engine_side: EngineSide = "sliding"  #: ring that turns with the engine
     sliding_torque: tuple[float, ...] = (0.0,)  #: on the sliding side, N m
     output_torque: tuple[float, ...] = (0.0,)  #: on the output side, N m
     times: tuple[float, ...] = ()  #: of the torques, s from the start of the force
     #: Coulomb torque of a wet pack between the engine's side and its partner, N m
-    pack_torque: float = within("pack_torque_Nm", 0.0, MAX_TORQUE_NM, 0.0)
-    pack_viscous: float = within("pack_viscous_Nms_rad", 0.0, 1e5, 0.0)  #: its oil's, N m s/rad
+    pack_torque: float = quantity("pack_torque_Nm", 0.0, MAX_TORQUE_NM, 0.0)
+    pack_viscous: float = quantity("pack_viscous_Nms_rad", 0.0, 1e5, 0.0)  #: its oil's, N m s/rad
     #: of the partner, in the engine's sense, rad/s
-    pack_speed: float = within("pack_speed_rpm", -2e4, 2e4, 0.0)
+    pack_speed: float = quantity("pack_speed_rpm", -2e4, 2e4, 0.0)
     #: friction torque between both sides that drives the mismatch to zero, N m
-    synchroniser: float = within("synchroniser_torque_Nm", 0.0, MAX_TORQUE_NM, 0.0)
+    synchroniser: float = quantity("synchroniser_torque_Nm", 0.0, MAX_TORQUE_NM, 0.0)
     control: SpeedControl | None = None
 
     def __post_init__(self) -> None:
@@ -194,9 +186,9 @@ class Drive:
     @property
     def table(self) -> dict[str, object]:
         """Keys of ``[drive]`` that differ from no drive, in the edge's units."""
-        absent = ranged_record(NO_DRIVE)
+        absent = record_quantities(NO_DRIVE)
         table: dict[str, object] = {
-            key: value for key, value in ranged_record(self).items() if value != absent[key]
+            key: value for key, value in record_quantities(self).items() if value != absent[key]
         }
         if self.engine_side != NO_DRIVE.engine_side:
             table["engine_side"] = self.engine_side
@@ -206,7 +198,7 @@ class Drive:
         if self.times:
             table["torque_time_s"] = list(self.times)
         if self.control is not None:
-            table["control"] = ranged_record(self.control)
+            table["control"] = record_quantities(self.control)
         return table
 
     @property

@@ -27,7 +27,8 @@ from operator import and_
 from typing import Literal, NamedTuple
 
 from dogshape.sim.elementwise import cos, hypot, largest, smallest, tan, where
-from dogshape.sim.errors import GeometryError, InputError, ranges_of, refusal, within
+from dogshape.sim.errors import GeometryError, InputError, refusal
+from dogshape.sim.quantity import quantities_of, quantity
 from dogshape.sim.units import DEG, MM, from_si, to_si, unit_of
 
 LAND = 5e-5  #: m of every face that roundings and fillets leave
@@ -60,24 +61,24 @@ class Dog:
     """
 
     # Ranges are wide enough for any clutch, and narrow enough to catch a wrong unit.
-    count: int = within("count", 2, 1000, remedy=EQUAL_DOGS)  #: of a ring
-    chamfer: float = within("chamfer_deg", 0.0, 60.0, remedy=SCOPE)  #: of the face, rad
+    count: int = quantity("count", 2, 1000, remedy=EQUAL_DOGS)  #: of a ring
+    chamfer: float = quantity("chamfer_deg", 0.0, 60.0, remedy=SCOPE)  #: of the face, rad
     #: side angle of the flank, rad; negative is an undercut
-    traction: float = within("traction_deg", -10.0, 60.0, remedy=SCOPE)
-    braking: float = within("braking_deg", -10.0, 60.0, remedy=SCOPE)  #: of the other flank
-    height: float = within("height_mm", 0.2, 100.0)  #: crest above root, m
-    outer_diameter: float = within("outer_diameter_mm", 5.0, 2000.0)  #: of the toothed annulus, m
-    inner_diameter: float = within("inner_diameter_mm", 2.0, 2000.0)
+    traction: float = quantity("traction_deg", -10.0, 60.0, remedy=SCOPE)
+    braking: float = quantity("braking_deg", -10.0, 60.0, remedy=SCOPE)  #: of the other flank
+    height: float = quantity("height_mm", 0.2, 100.0)  #: crest above root, m
+    outer_diameter: float = quantity("outer_diameter_mm", 5.0, 2000.0)  #: of the toothed annulus, m
+    inner_diameter: float = quantity("inner_diameter_mm", 2.0, 2000.0)
     #: between the crests of the two rings before the shift, m
-    axial_gap: float = within("axial_gap_mm", 0.0, 100.0)
+    axial_gap: float = quantity("axial_gap_mm", 0.0, 100.0)
     #: of crest and edges of the tip, m; 0 is sharp
-    edge_radius: float = within("edge_radius_mm", 0.0, 10.0, 0.0)
+    edge_radius: float = quantity("edge_radius_mm", 0.0, 10.0, 0.0, late=True)
     #: place of the ridge on the tip, 0 at its braking, 1 at its traction edge
-    crest: float = within("crest", 0.0, 1.0, 1.0, remedy=CREST)
+    crest: float = quantity("crest", 0.0, 1.0, 1.0, late=True, remedy=CREST)
     #: by which the tip falls from the ridge to the traction flank, rad
-    chamfer_back: float = within("chamfer_back_deg", 0.0, 60.0, 0.0, remedy=SCOPE)
+    chamfer_back: float = quantity("chamfer_back_deg", 0.0, 60.0, 0.0, late=True, remedy=SCOPE)
     #: of the seated pair along the circumference at the mean radius, m
-    backlash: float = within("backlash_mm", 0.0, 50.0, 0.0)
+    backlash: float = quantity("backlash_mm", 0.0, 50.0, 0.0, late=True)
 
     def __post_init__(self) -> None:
         for rule in _rules(self):
@@ -391,18 +392,19 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
 
 def _range_rules(dog: Dog) -> Iterator[_Rule]:
     """Yield the range of each field."""
-    for name, (key, low, high, field_remedy) in ranges_of(Dog).items():
+    for name, declared in quantities_of(Dog).items():
+        key = declared.key
         value = getattr(dog, name)
         unit = unit_of(key)
         yield _Rule(
-            (value >= to_si(key, low)) & (value <= to_si(key, high)),
+            (value >= to_si(key, declared.low)) & (value <= to_si(key, declared.high)),
             InputError,
             f"dog.{key}",
             value=from_si(key, value),
             unit=unit,
             rule=f"it must lie between {{:g}} and {{:g}} {unit}".rstrip(),
-            remedy=field_remedy or LENGTH,
-            numbers=(low, high),
+            remedy=declared.remedy or LENGTH,
+            numbers=(declared.low, declared.high),
         )
 
 

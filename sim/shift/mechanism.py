@@ -20,14 +20,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import (
-    InputError,
-    ranged_record,
-    ranges_of,
-    refusal,
-    require_ranges,
-    within,
-)
+from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 from dogshape.sim.units import MM
 
 Number = TypeVar("Number", float, Array)  #: a number or (n,)
@@ -100,26 +94,28 @@ class Mechanism:
     An inertia of 0 stands for a side in one piece, a seat at 0 for a detent without one.
     """
 
-    added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)  #: as felt at the ring, kg
-    friction: float = within("friction_N", 0.0, 1e5, 0.0)  #: Coulomb's, of the ring on its shaft, N
-    damping: float = within("damping_Ns_m", 0.0, 1e6, 0.0)  #: of the ring along the shaft, N s/m
-    detent: float = within("detent_N", 0.0, 1e5, 0.0)  #: peak force, N
-    detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)  #: of the peak, m
-    detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)  #: way of the detent, m
-    detent_seat: float = within("detent_seat_mm", 0.0, 100.0, 0.0)  #: of the pull's peak, m
-    spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)  #: coefficient
-    spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)  #: m
-    drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)  #: against turning, N m
-    compliance: float = within("compliance_mm_kN", 0.0, 1e3, 0.0)  #: of the linkage, m/N
-    free_play: float = within("free_play_mm", 0.0, 100.0, 0.0)  #: between linkage and ring, m
-    ring_inertia: float = within("ring_inertia_kgm2", 0.0, 100.0, 0.0)  #: with its toothing, kg m2
+    added_mass: float = quantity("added_mass_kg", 0.0, 1e3, 0.0)  #: as felt at the ring, kg
+    #: Coulomb's, of the ring on its shaft, N
+    friction: float = quantity("friction_N", 0.0, 1e5, 0.0)
+    damping: float = quantity("damping_Ns_m", 0.0, 1e6, 0.0)  #: of the ring along the shaft, N s/m
+    detent: float = quantity("detent_N", 0.0, 1e5, 0.0)  #: peak force, N
+    detent_position: float = quantity("detent_position_mm", -100.0, 100.0, 0.0)  #: of the peak, m
+    detent_width: float = quantity("detent_width_mm", 0.01, 100.0, 1e-3)  #: way of the detent, m
+    detent_seat: float = quantity("detent_seat_mm", 0.0, 100.0, 0.0)  #: of the pull's peak, m
+    spline_friction: float = quantity("spline_friction", 0.0, 1.5, 0.0)  #: coefficient
+    spline_radius: float = quantity("spline_radius_mm", 1.0, 1000.0, 0.02)  #: m
+    drag_torque: float = quantity("drag_torque_Nm", 0.0, 1e4, 0.0)  #: against turning, N m
+    compliance: float = quantity("compliance_mm_kN", 0.0, 1e3, 0.0)  #: of the linkage, m/N
+    free_play: float = quantity("free_play_mm", 0.0, 100.0, 0.0)  #: between linkage and ring, m
+    #: with its toothing, kg m2
+    ring_inertia: float = quantity("ring_inertia_kgm2", 0.0, 100.0, 0.0)
     #: of the shaft between the ring and the rest of its side, N m/rad
-    input_stiffness: float = within("input_stiffness_Nm_rad", 0.0, 1e8, 0.0)
-    backlash: float = within("spline_backlash_deg", 0.0, 30.0, 0.0)  #: of the ring's spline, rad
+    input_stiffness: float = quantity("input_stiffness_Nm_rad", 0.0, 1e8, 0.0)
+    backlash: float = quantity("spline_backlash_deg", 0.0, 30.0, 0.0)  #: of the ring's spline, rad
     #: of what stands at the flanks on the output side, kg m2
-    wheel_inertia: float = within("wheel_inertia_kgm2", 0.0, 1e4, 0.0)
+    wheel_inertia: float = quantity("wheel_inertia_kgm2", 0.0, 1e4, 0.0)
     #: of the shaft between that and the rest, N m/rad
-    output_stiffness: float = within("output_stiffness_Nm_rad", 0.0, 1e8, 0.0)
+    output_stiffness: float = quantity("output_stiffness_Nm_rad", 0.0, 1e8, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "mechanism", "correct the mechanism")
@@ -134,8 +130,8 @@ class Mechanism:
         sides = ("ring_inertia", "input_stiffness"), ("wheel_inertia", "output_stiffness")
         for inertia, stiffness in sides:
             if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:
-                inertia_key = ranges_of(Mechanism)[inertia].key
-                stiffness_key = ranges_of(Mechanism)[stiffness].key
+                inertia_key = quantities_of(Mechanism)[inertia].key
+                stiffness_key = quantities_of(Mechanism)[stiffness].key
                 raise InputError(
                     f"mechanism.{inertia_key} needs mechanism.{stiffness_key}, the shaft that it "
                     "hangs on; give it "
@@ -209,10 +205,10 @@ class Mechanism:
     @property
     def record(self) -> dict[str, float]:
         """Values that differ from no mechanism, flat and in the edge's units."""
-        absent = ranged_record(NOTHING)
+        absent = record_quantities(NOTHING)
         return {
             f"mechanism_{key}": value
-            for key, value in ranged_record(self).items()
+            for key, value in record_quantities(self).items()
             if value != absent[key]
         }
 
@@ -229,4 +225,4 @@ def smooth_sign(value: Number, small: float) -> Number:
 
 NOTHING = Mechanism()  #: no mechanism at all
 #: Field by key at the edge.
-FIELDS = {value_range.key: name for name, value_range in ranges_of(Mechanism).items()}
+FIELDS = {declared.key: name for name, declared in quantities_of(Mechanism).items()}

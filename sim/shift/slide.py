@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dogshape.sim.elementwise import Array, bisect
-from dogshape.sim.errors import ranges_of
+from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import Clutch, ContactSet
 from dogshape.sim.shift.mechanism import Shaft
 
@@ -145,7 +145,7 @@ def stiffness_for_loss(clutch: Clutch, force: float, face: SlidingFace, loss: fl
         contact = replace(clutch.contact, stiffness=10.0**exponent)
         return slide_loss(replace(clutch, contact=contact), force, face) > loss
 
-    stiffness_range = ranges_of(ContactSet)["stiffness"]
+    stiffness_range = quantities_of(ContactSet)["stiffness"]
     softest = math.log10(stiffness_range.low)
     stiffest = math.log10(stiffness_range.high)
     if loses_more(stiffest):

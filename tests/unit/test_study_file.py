@@ -17,7 +17,8 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.sim.clutch_tables import RULES, DriveSection, broken_rule
-from dogshape.sim.errors import DogshapeError, InputError, ranged_record
+from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, SpeedControl
 from dogshape.sim.units import DEG, RPM
 
@@ -329,8 +330,8 @@ def test_a_drive_is_read_with_its_units_and_its_faults() -> None:
     )  # fmt: skip
     written = tomllib.loads(toml_text({"drive": study.clutch.drive.table}, {}))
     again = DriveSection.model_validate(written["drive"]).value
-    assert ranged_record(again) == pytest.approx(ranged_record(study.clutch.drive))
-    assert ranged_record(again.control) == pytest.approx(ranged_record(control))
+    assert record_quantities(again) == pytest.approx(record_quantities(study.clutch.drive))
+    assert record_quantities(again.control) == pytest.approx(record_quantities(control))
     assert (again.engine_side, again.sliding_torque, again.output_torque, again.times) == (
         "output", (0.0, 4.0), (-30.0,), (0.0, 0.1),
     )  # fmt: skip
