@@ -22,7 +22,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
-from dogshape.sim.errors import InputError, did_you_mean, meant_number, refusal
+from dogshape.sim.errors import InputError, Refusal, did_you_mean, meant_number
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
@@ -154,6 +154,7 @@ def keys_of(
     named_by: Any = None,
     *,
     leave: Sequence[str] = (),
+    optional: Sequence[str] = (),
     kind_of_number: Any = None,
 ) -> Any:
     """Create the base class of a section from the quantities of the dataclass ``of``.
@@ -165,6 +166,7 @@ def keys_of(
     of : dataclass of ``sim`` that the section builds.
     named_by : function that returns a set by name; absent keys then keep the values of the set.
     leave : fields without a key.
+    optional : fields without a default that a file may lack, None then.
     kind_of_number : type of the keys if it is not that of the fields.
     """
 
@@ -179,7 +181,8 @@ def keys_of(
             continue
         default: Any = None
         if not named_by:
-            default = getattr(of, name, None if declared.late else ...)
+            is_optional = declared.late or name in optional
+            default = getattr(of, name, None if is_optional else ...)
         hint = kind_of_number or hints[name]
         if default is None:
             hint = Optional[hint]  # noqa: UP045  # no '|' for Annotated
@@ -224,7 +227,7 @@ class DogSection(keys_of(Dog)):  # type: ignore[misc]
         if not 0.0 <= angle <= max_angle:
             rule = f"it must lie between 0 and {max_angle:.6g} deg"
             remedy = "check the angle and its unit"
-            raise ValueError(refusal(name, angle, "deg", rule=rule, remedy=remedy))
+            raise ValueError(Refusal(name, angle, "deg", rule=rule, remedy=remedy))
         return lengths | {"backlash_mm": angle * per_deg}
 
 
@@ -337,7 +340,7 @@ UNMODELLED = (
 def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
     """Build both rings; InputError for the speed that ``[drive]`` has replaced."""
     if sliding.initial_speed_rpm != 0.0:
-        sentence = refusal(
+        sentence = Refusal(
             "sliding.initial_speed_rpm",
             sliding.initial_speed_rpm,
             "1/min",

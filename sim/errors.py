@@ -4,13 +4,37 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from dogshape.sim.units import unit_of
 
 
+@dataclass(frozen=True)
+class Refusal:
+    """Refusal of a value; as text ``quantity is value unit, but rule; remedy``."""
+
+    quantity: str
+    value: float
+    unit: str
+    rule: str
+    remedy: str
+
+    def __str__(self) -> str:
+        amount = f"{number(self.value)} {self.unit}".strip()
+        return f"{self.quantity} is {amount}, but {self.rule}; {self.remedy}"
+
+
 class DogshapeError(Exception):
-    """Root of every error that is the input's fault and not the program's."""
+    """Root of every error that is the input's fault and not the program's.
+
+    The argument is a sentence or, of a value that breaks a rule, a ``Refusal``.
+    """
+
+    @property
+    def refusal(self) -> Refusal | None:
+        """Quantity, value, unit, rule and remedy; None for an error that has a sentence alone."""
+        return self.args[0] if self.args and isinstance(self.args[0], Refusal) else None
 
 
 class InputError(DogshapeError):
@@ -46,18 +70,12 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def refusal(quantity: str, value: float, unit: str, rule: str, remedy: str) -> str:
-    """Return the sentence ``quantity is value unit, but rule; remedy``"""
-    amount = f"{number(value)} {unit}".strip()
-    return f"{quantity} is {amount}, but {rule}; {remedy}"
-
-
 def require_between(name: str, value: float, low: float, high: float, remedy: str) -> None:
     """Raise InputError unless ``low <= value <= high``; the suffix of ``name`` gives the unit."""
     if not low <= value <= high:
         unit = unit_of(name)
         rule = f"it must lie between {number(low)} and {number(high)} {unit}".rstrip()
-        raise InputError(refusal(name, value, unit, rule, remedy))
+        raise InputError(Refusal(name, value, unit, rule, remedy))
 
 
 def require_parts(section: str, parts: Any, sides: Any, remedy: str, *, rest: bool = False) -> None:
@@ -71,7 +89,7 @@ def require_parts(section: str, parts: Any, sides: Any, remedy: str, *, rest: bo
         if part_inertia > side_inertia or (rest and part_inertia == side_inertia):
             key = f"{section}.{name}_inertia_kgm2"
             rule = f"it is a part of {side}.inertia_kgm2 = {side_inertia:.6g}"
-            raise InputError(refusal(key, part_inertia, "kg m2", rule, remedy))
+            raise InputError(Refusal(key, part_inertia, "kg m2", rule, remedy))
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:

@@ -25,7 +25,7 @@ from dogshape.sim.clutch_tables import (
     section_in,
     si_fields,
 )
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
@@ -222,7 +222,7 @@ def _require_within(
         return
     text = f"[{low:.6g}, {high:.6g}]" if isinstance(value, list) else f"{value:.6g}"
     raise InputError(
-        refusal(
+        Refusal(
             f"mechanism.{mechanism_key}",
             nominal,
             unit_of(key),

@@ -30,7 +30,7 @@ from dogshape.pipeline.config.operating import (
 from dogshape.pipeline.config.schema import FORMAT, ContactSection, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
+from dogshape.sim.errors import DogshapeError, InputError, Refusal, require_between
 from dogshape.sim.interface import argument
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
@@ -438,7 +438,7 @@ def _require_confirmation(file: StudyFile) -> None:
         rule = f"with solver.engine = 'drake' it must be at least {MIN_CONFIRM_ANGLES}, as these "
         rule += "angles alone make the means of a confirmation"
         remedy = "give more angles, or leave solver.engine out"
-        raise InputError(refusal("search.confirm_angles", angles, "", rule, remedy))
+        raise InputError(Refusal("search.confirm_angles", angles, "", rule, remedy))
 
 
 def _require_limit_torques(file: StudyFile) -> None:
@@ -448,7 +448,7 @@ def _require_limit_torques(file: StudyFile) -> None:
         require_between(key, torque, -MAX_TORQUE_NM, MAX_TORQUE_NM, "check the value and its unit")
         if torque == 0.0 or torques.count(torque) > 1:
             rule = "each torque is another one, and shifts without one are simulated anyway"
-            raise InputError(refusal(key, torque, "N m", rule, "leave it out or change it"))
+            raise InputError(Refusal(key, torque, "N m", rule, "leave it out or change it"))
 
 
 def _require_parts(file: StudyFile) -> None:
@@ -558,7 +558,7 @@ def _require_fall(file: StudyFile, clutch: Clutch, force: float) -> None:
         )
         key = "shift.alternating.amplitude_rpm"
         raise InputError(
-            refusal(key, alternating.amplitude_rpm, "1/min", rule=rule, remedy="lower it")
+            Refusal(key, alternating.amplitude_rpm, "1/min", rule=rule, remedy="lower it")
         )
 
 

@@ -21,7 +21,7 @@ from dogshape.pipeline.record import Record, key, number_or_none
 from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.clutch_tables import si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
-from dogshape.sim.errors import GeometryError, InputError, refusal, require_known
+from dogshape.sim.errors import GeometryError, InputError, Refusal, require_known
 from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.uncertainty import sobol_shares
@@ -418,7 +418,7 @@ def limits_of(study: Setup) -> list[tuple[Objective, float]]:
         if rule:
             remedy = "give another or take it out"
             raise InputError(
-                refusal(f"search.limits.{name}", limit, objective.unit, rule=rule, remedy=remedy)
+                Refusal(f"search.limits.{name}", limit, objective.unit, rule=rule, remedy=remedy)
             )
         limits.append((objective, limit))
     return limits

@@ -21,7 +21,7 @@ from typing import TypeVar
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 
 Times = TypeVar("Times", float, Array)  #: one time, or (n,)
@@ -57,7 +57,7 @@ class ForceProfile:
             require_between("force_lag_s", self.lag, SMALLEST_LAG, 10.0, remedy)
         if self.loss > self.force - SMALLEST_FORCE:
             rule = f"it must leave {SMALLEST_FORCE:g} N or more of force_N = {self.force:.6g}"
-            raise InputError(refusal("force_loss_N", self.loss, "N", rule, "give a smaller loss"))
+            raise InputError(Refusal("force_loss_N", self.loss, "N", rule, "give a smaller loss"))
 
     @property
     def net_force(self) -> float:
@@ -179,7 +179,7 @@ class RiseTable:
         if not force > 0.0:
             remedy = "give a positive force; the sign of a shift is that of the mismatch"
             rule = "it must point into engagement"
-            raise InputError(refusal("shift force", force, "N", rule, remedy))
+            raise InputError(Refusal("shift force", force, "N", rule, remedy))
         if not self.covers(force):
             low = min(self.forces)
             high = max(self.forces)
@@ -187,7 +187,7 @@ class RiseTable:
             if low == high:
                 rule = f"the study has a rise time for {low:.6g} N alone"
             remedy = "extend actuation.force_N and actuation.rise_s" + other_way
-            raise InputError(refusal("shift force", force, "N", rule, remedy))
+            raise InputError(Refusal("shift force", force, "N", rule, remedy))
         return ForceProfile(force, self.rise(force))
 
     def gives(self, profile: ForceProfile) -> bool:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.sim.errors import InputError, refusal, require_between, require_known, require_parts
+from dogshape.sim.errors import InputError, Refusal, require_between, require_known, require_parts
 from dogshape.sim.kernel_layout import (
     CLUTCH_NUMBERS,
     LINKED_STATE_SIZE,
@@ -79,11 +79,11 @@ class ContactSet:
         if self.impact is not None and self.face_friction is not None:
             rule = "the law IMPACT acts on a whole dog, without a friction of its faces"
             remedy = 'leave it out, or take contact.set = "lubricated_steel"'
-            raise InputError(refusal("contact.face_friction", self.face_friction, "", rule, remedy))
+            raise InputError(Refusal("contact.face_friction", self.face_friction, "", rule, remedy))
         if self.dynamic_friction > self.static_friction:
             rule = f"it must not exceed contact.static_friction = {self.static_friction:.6g}"
             remedy = "exchange or correct the two coefficients"
-            message = refusal("contact.dynamic_friction", self.dynamic_friction, "", rule, remedy)
+            message = Refusal("contact.dynamic_friction", self.dynamic_friction, "", rule, remedy)
             raise InputError(message)
         if self.impact is not None:
             self._require_impact_layer(self.impact)
@@ -96,12 +96,12 @@ class ContactSet:
                 key = quantities_of(ContactSet)[name].key
                 rule = "the set has the law IMPACT, which has its own stiffness and damping"
                 remedy = 'leave it out, or take contact.set = "adams2019"'
-                raise InputError(refusal(f"contact.{key}", value, unit_of(key), rule, remedy))
+                raise InputError(Refusal(f"contact.{key}", value, unit_of(key), rule, remedy))
         end = impact.transition_velocity
         if self.stiction_velocity >= end:
             name = "contact.stiction_velocity_m_s"
             rule = f"friction is dynamic from {end:g} m/s on"
-            raise InputError(refusal(name, self.stiction_velocity, "m/s", rule, "take a lower one"))
+            raise InputError(Refusal(name, self.stiction_velocity, "m/s", rule, "take a lower one"))
 
     @property
     def record(self) -> dict[str, float]:
@@ -223,7 +223,7 @@ def require_engine(contact: ContactSet, engine: str) -> None:
     if contact.face_friction is not None and engine == "drake":
         rule = "solver.engine is 'drake', whose dogs have one friction for faces and flanks"
         remedy = 'take solver.engine = "planar", or leave contact.face_friction out'
-        raise InputError(refusal("contact.face_friction", contact.face_friction, "", rule, remedy))
+        raise InputError(Refusal("contact.face_friction", contact.face_friction, "", rule, remedy))
 
 
 def solver_for(

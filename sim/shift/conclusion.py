@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from dogshape.sim.elementwise import Array, bisect
-from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.errors import InputError, Refusal
 from dogshape.sim.kernel_layout import (
     ACTUATOR_DISPLACEMENT,
     ACTUATOR_SPEED,
@@ -112,7 +112,7 @@ def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
     limit = COVERED_DEPTH * pressure_apex(clutch.dog)[1]
     if deepest > limit:
         rule = f"the contact pushes back down to {limit / MM:.4g} mm: dogs passed through"
-        return refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy)
+        return str(Refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy))
     dog = clutch.dog
     excess = farthest - dog.travel
     if dog.backlash > 0.0:
@@ -122,7 +122,7 @@ def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
             f"full travel and its tolerance of {clutch.seated_tolerance / MM:.4g} mm end it: the "
             "ring is not in its slot"
         )
-        return refusal("way beyond full travel", excess / MM, "mm", rule, remedy)
+        return str(Refusal("way beyond full travel", excess / MM, "mm", rule, remedy))
     return ""
 
 
@@ -147,7 +147,7 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
         f"{clutch.seated_tolerance / MM:.4g} mm to which a shift's end is told"
     )
     remedy = f"take at least {min_stiffness:.2g} Pa/m"
-    raise InputError(refusal("contact.stiffness_Pa_m", stiffness, "Pa/m", rule, remedy))
+    raise InputError(Refusal("contact.stiffness_Pa_m", stiffness, "Pa/m", rule, remedy))
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import InputError, refusal, require_between, require_known
+from dogshape.sim.errors import InputError, Refusal, require_between, require_known
 from dogshape.sim.quantity import quantity, record_quantities, require_ranges
 from dogshape.sim.shift.mechanism import SMOOTH_TURN_RAD_S, smooth_sign
 from dogshape.sim.units import RPM
@@ -105,7 +105,7 @@ class Drive:
             rule += "drive.pack_viscous_Nms_rad"
             remedy = "give one of them, or leave the speed out"
             speed = self.pack_speed / RPM
-            raise InputError(refusal("drive.pack_speed_rpm", speed, "1/min", rule, remedy))
+            raise InputError(Refusal("drive.pack_speed_rpm", speed, "1/min", rule, remedy))
 
     def _require_table(self, key: str, torques: tuple[float, ...]) -> None:
         for torque in torques:

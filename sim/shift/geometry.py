@@ -27,7 +27,7 @@ from operator import and_
 from typing import Literal, NamedTuple
 
 from dogshape.sim.elementwise import cos, hypot, largest, smallest, tan, where
-from dogshape.sim.errors import GeometryError, InputError, refusal
+from dogshape.sim.errors import GeometryError, InputError, Refusal
 from dogshape.sim.quantity import quantities_of, quantity
 from dogshape.sim.units import DEG, MM, from_si, to_si, unit_of
 
@@ -84,7 +84,7 @@ class Dog:
         for rule in _rules(self):
             if not rule.satisfied:
                 sentence = rule.rule.format(*rule.numbers)
-                message = refusal(rule.quantity, rule.value, rule.unit, sentence, rule.remedy)
+                message = Refusal(rule.quantity, rule.value, rule.unit, sentence, rule.remedy)
                 raise rule.error(message)
 
     @cached_property

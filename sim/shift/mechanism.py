@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.errors import InputError, Refusal
 from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 from dogshape.sim.units import MM
 
@@ -126,7 +126,7 @@ class Mechanism:
             )
             seat = self.detent_seat / MM
             remedy = "exchange or correct them"
-            raise InputError(refusal("mechanism.detent_seat_mm", seat, "mm", rule, remedy))
+            raise InputError(Refusal("mechanism.detent_seat_mm", seat, "mm", rule, remedy))
         sides = ("ring_inertia", "input_stiffness"), ("wheel_inertia", "output_stiffness")
         for inertia, stiffness in sides:
             if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:

@@ -40,7 +40,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dogshape.sim.elementwise import Array, empirical_distribution, sqrt
-from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.errors import InputError, Refusal
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.trace import OVERLAPS
@@ -322,7 +322,7 @@ class Wear:
             return dog.edge_radius
         if self.edge_radius < dog.edge_radius:
             new_radius = f"dog.edge_radius_mm = {dog.edge_radius / MM:.6g}"
-            sentence = refusal(
+            sentence = Refusal(
                 "wear.edge_radius_mm",
                 self.edge_radius / MM,
                 "mm",

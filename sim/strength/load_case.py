@@ -20,7 +20,7 @@ from functools import lru_cache
 import numpy as np
 
 from dogshape.sim.elementwise import ARRAY, Array, largest, map_elements, where
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
@@ -202,7 +202,7 @@ class LoadCase:
         if self.friction_hold > self.friction_release:
             rule = f"it must not exceed load.friction_release = {self.friction_release:.6g}"
             remedy = "holding is judged with the lower coefficient; exchange or correct them"
-            sentence = refusal(
+            sentence = Refusal(
                 "load.friction_hold", self.friction_hold, "", rule=rule, remedy=remedy
             )
             raise InputError(sentence)
@@ -222,7 +222,7 @@ class LoadCase:
                 bound = "at most" if sign < 0.0 else "at least"
                 rule = f"it must be {bound} {key} = {nominal:.6g}, which shifts are simulated with"
                 remedy = "correct one of them"
-                raise InputError(refusal(f"load.{name}", end, "", rule=rule, remedy=remedy))
+                raise InputError(Refusal(f"load.{name}", end, "", rule=rule, remedy=remedy))
 
     @property
     def face_release_friction(self) -> float:

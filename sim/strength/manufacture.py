@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from dogshape.sim.elementwise import hashable, hypot, largest, smallest, where
-from dogshape.sim.errors import DogshapeError, GeometryError, refusal
+from dogshape.sim.errors import DogshapeError, GeometryError, Refusal
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import RULES, Check, checks_of
@@ -78,7 +78,7 @@ def require_fillets(dog: Dog, radius: float) -> None:
         return
     rule = f"the largest that fits into slot and tip is {room / MM:.4g} mm"
     remedy = "use a smaller radius, fewer dogs, or a smaller chamfer"
-    sentence = refusal("manufacturing.root_radius_mm", radius / MM, "mm", rule=rule, remedy=remedy)
+    sentence = Refusal("manufacturing.root_radius_mm", radius / MM, "mm", rule=rule, remedy=remedy)
     raise GeometryError(sentence)
 
 
