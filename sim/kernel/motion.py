@@ -551,12 +551,11 @@ def _next_look(time, look_state, timeout):
 
 
 @inlined
-def _take_step(time, length, implicit, renew, state, stages, jacobian, factors, model, room):
-    """Make a step into the stages; return whether dogs touch at its end, and evaluations."""
+def _evaluations_of(implicit, renew):
+    """Count the evaluations of the rates in a step, with a new Jacobian for ``renew``."""
     if not implicit:
-        return _explicit_step(time, length, state, stages, model, room), 3
-    touches = _implicit_step(time, length, renew, state, stages, jacobian, factors, model, room)
-    return touches, 7 if renew else 2
+        return 3
+    return 7 if renew else 2
 
 
 @inlined
@@ -626,10 +625,14 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
         renew = implicit and jacobian_age >= MAX_JACOBIAN_AGE
         if renew:
             jacobian_age = 0
-        touches, step_evaluations = _take_step(
-            time, length, implicit, renew, state, stages, jacobian, factors, model_row, room
-        )
-        evaluations += step_evaluations
+        evaluations += _evaluations_of(implicit, renew)
+        # Each step is called here alone: a function between would be optimized once more with both.
+        if implicit:
+            touches = _implicit_step(
+                time, length, renew, state, stages, jacobian, factors, model_row, room
+            )
+        else:
+            touches = _explicit_step(time, length, state, stages, model_row, room)
         error = _largest_error(length, stages[ERROR], numbers, limits)
         if error <= 1.0:
             time = stop if to_stop else time + length
