@@ -401,7 +401,7 @@ def release(clutch: Clutch, profile: ForceProfile) -> Array:
     solution = solve_ivp(
         rates,
         (low, high),
-        [0.0, 0.0],
+        np.zeros(2),
         events=excess_pull,
         rtol=1e-5,
         atol=1e-9,
