@@ -387,12 +387,12 @@ def release(clutch: Clutch, profile: ForceProfile) -> Array:
     actuator_mass = mechanism.actuator_mass(mass)
 
     def pull(motion: Array) -> float:
-        displacement, speed = motion.tolist()
-        return float(mechanism.pull(displacement, speed, stiffness, damping))
+        displacement, speed = motion
+        return float(mechanism.pull(float(displacement), float(speed), stiffness, damping))
 
     def rates(time: float, motion: Array) -> list[float]:
-        _, speed = motion.tolist()
-        return [speed, (float(profile.at(time)) - pull(motion)) / actuator_mass]
+        _, speed = motion
+        return [float(speed), (float(profile.at(time)) - pull(motion)) / actuator_mass]
 
     def excess_pull(_: float, motion: Array) -> float:
         return pull(motion) - mechanism.friction
