@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +116,7 @@ class Checked(Result):
     @property
     def rows(self) -> list[CheckRow]:
         """Every check with its margins, by the declared keys."""
-        return [CheckRow(**row) for row in checks_within(self.config, self.design)]
+        return checks_within(self.config, self.design)
 
     @property
     def judged_rows(self) -> list[CheckRow]:
@@ -185,7 +185,7 @@ class Checked(Result):
         return {
             "feasible": self.feasible,
             "verdict": self.verdict.to_dict(),
-            "checks": checks_within(self.config, self.design),
+            "checks": [row.to_dict() for row in self.rows],
             "retention": [
                 {
                     "flank": retention.flank,
@@ -284,7 +284,7 @@ class Check(Checked):
     guess: Guess | None = None
     refusal: str = ""
     quantiles: Sequence[QuantileRow] = ()
-    hangs: Mapping[str, float | None] = field(default_factory=dict)  #: ``HangKeys``, if simulated
+    hangs: HangKeys | None = None  #: None unless it is simulated
 
     @property
     def time_s(self) -> float | None:
@@ -321,25 +321,29 @@ class Check(Checked):
             f"scatter by {time_text(expected.sd)}, {100 * expected.engaged:.1f} % engage at worst",
             *self._part_lines(expected),
         ]
-        quantiles = quantile_words([quantile.to_dict() for quantile in self.quantiles])
+        quantiles = quantile_words(self.quantiles)
         if quantiles:
             lines.append(f"shift time over the life: {quantiles}")
         return lines
 
-    def _surrogate_parts(self) -> dict[str, float | None]:
-        """Split the surrogate's time by the keys of ``HangKeys``; None for the hangs' interval."""
-        parts = dict[str, float | None].fromkeys(HangKeys.model_fields)
-        if self.expected is not None:
-            engaged_mean, error = self.expected.without_retries
-            parts["engaged_mean_s"] = engaged_mean
-            parts["engaged_standard_error_s"] = error
-            parts["retries_s"] = self.expected.retries
-            parts["retries_error_s"] = self.expected.retries_error
-        return parts
+    def _surrogate_hangs(self) -> HangKeys:
+        """Split the surrogate's time; None for the probability of hangs."""
+        if self.expected is None:
+            return hang_keys(None)
+        engaged_mean, error = self.expected.without_retries
+        return HangKeys(
+            engaged_mean_s=engaged_mean,
+            engaged_standard_error_s=error,
+            hang_probability=None,
+            hang_probability_low=None,
+            hang_probability_high=None,
+            retries_s=self.expected.retries,
+            retries_error_s=self.expected.retries_error,
+        )
 
     def _part_lines(self, expected: Expected) -> list[str]:
         """Describe mean of engaged shifts and retries; simulated hangs if there are any."""
-        if not self.hangs:
+        if self.hangs is None:
             return _surrogate_part_lines(expected, self.config)
         hangs = f"{hang_words(self.hangs)}; {self.config.retry_text}"
         return [f"mean of engaged shifts {engaged_text(self.hangs)}", hangs]
@@ -383,7 +387,7 @@ class Check(Checked):
             }
         return {
             **time_record(self.expected, self.refusal),
-            **(self.hangs or self._surrogate_parts()),
+            **(self.hangs or self._surrogate_hangs()).to_dict(),
             **({"engaged": self.engaged} if self.shifts else {}),
             "quantiles": [quantile.to_dict() for quantile in self.quantiles],
             "operating_points": len(self.mix.points),

@@ -25,8 +25,13 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import Record, key
 from dogshape.pipeline.search.state import PointTimes, SearchState, Trial
+from dogshape.pipeline.search.study_record import (
+    Confirmation,
+    ConfirmedDesign,
+    ObjectiveEstimate,
+    OtherShape,
+)
 from dogshape.pipeline.simulate.design import (
     OBJECTIVES,
     SIMULATED,
@@ -48,10 +53,11 @@ from dogshape.pipeline.simulate.evaluation import (
 )
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.result_records import (
+    CheckRow,
     EngineAgreement,
     ExpectedTime,
+    HangPriorRow,
     VerdictRow,
-    check_record,
 )
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
@@ -70,7 +76,7 @@ APART = 3.0  #: standard errors from which search and confirmation of a design d
 FLIPS = 0.01
 MEAN = 0.01  #: difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %
 SURE = 3.0  #: standard errors from which a difference of the engines counts
-Estimates = dict[str, dict[str, float]]  #: value and standard error of objectives, by name
+Estimates = dict[str, ObjectiveEstimate]  #: of simulated objectives, by name
 Found = Mapping[int, Evaluation]  #: designs at new angles, by trial
 
 
@@ -80,16 +86,6 @@ class Executors:
 
     search: Executor
     kept: Executor
-
-
-class OtherShape(Record):
-    """The chosen design with a feature of shape that it has not, at the same new angles."""
-
-    shape: str = key("what differs")
-    expected_shift_time_s: float | None = key("mean shift time; null where too few engage", "s")
-    standard_error_s: float | None = key("its standard error", "s")
-    feasible: bool = key("whether no check has a negative margin")
-    verdict: VerdictRow | None = key("verdict on it, without assumptions", late=True)
 
 
 CLEAR = 2.0  #: standard errors of a difference of designs from which it is clear
@@ -144,10 +140,11 @@ def shifts_to_confirm(study: Setup) -> int:
 
 def confirm(
     searched: SearchState, executors: Executors, say: Say
-) -> tuple[dict[str, Any] | None, SearchState]:
+) -> tuple[Confirmation | None, SearchState]:
     """Simulate prototype and front of an ended search at angles that it did not use.
 
-    Give the record, None where no design passes every check, and the state at the new angles.
+    Returns the confirmation, None where no design passes every check, and the state at the new
+    angles.
     """
     study, own = searched.study, _own_trial(searched)
     if not searched.front:
@@ -171,10 +168,10 @@ def confirm(
     prototype = prototype.under(state.priors) if own is None else found[own.number]
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
     ordered = dict(sorted(found.items(), key=lambda item: (loss[item[0]], item[0])))
-    return _record(searched, state, prototype, ordered, executors), state
+    return _confirmation(searched, state, prototype, ordered, executors), state
 
 
-def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> list[dict[str, Any]]:
+def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> list[ConfirmedDesign]:
     """Simulate the study's own dog and the designs that fail by least, at new angles.
 
     For a search in which none passes; designs that failed before a simulation are among them.
@@ -200,7 +197,7 @@ def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> li
     counts += [one.expectation.hang_counts for _, one in sound]
     priors = pool(counts) if counts else ()
     return [
-        {"trial": trial.number, **_confirmed(study, trial.params, one.under(priors))}
+        _confirmed(study, trial.params, one.under(priors), trial=trial.number)
         for trial, one in sound
     ]
 
@@ -374,9 +371,9 @@ def _thinned(study: Setup, blocks: Sequence[Block]) -> list[Block]:
     return [block.only(places) for block in blocks]
 
 
-def _record(
+def _confirmation(
     searched: SearchState, state: SearchState, own: Evaluation, found: Found, executors: Executors
-) -> dict[str, Any]:
+) -> Confirmation:
     """Record the confirmation of designs, by trial in the search's order.
 
     Chosen is the design of the front that is best in the leading objective, hangs by their
@@ -397,24 +394,37 @@ def _record(
         expectation = with_torques(study.with_operation(design), expectation, blocks, executor.run)
         both.append(replace(one, expectation=expectation))
     old, new = both
-    return {
-        "angles": new_angles(study),
-        "prototype": _confirmed(study, study.prototype, old),
-        "chosen": chosen,
-        "best": _confirmed(study, params, new),
-        "designs": [
-            {
-                "trial": number,
-                **_confirmed(study, trials[number].params, one),
-                **_beside_search(searched, trials[number], one),
-            }
-            for number, one in found.items()
-        ],
-        "shapes": [one.to_dict() for one in _other_shapes(state, params, executors)],
-        "hang_prior": [vars(prior) for prior in state.priors],
-        "left_out": [trial.number for trial in state.front if not trial.confirmed],
-        **_gain(study, {} if same else _estimates(old), _estimates(new)),
-    }
+    designs = [
+        _confirmed(
+            study,
+            trials[number].params,
+            evaluation,
+            trial=number,
+            **_search_comparison(searched, trials[number], evaluation),
+        )
+        for number, evaluation in found.items()
+    ]
+    prototype = _confirmed(study, study.prototype, old)
+    best = _confirmed(study, params, new)
+    gains = _gains(study, {} if same else prototype.estimates, best.estimates)
+    time_gain = gains.get(SIMULATED)
+    gain_share = None
+    if time_gain is not None:
+        gain_share = time_gain.value / prototype.estimates[SIMULATED].value
+    return Confirmation(
+        angles=new_angles(study),
+        prototype=prototype,
+        chosen=chosen,
+        best=best,
+        designs=designs,
+        shapes=_other_shapes(state, params, executors),
+        hang_prior=[HangPriorRow(**vars(prior)) for prior in state.priors],
+        left_out=[trial.number for trial in state.front if not trial.confirmed],
+        gain_s=time_gain and time_gain.value,
+        gain_standard_error_s=time_gain and time_gain.standard_error,
+        gain_share=gain_share,
+        gains=gains,
+    )
 
 
 def _other_shapes(state: SearchState, params: Params, executors: Executors) -> list[OtherShape]:
@@ -442,58 +452,65 @@ def _other_shapes(state: SearchState, params: Params, executors: Executors) -> l
             shape=words, expected_shift_time_s=time.time,
             standard_error_s=time.standard_error if time.engages else None,
             feasible=judged.feasible,
-            verdict=VerdictRow(**replace(verdict, hangs_on=()).to_dict()),
+            verdict=VerdictRow.of(replace(verdict, hangs_on=())),
         ))  # fmt: skip
     return found
 
 
-def _beside_search(searched: SearchState, trial: Trial, found: Evaluation) -> dict[str, Any]:
-    """Record the leading objective by the search, and how far that is off."""
+def _search_comparison(
+    searched: SearchState, trial: Trial, evaluation: Evaluation
+) -> dict[str, Any]:
+    """Compare the leading objective at new angles with that of the search, by declared keys."""
     name = leading_objective(searched.study).name
-    old, new = (trial.estimates or {})[name], found.estimates[name]
-    both = math.hypot(old.standard_error, new.standard_error)
-    off = (new.value - old.value) / both if both else 0.0
-    return {"searched": vars(old), "errors_apart": off, "agrees": abs(off) <= APART}
+    searched_value = (trial.estimates or {})[name]
+    new_value = evaluation.estimates[name]
+    error = math.hypot(searched_value.standard_error, new_value.standard_error)
+    deviation = (new_value.value - searched_value.value) / error if error else 0.0
+    return {
+        "searched": ObjectiveEstimate(**vars(searched_value)),
+        "errors_apart": deviation,
+        "agrees": abs(deviation) <= APART,
+    }
 
 
-def _gain(study: Setup, before: Estimates, after: Estimates) -> dict[str, Any]:
+def _gains(study: Setup, before: Estimates, after: Estimates) -> Estimates:
     """Compute the gain in each simulated objective that both designs have."""
     signs = {objective.name: objective.sign for objective in objectives_of(study)}
-    gains = {
-        name: {
-            "value": signs.get(name, 1.0) * (before[name]["value"] - one["value"]),
-            "standard_error": math.hypot(before[name]["standard_error"], one["standard_error"]),
-        }
-        for name, one in after.items()
-        if name in before
-    }
-    time = gains.get(SIMULATED)
-    return {
-        "gain_s": time and time["value"],
-        "gain_standard_error_s": time and time["standard_error"],
-        "gain_share": time and time["value"] / before[SIMULATED]["value"],
-        "gains": gains,
-    }
+    gains = {}
+    for name, estimate in after.items():
+        if name in before:
+            difference = before[name].value - estimate.value
+            gains[name] = ObjectiveEstimate(
+                value=signs.get(name, 1.0) * difference,
+                standard_error=math.hypot(before[name].standard_error, estimate.standard_error),
+            )
+    return gains
 
 
-def _estimates(found: Evaluation) -> Estimates:
+def _estimates(evaluation: Evaluation) -> Estimates:
     """Record the simulated objectives that a design has: no time where too few shifts engage."""
     return {
-        name: vars(one)
-        for name, one in found.estimates.items()
-        if found.expectation.engages or OBJECTIVES[name].unit != "s"
+        name: ObjectiveEstimate(**vars(estimate))
+        for name, estimate in evaluation.estimates.items()
+        if evaluation.expectation.engages or OBJECTIVES[name].unit != "s"
     }
 
 
-def _confirmed(study: Setup, params: Params, one: Evaluation) -> dict[str, Any]:
-    design, verdict = judged_design(study, design_of(study, params, one.measured))
-    return {
-        **ExpectedTime.of(one.expectation).to_dict(),
-        "estimates": _estimates(one),
-        "checks": [check_record(check) for check in design.checks],
-        "verdict": verdict.to_dict(),
-        "drake": one.agreement and one.agreement.to_dict(),
-    }
+def _confirmed(
+    study: Setup, params: Params, evaluation: Evaluation, **search_keys: Any
+) -> ConfirmedDesign:
+    """Record a design at new angles; ``search_keys`` are its trial and ``_search_comparison``."""
+    design, verdict = judged_design(study, design_of(study, params, evaluation.measured))
+    trial = {name: search_keys.pop(name) for name in ("trial",) if name in search_keys}
+    return ConfirmedDesign(
+        **trial,
+        **ExpectedTime.of(evaluation.expectation).to_dict(),
+        estimates=_estimates(evaluation),
+        checks=[CheckRow.of(check) for check in design.checks],
+        verdict=VerdictRow.of(verdict),
+        drake=evaluation.agreement,
+        **search_keys,
+    )
 
 
 def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:

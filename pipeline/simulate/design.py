@@ -12,13 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, reduce
 from operator import and_
-from typing import Any
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Record, key, number_or_none
-from dogshape.pipeline.store.result_records import check_record
+from dogshape.pipeline.store.result_records import CheckRow
 from dogshape.sim.clutch_tables import si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, refusal, require_known
@@ -545,30 +544,15 @@ class ToleranceTime(Record):
     by_dimension_s: dict[str, float] = key("change by dimension", "s")
 
 
-def checks_within(study: Setup, design: Design) -> list[dict[str, Any]]:
+def checks_within(study: Setup, design: Design) -> list[CheckRow]:
     """Record every check of a design, with its margins within the tolerances."""
-    margins = {kind: margins_within(study, design, kind) for kind in KINDS}
-    records = []
+    worst_case = margins_within(study, design, "worst_case")
+    root_sum_square = margins_within(study, design, "root_sum_square")
+    rows = []
     for check in design.checks:
-        record = check_record(check)
-        for kind in KINDS:
-            record[f"margin_{kind}"] = number_or_none(margins[kind].get(check.name))
-        records.append(record)
-    return records
-
-
-def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
-    """Record the smallest margin and its check in the worst case and by root sum of squares."""
-    study = study.with_operation(design.params)
-    margins: dict[str, float | None] = {}
-    checks: dict[str, str | None] = {}
-    for kind in KINDS:
-        name, margin = None, None
-        if design.dog is not None:
-            name, margin = weakest_within(study, design, kind)
-        margins[f"margin_{kind}"] = number_or_none(margin)
-        checks[f"weakest_check_{kind}"] = name
-    return {**margins, **checks}
+        margins = worst_case.get(check.name), root_sum_square.get(check.name)
+        rows.append(CheckRow.of(check).within(*map(number_or_none, margins)))
+    return rows
 
 
 def tolerance_time(

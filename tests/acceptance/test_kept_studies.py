@@ -10,7 +10,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, bundled_studies, load_study
 from dogshape.pipeline.search.confirmation import new_angles
-from dogshape.pipeline.search.result_schema import StudyRecord
+from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate import evaluation
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.executor import scratch_executor
