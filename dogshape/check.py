@@ -23,11 +23,9 @@ from dogshape.pipeline.reports.text import (
 from dogshape.pipeline.simulate.design import (
     Design,
     ToleranceTime,
-    checks_within,
     design_of,
-    judged_design,
+    judge_design,
     tolerance_time,
-    weakest_within,
 )
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.result_records import (
@@ -90,7 +88,7 @@ class Checked(Result):
     def within(self, kind: Kind) -> str:
         """Smallest margin within the tolerances, the landing at nominal size, with its check."""
         weakest = smallest_margin(self.design.checks)
-        name, margin = weakest_within(self.config, self.design, kind)
+        name, margin = self.design.weakest_within(kind)
         margin, name = min((margin, name), (weakest.margin, weakest.name))
         if math.isinf(margin):
             return "no dog"
@@ -116,7 +114,7 @@ class Checked(Result):
     @property
     def rows(self) -> list[CheckRow]:
         """Every check with its margins, by the declared keys."""
-        return checks_within(self.config, self.design)
+        return self.design.rows
 
     @property
     def judged_rows(self) -> list[CheckRow]:
@@ -429,7 +427,7 @@ def check_design(
     guess = _guess(config, mix, surrogate)
     if guess is not None and surrogate is not None:
         expected = guess.answer.expected
-        judged = judged_design(config, design_of(config, {}, None))
+        judged = judge_design(design_of(config, {}, None))
         return Check(config, *judged, mix, expected, guess=guess, refusal=guess.answer.refusal)
     # Half a second that an answer of the surrogate does not need.
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
@@ -441,7 +439,7 @@ def check_design(
     (simulated,) = evaluate(setup, [{}], scratch_executor(1), sample.angles, sample.seed)
     mean = simulated.expectation
     expected, refusal = _simulated_time(mean, mix)
-    judged = judged_design(config, design_of(config, {}, simulated.measured))
+    judged = judge_design(design_of(config, {}, simulated.measured))
     return Check(
         config,
         *judged,
@@ -595,4 +593,4 @@ def check_strength(config: Setup, options: RunOptions, *, simulate: bool = True)
         with options.executor("strength", (config.config_hash,), shifts) as (executor, _):
             (found,) = evaluate(config, [{}], executor, settings.angles, settings.seed)
         measured = found.measured
-    return Strength(config, *judged_design(config, design_of(config, {}, measured)), shifts)
+    return Strength(config, *judge_design(design_of(config, {}, measured)), shifts)

@@ -24,7 +24,7 @@ from dogshape.pipeline.reports.data_sheet import (
     write_sheet,
 )
 from dogshape.pipeline.reports.text import minus
-from dogshape.pipeline.simulate.design import KINDS, weakest_within
+from dogshape.pipeline.simulate.design import KINDS
 from dogshape.pipeline.store.folder import comparable, require_targets
 from dogshape.pipeline.store.result_records import CheckRow, VerdictRow, hang_keys
 from dogshape.sim.errors import InputError
@@ -50,7 +50,7 @@ def sheet_of(design: NamedDesign) -> tuple[DesignSheet, list[CheckRow]]:
         study,
         study.prototype,
         {strength.name: strength.margin for strength in check.design.checks},
-        {kind: weakest_within(study, check.design, kind) for kind in KINDS},
+        {kind: check.design.weakest_within(kind) for kind in KINDS},
         verdict=VerdictRow.of(check.verdict),
         simulated=simulated,
         engine="planar",

@@ -27,12 +27,10 @@ from dogshape.pipeline.simulate.design import (
     OBJECTIVES,
     SIMULATED,
     Design,
-    exact_values,
     leading_objective,
     limits_of,
     objectives_of,
     tolerance_time,
-    weakest_within,
 )
 from dogshape.pipeline.simulate.evaluation import STAGES, LifeStage, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
@@ -278,9 +276,8 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
     worst_case: tuple[str | None, float | None] = (None, None)
     root_sum_square: tuple[str | None, float | None] = (None, None)
     if design.dog is not None:
-        operated = study.with_operation(design.params)
-        worst_case = weakest_within(operated, design, "worst_case")
-        root_sum_square = weakest_within(operated, design, "root_sum_square")
+        worst_case = design.weakest_within("worst_case")
+        root_sum_square = design.weakest_within("root_sum_square")
     failed = _failed_checks(trial, design)
     margin_keys = {
         "smallest_margin": weakest.margin if weakest else None,
@@ -291,7 +288,7 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
         trial=trial.number,
         prototype=trial.prototype,
         **trial.params,
-        **exact_values(study, design),
+        **design.exact_values,
         **(margin_keys | values),
         **hang_keys(expectation).to_dict(),
         standard_errors=errors,

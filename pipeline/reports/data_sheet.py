@@ -49,7 +49,6 @@ from dogshape.pipeline.search.study_record import (
 from dogshape.pipeline.simulate.design import (
     KINDS,
     SUMMARIES,
-    checks_within,
     design_of,
     verdict_of,
 )
@@ -548,7 +547,7 @@ def searched_checks(study: Setup, result: StudyRecord, row: DesignRow) -> list[C
     """
     design = design_of(study, {})
     confirmed = confirmation_of(result, row)
-    checks = {check.name: check for check in checks_within(study, design)}
+    checks = {check.name: check for check in design.rows}
     for check in confirmed.checks if confirmed else ():
         closed_form = checks.get(check.name)
         values = closed_form.to_dict() if closed_form else {}

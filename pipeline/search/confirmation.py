@@ -36,7 +36,7 @@ from dogshape.pipeline.simulate.design import (
     OBJECTIVES,
     SIMULATED,
     design_of,
-    judged_design,
+    judge_design,
     leading_objective,
     objectives_of,
     values_of,
@@ -314,7 +314,7 @@ def _renewed(study: Setup, trial: Trial, one: Evaluation) -> Trial:
     values = {name: estimate.value for name, estimate in one.estimates.items()}
     return replace(
         trial,
-        values=tuple(values_of(study, design_of(study, trial.params, one.measured), values)),
+        values=tuple(values_of(design_of(study, trial.params, one.measured), values)),
         estimates=one.estimates,
         measured=one.measured,
         rows=[*trial.rows, *row_record(one.rows)],
@@ -447,7 +447,7 @@ def _other_shapes(state: SearchState, params: Params, executors: Executors) -> l
         (one,) = evaluate(study, [design], executor, new_angles(study), _seed(study))
         one = one.under(state.priors)
         time = one.expectation
-        judged, verdict = judged_design(study, design_of(study, design, one.measured))
+        judged, verdict = judge_design(design_of(study, design, one.measured))
         found.append(OtherShape(
             shape=words, expected_shift_time_s=time.time,
             standard_error_s=time.standard_error if time.engages else None,
@@ -500,7 +500,7 @@ def _confirmed(
     study: Setup, params: Params, evaluation: Evaluation, **search_keys: Any
 ) -> ConfirmedDesign:
     """Record a design at new angles; ``search_keys`` are its trial and ``_search_comparison``."""
-    design, verdict = judged_design(study, design_of(study, params, evaluation.measured))
+    design, verdict = judge_design(design_of(study, params, evaluation.measured))
     trial = {name: search_keys.pop(name) for name in ("trial",) if name in search_keys}
     return ConfirmedDesign(
         **trial,

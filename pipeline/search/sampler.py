@@ -208,9 +208,11 @@ class Guide:
         return np.array([self._exact(tuple(one.items())) for one in params])
 
     def _losses(self, items: tuple[tuple[str, float], ...]) -> Array:
-        study, params = self.study, dict(items)
-        dog = Design(params, study.dog_with(params), (), "")
-        return self.signs * values_of(study, design_of(study, params) if self._checked else dog)
+        params = dict(items)
+        if self._checked:
+            return self.signs * values_of(design_of(self.study, params))
+        study = self.study.with_operation(params)
+        return self.signs * values_of(Design(study, params, study.dog_with(params), (), ""))
 
 
 @dataclass(frozen=True)

@@ -171,7 +171,7 @@ def _tell(search: Search, given: FrozenTrial, design: Design, one: Evaluation | 
             trial.set_user_attr(FAILED, one.failed)
         if found is not None:
             trial.set_user_attr(SIMULATION, simulation_record(found))
-        search.optuna.tell(trial, values_of(study, design, estimates), skip_if_finished=True)
+        search.optuna.tell(trial, values_of(design, estimates), skip_if_finished=True)
 
 
 def _status(state: SearchState) -> str:

@@ -218,7 +218,7 @@ def test_hangs_that_decide_between_designs_are_looked_at_more_closely() -> None:
     priors = pool([trial.counts for trial in state.trials])
     found = {number: one.under(priors) for number, one in found.items()}
     trials = tuple(under_priors(study, trial, priors) for trial in state.trials)
-    passing = {number: Design(study.prototype, study.clutch.dog, (), "") for number in found}
+    passing = {number: Design(study, study.prototype, study.clutch.dog, (), "") for number in found}
     renewed = SearchState(study, trials, passing)
     # The last is as fast while it engages: its hang alone tells it from the best.
     assert contested_designs(renewed, found) == [0, 1]
