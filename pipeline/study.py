@@ -161,7 +161,8 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
 def _confirmation_shifts(confirmation: Confirmation, rows: Mapping[int, DesignRow]) -> int:
     """Count the shifts of a confirmation in both engines; ``rows`` are the trials by number."""
     designs = list(confirmation.designs)
-    has_prototype = any(rows[design.trial].prototype for design in designs if design.trial in rows)
+    trials = [design.trial for design in designs]
+    has_prototype = any(row.prototype for number, row in rows.items() if number in trials)
     if not has_prototype:
         designs.append(confirmation.prototype)
     total = 0
@@ -263,12 +264,16 @@ def study_record(state: SearchState, journal: ShiftJournal) -> StudyRecord:
 
 
 def design_row(state: SearchState, trial: Trial) -> DesignRow:
-    """Record a design of a search, without times where it engages too seldom to have one."""
+    """Record a design of a search; times are None if too few shifts engage."""
     study = state.study
     design = state.designs[trial.number]
     estimates = _estimates(study, trial, has_times=ENGAGEMENT.name not in design.failed)
-    values = {name: estimate and estimate.value for name, estimate in estimates.items()}
-    errors = {name: estimate and estimate.standard_error for name, estimate in estimates.items()}
+    values: dict[str, float | None] = dict.fromkeys(estimates)
+    errors: dict[str, float | None] = dict.fromkeys(estimates)
+    for name, estimate in estimates.items():
+        if estimate is not None:
+            values[name] = estimate.value
+            errors[name] = estimate.standard_error
     weakest = smallest_margin(design.checks) if design.checks else None
     expectation = None
     if trial.times:
@@ -279,7 +284,8 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
         worst_case = design.weakest_within("worst_case")
         root_sum_square = design.weakest_within("root_sum_square")
     failed = _failed_checks(trial, design)
-    margin_keys = {
+    exact_keys: dict[str, Any] = {**trial.params, **design.exact_values}
+    margin_keys: dict[str, Any] = {
         "smallest_margin": weakest.margin if weakest else None,
         "weakest_check": weakest.name if weakest else "geometry",
         "margins": {check.name: check.margin for check in design.checks},
@@ -287,8 +293,7 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
     return DesignRow(
         trial=trial.number,
         prototype=trial.prototype,
-        **trial.params,
-        **design.exact_values,
+        **exact_keys,
         **(margin_keys | values),
         **hang_keys(expectation).to_dict(),
         standard_errors=errors,

@@ -369,7 +369,7 @@ def searched_sheet(study: Setup, result: StudyRecord, row: DesignRow) -> DesignS
 def _simulated_values(
     result: StudyRecord, row: DesignRow, confirmed: ConfirmedDesign | None
 ) -> SimulatedValues:
-    """Collect the values of a design at new angles; those of the search if it has none there."""
+    """Collect the values of a design at new angles, by default those of the search."""
     simulated = row if confirmed is None else confirmed
     is_timed = simulated.expected_shift_time_s is not None
     values = SimulatedValues(
@@ -583,7 +583,8 @@ def write_sheet(
         raise InputError(f"'{name}' is no key of a data sheet; {did_you_mean(name, title)}")
     title |= {name: text.strip() for name, text in block.items()}
     single = [check for check in checks if check.name not in SUMMARIES]
-    single.sort(key=lambda check: list(GROUPS).index(check.group))
+    groups: list[str] = list(GROUPS)
+    single.sort(key=lambda check: groups.index(check.group))
     dimensions = _dimensions(design.design_study)
     provenance = provenance_of(design.study, design.result)
     if design.result is not None:

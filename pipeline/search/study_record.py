@@ -31,8 +31,9 @@ from dogshape.sim.units import unit_of
 from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
-OPTIONAL = {name: f"value of `variables.{name}`, where it is searched" for name in SHAPE}
-OPTIONAL |= {name: f"value of `variables.{name}`, where it is searched" for name in OPERATED}
+OPTIONAL = {
+    name: f"value of `variables.{name}`, where it is searched" for name in (*SHAPE, *OPERATED)
+}
 OPTIONAL |= {
     name: f"{objective.label}, where it is an objective" for name, objective in OBJECTIVES.items()
 }

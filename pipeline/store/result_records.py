@@ -440,7 +440,7 @@ class CheckRow(FileRecord):
 
     def within(self, worst_case: float | None, root_sum_square: float | None) -> CheckRow:
         """Add the margins within the tolerances."""
-        margins = {
+        margins: dict[str, Any] = {
             "margin_worst_case": worst_case,
             "margin_root_sum_square": root_sum_square,
         }

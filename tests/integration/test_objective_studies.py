@@ -16,7 +16,7 @@ from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.schema import QUANTILE
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.reports.study_page import write_report
-from dogshape.pipeline.search.confirmation import Executors, _resimulated
+from dogshape.pipeline.search.confirmation import Executors, _simulate_anew
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -91,7 +91,7 @@ def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -
         assert not row["feasible"]
     executors = Executors(scratch_executor(1), scratch_executor(1))
     with pytest.raises(InputError, match="every shift of design 0 at new angles failed"):
-        _resimulated(study, {"design 0": study.prototype}, executors)
+        _simulate_anew(study, {"design 0": study.prototype}, executors)
 
 
 SETTINGS = {
