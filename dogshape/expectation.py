@@ -126,8 +126,8 @@ class Expectation(Result):
     def to_parts(self) -> list[str | Table]:
         """Tabulate operating points, with lines on expected time, hangs, entries and engine."""
         mean = self.mean
-        record = self.record.to_dict()
-        table = tabulate(PointRow, self.record.points)
+        record = self.record
+        table = tabulate(PointRow, record.points)
         hangs = f"{hang_words(record)}; {self.config.retry_text}; "
         hangs += mean.losses if mean.lost else f"none of {mean.shifts} shifts hung"
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
@@ -137,7 +137,7 @@ class Expectation(Result):
             return [f"{count}: {NO_TIME}", table, hangs, *sources]
         engaged_mean = f"mean of engaged shifts {engaged_text(record)}"
         parts: list[str | Table] = [table, self._time_line(), engaged_mean]
-        quantiles = quantile_words([q.to_dict() for q in self.record.quantiles or ()])
+        quantiles = quantile_words(record.quantiles or ())
         if quantiles:
             parts.append(f"shift time over the life: {quantiles}")
         return [*parts, hangs, self._entry_line(), *self._limit_tables(), *sources]
@@ -197,7 +197,7 @@ class Expectation(Result):
         """Map direct entry over mismatch and force, and over mismatch and relative angle."""
         from dogshape.pipeline.reports.charts import shiftability_figure  # noqa: PLC0415  slow to load
 
-        return shiftability_figure({"": (self.to_dict()["points"], self.config.clutch.dog.count)})
+        return shiftability_figure({"": (self.record.points, self.config.clutch.dog.count)})
 
     def to_dict(self) -> dict[str, Any]:
         """Convert mean, errors and operating points to values of JSON."""
@@ -215,9 +215,9 @@ class Expectation(Result):
 
     def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""
-        from dogshape.pipeline.reports.charts import times_by_point  # noqa: PLC0415  slow to load
+        from dogshape.pipeline.reports.charts import point_times, times_by_point  # noqa: PLC0415
 
-        return times_by_point(self.to_dict()["points"], {"mean": ("mean_s", "standard_error_s")})
+        return times_by_point({"mean": point_times(self.record.points)})
 
     def to_frame(self) -> Frame:
         """Tabulate operating points: mean, standard error, spread, share engaged."""
