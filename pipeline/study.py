@@ -41,6 +41,7 @@ from dogshape.pipeline.train.training import train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import EngineError, GeometryError, InputError
 from dogshape.sim.files import lock_folder
+from dogshape.sim.interface import argument
 from dogshape.sim.statistics.expectation import Estimate
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
@@ -111,7 +112,7 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
     settings = study.file.search
     search_journal = ShiftJournal(folder.running)
     kept_journal = ShiftJournal(folder.shifts)
-    resumption = f"{folder.root}; --resume goes on"
+    resumption = f"{folder.root}; {argument('resume', value=True)} goes on"
     max_shifts = _max_remaining_shifts(search)
     with WorkCounter(options.progress, max_shifts, at_most=True, resumption=resumption) as counter:
         counter.say(

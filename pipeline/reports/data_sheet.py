@@ -64,6 +64,7 @@ from dogshape.pipeline.store.result_records import (
 )
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
+from dogshape.sim.interface import argument, verb
 from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
@@ -149,7 +150,9 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     if not chosen and not sign:
         return NamedDesign(name, load_study(name, settings))
     if settings:
-        fault = f"'{name}' is a design as it was simulated, which --set would change"
+        fault = (
+            f"'{name}' is a design as it was simulated, which {argument('settings')} would change"
+        )
         raise InputError(f"{fault}; give '{source}' and the keys of the dog")
     if sign and not number.isdecimal():
         remedy = "write for instance results/mq200#43"
@@ -169,7 +172,7 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     results = Path("results") / source
     if StudyFolder(results).manifest.exists():
         return named_design(f"{results}#{number}")
-    remedy = f"run 'dogshape search {source}' and give the folder of its results"
+    remedy = f"run {verb('search', source)} and give the folder of its results"
     raise InputError(f"'{name}' names design {number}, but '{source}' has no result; {remedy}")
 
 
@@ -694,20 +697,20 @@ def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
     ``result`` is None for a design that was not searched.
     """
     if result is None:
-        verb = "export --sheet sheet.html"
+        call = "export --sheet sheet.html"
         file = "its study file"
         simulated = "as by 'dogshape check'"
         program_versions = versions()
         result_hash = ""
     else:
-        verb = "study"
+        call = "search"
         file = "study.json"
         simulated = _simulated_words(result)
         program_versions = result.versions
         result_hash = f", result {content_key(result.to_dict())}"
     load = study.file.load
     facts = {
-        "command": command_of(study, verb) or f"dogshape {verb} FILE; {study.name} is in {file}",
+        "command": command_of(study, call) or f"dogshape {call} FILE; {study.name} is in {file}",
         "simulated": simulated,
         "operating points": minus(study.operating_text),
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",

@@ -26,6 +26,7 @@ from dogshape.pipeline.train.training import first_designs
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
+from dogshape.sim.interface import verb
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import RULES, Check
 from dogshape.sim.strength.dog_strength import margin_losses, within_tolerances
@@ -124,7 +125,7 @@ def learn_effects(folder: StudyFolder, say: Say) -> None:
 def stored_effects(folder: StudyFolder) -> Findings | None:
     """Read effects and prices of the folder's present surrogate; None if they are not stored."""
     try:
-        stored = read_json(folder.effects, "run 'dogshape report' again")
+        stored = read_json(folder.effects, f"run {verb('report')} again")
         findings = validate(Findings, stored, str(folder.effects))
         return findings if findings.surrogate == _identity(folder) else None
     except (StorageError, InputError):
@@ -133,7 +134,7 @@ def stored_effects(folder: StudyFolder) -> Findings | None:
 
 def _identity(folder: StudyFolder) -> str:
     """Read the hash of the folder's surrogate."""
-    return str(read_json(folder.surrogate, "run 'dogshape report' again").get("hash"))
+    return str(read_json(folder.surrogate, f"run {verb('report')} again").get("hash"))
 
 
 def effects_of(study: Setup, surrogate: Surrogate) -> Effects:

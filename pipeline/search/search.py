@@ -51,6 +51,7 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import Sharing, open_storage
 from dogshape.sim.errors import StorageError
+from dogshape.sim.interface import argument
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
 from dogshape.surrogate.model import MIN_DESIGNS
@@ -277,5 +278,6 @@ def _require_same(study: Setup, stored_search: optuna.Study, resume: bool) -> No
         fault = f"the storage holds a study '{study.name}' of another configuration"
         raise StorageError(f"{fault}; {STORAGE_REMEDY}")
     elif not resume:
-        remedy = "add --resume to go on with it or give the study another name"
+        resume_argument = argument("resume", value=True)
+        remedy = f"add {resume_argument} to go on with it or give the study another name"
         raise StorageError(f"the storage holds a study '{study.name}' already; {remedy}")

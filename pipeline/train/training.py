@@ -26,12 +26,12 @@ from dogshape.pipeline.simulate.design import explain_infeasible, mark_worthy, n
 from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import (
-    WRITE_AGAIN,
     ShiftJournal,
     StudyFolder,
     append,
     read_json,
     read_lines,
+    rewrite_remedy,
     write_json,
 )
 from dogshape.pipeline.train.training_rows import row_record, with_rows
@@ -395,7 +395,7 @@ def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say
     study = folder.stored_study().search_setup
     path = folder.simulated
     if folder.rows.exists():
-        data = with_rows(study, read_json(folder.rows, WRITE_AGAIN)["rows"])
+        data = with_rows(study, read_json(folder.rows, rewrite_remedy())["rows"])
     else:
         data = simulated_data(study, path, "filling", "best")
     say(f"fitting the surrogate to {len(data)} designs")
