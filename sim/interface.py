@@ -67,11 +67,11 @@ def listed_argument(name: str, value: str) -> str:
 def key_argument(name: str, key: str, value: str) -> str:
     """Write one entry of an argument that maps keys: ``--column force_N=F:kN``, ``columns={...}``.
 
-    ``settings`` and ``values`` are ``--set`` of the command line.
+    ``settings`` and ``values`` are ``--set`` of the command line. An empty value takes the key out.
     """
     if _ON_COMMAND_LINE.get():
         return argument(name, f"{key}={value}")
-    return f"{name}={{{_literal(key)}: {_literal(value)}}}"
+    return f"{name}={{{_literal(key)}: {_literal(value) if value else None}}}"
 
 
 def verb(name: str, subject: str = "", **arguments: object) -> str:
