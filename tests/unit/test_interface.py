@@ -24,6 +24,11 @@ WORDS: list[tuple[Callable[[], str], str, str]] = [
         "--set dog.count=18",
         'settings={"dog.count": "18"}',
     ),
+    (
+        lambda: key_argument("settings", "operating.seed", ""),
+        "--set operating.seed=",
+        'settings={"operating.seed": None}',
+    ),
     (lambda: verb("fit"), "'dogshape fit'", "ds.fit()"),
     (
         lambda: verb("search", "mq200", resume=True),
@@ -38,7 +43,9 @@ WORDS: list[tuple[Callable[[], str], str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("write", "option", "python"), WORDS, ids=lambda word: str(word)[:30])
+@pytest.mark.parametrize(
+    ("write", "option", "python"), WORDS, ids=[option for _, option, _ in WORDS]
+)
 def test_words_of_both_interfaces(write: Callable[[], str], option: str, python: str) -> None:
     assert write() == python
     with command_line():
