@@ -27,7 +27,7 @@ from dogshape.sim.clutch_tables import (
     validate,
 )
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DataError, refusal, require_between
+from dogshape.sim.errors import DataError, Refusal, require_between
 from dogshape.sim.interface import verb
 from dogshape.sim.shift.clutch import Clutch, ContactSet, contact_set, solver_for
 from dogshape.sim.units import DEG, MM, MS, RPM
@@ -73,7 +73,11 @@ class Measured(Section):
     standard_error: Annotated[float, Field(gt=0.0, lt=np.inf)]
 
 
-class _Contact(keys_of(ContactSet, late=("stiffness", "dissipation"), leave=("face_friction",))):  # type: ignore[misc]
+class _Contact(
+    keys_of(  # type: ignore[misc]
+        ContactSet, optional=("stiffness", "dissipation"), leave=("face_friction",)
+    )
+):
     # Kept for the reader of the file and not used: the solver's fall to dynamic friction lies at
     # ten stiction velocities, as in the published set.
     friction_velocity_m_s: float | None = None
@@ -226,7 +230,7 @@ def _clutch(file: _BenchFile) -> Clutch:
     if not 0.0 < shift_travel < dog.height:
         rule = f"it must lie below the full travel of {dog.travel / MM:.6g} mm and past entry"
         remedy = "give the travel at which a shift counts as finished"
-        raise DataError(refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
+        raise DataError(Refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
     require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
     ring_inertias, drive = rings(file.sliding, file.output), file.drive.value
     solver = solver_for(contact, drive=drive)

@@ -268,9 +268,9 @@ def count_cpu(name: str, cpu: dict[str, float]) -> None:
     """Add up the CPU time in a compiled function, s."""
     function = getattr(kernel, name)
 
-    def measured(*arguments: Any) -> Any:
+    def measured(*arguments: Any, **options: Any) -> Any:
         start = time.process_time()
-        result = function(*arguments)
+        result = function(*arguments, **options)
         cpu[name] += time.process_time() - start
         return result
 

@@ -21,7 +21,7 @@ from pydantic import BaseModel
 
 from benchmarks import constants, field_table
 from dogshape.pipeline.record import Record, look_of
-from dogshape.pipeline.search.result_schema import StudyRecord
+from dogshape.pipeline.search.study_record import StudyRecord
 
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"

@@ -167,9 +167,9 @@ def run_optuna_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
             worst = max(worst, times[SIMULATED])
             design = design_of(study, design.params, evaluation.measured)
             if design.feasible:
-                designs.append((design.params, values_of(study, design, times)))
+                designs.append((design.params, values_of(design, times)))
         # A shape that is impossible has no length either: it has the prototype's.
-        length = values_of(study, design, times)[1]
+        length = values_of(design, times)[1]
         losses = [
             times[SIMULATED],
             length if np.isfinite(length) else study.clutch.dog.travel * 1e3,
@@ -273,7 +273,7 @@ class Truth:
             design = design_of(study, params, evaluation.measured)
             values = [np.inf, np.inf]
             if design.feasible:
-                values = values_of(study, design, {SIMULATED: evaluation.expectation.mean})
+                values = values_of(design, {SIMULATED: evaluation.expectation.mean})
             self._values[key] = values
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps({"design": key, "values": values}) + "\n")

@@ -11,7 +11,7 @@ from inspect import isfunction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.python_words import wrap_verb
+from dogshape.argument_types import check_types
 
 # Public names. Modules are loaded when asked for: simulation, search and pages take seconds, which
 # a quick answer does not need.
@@ -64,7 +64,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"dogshape has no '{name}'; it has {', '.join(__all__)}")
     value = getattr(import_module(_HOMES[name]), name)
-    return wrap_verb(value) if isfunction(value) else value
+    return check_types(value) if isfunction(value) else value
 
 
 def __dir__() -> list[str]:

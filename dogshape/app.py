@@ -35,9 +35,8 @@ from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.reports.charts import front_figure
-from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import PLACE
-from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.pipeline.search.study_record import DesignRow, StudyRecord, read_study_record
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import matching_surrogate
 from dogshape.running import receiver
@@ -68,6 +67,7 @@ FILES = {
 }
 TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
 Texts = Mapping[str, str]  #: content of the fields by key
+Json = dict[str, Any]  #: value that page and server exchange
 Answer = dict[str, Any]  #: content of the page by place, ``component.property``
 
 
@@ -84,7 +84,7 @@ class LivePage:
     command: str
     stored: Stored | None = None
     surrogate: Path | None = None
-    result: Row | None = None
+    result: StudyRecord | None = None
 
     @cached_property
     def numbers(self) -> list[Number]:
@@ -125,17 +125,19 @@ class LivePage:
         ]
 
     @cached_property
-    def searched_designs(self) -> dict[str, Row]:
+    def searched_designs(self) -> dict[str, DesignRow]:
         """Designs that the search simulated, by number."""
-        rows = [] if self.result is None else self.result["trials"]
-        return {str(row["trial"]): row for row in rows if row[SIMULATED] is not None}
+        rows = [] if self.result is None else self.result.trials
+        return {str(row.trial): row for row in rows if row.expected_shift_time_s is not None}
 
     def shape(self, trial: str = "") -> dict[str, str]:
         """Format the dog's dimensions of a searched design, by key; by default the prototype's."""
         prototype = {number.key: number.text for number in self.numbers if number.group == "dog"}
-        design = self.searched_designs.get(trial, {})
-        keys = [key for key in self.study.config.variables if key in design]
-        return prototype | {f"dog.{key}": f"{design[key]:.6g}" for key in keys}
+        design = self.searched_designs.get(trial)
+        if design is None:
+            return prototype
+        params = design.params(self.study.config.variables)
+        return prototype | {f"dog.{key}": f"{value:.6g}" for key, value in params.items()}
 
     def changes(self, texts: Texts) -> list[str]:
         """List ``KEY=VALUE`` of the fields that differ from the study."""
@@ -186,7 +188,7 @@ def _number(key: str, texts: Texts) -> float:
     return float(text)
 
 
-def _point(texts: Texts, where: str) -> Row:
+def _point(texts: Texts, where: str) -> Json:
     """Read the operating point as arguments of a verb; empty for all points of the study."""
     if where != "one":
         return {}
@@ -217,16 +219,16 @@ def open_live_page(
     return LivePage(study, command or study.name, stored, path, result)
 
 
-def _matching_result(config: Setup, folders: Sequence[StudyFolder]) -> Row | None:
+def _matching_result(config: Setup, folders: Sequence[StudyFolder]) -> StudyRecord | None:
     """Read the last ``result.json`` of the study's physics; None without one."""
     if set(config.shape_keys) != set(config.variables):
         return None
     matching = None
     for folder in folders:
         if folder.result.is_file():
-            result = folder.stored_result()
-            physics = config.in_engine(result.get("engine", "drake")).physics_hash
-            if result.get("physics_hash") == physics:
+            result = read_study_record(folder)
+            physics = config.in_engine(result.engine).physics_hash
+            if result.physics_hash == physics:
                 matching = result
     return matching
 
@@ -287,7 +289,7 @@ def _connect_fields(app: Dash, live_page: LivePage) -> None:
         Input("back", "n_clicks"),
         prevent_initial_call=True,
     )
-    def take_design(click: Row | None, _: int) -> list[Any]:
+    def take_design(click: Json | None, _: int) -> list[Any]:
         marker = click["points"][0] if click and ctx.triggered_id == "front" else {}
         shape = live_page.shape(str(marker.get("customdata")))
         return [shape.get(output["id"]["number"], no_update) for output in ctx.outputs_list]
@@ -302,7 +304,7 @@ def _connect_answers(app: Dash, live_page: LivePage) -> None:
         Input("where", "value"),
         State("asked", "data"),
     )
-    def predict(_: Any, where: str, previous: Row | None) -> Row | None:
+    def predict(_: Any, where: str, previous: Json | None) -> Json | None:
         fields = ctx.inputs_list[0]
         texts = {field["id"]["number"]: str(field.get("value") or "") for field in fields}
         question = {"texts": texts, "where": where}
@@ -315,12 +317,12 @@ def _connect_answers(app: Dash, live_page: LivePage) -> None:
         return None if answer["answer.className"] else question
 
     @app.callback(Input("asked", "data"), prevent_initial_call=True)
-    def simulate(question: Row | None) -> None:
+    def simulate(question: Json | None) -> None:
         if question:
             _show(answer_by_simulation(live_page, question))
 
     @app.callback(Input("asked", "data"), Input("why", "value"), prevent_initial_call=True)
-    def link(question: Row | None, reason: str | None) -> None:
+    def link(question: Json | None, reason: str | None) -> None:
         if question:
             _show(link_files(live_page, question, reason))
 
@@ -331,7 +333,7 @@ def _show(answer: Answer) -> None:
         set_props(name, {part: content})
 
 
-def answer_at_once(live_page: LivePage, question: Row) -> tuple[dict[str, str], Answer]:
+def answer_at_once(live_page: LivePage, question: Json) -> tuple[dict[str, str], Answer]:
     """Predict a design without simulation.
 
     Returns the error messages by the keys of the fields, and the content of the page; after a
@@ -358,7 +360,7 @@ def answer_at_once(live_page: LivePage, question: Row) -> tuple[dict[str, str], 
     }
 
 
-def answer_by_simulation(live_page: LivePage, question: Row) -> Answer:
+def answer_by_simulation(live_page: LivePage, question: Json) -> Answer:
     """Simulate a design; return the page's content for its time and checks, with landing."""
     try:
         check = live_page.modify_study(question["texts"]).check(**_point(**question))
@@ -367,7 +369,7 @@ def answer_by_simulation(live_page: LivePage, question: Row) -> Answer:
     return {"simulated.children": app_page.simulated_card(check), **app_page.verdict_content(check)}
 
 
-def link_files(live_page: LivePage, question: Row, reason: str | None) -> Answer:
+def link_files(live_page: LivePage, question: Json, reason: str | None) -> Answer:
     """Link the files of a design, and compose the command that checks it."""
     texts = question["texts"]
     query = urlencode({**texts, "why": reason or ""})

@@ -11,7 +11,6 @@ from dash import dcc, html
 from dogshape.check import Check, Checked, hinge_lines
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Figure, percent
-from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, label, time_text
 from dogshape.pipeline.store.result_records import CheckRow
 from dogshape.pipeline.store.result_records import check_table as record_table
@@ -146,7 +145,7 @@ def _answer(front: Figure | None) -> html.Main:
 
 def card(title: str, value: str, *lines: str, exact: Expected | None = None) -> Children:
     """Fill a card with title, value and lines; ``exact`` is stored unrounded for programs."""
-    attributes: Row = {}
+    attributes: dict[str, Any] = {}
     if exact is not None:
         attributes = {"data-exact": f"{exact.time!r} {exact.low!r} {exact.high!r}"}
     spans = [html.Span(line) for line in lines if line]
@@ -239,7 +238,7 @@ def check_table(check: Checked) -> html.Table:
 
 def _check_line(row: CheckRow, cells: Sequence[str]) -> html.Tr:
     """Lay out a check; its margin is stored unrounded for programs."""
-    attributes: Row = {}
+    attributes: dict[str, Any] = {}
     if row.passed is not None:
         attributes = {"data-check": row.name, "data-margin": repr(row.margin)}
     hint = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"

@@ -94,10 +94,12 @@ class Comparison(Result):
 
     def plot(self) -> Figure:
         """Draw bench times beside the simulated ones with their 90 % band, a panel a force."""
-        from dogshape.pipeline.reports.charts import times_by_point  # noqa: PLC0415
+        from dogshape.pipeline.reports.charts import TimeMark, times_by_point  # noqa: PLC0415
 
-        sides = {"simulation": ("simulated_s", "standard_error_s"), "bench": ("bench_s", "")}
-        return times_by_point(self.to_dict()["points"], sides)
+        rows = self.rows
+        simulated = [TimeMark(row, row.simulated_s, row.standard_error_s) for row in rows]
+        measured = [TimeMark(row, row.bench_s, None) for row in rows]
+        return times_by_point({"simulation": simulated, "bench": measured})
 
     def to_frame(self) -> Frame:
         """Tabulate bench, simulation, standard error and z, a row for each operating point."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +23,9 @@ from dogshape.pipeline.reports.text import (
 from dogshape.pipeline.simulate.design import (
     Design,
     ToleranceTime,
-    checks_within,
     design_of,
-    judged_design,
+    judge_design,
     tolerance_time,
-    weakest_within,
 )
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.result_records import (
@@ -91,7 +89,7 @@ class Checked(Result):
     def within(self, kind: Kind) -> str:
         """Smallest margin within the tolerances, the landing at nominal size, with its check."""
         weakest = smallest_margin(self.design.checks)
-        name, margin = weakest_within(self.config, self.design, kind)
+        name, margin = self.design.weakest_within(kind)
         margin, name = min((margin, name), (weakest.margin, weakest.name))
         if math.isinf(margin):
             return "no dog"
@@ -117,7 +115,7 @@ class Checked(Result):
     @property
     def rows(self) -> list[CheckRow]:
         """Every check with its margins, by the declared keys."""
-        return [CheckRow(**row) for row in checks_within(self.config, self.design)]
+        return self.design.rows
 
     @property
     def judged_rows(self) -> list[CheckRow]:
@@ -186,7 +184,7 @@ class Checked(Result):
         return {
             "feasible": self.feasible,
             "verdict": self.verdict.to_dict(),
-            "checks": checks_within(self.config, self.design),
+            "checks": [row.to_dict() for row in self.rows],
             "retention": [
                 {
                     "flank": retention.flank,
@@ -291,7 +289,7 @@ class Check(Checked):
     guess: Guess | None = None
     refusal: str = ""
     quantiles: Sequence[QuantileRow] = ()
-    hangs: Mapping[str, float | None] = field(default_factory=dict)  #: ``HangKeys``, if simulated
+    hangs: HangKeys | None = None  #: None unless it is simulated
 
     @property
     def time_s(self) -> float | None:
@@ -328,25 +326,29 @@ class Check(Checked):
             f"scatter by {time_text(expected.sd)}, {100 * expected.engaged:.1f} % engage at worst",
             *self._part_lines(expected),
         ]
-        quantiles = quantile_words([quantile.to_dict() for quantile in self.quantiles])
+        quantiles = quantile_words(self.quantiles)
         if quantiles:
             lines.append(f"shift time over the life: {quantiles}")
         return lines
 
-    def _surrogate_parts(self) -> dict[str, float | None]:
-        """Split the surrogate's time by the keys of ``HangKeys``; None for the hangs' interval."""
-        parts = dict[str, float | None].fromkeys(HangKeys.model_fields)
-        if self.expected is not None:
-            engaged_mean, error = self.expected.without_retries
-            parts["engaged_mean_s"] = engaged_mean
-            parts["engaged_standard_error_s"] = error
-            parts["retries_s"] = self.expected.retries
-            parts["retries_error_s"] = self.expected.retries_error
-        return parts
+    def _surrogate_hangs(self) -> HangKeys:
+        """Split the surrogate's time; None for the probability of hangs."""
+        if self.expected is None:
+            return hang_keys(None)
+        engaged_mean, error = self.expected.without_retries
+        return HangKeys(
+            engaged_mean_s=engaged_mean,
+            engaged_standard_error_s=error,
+            hang_probability=None,
+            hang_probability_low=None,
+            hang_probability_high=None,
+            retries_s=self.expected.retries,
+            retries_error_s=self.expected.retries_error,
+        )
 
     def _part_lines(self, expected: Expected) -> list[str]:
         """Describe mean of engaged shifts and retries; simulated hangs if there are any."""
-        if not self.hangs:
+        if self.hangs is None:
             return _surrogate_part_lines(expected, self.config)
         hangs = f"{hang_words(self.hangs)}; {self.config.retry_text}"
         return [f"mean of engaged shifts {engaged_text(self.hangs)}", hangs]
@@ -390,7 +392,7 @@ class Check(Checked):
             }
         return {
             **time_record(self.expected, self.refusal),
-            **(self.hangs or self._surrogate_parts()),
+            **(self.hangs or self._surrogate_hangs()).to_dict(),
             **({"engaged": self.engaged} if self.shifts else {}),
             "quantiles": [quantile.to_dict() for quantile in self.quantiles],
             "operating_points": len(self.mix.points),
@@ -432,7 +434,7 @@ def check_design(
     guess = _guess(config, mix, surrogate)
     if guess is not None and surrogate is not None:
         expected = guess.answer.expected
-        judged = judged_design(config, design_of(config, {}, None))
+        judged = judge_design(design_of(config, {}, None))
         return Check(config, *judged, mix, expected, guess=guess, refusal=guess.answer.refusal)
     # Half a second that an answer of the surrogate does not need.
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
@@ -444,7 +446,7 @@ def check_design(
     (simulated,) = evaluate(setup, [{}], scratch_executor(1), sample.angles, sample.seed)
     mean = simulated.expectation
     expected, refusal = _simulated_time(mean, mix)
-    judged = judged_design(config, design_of(config, {}, simulated.measured))
+    judged = judge_design(design_of(config, {}, simulated.measured))
     return Check(
         config,
         *judged,
@@ -598,4 +600,4 @@ def check_strength(config: Setup, options: RunOptions, *, simulate: bool = True)
         with options.executor("strength", (config.config_hash,), shifts) as (executor, _):
             (found,) = evaluate(config, [{}], executor, settings.angles, settings.seed)
         measured = found.measured
-    return Strength(config, *judged_design(config, design_of(config, {}, measured)), shifts)
+    return Strength(config, *judge_design(design_of(config, {}, measured)), shifts)

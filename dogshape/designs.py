@@ -12,52 +12,57 @@ from typing import Any
 from dogshape.check import check_design
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of
 from dogshape.pipeline.reports.data_sheet import (
+    DesignSheet,
     NamedDesign,
-    design_record,
+    SimulatedValues,
+    design_sheet,
     flat_keys,
     named_design,
     searched_checks,
-    searched_record,
+    searched_sheet,
     time_difference,
     write_sheet,
 )
-from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import minus
-from dogshape.pipeline.simulate.design import KINDS, weakest_within
+from dogshape.pipeline.simulate.design import KINDS
 from dogshape.pipeline.store.folder import comparable, require_targets
+from dogshape.pipeline.store.result_records import CheckRow, VerdictRow, hang_keys
 from dogshape.result import Result
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER, ContactSet
 
 
-def record_of(design: NamedDesign) -> tuple[Row, list[Row]]:
+def sheet_of(design: NamedDesign) -> tuple[DesignSheet, list[CheckRow]]:
     """Record a design and its checks; a dog that was not searched is simulated as by ``check``."""
     study = design.study
     if design.result is not None and design.row is not None:
-        record = searched_record(study, design.result, design.row)
-        return record, searched_checks(design.design_study, design.result, design.row)
+        sheet = searched_sheet(study, design.result, design.row)
+        return sheet, searched_checks(design.design_study, design.result, design.row)
     check = check_design(study)
     expected = check.expected
-    record = design_record(
+    simulated = SimulatedValues(
+        expected_shift_time_s=None if expected is None else expected.time,
+        standard_error_s=None if expected is None else expected.error,
+        **(check.hangs or hang_keys(None)).to_dict(),
+        source=check.refusal or "compiled engine",
+        engaged=check.engaged if check.shifts else None,
+    )
+    sheet = design_sheet(
         study,
         study.prototype,
         {strength.name: strength.margin for strength in check.design.checks},
-        {kind: weakest_within(study, check.design, kind) for kind in KINDS},
-        check.verdict.to_dict(),
-        expected_shift_time_s=None if expected is None else expected.time,
-        standard_error_s=None if expected is None else expected.error,
-        **check.hangs,
-        engaged=check.engaged if check.shifts else None,
-        source=check.refusal or "compiled engine",
+        {kind: check.design.weakest_within(kind) for kind in KINDS},
+        verdict=VerdictRow.of(check.verdict),
+        simulated=simulated,
         engine="planar",
     )
-    return record, check.to_dict()["checks"]
+    return sheet, check.rows
 
 
 def write_data_sheet(design: NamedDesign, path: str | Path, block: Mapping[str, str]) -> Path:
     """Write the data sheet of a design, A4 or by its ending JSON, with a ``write_sheet`` block."""
     require_targets({"the data sheet": Path(path)})
-    write_sheet(design, *record_of(design), block, Path(path))
+    write_sheet(design, *sheet_of(design), block, Path(path))
     return Path(path)
 
 
@@ -148,7 +153,7 @@ def _contact_record(contact: ContactSet) -> dict[str, Any]:
 def _compare_designs(names: Sequence[str]) -> list[dict[str, Any]]:
     """Record designs with differences to the first one and the settings in which they differ."""
     designs = [named_design(name) for name in names]
-    records = [record_of(design)[0] for design in designs]
+    sheets = [sheet_of(design)[0] for design in designs]
     settings = [_compared_settings(design) for design in designs]
     differing = [
         key
@@ -156,11 +161,12 @@ def _compare_designs(names: Sequence[str]) -> list[dict[str, Any]]:
         if len({json.dumps(keys.get(key)) for keys in settings}) > 1
     ]
     items = []
-    for design, record, keys in zip(designs, records, settings, strict=True):
+    for design, sheet, keys in zip(designs, sheets, settings, strict=True):
         change = None
         if design is not designs[0] and design.study.points == designs[0].study.points:
-            change = time_difference(records[0], record)
+            change = time_difference(sheets[0].simulated, sheet.simulated)
         value, error = change or (None, None)
+        record = sheet.to_dict()
         margins = record.pop("margins")
         items.append(
             {

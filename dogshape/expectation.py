@@ -14,7 +14,6 @@ from scipy.special import ndtri
 from dogshape.bench.texts import read_table
 from dogshape.pipeline.config.study_file import (
     EVERYWHERE,
-    OWN_RISE,
     Place,
     Setup,
     load_study,
@@ -127,8 +126,8 @@ class Expectation(Result):
     def to_parts(self) -> list[str | Table]:
         """Tabulate operating points, with lines on expected time, hangs, entries and engine."""
         mean = self.mean
-        record = self.record.to_dict()
-        table = tabulate(PointRow, self.record.points)
+        record = self.record
+        table = tabulate(PointRow, record.points)
         hangs = f"{hang_words(record)}; {self.config.retry_text}; "
         hangs += mean.losses if mean.lost else f"none of {mean.shifts} shifts hung"
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
@@ -138,7 +137,7 @@ class Expectation(Result):
             return [f"{count}: {NO_TIME}", table, hangs, *sources]
         engaged_mean = f"mean of engaged shifts {engaged_text(record)}"
         parts: list[str | Table] = [table, self._time_line(), engaged_mean]
-        quantiles = quantile_words([q.to_dict() for q in self.record.quantiles or ()])
+        quantiles = quantile_words(record.quantiles or ())
         if quantiles:
             parts.append(f"shift time over the life: {quantiles}")
         return [*parts, hangs, self._entry_line(), *self._limit_tables(), *sources]
@@ -198,7 +197,7 @@ class Expectation(Result):
         """Map direct entry over mismatch and force, and over mismatch and relative angle."""
         from dogshape.pipeline.reports.charts import shiftability_figure  # noqa: PLC0415  slow to load
 
-        return shiftability_figure({"": (self.to_dict()["points"], self.config.clutch.dog.count)})
+        return shiftability_figure({"": (self.record.points, self.config.clutch.dog.count)})
 
     def to_dict(self) -> dict[str, Any]:
         """Convert mean, errors and operating points to values of JSON."""
@@ -216,9 +215,9 @@ class Expectation(Result):
 
     def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""
-        from dogshape.pipeline.reports.charts import times_by_point  # noqa: PLC0415  slow to load
+        from dogshape.pipeline.reports.charts import point_times, times_by_point  # noqa: PLC0415
 
-        return times_by_point(self.to_dict()["points"], {"mean": ("mean_s", "standard_error_s")})
+        return times_by_point({"mean": point_times(self.record.points)})
 
     def to_frame(self) -> Frame:
         """Tabulate operating points: mean, standard error, spread, share engaged."""
@@ -235,7 +234,7 @@ def simulate_mean(
     if place[2] is not None and place[1] is None:
         rise = argument("force_rise_s")
         raise InputError(f"{rise} goes with one operating point; give its speed and force")
-    points = points_of(config, place, OWN_RISE)
+    points = points_of(config, place, f", or give {argument('force_rise_s')}")
     if precision is not None and angles is not None:
         raise InputError(
             f"{argument('precision')} finds the number of angles itself; leave out "

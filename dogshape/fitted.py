@@ -84,9 +84,9 @@ class Fitted(Result):
     def plot(self) -> Figure:
         """Draw the main effect of each variable on the expected shift time, ms."""
         from dogshape.pipeline.reports.charts import effects_figure  # noqa: PLC0415
-        from dogshape.pipeline.reports.surrogate_findings import effects_record  # noqa: PLC0415
+        from dogshape.pipeline.reports.surrogate_findings import effects_of  # noqa: PLC0415
 
-        return effects_figure(effects_record(self.config, self.stored.surrogate))
+        return effects_figure(effects_of(self.config, self.stored.surrogate).variables)
 
     def to_frame(self) -> Frame:
         """Tabulate the data of the fit, a row for each design and operating point."""

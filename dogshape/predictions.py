@@ -313,7 +313,7 @@ def _judge_design(
     try:
         design = design_of(study, parameters)
     except DogshapeError as error:  # values that no dog can have
-        design = Design(parameters, None, (), str(error))
+        design = Design(study, parameters, None, (), str(error))
     faults = [check.name for check in design.checks if check.name in MAKEABLE and not check.passed]
     reason = design.refusal or _manufacturing_reason(faults)
     if not design.checks:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.interface import argument
 from dogshape.sim.units import DEG
 
@@ -29,5 +29,5 @@ def in_radians(angles: int | Sequence[float]) -> int | tuple[float, ...]:
     for angle in angles:
         if not abs(angle) <= 1e6:
             rule, remedy = "it must be a finite angle", "give an angle in degrees"
-            raise InputError(refusal("relative angle", angle, "deg", rule, remedy))
+            raise InputError(Refusal("relative angle", angle, "deg", rule, remedy))
     return tuple(angle * DEG for angle in angles)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from dogshape.pipeline.config.study_file import OWN_RISE, Place, Setup, points_of
+from dogshape.pipeline.config.study_file import Place, Setup, points_of
 from dogshape.pipeline.record import Figure, Frame, Table
 from dogshape.pipeline.reports.shift_page import (
     curves,
@@ -20,6 +20,7 @@ from dogshape.pipeline.reports.text import ENGINES, time_text
 from dogshape.result import Result
 from dogshape.running import in_radians
 from dogshape.sim.files import write_frame
+from dogshape.sim.interface import argument
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import engage, events_record, loads_record
 from dogshape.sim.strength.peak_force import peak_forces
@@ -171,7 +172,7 @@ class Shift(Result):
 def simulate_shift(config: Setup, place: Place, angle_deg: float, all_dogs: bool) -> Shift:
     """Simulate one shift as ``Study.shift`` does, for a study that is read."""
     clutch = replace(config.clutch, solver=replace(config.clutch.solver, all_dogs=all_dogs))
-    (point,) = points_of(config, place, OWN_RISE)
+    (point,) = points_of(config, place, f", or give {argument('force_rise_s')}")
     (angle,) = cast("tuple[float]", in_radians([angle_deg]))
     result = engage(clutch, point, angle)
     chaotic = result.events.slots_skipped > 0 or result.events.face_contacts > 1

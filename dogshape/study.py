@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dogshape.argument_types import check_types_of_verbs
 from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys, settings_of
 from dogshape.pipeline.progress import Progress
-from dogshape.python_words import wrap_verbs
 from dogshape.running import Angles, receiver
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dogshape.study_result import StudyResult
 
 
-@wrap_verbs
+@check_types_of_verbs
 @dataclass(frozen=True, init=False, repr=False)
 class Study:
     """Study of a clutch: its design, its operation and its search.

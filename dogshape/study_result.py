@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Progress
@@ -15,14 +15,15 @@ from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import designs_frame
 from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.reports.study_summary import chosen_verdict, headline, summary_tables
-from dogshape.pipeline.search.result_schema import StudyRecord
+from dogshape.pipeline.search.study_record import DesignRow, StudyRecord, read_study_record
 from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.result_records import VerdictRow
 from dogshape.result import Result
 from dogshape.running import receiver
-from dogshape.sim.clutch_tables import validate
 from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.interface import verb
 
+#: Keys of the record that ``to_dict`` has.
 PRINTED_KEYS = (
     "engine",
     "best",
@@ -45,26 +46,26 @@ class StudyResult(Result):
 
     config: Setup
     folder: Path
-    record: dict[str, Any]
+    record: StudyRecord
     page: Path | None
     seconds_cpu: float | None = None
 
     @property
-    def best(self) -> dict[str, Any] | None:
-        """Chosen design, a row of ``result.json``; None where no design passes every check."""
-        return cast("dict[str, Any] | None", self.record["best"])
+    def best(self) -> DesignRow | None:
+        """Chosen design, by the keys of ``result.json``; None where none passes every check."""
+        return self.record.best
 
     @property
-    def verdict(self) -> dict[str, Any] | None:
+    def verdict(self) -> VerdictRow | None:
         """Verdict on the chosen design at the new angles; None before the confirmation."""
-        if self.best is None or not self.record["confirmation"]:
+        if self.best is None or self.record.confirmation is None:
             return None
-        return chosen_verdict(self.config, self.record).to_dict()
+        return chosen_verdict(self.config, self.best, self.record.confirmation)
 
     @property
     def front(self) -> Frame:
         """Designs that no other dominates, best first, a row each."""
-        return designs_frame(self.record, list(self.config.variables), self.record["front"])
+        return designs_frame(self.record, list(self.config.variables), self.record.front)
 
     def to_parts(self) -> list[str | Table]:
         """Describe headline, gain, alternatives, facts and front as in the report."""
@@ -72,7 +73,7 @@ class StudyResult(Result):
         parts: list[str | Table] = [headline(self.record)]
         for table in summary_tables(self.config, self.record):
             parts += ["", table]
-        for reason, count in self.record["failed_shifts"].items():
+        for reason, count in self.record.failed_shifts.items():
             parts.append(f"{count} shifts failed and count as not engaged: {reason}")
         return [*parts, "", f"report: {page}"]
 
@@ -82,12 +83,14 @@ class StudyResult(Result):
         ``feasible`` is true for a chosen design that passes every standard check.
         """
         verdict = self.verdict
-        record = {key: self.record[key] for key in PRINTED_KEYS}
-        record["verdict"] = verdict
-        record["feasible"] = verdict is not None and verdict["state"] == "passes"
-        record["seconds_cpu"] = self.seconds_cpu
-        record["report"] = None if self.page is None else str(self.page)
-        return record
+        values = self.record.to_dict()
+        return {
+            **{key: values[key] for key in PRINTED_KEYS},
+            "verdict": None if verdict is None else verdict.to_dict(),
+            "feasible": verdict is not None and verdict.passes,
+            "seconds_cpu": self.seconds_cpu,
+            "report": None if self.page is None else str(self.page),
+        }
 
     def to_frame(self) -> Frame:
         """Tabulate all designs of the search, a row each; missing values were not simulated."""
@@ -131,7 +134,6 @@ def load_result(folder: str | Path) -> StudyResult:
     """
     stored = StudyFolder(Path(folder))
     config = stored.stored_study()
-    record = stored.stored_result()
-    validate(StudyRecord, record, str(stored.result))
+    record = read_study_record(stored)
     page = stored.report if stored.report.is_file() else None
     return StudyResult(config, stored.root, record, page)

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, ModelWrapValidatorHandler, model_validator
 
 from dogshape.sim.clutch_tables import Section
 
@@ -103,6 +103,21 @@ class Record(Section):
         return f"{scaled:{look['form']}}".replace("-", MINUS).replace("%", " %")
 
 
+class FileRecord(Record):
+    """A record that a file holds; its JSON has the keys in the order in which they were given."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keep_order(cls, values: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Order the values of a validated record as its keys were given."""
+        record = handler(values)
+        if isinstance(values, dict):
+            validated = record.__dict__
+            ordered = {name: validated[name] for name in values}
+            object.__setattr__(record, "__dict__", ordered | validated)
+        return record
+
+
 def percent(margin: float) -> str:
     """Print a margin in percent, with decimals where it is small."""
     size = abs(margin)
@@ -127,10 +142,19 @@ def tabulate(kind: type[Record], rows: Sequence[Record], *names: str) -> Table:
 
 
 def frame_of(rows: Sequence[Record | dict[str, Any]]) -> pd.DataFrame:
-    """Build a frame of records, or of rows of values by key, with a column for each key."""
+    """Build a frame of records, or of rows of values by key, with a column for each key.
+
+    Columns of records are in the order of their declaration.
+    """
     import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
 
-    return pd.DataFrame([row.to_dict() if isinstance(row, Record) else row for row in rows])
+    return pd.DataFrame([_declared_order(row) if isinstance(row, Record) else row for row in rows])
+
+
+def _declared_order(record: Record) -> dict[str, Any]:
+    """Return the values of a record by key, in the order of the declaration."""
+    values = record.to_dict()
+    return {name: values[name] for name in type(record).model_fields if name in values}
 
 
 def number_or_none(value: float | None) -> float | None:

@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
 from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
-from dogshape.pipeline.reports.designs import Row
+from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.search.confirmation import (
     Executors,
@@ -19,28 +20,28 @@ from dogshape.pipeline.search.confirmation import (
     shifts_to_confirm,
 )
 from dogshape.pipeline.search.search import Search, open_search, run
-from dogshape.pipeline.search.state import PROTOTYPE, SearchState, Trial, expectation_from
+from dogshape.pipeline.search.state import SearchState, Trial, expectation_from
+from dogshape.pipeline.search.study_record import Confirmation, DesignRow, StudyRecord
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     OBJECTIVES,
     SIMULATED,
     Design,
-    exact_values,
     leading_objective,
     limits_of,
     objectives_of,
-    smallest_within,
     tolerance_time,
 )
-from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
+from dogshape.pipeline.simulate.evaluation import STAGES, LifeStage, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
 from dogshape.pipeline.store.folder_lock import lock_folder
-from dogshape.pipeline.store.result_records import EngineAgreement, HangKeys, hang_keys
+from dogshape.pipeline.store.result_records import EngineAgreement, HangPriorRow, hang_keys
 from dogshape.pipeline.store.trial_storage import guard_storage, open_storage
 from dogshape.pipeline.train.training import train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import EngineError, GeometryError, InputError
+from dogshape.sim.interface import argument
 from dogshape.sim.statistics.expectation import Estimate
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
@@ -62,7 +63,7 @@ class StudyOptions:
     progress: Progress = SILENT
 
 
-def run_study(study: Setup, options: StudyOptions) -> Row:
+def run_study(study: Setup, options: StudyOptions) -> StudyRecord:
     """Run or resume a study, and return its result, which is also in ``result.json``.
 
     EngineError, after result and report are written, where both engines do not agree.
@@ -82,15 +83,15 @@ def run_study(study: Setup, options: StudyOptions) -> Row:
             if search.sampler.refusal:
                 say(search.sampler.refusal)
             result = _search_and_confirm(search, options)
-        if result["n_simulated_designs"] >= MIN_DESIGNS:
-            _learn(study, folder, result, say=say)
+        if result.n_simulated_designs >= MIN_DESIGNS:
+            result = _learn(study, folder, result, say=say)
         else:
             say(f"no surrogate: it needs at least {MIN_DESIGNS} simulated designs")
-        write_json(folder.result, result)
+        write_json(folder.result, result.to_dict())
         if options.report:
             publish(folder, say)
-    if result["audit"] is not None:
-        require_agreement(study, EngineAgreement(**result["audit"]))
+    if result.audit is not None:
+        require_agreement(study, result.audit)
     return result
 
 
@@ -104,14 +105,14 @@ def require_agreement(study: Setup, agreement: EngineAgreement) -> None:
         )
 
 
-def _search_and_confirm(search: Search, options: StudyOptions) -> Row:
-    """Run a search to its end, confirm its front and audit it; return the result."""
+def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
+    """Run a search to its end, confirm its front and audit it."""
     folder = options.folder
     study = search.study
     settings = study.file.search
     search_journal = ShiftJournal(folder.running)
     kept_journal = ShiftJournal(folder.shifts)
-    resumption = f"{folder.root}; --resume goes on"
+    resumption = f"{folder.root}; {argument('resume', value=True)} goes on"
     max_shifts = _max_remaining_shifts(search)
     with WorkCounter(options.progress, max_shifts, at_most=True, resumption=resumption) as counter:
         counter.say(
@@ -123,7 +124,7 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> Row:
         def after_round(line: str, state: SearchState) -> None:
             counter.expect_more(_max_remaining_shifts(search))
             counter.say(line)
-            write_json(folder.result, collect(state, kept_journal))
+            write_json(folder.result, study_record(state, kept_journal).to_dict())
 
         executors = Executors(
             Executor(search_journal, options.jobs, counter.advance, options.cluster),
@@ -144,34 +145,32 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> Row:
         searched_state = search.read()  # with the trials of all who share the search
     confirmed_state = searched_state.renew(trial for trial in state.trials if trial.confirmed)
     write_json(folder.rows, {"rows": list(chain(*(t.rows for t in confirmed_state.simulated)))})
-    result = collect(searched_state, kept_journal)
+    result = study_record(searched_state, kept_journal)
+    changes: dict[str, Any] = {"confirmation": confirmation, "life": life, "audit": agreement}
+    shift_count = result.n_simulated_shifts
     if confirmation is not None:
-        rows = {trial.number: row_of(state, trial) for trial in state.trials if trial.confirmed}
-        result["best"] = rows[confirmation["chosen"]]
-        result["front"] = [rows[trial.number] for trial in state.front if trial.confirmed]
-        result["n_simulated_shifts"] += _confirmation_shifts(confirmation, rows)
+        rows = {trial.number: design_row(state, trial) for trial in state.trials if trial.confirmed}
+        changes["best"] = rows[confirmation.chosen]
+        changes["front"] = [rows[trial.number] for trial in state.front if trial.confirmed]
+        shift_count += _confirmation_shifts(confirmation, rows)
     if nearest is not None:
-        result["nearest"] = nearest
-        result["n_simulated_shifts"] += sum(design["shifts"] for design in nearest)
-    return {
-        **result,
-        "confirmation": confirmation,
-        "life": life,
-        "audit": agreement and agreement.to_dict(),
-    }
+        changes["nearest"] = nearest
+        shift_count += sum(design.shifts or 0 for design in nearest)
+    return result.model_copy(update={**changes, "n_simulated_shifts": shift_count})
 
 
-def _confirmation_shifts(confirmation: Row, rows: Mapping[int, Row]) -> int:
+def _confirmation_shifts(confirmation: Confirmation, rows: Mapping[int, DesignRow]) -> int:
     """Count the shifts of a confirmation in both engines; ``rows`` are the trials by number."""
-    designs = list(confirmation["designs"])
-    has_prototype = any(rows[design["trial"]][PROTOTYPE] for design in designs)
+    designs = list(confirmation.designs)
+    trials = [design.trial for design in designs]
+    has_prototype = any(row.prototype for number, row in rows.items() if number in trials)
     if not has_prototype:
-        designs.append(confirmation["prototype"])
+        designs.append(confirmation.prototype)
     total = 0
     for design in designs:
-        total += design["shifts"]
-        if design["drake"]:
-            total += design["drake"]["shifts"]
+        total += design.shifts or 0
+        if design.drake is not None:
+            total += design.drake.shifts
     return total
 
 
@@ -189,67 +188,84 @@ def _max_remaining_shifts(search: Search) -> int:
 
 
 def _life(
-    confirmation: Row | None, state: SearchState, executor: Executor, counter: WorkCounter
-) -> list[Row] | None:
+    confirmation: Confirmation | None,
+    state: SearchState,
+    executor: Executor,
+    counter: WorkCounter,
+) -> list[LifeStage] | None:
     """Simulate the chosen design over its life; None where the study has no wear."""
     study = state.study
     wear = wear_of(study.file)
     if wear is None or confirmation is None:
         return None
-    trial = next(trial for trial in state.trials if trial.number == confirmation["chosen"])
+    trial = next(trial for trial in state.trials if trial.number == confirmation.chosen)
     counter.say(f"design {trial.number} over its life: half worn and worn")
     try:
-        stages = life_of(study, trial.params, wear, executor=executor, priors=state.priors)
+        return life_of(study, trial.params, wear, executor=executor, priors=state.priors)
     except GeometryError as error:
         counter.say(f"no drift over the life: worn dogs are none: {error}")
         return None
-    return [stage.to_dict() for stage in stages]
 
 
-def _learn(study: Setup, folder: StudyFolder, result: Row, say: Say) -> None:
-    """Fit the surrogate, and add its validation and times within tolerances to the result."""
+def _learn(study: Setup, folder: StudyFolder, result: StudyRecord, say: Say) -> StudyRecord:
+    """Fit the surrogate; add its validation and times within tolerances to the result."""
     try:
         stored = train(folder, say=say)
     except InputError as error:
         say(f"no surrogate: {error}")
-        return
-    result["surrogate"] = stored.validation.model_dump()
-    for row in filter(None, (*result["trials"], *result["front"], result["best"])):
-        time = tolerance_time(study, stored.surrogate, row, study_mix(study))
-        row["time_within_tolerances"] = time.to_dict()
+        return result
+    mix = study_mix(study)
+
+    def within_tolerances(design: DesignRow) -> DesignRow:
+        params = design.params(study.variables)
+        time = tolerance_time(study, stored.surrogate, params, mix)
+        return design.model_copy(update={"time_within_tolerances": time})
+
+    return result.model_copy(
+        update={
+            "surrogate": stored.validation,
+            "trials": [within_tolerances(design) for design in result.trials],
+            "front": [within_tolerances(design) for design in result.front],
+            "best": result.best and within_tolerances(result.best),
+        }
+    )
 
 
-def collect(state: SearchState, journal: ShiftJournal) -> Row:
+def study_record(state: SearchState, journal: ShiftJournal) -> StudyRecord:
     """Record the state of a search; ``journal`` has the shifts of Drake."""
     study = state.study
     best = state.best
-    rows = {trial.number: row_of(state, trial) for trial in state.trials}
+    rows = {trial.number: design_row(state, trial) for trial in state.trials}
     failed_shifts = Counter[str]()
     for trial in state.trials:
         failed_shifts += Counter(trial.failed)
     failed_shifts += Counter(failures(journal.rows.values()))
-    return {
-        "study": study.name,
-        "engine": study.clutch.solver.engine,
-        "objectives": study.file.search.objectives,
-        "leading": leading_objective(study).name,
-        "quantile": study.file.search.quantile,
-        "best": rows[best.number] if best is not None else None,
-        "front": [rows[trial.number] for trial in state.front],
-        "trials": list(rows.values()),
-        "n_simulated_designs": len(state.simulated),
-        "n_simulated_shifts": sum(trial.shifts for trial in state.simulated),
-        "failed_shifts": dict(failed_shifts),
-        "hang_prior": [vars(prior) for prior in state.priors],
-        **dict.fromkeys(("confirmation", "nearest", "life", "audit", "surrogate")),
-        "versions": versions(),
-        "config_hash": study.config_hash,
-        "physics_hash": study.physics_hash,
-    }
+    return StudyRecord(
+        study=study.name,
+        engine=study.clutch.solver.engine,
+        objectives=list(study.file.search.objectives),
+        leading=leading_objective(study).name,
+        quantile=study.file.search.quantile,
+        best=rows[best.number] if best is not None else None,
+        front=[rows[trial.number] for trial in state.front],
+        trials=list(rows.values()),
+        n_simulated_designs=len(state.simulated),
+        n_simulated_shifts=sum(trial.shifts for trial in state.simulated),
+        failed_shifts=dict(failed_shifts),
+        hang_prior=[HangPriorRow(**vars(prior)) for prior in state.priors],
+        confirmation=None,
+        nearest=None,
+        life=None,
+        audit=None,
+        surrogate=None,
+        versions=versions(),
+        config_hash=study.config_hash,
+        physics_hash=study.physics_hash,
+    )
 
 
-def row_of(state: SearchState, trial: Trial) -> Row:
-    """Record a design as a flat row, without times where it engages too seldom to have one."""
+def design_row(state: SearchState, trial: Trial) -> DesignRow:
+    """Record a design of a search; times are None if too few shifts engage."""
     study = state.study
     design = state.designs[trial.number]
     estimates = _estimates(study, trial, has_times=ENGAGEMENT.name not in design.failed)
@@ -260,30 +276,40 @@ def row_of(state: SearchState, trial: Trial) -> Row:
             values[name] = estimate.value
             errors[name] = estimate.standard_error
     weakest = smallest_margin(design.checks) if design.checks else None
-    hang_values = dict.fromkeys(HangKeys.model_fields)
+    expectation = None
     if trial.times:
-        hang_values = hang_keys(expectation_from(study, trial.times).under(state.priors))
+        expectation = expectation_from(study, trial.times).under(state.priors)
+    worst_case: tuple[str | None, float | None] = (None, None)
+    root_sum_square: tuple[str | None, float | None] = (None, None)
+    if design.dog is not None:
+        worst_case = design.weakest_within("worst_case")
+        root_sum_square = design.weakest_within("root_sum_square")
     failed = _failed_checks(trial, design)
-    return {
-        "trial": trial.number,
-        PROTOTYPE: trial.prototype,
-        **trial.params,
-        **exact_values(study, design),
+    exact_keys: dict[str, Any] = {**trial.params, **design.exact_values}
+    margin_keys: dict[str, Any] = {
         "smallest_margin": weakest.margin if weakest else None,
         "weakest_check": weakest.name if weakest else "geometry",
         "margins": {check.name: check.margin for check in design.checks},
-        **values,
-        **hang_values,
-        "standard_errors": errors,
-        "standard_error_s": errors[SIMULATED],
-        "points": len(study.points) if trial.simulated else 0,
-        "shifts": trial.shifts,
-        "engaged": None if trial.measured is None else trial.measured.engaged,
-        "feasible": not failed,
-        "failed": failed,
-        **smallest_within(study, design),
-        "time_within_tolerances": None,
     }
+    return DesignRow(
+        trial=trial.number,
+        prototype=trial.prototype,
+        **exact_keys,
+        **(margin_keys | values),
+        **hang_keys(expectation).to_dict(),
+        standard_errors=errors,
+        standard_error_s=errors[SIMULATED],
+        points=len(study.points) if trial.simulated else 0,
+        shifts=trial.shifts,
+        engaged=None if trial.measured is None else trial.measured.engaged,
+        feasible=not failed,
+        failed=failed,
+        margin_worst_case=number_or_none(worst_case[1]),
+        margin_root_sum_square=number_or_none(root_sum_square[1]),
+        weakest_check_worst_case=worst_case[0],
+        weakest_check_root_sum_square=root_sum_square[0],
+        time_within_tolerances=None,
+    )
 
 
 def _failed_checks(trial: Trial, design: Design) -> list[str]:

@@ -22,14 +22,8 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
-from dogshape.sim.errors import (
-    InputError,
-    did_you_mean,
-    join_faults,
-    meant_number,
-    ranges_of,
-    refusal,
-)
+from dogshape.sim.errors import InputError, Refusal, did_you_mean, join_faults, meant_number
+from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog
@@ -159,17 +153,19 @@ def keys_of(
     named_by: Any = None,
     *,
     leave: Sequence[str] = (),
-    late: Sequence[str] = (),
+    optional: Sequence[str] = (),
     kind_of_number: Any = None,
 ) -> Any:
-    """Create the base class of a section from the ranges of the dataclass ``of`` (``within``).
+    """Create the base class of a section from the quantities of the dataclass ``of``.
+
+    Late quantities and those with the default None are no part of a hash at their default.
 
     Parameters
     ----------
     of : dataclass of ``sim`` that the section builds.
     named_by : function that returns a set by name; absent keys then keep the values of the set.
     leave : fields without a key.
-    late : fields whose keys came later (``later``), as those with the default None.
+    optional : fields without a default that a file may lack, None then.
     kind_of_number : type of the keys if it is not that of the fields.
     """
 
@@ -179,20 +175,21 @@ def keys_of(
 
     keys: dict[str, Any] = {}
     hints = get_type_hints(of)
-    for name, (key, *_) in ranges_of(of).items():
+    for name, declared in quantities_of(of).items():
         if name in leave:
             continue
         default: Any = None
         if not named_by:
-            default = getattr(of, name, None if name in late else ...)
+            is_optional = declared.late or name in optional
+            default = getattr(of, name, None if is_optional else ...)
         hint = kind_of_number or hints[name]
         if default is None:
             hint = Optional[hint]  # noqa: UP045  # no '|' for Annotated
         elif default is not ...:
-            default = from_si(key, default)
-        if name in late or (default is None and not named_by):
+            default = from_si(declared.key, default)
+        if declared.late or (default is None and not named_by):
             default = later(default)
-        keys[key] = (hint, default)
+        keys[declared.key] = (hint, default)
     return create_model(f"{of.__name__}Keys", __base__=Base, **keys)
 
 
@@ -201,7 +198,7 @@ def mm_per_deg(outer: float, inner: float) -> float:
     return 0.25 * DEG * (outer + inner)
 
 
-class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "backlash"))):  # type: ignore[misc]
+class DogSection(keys_of(Dog)):  # type: ignore[misc]
     """Geometry of the dogs of both rings."""
 
     @model_validator(mode="before")
@@ -223,13 +220,13 @@ class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "bac
             raise ValueError(broken_rule(name, fault))
         try:
             per_deg = mm_per_deg(data["outer_diameter_mm"], data["inner_diameter_mm"])
-            max_angle = abs(ranges_of(Dog)["backlash"].high / per_deg)
+            max_angle = abs(quantities_of(Dog)["backlash"].high / per_deg)
         except (KeyError, TypeError, ZeroDivisionError):  # the validator refuses these diameters
             return lengths
         if not 0.0 <= angle <= max_angle:
             rule = f"it must lie between 0 and {max_angle:.6g} deg"
             remedy = "check the angle and its unit"
-            raise ValueError(refusal(name, angle, "deg", rule=rule, remedy=remedy))
+            raise ValueError(Refusal(name, angle, "deg", rule=rule, remedy=remedy))
         return lengths | {"backlash_mm": angle * per_deg}
 
 
@@ -342,7 +339,7 @@ UNMODELLED = (
 def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
     """Build both rings; InputError for the speed that ``[drive]`` has replaced."""
     if sliding.initial_speed_rpm != 0.0:
-        sentence = refusal(
+        sentence = Refusal(
             "sliding.initial_speed_rpm",
             sliding.initial_speed_rpm,
             "1/min",

@@ -19,8 +19,8 @@ from dogshape.sim.errors import (
     DogshapeError,
     EffectError,
     InputError,
+    Refusal,
     did_you_mean,
-    refusal,
     require_known,
 )
 from dogshape.sim.setting import Setting
@@ -148,7 +148,7 @@ class Effect:
             if not math.isfinite(values[name]):
                 quantity = f"{self.name}.{name}"
                 rule = "it must be finite"
-                sentence = refusal(
+                sentence = Refusal(
                     quantity, values[name], unit_of(name), rule=rule, remedy="correct the value"
                 )
                 raise InputError(sentence)

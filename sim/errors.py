@@ -4,15 +4,37 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from dataclasses import MISSING, field, fields
-from functools import lru_cache
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
-from dogshape.sim.units import from_si, unit_of
+from dogshape.sim.units import unit_of
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Refusal of a value; as text ``quantity is value unit, but rule; remedy``."""
+
+    quantity: str
+    value: float
+    unit: str
+    rule: str
+    remedy: str
+
+    def __str__(self) -> str:
+        amount = f"{number(self.value)} {self.unit}".strip()
+        return f"{self.quantity} is {amount}, but {self.rule}; {self.remedy}"
 
 
 class DogshapeError(Exception):
-    """Root of every error that is the input's fault and not the program's."""
+    """Root of every error that is the input's fault and not the program's.
+
+    The argument is a sentence or, of a value that breaks a rule, a ``Refusal``.
+    """
+
+    @property
+    def refusal(self) -> Refusal | None:
+        """Quantity, value, unit, rule and remedy; None for an error that has a sentence alone."""
+        return self.args[0] if self.args and isinstance(self.args[0], Refusal) else None
 
 
 class InputError(DogshapeError):
@@ -48,18 +70,12 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def refusal(quantity: str, value: float, unit: str, rule: str, remedy: str) -> str:
-    """Return the sentence ``quantity is value unit, but rule; remedy``"""
-    amount = f"{number(value)} {unit}".strip()
-    return f"{quantity} is {amount}, but {rule}; {remedy}"
-
-
 def require_between(name: str, value: float, low: float, high: float, remedy: str) -> None:
     """Raise InputError unless ``low <= value <= high``; the suffix of ``name`` gives the unit."""
     if not low <= value <= high:
         unit = unit_of(name)
         rule = f"it must lie between {number(low)} and {number(high)} {unit}".rstrip()
-        raise InputError(refusal(name, value, unit, rule, remedy))
+        raise InputError(Refusal(name, value, unit, rule, remedy))
 
 
 def require_parts(section: str, parts: Any, sides: Any, remedy: str, *, rest: bool = False) -> None:
@@ -73,49 +89,7 @@ def require_parts(section: str, parts: Any, sides: Any, remedy: str, *, rest: bo
         if part_inertia > side_inertia or (rest and part_inertia == side_inertia):
             key = f"{section}.{name}_inertia_kgm2"
             rule = f"it is a part of {side}.inertia_kgm2 = {side_inertia:.6g}"
-            raise InputError(refusal(key, part_inertia, "kg m2", rule, remedy))
-
-
-class Range(NamedTuple):
-    """Key of a field in a file, range there, and remedy of a value beyond it."""
-
-    key: str
-    low: float
-    high: float
-    remedy: str
-
-
-def within(key: str, low: float, high: float, default: Any = MISSING, *, remedy: str = "") -> Any:
-    """Declare a field of a dataclass with its key in a file and its range there."""
-    return field(default=default, metadata={"range": Range(key, low, high, remedy)})
-
-
-@lru_cache
-def ranges_of(kind: Any) -> dict[str, Range]:
-    """Return the ranges of a dataclass by the names of its fields."""
-    return {
-        entry.name: entry.metadata["range"] for entry in fields(kind) if "range" in entry.metadata
-    }
-
-
-def ranged_record(value: Any) -> dict[str, Any]:
-    """Return the fields of ``value`` that have a range, by key and in the unit of that key."""
-    kind: Any = type(value)
-    return {key: from_si(key, getattr(value, name)) for name, (key, *_) in ranges_of(kind).items()}
-
-
-def require_ranges(value: Any, section: str, remedy: str) -> None:
-    """Raise InputError if a field of ``value`` is out of its range; None passes.
-
-    ``section`` is the table of the file, ``remedy`` that of fields without one of their own.
-    """
-    kind: Any = type(value)
-    for name, (key, low, high, field_remedy) in ranges_of(kind).items():
-        number_in_file = from_si(key, getattr(value, name))
-        if number_in_file is None or low <= number_in_file <= high:
-            continue
-        full_key = f"{section}.{key}".lstrip(".")
-        require_between(full_key, number_in_file, low, high, remedy=field_remedy or remedy)
+            raise InputError(Refusal(key, part_inertia, "kg m2", rule, remedy))
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:

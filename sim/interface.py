@@ -21,6 +21,7 @@ OPTIONS = {
     "settings": "set",
     "values": "set",
     "columns": "column",
+    "path": "write",  # of a calibrated study
     "limits": "limit",
 }
 #: Classes of Python for arguments with named fields in place of a mapping.

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import GeometryError, refusal
+from dogshape.sim.errors import GeometryError, Refusal
 from dogshape.sim.shift.geometry import LAND, Dog, root_radius_room, tip_radius
 from dogshape.sim.shift.mesh import (
     Corner,
@@ -118,14 +118,14 @@ def require_room(dog: Dog, root_radius: float) -> None:
         rule = "some of it must be left (more than 0 mm)"
         remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
         name = "length of tip or floor at the inner radius"
-        raise GeometryError(refusal(name, shortest_land * 1e3, "mm", rule=rule, remedy=remedy))
+        raise GeometryError(Refusal(name, shortest_land * 1e3, "mm", rule=rule, remedy=remedy))
     if root_radius == 0.0 or (root_radius >= SMALLEST_RADIUS and shortest_land >= LAND):
         return
     span = f"{SMALLEST_RADIUS * 1e3:.4g} and {root_radius_room(dog) * 1e3:.4g} mm"
     rule = f"it must be 0 or lie between {span} to leave floor, face and flanks"
     remedy = "use a smaller root radius, or fewer or higher dogs"
     raise GeometryError(
-        refusal("root_radius_mm", root_radius * 1e3, "mm", rule=rule, remedy=remedy)
+        Refusal("root_radius_mm", root_radius * 1e3, "mm", rule=rule, remedy=remedy)
     )
 
 

@@ -17,7 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import EffectError, did_you_mean, require_ranges, within
+from dogshape.sim.errors import EffectError, did_you_mean
+from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -32,12 +33,12 @@ class Setting:
     clutch: Clutch  #: simulated at the point
     point: OperatingPoint
     #: start of the force after time zero of the record, s
-    delay: float = within("delay_s", -10.0, 10.0, 0.0, remedy="give the delay in seconds")
+    delay: float = quantity("delay_s", -10.0, 10.0, 0.0, remedy="give the delay in seconds")
     sensor: Sensor = "sleeve"  #: where the displacement is read
     #: concentration of the relative angles; 0 is uniform
-    concentration: float = within("concentration", 0.0, 100.0, 0.0)
+    concentration: float = quantity("concentration", 0.0, 100.0, 0.0)
     #: centre of the relative angles in pitches from dogs facing dogs
-    centre: float = within("centre", -1.0, 1.0, 0.0)
+    centre: float = quantity("centre", -1.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "", "correct the value")

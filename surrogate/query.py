@@ -13,6 +13,7 @@ import numpy as np
 
 from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.errors import InputError
+from dogshape.sim.interface import verb
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.surrogate.dataset import Dataset, Mix
@@ -71,7 +72,7 @@ def require_same_physics(data: Dataset, physics: Record) -> None:
     if differences:
         raise InputError(
             f"the surrogate was fitted to other physics than the study's: {differences}; fit one "
-            "for this study with 'dogshape fit'"
+            f"for this study with {verb('fit')}"
         )
 
 
@@ -89,7 +90,7 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
         chamfer = f"chamfer {x[_chamfer_columns(data)].min():.4g} deg"
         friction = np.degrees(np.arctan(_face_friction(data)))
         reason = f"{chamfer}, below the friction angle {friction:.3g} deg"
-        refusal = f"{HOLDS} ({reason}; 'dogshape expect' simulates it)"
+        refusal = f"{HOLDS} ({reason}; {verb('expect')} simulates it)"
         if not warnings:
             warnings.append(f"{chamfer}: faces hold by friction")
         return Answer(None, distance, tuple(warnings), refusal)

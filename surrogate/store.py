@@ -19,16 +19,21 @@ from dogshape.sim.clutch_tables import Section
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.files import write_whole
+from dogshape.sim.interface import argument, verb
 from dogshape.sim.versions import versions
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
 from dogshape.surrogate.model import NORMAL_95, Parameters, Surrogate, fit
 
 FORMAT = 4  #: version of the file
-FIT_AGAIN = "fit the surrogate again with 'dogshape fit'"  #: remedy
 MIN_Q2 = 0.5  #: of a useful surrogate
 MIN_VALIDATION_DESIGNS = 10  #: of figures of expected times
 SD_OFFSET_S = 2e-4  #: added to a standard deviation before its logarithm is taken
 HASH_DIGITS = 20
+
+
+def _fit_again() -> str:
+    """Write the remedy of a surrogate file that cannot be used."""
+    return f"fit the surrogate again with {verb('fit')}"
 
 
 def _figure(meaning: str, unit: str = "") -> Any:
@@ -214,11 +219,11 @@ def load(path: Path) -> Stored:
         return _stored(path, path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise MissingError(
-            f"there is no surrogate at {path}; run 'dogshape search' or 'dogshape fit' first, "
-            "or name a file with --surrogate"
+            f"there is no surrogate at {path}; run {verb('search')} or {verb('fit')} first, "
+            f"or name a file with {argument('surrogate')}"
         ) from error
     except (OSError, ValueError, RecursionError) as error:
-        raise DataError(f"{path} is not a surrogate file; {FIT_AGAIN}") from error
+        raise DataError(f"{path} is not a surrogate file; {_fit_again()}") from error
 
 
 @lru_cache(maxsize=2)  # an unchanged file is read often, and its processes keep inverses
@@ -228,18 +233,19 @@ def _stored(path: Path, text: str) -> Stored:
         raise ValueError("no object")
     file_format = content.get("format")
     if file_format != FORMAT:
-        remedy = FIT_AGAIN
+        remedy = _fit_again()
         if isinstance(file_format, int) and file_format > FORMAT:
             remedy = "use the version of dogshape that wrote it, or a newer one"
         raise DataError(
             f"{path} has format {file_format!r}, but this version reads format {FORMAT}; {remedy}"
         )
     if content.pop("hash", None) != _hash(content):
-        raise DataError(f"{path} was changed or damaged: it does not match its hash; {FIT_AGAIN}")
+        fault = "was changed or damaged: it does not match its hash"
+        raise DataError(f"{path} {fault}; {_fit_again()}")
     try:
         return Stored(_surrogate(content), Validation(**content["validation"]))
     except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path} is incomplete ({error}); {FIT_AGAIN}") from error
+        raise DataError(f"{path} is incomplete ({error}); {_fit_again()}") from error
 
 
 def _surrogate(content: dict[str, Any]) -> Surrogate:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.statistics.shift_records import clutch_record
 from dogshape.sim.versions import bundled_root
@@ -53,10 +54,31 @@ def point(mismatch: float, force: float, mean: float, error: float, engaged: flo
         "mismatch_rpm": mismatch,
         "force_N": force,
         "mean_s": mean,
+        "mean_engaged_s": mean,
         "standard_error_s": error,
+        "sd_s": 0.01,
         "engaged": engaged,
         "n": 16,
     }
+
+
+def check(name: str, margin: float, **changes: Any) -> Row:
+    """A check with a margin."""
+    row: Row = {
+        "name": name,
+        "value": 1.0,
+        "limit": 1.0,
+        "unit": "",
+        "margin": margin,
+        "passed": margin >= 0.0,
+        "group": "load",
+        "at_most": True,
+        "meaning": "",
+        "formula": "",
+        "source": "",
+        "limit_key": "",
+    }
+    return row | changes
 
 
 def confirmation_of(points: list[Row], mean: float) -> Row:
@@ -87,6 +109,11 @@ def shift(study: Setup, values: Row, angle: float, time: float | None, **changes
         "shift_time_s": time,
         "seed": study.file.expectation.seed,
     } | changes
+
+
+def record_of(result: Row, **changes: Any) -> StudyRecord:
+    """Record a result with other keys."""
+    return StudyRecord(**(result | changes))
 
 
 def bundled_result(name: str = "mq200_paper") -> Row:
@@ -122,6 +149,7 @@ def search_result() -> Row:
         "audit": None,
         "objectives": [TIME, LENGTH],
         "leading": TIME,
+        "quantile": 0.95,
         "trials": rows,
         "best": rows[2],
         "front": [rows[2], rows[1]],
@@ -129,10 +157,13 @@ def search_result() -> Row:
         "n_simulated_shifts": 100,
         "surrogate": None,
         "versions": {},
+        "config_hash": "",
+        "physics_hash": "",
         "failed_shifts": {},
         "life": None,
         "confirmation": {
             "angles": 16,
+            "chosen": 2,
             "prototype": confirmation_of(prototype_points, 0.100),
             "best": confirmation_of(best_points, 0.080),
             "designs": [{"trial": 2, **confirmation_of(best_points, 0.080)}],

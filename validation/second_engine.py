@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_planes, dog_solid, meeting
@@ -97,7 +97,7 @@ def _require_supported(clutch: Clutch) -> None:
     creep = contact.stiction_velocity
     require_between("contact.stiction_velocity_m_s", creep, 0.0, 5e-3, remedy)
     if dog.edge_radius > 0.0:
-        message = refusal(
+        message = Refusal(
             "dog.edge_radius_mm",
             dog.edge_radius / MM,
             "mm",

@@ -38,7 +38,7 @@ from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Prediction
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
-from dogshape.sim.errors import InputError, number, refusal
+from dogshape.sim.errors import InputError, Refusal, number
 from dogshape.sim.units import RPM
 
 MIN_INFORMATION_NATS = 0.005  #: of a test, from which its chances are stated
@@ -367,7 +367,7 @@ def shift_plan(field: Field, count: int, seed: int = 1, max_points: int | None =
             f"{REFERENCE_VISITS} times with {MIN_LOT} shifts each, and {MIN_LOT} more are needed "
             "at another"
         )
-        raise InputError(refusal("number of shifts", count, "", rule, "plan more shifts"))
+        raise InputError(Refusal("number of shifts", count, "", rule, "plan more shifts"))
     # Where single shifts scatter least a drift shows first.
     scatter = np.where(field.baseline.engaged_share[0] > 0.5, field.baseline.sd[0], np.nan)
     reference = int(np.nanargmin(scatter))

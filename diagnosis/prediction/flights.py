@@ -47,23 +47,35 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim import kernel
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
+from dogshape.sim.kernel_layout import (
+    ACTUATOR_DISPLACEMENT,
+    ACTUATOR_SPEED,
+    AXIAL_SPEED,
+    DISPLACEMENT,
+)
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.mechanism import SLIP
+from dogshape.sim.shift.mechanism import SMOOTH_SPEED_M_S
 from dogshape.sim.shift.planar import FIRST_STEP, free_flight
 
 CREEP_ERROR = 1.8  #: of a held start, over the creep of the smooth law by the speed at the mark
 #: Numbers of a clutch that act along the shaft without contact.
-AXIAL_NUMBERS = [
-    *(kernel.SLEEVE, kernel.FAR, kernel.DAMPING, kernel.FRICTION, kernel.DETENT, kernel.DETENT_AT),
-    *(kernel.DETENT_WIDTH, kernel.STIFF, kernel.LOSS, kernel.PLAY, kernel.SLIP_SPEED),
-    *(kernel.DEEP_STOP, kernel.LINKED, kernel.DETENT_SEAT),
-]
-#: Places in a state of the compiled engine.
-RING = 1
-RING_RATE = 4
-ACTUATOR = 6
-ACTUATOR_RATE = 7
+AXIAL_NUMBERS = (
+    "sleeve_mass",
+    "actuator_mass",
+    "damping",
+    "friction",
+    "smooth_speed",
+    "detent",
+    "detent_position",
+    "detent_seat",
+    "detent_width",
+    "has_linkage",
+    "linkage_stiffness",
+    "linkage_damping",
+    "free_play",
+    "stop_depth",
+)
 
 #: Columns of a row: marks as t^(-1/2), their creep, margins before the first touch, and delay.
 MARK_COLUMNS = slice(SIZE)
@@ -132,19 +144,21 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
         clutch = setting.clutch
         profile = setting.point.profile
         time, states, stiction_ratio = free_flight(clutch, profile, float(ways[-1]))
-        way = states[:, RING]
-        speed = states[:, RING_RATE]
+        way = states[:, DISPLACEMENT]
+        speed = states[:, AXIAL_SPEED]
         if clutch.mechanism.has_linkage and setting.sensor == "actuator":
-            way = states[:, ACTUATOR]
-            speed = states[:, ACTUATOR_RATE]
+            way = states[:, ACTUATOR_DISPLACEMENT]
+            speed = states[:, ACTUATOR_SPEED]
         marks = [kernel.crossing(time, way, speed, level) for level in ways]
         knots = profile.knots
         marks += [kernel.crossing(knots[0], knots[1], knots[2], level) for level in forces]
         times[k] = np.fmin(marks, clutch.timeout)  # NaN for never
         way_times = times[k, : ways.size]
         mark_speed = np.interp(way_times, time, speed)
-        rings[k] = np.interp(way_times, time, states[:, RING])
-        creep[k, : ways.size] = CREEP_ERROR * SLIP * stiction_ratio / np.fmax(mark_speed, SLIP)
+        rings[k] = np.interp(way_times, time, states[:, DISPLACEMENT])
+        creep[k, : ways.size] = (
+            CREEP_ERROR * SMOOTH_SPEED_M_S * stiction_ratio / np.fmax(mark_speed, SMOOTH_SPEED_M_S)
+        )
     return times, creep, rings
 
 
@@ -310,7 +324,7 @@ class Flights:
                 setting = Level(h, values).setting(self.effects, baseline)
                 clutch = setting.clutch
                 force = setting.point.profile
-                axial = clutch.numbers[AXIAL_NUMBERS].tobytes()
+                axial = tuple(clutch.numbers[name] for name in AXIAL_NUMBERS)
                 keys[k] = (profile, force, axial, setting.sensor, clutch.timeout)
                 settings[keys[k]] = setting
                 rows[k, MARGIN_COLUMNS] = clutch.dog.axial_gap

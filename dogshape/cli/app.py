@@ -12,7 +12,6 @@ from typer.core import TyperGroup
 from dogshape.cli.options import PLAIN
 from dogshape.cli.renamed import current_words
 from dogshape.cli.verbs import diagnosis, init, study
-from dogshape.python_words import KEEPS_OPTIONS
 from dogshape.sim.errors import DogshapeError, EngineError
 from dogshape.sim.interface import command_line
 from dogshape.sim.versions import versions
@@ -53,7 +52,6 @@ class _Verbs(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the verb; its errors name options of the command line."""
-        token = KEEPS_OPTIONS.set(True)
         try:
             with command_line():
                 return super().invoke(ctx)
@@ -75,8 +73,6 @@ class _Verbs(TyperGroup):
             path = f" ({error.filename})" if error.filename else ""
             sentence = f"{error.strerror or error}{path}; check path, space and rights"
             status = 2
-        finally:
-            KEEPS_OPTIONS.reset(token)
         print(f"dogshape: {sentence}", file=sys.stderr)
         raise typer.Exit(status)
 

@@ -29,15 +29,9 @@ from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import MechanismSection, Section, later, or_one
 from dogshape.sim.effect import Effect
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import (
-    DogshapeError,
-    InputError,
-    did_you_mean,
-    ranges_of,
-    require_known,
-    require_ranges,
-    within,
-)
+from dogshape.sim.errors import DogshapeError, InputError, did_you_mean, require_known
+from dogshape.sim.interface import key_argument
+from dogshape.sim.quantity import quantities_of, quantity, require_ranges
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, RiseTable
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
@@ -85,11 +79,11 @@ class Actuation:
     """
 
     nominal: RiseTable
-    delay: float = within("delay_s", 0.0, 10.0, 0.0)
-    lag: float = within("lag_s", 0.0, 10.0, 0.0)
-    loss: float = within("force_loss_N", 0.0, 1e5, 0.0)
-    factor: float = within("force_factor", 0.01, 10.0, 1.0)
-    rise_factor: float = within("rise_factor", 0.01, 10.0, 1.0)
+    delay: float = quantity("delay_s", 0.0, 10.0, 0.0)
+    lag: float = quantity("lag_s", 0.0, 10.0, 0.0)
+    loss: float = quantity("force_loss_N", 0.0, 1e5, 0.0)
+    factor: float = quantity("force_factor", 0.01, 10.0, 1.0)
+    rise_factor: float = quantity("rise_factor", 0.01, 10.0, 1.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "mechanism", "correct the mechanism")
@@ -213,7 +207,7 @@ class OperatingSection(Section):
                 )
             raise InputError(
                 f"operating.{name} cannot stand beside {statement}; remove one of the two "
-                f"(--set operating.{surplus_key}=){alternative}"
+                f"({key_argument('settings', f'operating.{surplus_key}', '')}){alternative}"
             )
 
     def _axis(self, name: str, shares: Iterator[Array]) -> list[tuple[float, float]]:
@@ -321,12 +315,13 @@ def points_of_design(
 PROBE = OperatingPoint(1.0, ForceProfile(1024.0, 0.125))
 Fields = dict[str, Any]  #: of a setting, by table and name
 #: Keys of ``[mechanism]`` by the field of the shift force that they set.
-ACTUATION_KEYS = {name: limits.key for name, limits in ranges_of(Actuation).items()}
+ACTUATION_KEYS = {name: declared.key for name, declared in quantities_of(Actuation).items()}
 
 
 def _study_keys(part: str, table: str, kind: type) -> dict[str, str]:
     """Map the fields of a part of a setting to dotted keys of a study."""
-    return {f"{part}.{name}": f"{table}.{limits.key}" for name, limits in ranges_of(kind).items()}
+    quantities = quantities_of(kind).items()
+    return {f"{part}.{name}": f"{table}.{declared.key}" for name, declared in quantities}
 
 
 #: Keys of a study by the field of a setting that they set, as far as an effect may set it.

@@ -25,7 +25,8 @@ from dogshape.sim.clutch_tables import (
     section_in,
     si_fields,
 )
-from dogshape.sim.errors import InputError, ranges_of, refusal, require_between
+from dogshape.sim.errors import InputError, Refusal, require_between
+from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
     SCHEMES,
@@ -55,10 +56,6 @@ QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 #: Fields that strike and mechanism share.
 SHARED_FIELDS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
 ROUNDING = 1e-9  #: share by which a nominal value may lie outside its range
-#: Fields of ``LoadCase`` that came later.
-LOAD_LATE = ("coast_share", "run_out", "tilt", "pull_out_share", "wear_angle")
-#: Fields of ``Tolerances`` that came later.
-TOLERANCE_LATE = ("chamfer_back", "backlash", "reject_rate", "capability")
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 #: A number, or the range that it lies in, which is judged at its worst end; tags as in ``Spread``.
@@ -77,7 +74,7 @@ def ranged(low: float, high: float, default: Any = None, *, late: bool = False) 
     return Field(default, exclude_if=excluded, json_schema_extra={"range": [low, high]})
 
 
-class ContactSection(keys_of(ContactSet, contact_set, late=("face_friction",))):  # type: ignore[misc]
+class ContactSection(keys_of(ContactSet, contact_set)):  # type: ignore[misc]
     """Name of a contact set, and values that override it."""
 
     set: str = "lubricated_steel"
@@ -134,7 +131,7 @@ class DrivelineSection(Section):
     stiffness_Nm_rad: float | None = ranged(1.0, 1e7)
 
 
-class LoadSection(keys_of(LoadCase, late=LOAD_LATE)):  # type: ignore[misc]
+class LoadSection(keys_of(LoadCase)):  # type: ignore[misc]
     """Load case of the strength checks (``sim.strength.load_case``)."""
 
     spectrum: list[Range] | None = later()
@@ -156,7 +153,6 @@ class StrikeSection(
     keys_of(  # type: ignore[misc]
         Strike,
         leave=("sliding_inertia", "output_inertia"),
-        late=("ring_inertia", "input_stiffness", "wheel_inertia"),
         kind_of_number=Ends,
     )
 ):
@@ -172,8 +168,8 @@ class StrikeSection(
         """
         values = self.model_dump(exclude={"mismatch_rpm"}, exclude_none=True)
         for name in SHARED_FIELDS:
-            key = ranges_of(Strike)[name].key
-            mechanism_key = ranges_of(Mechanism)[name].key
+            key = quantities_of(Strike)[name].key
+            mechanism_key = quantities_of(Mechanism)[name].key
             nominal = from_si(mechanism_key, getattr(mechanism, name))
             if nominal == 0.0:
                 continue
@@ -182,7 +178,7 @@ class StrikeSection(
             else:
                 _require_within(key, values[key], mechanism_key, nominal)
         for name in ("ring_inertia", "input_stiffness"):
-            key = ranges_of(Strike)[name].key
+            key = quantities_of(Strike)[name].key
             if key not in values:
                 raise InputError(
                     f"'strike.{key}' is missing; add it, or mechanism.{key}, which shifts are "
@@ -226,7 +222,7 @@ def _require_within(
         return
     text = f"[{low:.6g}, {high:.6g}]" if isinstance(value, list) else f"{value:.6g}"
     raise InputError(
-        refusal(
+        Refusal(
             f"mechanism.{mechanism_key}",
             nominal,
             unit_of(key),
@@ -246,7 +242,7 @@ class ManufacturingSection(keys_of(ManufacturingLimits)):  # type: ignore[misc]
     """Limits of the workshop (``sim.strength.manufacture``)."""
 
 
-class ToleranceSection(keys_of(Tolerances, late=TOLERANCE_LATE)):  # type: ignore[misc]
+class ToleranceSection(keys_of(Tolerances)):  # type: ignore[misc]
     """Largest deviation of each dimension either way (``sim.strength.manufacture``)."""
 
 
@@ -311,7 +307,7 @@ class SearchSection(Section):
     within_s: Annotated[float, Field(gt=0.0)] | None = later()
 
 
-class SolverSection(keys_of(Solver, solver_for, late=("max_steps", "time_limit"))):  # type: ignore[misc]
+class SolverSection(keys_of(Solver, solver_for)):  # type: ignore[misc]
     """Numerical settings; absent ones follow from the contact set."""
 
     engine: str | None = later()

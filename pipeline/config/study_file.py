@@ -31,7 +31,8 @@ from dogshape.pipeline.config.operating import (
 from dogshape.pipeline.config.schema import FORMAT, ContactSection, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DogshapeError, InputError, join_faults, refusal, require_between
+from dogshape.sim.errors import DogshapeError, InputError, Refusal, join_faults, require_between
+from dogshape.sim.interface import argument
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
@@ -263,7 +264,8 @@ def load_study(where: str | Path, overrides: Settings = None) -> Setup:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
     settings = settings_of(overrides)
-    return _build_with_settings(data, settings, f"{path}{' with --set' if settings else ''}")
+    source = f"{path} with {argument('settings')}" if settings else str(path)
+    return _build_with_settings(data, settings, source)
 
 
 def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
@@ -365,13 +367,16 @@ def pair_of(text: str) -> tuple[str, Any]:
     """Read key and value of ``KEY=VALUE``, the value as TOML or else as text; None for no value."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
-        raise InputError(f"--set {text} is not KEY=VALUE; write for instance dog.chamfer_deg=14")
+        rule = "is not KEY=VALUE; write for instance dog.chamfer_deg=14"
+        raise InputError(f"{argument('settings')} {text} {rule}")
     try:
         table = tomllib.loads(f"v = {value}")
     except tomllib.TOMLDecodeError:
         table = {"v": value.strip() or None}
     if set(table) != {"v"}:
-        raise InputError(f"--set {key.strip()} holds more than one value; give one --set a key")
+        option = argument("settings")
+        rule = f"holds more than one value; give one {option} a key"
+        raise InputError(f"{option} {key.strip()} {rule}")
     return key.strip(), table["v"]
 
 
@@ -433,7 +438,7 @@ def _require_confirmation(file: StudyFile) -> None:
         rule = f"with solver.engine = 'drake' it must be at least {MIN_CONFIRM_ANGLES}, as these "
         rule += "angles alone make the means of a confirmation"
         remedy = "give more angles, or leave solver.engine out"
-        raise InputError(refusal("search.confirm_angles", angles, "", rule, remedy))
+        raise InputError(Refusal("search.confirm_angles", angles, "", rule, remedy))
 
 
 def _require_limit_torques(file: StudyFile) -> None:
@@ -443,7 +448,7 @@ def _require_limit_torques(file: StudyFile) -> None:
         require_between(key, torque, -MAX_TORQUE_NM, MAX_TORQUE_NM, "check the value and its unit")
         if torque == 0.0 or torques.count(torque) > 1:
             rule = "each torque is another one, and shifts without one are simulated anyway"
-            raise InputError(refusal(key, torque, "N m", rule, "leave it out or change it"))
+            raise InputError(Refusal(key, torque, "N m", rule, "leave it out or change it"))
 
 
 def _require_parts(file: StudyFile) -> None:
@@ -553,7 +558,7 @@ def _require_fall(file: StudyFile, clutch: Clutch, force: float) -> None:
         )
         key = "shift.alternating.amplitude_rpm"
         raise InputError(
-            refusal(key, alternating.amplitude_rpm, "1/min", rule=rule, remedy="lower it")
+            Refusal(key, alternating.amplitude_rpm, "1/min", rule=rule, remedy="lower it")
         )
 
 
@@ -577,7 +582,6 @@ def require_variables(study: Setup) -> None:
 #: is that of the study; mismatch and force None stand for all points of the study.
 Place = tuple[float | None, float | None, float | None]
 EVERYWHERE: Place = (None, None, None)
-OWN_RISE = ", or give --force-rise-s"  #: remedy for a force that the study's table lacks
 
 
 def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[OperatingPoint, ...]:
@@ -587,7 +591,8 @@ def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[Operatin
     """
     mismatch, force, rise = place
     if (mismatch is None) != (force is None):
-        raise InputError("one operating point needs --mismatch-rpm and --force-N; give both")
+        needed = f"{argument('mismatch_rpm')} and {argument('force_N')}"
+        raise InputError(f"one operating point needs {needed}; give both")
     if mismatch is None or force is None:
         return study.points
     point = OperatingPoint(mismatch * RPM, study.actuation.profile(force, rise, other_way))

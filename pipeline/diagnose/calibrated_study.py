@@ -31,6 +31,7 @@ from dogshape.sim.clutch_tables import validate
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import InputError, StorageError, require_known
 from dogshape.sim.files import write_whole
+from dogshape.sim.interface import argument
 from dogshape.sim.shift.clutch import Clutch
 
 DRAWS = 200  #: of the posterior
@@ -74,8 +75,9 @@ def require_new_study(path: Path, base: str | None = None) -> None:
     that no study has.
     """
     if path.suffix != ".toml":
-        raise InputError(f"--write is '{path}', but a study is a TOML file; name it NAME.toml")
-    targets = {"--write": path, "draws of --write": draws_beside(path)}
+        rule = "a study is a TOML file; name it NAME.toml"
+        raise InputError(f"{argument('path')} is '{path}', but {rule}")
+    targets = {argument("path"): path, f"draws of {argument('path')}": draws_beside(path)}
     for option, target in targets.items():
         if target.exists():
             raise StorageError(f"{option} is {target}, which is there already; name another file")
@@ -122,7 +124,7 @@ def calibrated_study(
     effects, remarks = _split_effects(diagnosis, hypothesis, base_study.clutch)
     if not effects:
         raise InputError(
-            f"--write is '{path}', but a study has no key for the cause "
+            f"{argument('path')} is '{path}', but a study has no key for the cause "
             f"({hypothesis_name(hypothesis, diagnosis.effects)}); {'; '.join(remarks)}"
         )
 
@@ -207,9 +209,9 @@ def _choose_hypothesis(
             return hypothesis
         examples = "; ".join(", ".join(h) for h in candidates[:MAX_LISTED])
         raise InputError(
-            f"--causes is '{', '.join(causes)}', but just these have less than 0.1 % or lack a "
-            f"part of the cause ({', '.join(sorted(verdict_causes)) or 'none'}); name one of: "
-            f"{examples}"
+            f"{argument('causes')} is '{', '.join(causes)}', but just these have less than 0.1 % "
+            f"or lack a part of the cause ({', '.join(sorted(verdict_causes)) or 'none'}); "
+            f"name one of: {examples}"
         )
     if verdict_causes:
         return candidates[0]
@@ -218,15 +220,15 @@ def _choose_hypothesis(
         test = diagnosis.tests[0].name if diagnosis.tests else "more shifts"
         remedy = f"make the next test ({test}) and diagnose again"
     raise InputError(
-        f"--write is '{path}', but the diagnosis of {diagnosis.bench.name} names no effect "
-        f"({headline_of(verdict, diagnosis.effects)}); {remedy}"
+        f"{argument('path')} is '{path}', but the diagnosis of {diagnosis.bench.name} names no "
+        f"effect ({headline_of(verdict, diagnosis.effects)}); {remedy}"
     )
 
 
 def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> None:
     """Raise InputError unless all ``causes`` are names of ``effects``."""
     for name in causes:
-        require_known("--causes", name, "an effect", effects)
+        require_known(argument("causes"), name, "an effect", effects)
 
 
 def _clashing_keys(data: Data, effects: Sequence[Effect], clutch: Clutch) -> list[str]:

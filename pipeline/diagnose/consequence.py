@@ -18,6 +18,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
+from dogshape.pipeline.search.study_record import StudyRecord, read_study_record
 from dogshape.pipeline.simulate.evaluation import (
     NEW_ANGLES,
     Params,
@@ -28,6 +29,7 @@ from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError, InputError
+from dogshape.sim.interface import argument, verb
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Runner, even_block
 from dogshape.sim.statistics.expectation import Expectation
@@ -147,34 +149,37 @@ def load_candidates(place: str | Path) -> tuple[Setup, dict[str, Params]]:
     if result_folder.manifest.is_file():
         study = result_folder.stored_study()
         folders = [result_folder]
-        remedy = f"run 'dogshape search' with --resume and --out {place}"
+        remedy = f"run {verb('search', resume=True, out=str(place))}"
     else:
         study = load_study(place)
         folders = [StudyFolder(default_out(study)), StudyFolder(bundled_root() / study.name)]
-        remedy = f"run 'dogshape search {place}' first, or name the folder of its results"
+        remedy = f"run {verb('search', str(place))} first, or name the folder of its results"
     for folder in folders:
         if folder.result.is_file():
-            return study, _designs(study, folder.stored_result())
+            return study, _designs(study, read_study_record(folder))
     raise DataError(f"there is no result of the study {study.name} in {folders[0].root}; {remedy}")
 
 
-def _designs(study: Setup, result: Mapping[str, Any]) -> dict[str, Params]:
+def _designs(study: Setup, result: StudyRecord) -> dict[str, Params]:
     """Select the prototype and the fastest designs of a result by name, the choice first."""
-    confirmation = result["confirmation"] or {"chosen": None, "designs": []}
-    chosen = confirmation["chosen"]
+    chosen = None
     failed_trials = set()
-    for design in confirmation["designs"]:
-        if not all(check["passed"] for check in design["checks"]):
-            failed_trials.add(design["trial"])
-    trials = [
-        trial
-        for trial in result["trials"]
-        if trial["feasible"] and not trial["prototype"] and trial["trial"] not in failed_trials
+    if result.confirmation is not None:
+        chosen = result.confirmation.chosen
+        for confirmed in result.confirmation.designs:
+            if not all(check.passed for check in confirmed.checks):
+                failed_trials.add(confirmed.trial)
+    candidates = [
+        design
+        for design in result.trials
+        if design.feasible and not design.prototype and design.trial not in failed_trials
     ]
-    trials.sort(key=lambda trial: (trial["trial"] != chosen, trial["expected_shift_time_s"]))
+    candidates.sort(
+        key=lambda design: (design.trial != chosen, design.expected_shift_time_s or 0.0)
+    )
     designs = {"prototype": study.prototype}
-    for trial in trials[:DESIGNS]:
-        designs[f"design {trial['trial']}"] = study.select_params(trial)
+    for design in candidates[:DESIGNS]:
+        designs[f"design {design.trial}"] = design.params(study.variables)
     return designs
 
 
@@ -270,8 +275,8 @@ def compute_consequence(
     cause = next((h for h in posterior if h != UNKNOWN and set(h) - OF_STAND), None)
     if cause is None or posterior[cause] < MIN_PROBABILITY:
         raise InputError(
-            f"--study is '{study}', but the diagnosis of {diagnosis.bench.name} has no effect "
-            f"above {100 * MIN_PROBABILITY:.0f} %; leave --study out"
+            f"{argument('study')} is '{study}', but the diagnosis of {diagnosis.bench.name} has no "
+            f"effect above {100 * MIN_PROBABILITY:.0f} %; leave {argument('study')} out"
         )
     setup, designs = load_candidates(study)
     intervals = diagnosis.fits[cause].intervals

@@ -32,6 +32,7 @@ from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, hypothesis_name
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.files import write_whole
+from dogshape.sim.interface import argument, verb
 
 DATA = "data"
 JOINING = "joining"
@@ -97,8 +98,8 @@ def read_request(folder: Path) -> Request:
     path = data / REQUEST
     if not path.is_file():
         raise StorageError(
-            f"{folder} holds no diagnosis with its data; make it with: dogshape diagnose BENCH_DIR "
-            f"--out {folder}"
+            f"{folder} holds no diagnosis with its data; make it with "
+            f"{verb('diagnose', 'BENCH', out=str(folder))}"
         )
     return _read_json(path, lambda content: Request(**content))
 
@@ -240,7 +241,8 @@ def require_no_updates(folder: Path) -> None:
     if (folder / UPDATES).is_file():
         raise StorageError(
             f"{folder} holds a diagnosis with updates ({UPDATES}), which a new one would replace; "
-            "name another folder for --out, or join readings with 'dogshape update-diagnosis'"
+            f"name another folder for {argument('out')}, or join readings with "
+            f"{verb('update-diagnosis')}"
         )
 
 
@@ -255,7 +257,7 @@ def keep_previous(folder: Path, count: int) -> Record:
             if not (folder / name).is_file():
                 raise StorageError(
                     f"{folder / name}, the record of the diagnosis, is missing; diagnose the data "
-                    "set again with --out"
+                    f"set again with {argument('out')}"
                 )
             write_whole(copy, (folder / name).read_bytes())
     return _read_json(copy, dict)
@@ -276,7 +278,8 @@ def _read_json(path: Path, kind: Callable[[Any], T]) -> T:
         return kind(json.loads(path.read_text(encoding="utf-8")))
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise StorageError(
-            f"{path} is damaged ({type(error).__name__}); diagnose the data set again with --out"
+            f"{path} is damaged ({type(error).__name__}); diagnose the data set again "
+            f"with {argument('out')}"
         ) from error
 
 

@@ -12,7 +12,8 @@ from dogshape.pipeline.config.operating import PROBE, effect_keys
 from dogshape.pipeline.config.schema import FORMAT
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
-from dogshape.sim.errors import DogshapeError, ranged_record, ranges_of
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.quantity import quantities_of, record_quantities
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.clutch import Clutch, contact_set
 from dogshape.sim.shift.geometry import Dog
@@ -25,7 +26,8 @@ ANGLES = {"chamfer_deg": [0.0, 20.0], "traction_deg": [4.0, 30.0], "braking_deg"
 HEIGHT_FACTORS = (0.45, 1.6)
 COUNT_FACTORS = (0.4, 2.4)
 MIN_COUNT = 3
-DOG_KEYS = {name: limits.key for name, limits in ranges_of(Dog).items()}  #: of ``[dog]`` by field
+#: Keys of ``[dog]`` by field.
+DOG_KEYS = {name: declared.key for name, declared in quantities_of(Dog).items()}
 EFFECT_TABLES = {"mechanism", "contact", "sliding", "dog"}  #: tables that an effect may change
 PROBE_SHARES = (0.2, 0.4, 0.6, 0.8)  #: of the parameters' ranges, at which an effect is tried
 
@@ -57,10 +59,10 @@ def study_of(bench: Bench, name: str) -> Data:
     tolerances are not part of a data set; they stay those of the program.
     """
     clutch = bench.clutch
-    nominal_contact = ranged_record(contact_set(CONTACT))
+    nominal_contact = record_quantities(contact_set(CONTACT))
     contact = {
         key: value
-        for key, value in ranged_record(clutch.contact).items()
+        for key, value in record_quantities(clutch.contact).items()
         if value != nominal_contact[key]
     }
     count = clutch.dog.count

@@ -68,10 +68,10 @@ PLAY_DEVIATION = "tolerance.backlash_mm"
 TORQUE = "load.torque_Nm"
 COAST = "load.coast_share"
 RELEASE = "load.faces_release"
-HELD = "load.separating_force_limit_N"
-SHARE = "load.pull_out_share"
+HOLDING_FORCE = "load.separating_force_limit_N"
+PULL_OUT_SHARE = "load.pull_out_share"
 MASS = "sliding.mass_kg"
-ADDED = "mechanism.added_mass_kg"
+ADDED_MASS = "mechanism.added_mass_kg"
 ACTUATOR = "actuation.force_N"
 OPERATING = "operating.force_N"
 MISMATCH = "operating.mismatch_rpm"
@@ -120,7 +120,7 @@ SIDE = "drive.engine_side"
 #: Words for the use of the clutch, and for keys whose default follows from it.
 USE = {
     HEIGHT: "height of the dogs, mm",
-    ADDED: "mass of fork, rod and piston that moves along, kg",
+    ADDED_MASS: "mass of fork, rod and piston that moves along, kg",
     TORQUE: "rated torque at the dogs, N m",
     COAST: "largest torque on the braking flank (coast, recuperation, reverse) over the rated one; "
     "or in N m",
@@ -129,8 +129,8 @@ USE = {
     "0: the sliding ring stands",
     SIDE: "ring that turns with the engine",
     DRAG: "drag torque on the sliding ring, N m",
-    HELD: "force of latch or detent on the engaged ring, N; 0: unknown",
-    SHARE: "share of the torque at which the ring is pulled out",
+    HOLDING_FORCE: "force of latch or detent on the engaged ring, N; 0: unknown",
+    PULL_OUT_SHARE: "share of the torque at which the ring is pulled out",
     "load.shifts": "shifts over the life",
     STRIKE_RING: "inertia of the ring that strikes, kg m², one or two ends of a range; 0: unknown",
     STRIKE_SHAFT: "stiffness of the shaft behind it, N m/rad, one or two ends; 0: unknown",
@@ -141,9 +141,9 @@ CHOICES = {MATERIAL: tuple(MATERIALS), SIDE: ENGINE_SIDES}
 #: Keys of which one value may stand for a list.
 LIST_KEYS = (ACTUATOR, "actuation.rise_s", *OPERATION)
 RING = (*DIAMETERS, *INERTIAS)
-ANY = (*RING, MASS, TORQUE, ACTUATOR)
+CLUTCH_KEYS = (*RING, MASS, TORQUE, ACTUATOR)
 #: Keys and tables that hold for one clutch, by the keys of the clutch that void them.
-BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
+BOUND_KEYS: dict[tuple[str, ...], tuple[str, ...]] = {
     RING: (
         RADIUS,
         DRAG,
@@ -154,8 +154,14 @@ BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
         "mechanism.output_stiffness_Nm_rad",
         "driveline.stiffness_Nm_rad",
     ),
-    (MASS,): (ADDED,),
-    ANY: (HELD, "strike", "load.pull_out_force_limit_N", "load.abuse_torque_Nm", "search.within_s"),
+    (MASS,): (ADDED_MASS,),
+    CLUTCH_KEYS: (
+        HOLDING_FORCE,
+        "strike",
+        "load.pull_out_force_limit_N",
+        "load.abuse_torque_Nm",
+        "search.within_s",
+    ),
 }
 #: Keys and tables that decide an answer, the most influential first.
 DECIDING: dict[str, tuple[str, ...]] = {
@@ -180,8 +186,8 @@ DECIDING: dict[str, tuple[str, ...]] = {
         TORQUE,
         "load.application_factor",
         COAST,
-        SHARE,
-        HELD,
+        PULL_OUT_SHARE,
+        HOLDING_FORCE,
         "load.release_by_itself",
         RELEASE,
         "load.shifts",
@@ -417,11 +423,11 @@ def _default_answers(look_up: LookUp) -> list[tuple[str, Any, str]]:
         (CHAMFER_BACK, 0.0, ""),
         (CREST, ROOF_CREST, "an assumption"),
         (PLAY_DEVIATION, from_si(PLAY_DEVIATION, Tolerances.backlash), "an assumption"),
-        (ADDED, 0.0, "none, an assumption"),
+        (ADDED_MASS, 0.0, "none, an assumption"),
         (COAST, LoadCase.coast_share, "all of it"),
         (SPEED, 0.0, "the sliding ring stands"),
         (SIDE, "sliding", "an assumption"),
-        (HELD, 0.0, "not judged"),
+        (HOLDING_FORCE, 0.0, "not judged"),
         (STRIKE_RING, [0.0], ring_note),
         (STRIKE_SHAFT, [0.0], "not judged"),
     ]
@@ -433,7 +439,7 @@ def _defaults(look_up: LookUp) -> list[tuple[str, Any, str]]:
     defaults = [
         (RADIUS, radius, f"{SPLINE:g} of the inner radius"),
         (DRAG, 0.0, "none, an assumption"),
-        (SHARE, 1.0, "all of it"),
+        (PULL_OUT_SHARE, 1.0, "all of it"),
     ]
     if look_up(BACKLASH_DEG) is None:
         defaults.append((BACKLASH, 0.0, "none"))
@@ -544,7 +550,7 @@ class _Change:
     values: Mapping[str, Any]  #: given values by dotted key
     before: LookUp
     after: LookUp
-    keys: frozenset[str]  #: keys of ``ANY`` that changed
+    keys: frozenset[str]  #: keys of ``CLUTCH_KEYS`` that changed
 
     def differs(self, key: str) -> bool:
         """Test whether the value of a key changed."""
@@ -563,7 +569,7 @@ def _derive_values(text: str, values: Mapping[str, Any]) -> tuple[Data, list[str
     tables = tomllib.loads(with_values(text, values))
     before = partial(value_at, tomllib.loads(text))
     after = partial(value_at, tables)
-    changed_keys = {key for key in ANY if before(key) != after(key)}
+    changed_keys = {key for key in CLUTCH_KEYS if before(key) != after(key)}
     changed_keys |= {MASS} & set(values)  # even if all moving mass equals that of the ring before
     change = _Change(values, before, after, keys=frozenset(changed_keys))
     if not _has_valid_numbers(change):
@@ -629,7 +635,7 @@ def _remove_bound_values(change: _Change, derived: Data) -> None:
     """Remove values of the copied clutch, and absolute limits of the search."""
     names = change.before("search.limits") or ()
     limits = tuple(f"search.limits.{name}" for name in names if name.endswith(UNITS))
-    for changing_keys, bound_keys in (*BOUND.items(), (ANY, limits)):
+    for changing_keys, bound_keys in (*BOUND_KEYS.items(), (CLUTCH_KEYS, limits)):
         if change.keys & set(changing_keys):
             derived |= {key: None for key in bound_keys if change.before(key) is not None}
 

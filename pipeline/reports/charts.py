@@ -8,7 +8,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from operator import itemgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
@@ -20,21 +20,24 @@ from dogshape.pipeline.reports.designs import (
     MARGIN,
     UNCLEAR,
     Goal,
-    Row,
     confirmation_of,
     design_name,
     goals_of,
     objection,
     of_kinds,
 )
+from dogshape.pipeline.reports.surrogate_findings import VariableEffect
 from dogshape.pipeline.reports.text import PLACE, axis, check_name, minus, place_name
+from dogshape.pipeline.search.study_record import DesignRow, StudyRecord
 from dogshape.pipeline.simulate.design import SIMULATED
-from dogshape.pipeline.store.result_records import HingeRow
+from dogshape.pipeline.store.result_records import HingeRow, PlaceRow, PointRow
 from dogshape.sim.units import short
 
 # A notebook keeps its figures in HTML too, with plotly's code once, so that they survive export.
 if pio.renderers.default == "plotly_mimetype":
     pio.renderers.default = "plotly_mimetype+notebook"
+
+Look = dict[str, Any]  #: keywords of plotly
 
 INK = "#1b2733"
 GREY = "#9aa5b1"
@@ -42,9 +45,9 @@ BLUE = "#1f5fa8"
 ORANGE = "#c8590c"
 GREEN = "#2e7d4f"
 
-MARK_BORDER: Row = {"color": INK}
+MARK_BORDER: Look = {"color": INK}
 #: Marks of the kinds of designs, the same in every figure.
-MARKS: dict[str, Row] = {
+MARKS: dict[str, Look] = {
     "dominated": {"color": GREY, "size": 8, "symbol": "circle-open"},
     FAILS: {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
     UNCLEAR: {"color": INK, "size": 8, "symbol": "diamond-open"},
@@ -63,7 +66,7 @@ MARKS: dict[str, Row] = {
     },
 }
 #: Marks of times by operating point, for up to three sides in this order.
-SIDE_MARKS: tuple[Row, ...] = (
+SIDE_MARKS: tuple[Look, ...] = (
     {"color": ORANGE, "size": 10, "symbol": "square-open", "line": {"width": 2}},
     {"color": BLUE, "size": 9, "symbol": "diamond"},
     {"color": INK, "size": 8, "symbol": "circle"},
@@ -72,12 +75,11 @@ FRONT_SIZE = (620.0, 290.0)  #: width and height of the front on paper, px
 MIN_SEPARATION = 23.0  #: between numbers and marks of the front, px
 #: Leaders to the numbers of designs, the shortest first; px, y downwards.
 LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
-BY_PLACE = itemgetter(*reversed(PLACE))  #: order of operating points, by force
 EFFECT_COLUMNS = 3  #: panels of effects side by side
 FIRST_TRY_ENTRY = "first try"
 DIRECT_ENTRY = "direct entry"
 #: Colours, gaps and hover text of maps.
-MAP_STYLE: Row = {
+MAP_STYLE: Look = {
     "coloraxis": "coloraxis",
     "xgap": 1,
     "ygap": 1,
@@ -101,7 +103,9 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
     )
 
 
-def front_figure(result: Row, variables: Sequence[str], other_objective: str = "") -> go.Figure:
+def front_figure(
+    result: StudyRecord, variables: Sequence[str], other_objective: str = ""
+) -> go.Figure:
     """Draw the leading objective against another objective, with the designs of all kinds.
 
     The other objective is by default the next one, without one the smallest margin. The axes show
@@ -113,10 +117,10 @@ def front_figure(result: Row, variables: Sequence[str], other_objective: str = "
     lead = goals[0]
     second = next(goal for goal in goals if goal.name == other_objective)
     figure = go.Figure()
-    if len(result["objectives"]) == 2:  # dominated designs lie right of the line and above it
+    if len(result.objectives) == 2:  # dominated designs lie right of the line and above it
         figure.add_scatter(
-            x=[lead.printed_value(row) for row in result["front"]],
-            y=[second.printed_value(row) for row in result["front"]],
+            x=[lead.printed_value(row) for row in result.front],
+            y=[second.printed_value(row) for row in result.front],
             mode="lines",
             line={"color": BLUE, "shape": "hv", "width": 1.5},
             showlegend=False,
@@ -124,7 +128,7 @@ def front_figure(result: Row, variables: Sequence[str], other_objective: str = "
         )
     numbered = []
     for kind, designs in of_kinds(result).items():
-        rows = [row for row in designs if row[SIMULATED] is not None]
+        rows = [row for row in designs if row.expected_shift_time_s is not None]
         bars = {}
         if kind in ("front", "chosen", "prototype"):
             numbered += rows
@@ -133,7 +137,7 @@ def front_figure(result: Row, variables: Sequence[str], other_objective: str = "
             figure.add_scatter(
                 x=[lead.printed_value(row) for row in rows],
                 y=[second.printed_value(row) for row in rows],
-                customdata=[row["trial"] for row in rows],
+                customdata=[row.trial for row in rows],
                 name=kind,
                 mode="markers",
                 marker=MARKS[kind],
@@ -148,7 +152,7 @@ def front_figure(result: Row, variables: Sequence[str], other_objective: str = "
     return styled(figure, 480)
 
 
-def _error_bars(goal: Goal, rows: Sequence[Row]) -> Row:
+def _error_bars(goal: Goal, rows: Sequence[DesignRow]) -> Look:
     """Build the error bars of an objective, 95 % intervals in the printed unit."""
     values = [goal.printed_value(row) for row in rows]
     intervals = [goal.ends(goal.printed_value(row), goal.error(row)) for row in rows]
@@ -161,17 +165,20 @@ def _error_bars(goal: Goal, rows: Sequence[Row]) -> Row:
     }
 
 
-def _hover_text(result: Row, row: Row, variables: Sequence[str], goals: Sequence[Goal]) -> str:
+def _hover_text(
+    result: StudyRecord, design: DesignRow, variables: Sequence[str], goals: Sequence[Goal]
+) -> str:
     """Print name, variables, objectives and objections of a design, a line each."""
-    lines = [f"<b>{design_name(row)}</b>"]
-    lines += [f"{axis(name)}: {row[name]:.4g}" for name in variables]
+    lines = [f"<b>{design_name(design)}</b>"]
+    lines += [f"{axis(name)}: {value:.4g}" for name, value in design.params(variables).items()]
     for goal in goals:
-        if row.get(goal.name) is not None:
-            lines.append(f"{goal.label} {goal.words(goal.printed_value(row), goal.error(row))}")
-    return "<br>".join([*lines, *_objections(result, row)])
+        if design.value(goal.name) is not None:
+            words = goal.words(goal.printed_value(design), goal.error(design))
+            lines.append(f"{goal.label} {words}")
+    return "<br>".join([*lines, *_objections(result, design)])
 
 
-def _add_numbers(figure: go.Figure, rows: Sequence[Row], lead: Goal, second: Goal) -> None:
+def _add_numbers(figure: go.Figure, rows: Sequence[DesignRow], lead: Goal, second: Goal) -> None:
     """Write the numbers of designs beside their marks, with leaders that avoid other marks."""
     x = [lead.printed_value(row) for row in rows]
     y = [second.printed_value(row) for row in rows]
@@ -182,14 +189,14 @@ def _add_numbers(figure: go.Figure, rows: Sequence[Row], lead: Goal, second: Goa
     # A leader points away from the front, where no design can be, if there is room.
     leaders = [complex(lead.sign * way.real, second.sign * way.imag) for way in LEADERS]
     for row, mark in zip(rows, marks, strict=True):
-        if row["prototype"]:
+        if row.prototype:
             continue
         leader = _free_leader(mark, leaders, occupied)
         occupied.append(mark + leader)
         figure.add_annotation(
             x=lead.printed_value(row),
             y=second.printed_value(row),
-            text=str(row["trial"]),
+            text=str(row.trial),
             ax=leader.real,
             ay=leader.imag,
             arrowwidth=1,
@@ -209,16 +216,16 @@ def _free_leader(mark: complex, leaders: Sequence[complex], occupied: Sequence[c
     return leaders[-1]
 
 
-def _objections(result: Row, row: Row) -> list[str]:
+def _objections(result: StudyRecord, design: DesignRow) -> list[str]:
     """List the objections to a design: by its confirmation, if it has one, else by the search."""
-    confirmed = confirmation_of(result, row)
-    if confirmed:
+    confirmed = confirmation_of(result, design)
+    if confirmed is not None:
         words = objection(confirmed)
         return [words] if words else []
-    return [f"fails {check_name(name)}" for name in row["failed"]]
+    return [f"fails {check_name(name)}" for name in design.failed]
 
 
-def _window(goal: Goal, rows: Sequence[Row]) -> tuple[float, float] | None:
+def _window(goal: Goal, rows: Sequence[DesignRow]) -> tuple[float, float] | None:
     """Compute the range of an axis that shows rows, intervals and a border; None without rows."""
     if not rows:
         return None
@@ -229,22 +236,42 @@ def _window(goal: Goal, rows: Sequence[Row]) -> tuple[float, float] | None:
     return low - border, high + border
 
 
-def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) -> go.Figure:
+class TimeMark(NamedTuple):
+    """Mean time at an operating point with its standard error, s; None without one."""
+
+    point: PlaceRow
+    mean_s: float | None
+    error_s: float | None
+
+
+def point_times(points: Sequence[PointRow]) -> list[TimeMark]:
+    """List the mean times of operating points, retries included."""
+    return [TimeMark(point, point.mean_s, point.standard_error_s) for point in points]
+
+
+def _force_and_mismatch(point: PlaceRow) -> tuple[float, float]:
+    """Return the key that sorts operating points, by force."""
+    return point.force_N, point.mismatch_rpm
+
+
+def times_by_point(sides: Mapping[str, Sequence[TimeMark]]) -> go.Figure:
     """Draw mean times, ms, with 95 % intervals: a line for each operating point, by force.
 
-    ``rows`` are records of operating points. ``sides`` has by name, three at most, the keys of a
-    mean time and its standard error in them, both s or None.
+    ``sides`` has by name, three at most, the times of the same operating points.
     """
-    rows = sorted(rows, key=BY_PLACE, reverse=True)
-    names = [place_name(row) for row in rows]
+    names: list[str] = []
     figure = go.Figure()
-    for (side, (mean, error)), mark in zip(sides.items(), SIDE_MARKS, strict=False):
-        timed = [row for row in rows if row[mean] is not None]
+    for (side, side_times), mark in zip(sides.items(), SIDE_MARKS, strict=False):
+        times = sorted(side_times, key=lambda time: _force_and_mismatch(time.point), reverse=True)
+        names = [place_name(time.point) for time in times]
+        timed = [
+            (place_name(point), mean, error) for point, mean, error in times if mean is not None
+        ]
         if timed:
-            half_widths = [1.96e3 * (row.get(error) or 0.0) for row in timed]
+            half_widths = [1.96e3 * (error or 0.0) for _, _, error in timed]
             figure.add_scatter(
-                x=[1e3 * row[mean] for row in timed],
-                y=[place_name(row) for row in timed],
+                x=[1e3 * mean for _, mean, _ in timed],
+                y=[name for name, _, _ in timed],
                 error_x={"array": half_widths, "thickness": 1.2},
                 name=side,
                 mode="markers",
@@ -264,17 +291,19 @@ def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) ->
     return styled(figure, 110 + 22 * len(names))
 
 
-def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Figure:
+def shiftability_figure(sides: Mapping[str, tuple[Sequence[PointRow], int]]) -> go.Figure:
     """Map shares of shifts over mismatch and force, and direct entry over the relative angle.
 
-    ``sides`` has by name the records of operating points with ``shiftability``, and the number of
-    dogs. Points that are no grid have a row each.
+    ``sides`` has by name the operating points with ``shiftability``, and the number of dogs.
+    Points that are no grid have a row each.
     """
-    records = [row for rows, _ in sides.values() for row in rows]
-    speeds, forces = ({row[key] for row in records[: len(records) // len(sides)]} for key in PLACE)
+    records = [point for points, _ in sides.values() for point in points]
+    side_records = records[: len(records) // len(sides)]
+    speeds = {point.mismatch_rpm for point in side_records}
+    forces = {point.force_N for point in side_records}
     is_grid = len(forces) > 1 and len(records) == len(sides) * len(speeds) * len(forces)
     entries = [FIRST_TRY_ENTRY, DIRECT_ENTRY]
-    if all(row["engaged"] == 1.0 for row in records):
+    if all(point.engaged == 1.0 for point in records):
         entries = [DIRECT_ENTRY]
     widths = [0.24 if is_grid else 0.08] * len(entries)
     titles = [entry.replace(" ", "<br>") for entry in entries]
@@ -289,16 +318,16 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
         column_titles=[*titles, f"{DIRECT_ENTRY}, by angle"],
     ).update_annotations(font_size=None)
     line_count = 5  # of the tallest map
-    for figure_row, (rows, dog_count) in enumerate(sides.values(), start=1):
-        sorted_rows = sorted(rows, key=BY_PLACE)
+    for figure_row, (points, dog_count) in enumerate(sides.values(), start=1):
+        sorted_points = sorted(points, key=_force_and_mismatch)
         if is_grid:
-            names = [minus(f"{row[PLACE[0]]:.4g}") for row in sorted_rows]
+            names = [minus(f"{point.mismatch_rpm:.4g}") for point in sorted_points]
         else:
-            names = [place_name(row) for row in sorted_rows]
+            names = [place_name(point) for point in sorted_points]
         for column, entry in enumerate(entries, start=1):
-            share = [_entry_share(row, entry) for row in sorted_rows]
+            share = [_entry_share(point, entry) for point in sorted_points]
             figure.add_heatmap(
-                x=[f"{row[PLACE[1]]:.3g}" if is_grid else "" for row in sorted_rows],
+                x=[f"{point.force_N:.3g}" if is_grid else "" for point in sorted_points],
                 y=names,
                 z=100.0 * np.array(share),
                 texttemplate="%{z:.0f}",
@@ -307,7 +336,7 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
                 **MAP_STYLE,
             )
             figure.update_xaxes(type="category", tickangle=0, row=figure_row, col=column)
-        counts = _entries_by_angle(sorted_rows, names)
+        counts = _entries_by_angle(sorted_points, names)
         line_count = max(line_count, len(counts))
         figure.add_heatmap(
             **_angle_map(counts, dog_count), row=figure_row, col=len(entries) + 1, **MAP_STYLE
@@ -324,18 +353,20 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     return styled(figure, 80 + len(sides) * (65 + 24 * line_count))
 
 
-def _entry_share(row: Row, entry: str) -> float:
-    """Read the share of shifts that engage at the first try, or enter directly."""
-    share = row["engaged"] if entry == FIRST_TRY_ENTRY else row["shiftability"]["direct"]
-    return float(share)
+def _entry_share(point: PointRow, entry: str) -> float:
+    """Return the share of shifts that engage at the first try, or enter directly."""
+    if entry == FIRST_TRY_ENTRY:
+        return point.engaged
+    assert point.shiftability is not None
+    return point.shiftability.direct
 
 
-def _entries_by_angle(rows: Sequence[Row], names: Sequence[str]) -> dict[str, np.ndarray]:
+def _entries_by_angle(points: Sequence[PointRow], names: Sequence[str]) -> dict[str, np.ndarray]:
     """Sum the shifts of operating points by their name, each (bins, 3) over the relative angle.
 
     The columns are direct entries, entries after a face contact, and shifts that do not engage.
     """
-    entries = [np.array(row["shiftability"]["by_angle"]) for row in rows]
+    entries = [np.array(point.shiftability.by_angle) for point in points if point.shiftability]
     bins = math.gcd(*map(len, entries))  # points that got more angles may have more bins
     counts: dict[str, np.ndarray] = {}
     for name, by_angle in zip(names, entries, strict=True):
@@ -343,7 +374,7 @@ def _entries_by_angle(rows: Sequence[Row], names: Sequence[str]) -> dict[str, np
     return counts
 
 
-def _angle_map(counts: Mapping[str, np.ndarray], dog_count: int) -> Row:
+def _angle_map(counts: Mapping[str, np.ndarray], dog_count: int) -> Look:
     """Build the map of direct entry, %, over the relative angle within a pitch, degrees."""
     shifts = np.array([*counts.values()])
     total = shifts.sum(axis=2)
@@ -413,17 +444,16 @@ def _bar_ends(hinge: HingeRow) -> list[float]:
     return [max(MIN_MARGIN_PERCENT, 100.0 * margin) for margin in hinge.smallest_margin]
 
 
-def effects_figure(effects: Row) -> go.Figure:
+def effects_figure(variables: Sequence[VariableEffect]) -> go.Figure:
     """Draw the main effect of each variable on the expected shift time, ms, with 95 % bands."""
-    variables = effects["variables"]
     rows = math.ceil(len(variables) / EFFECT_COLUMNS)
     columns = min(len(variables), EFFECT_COLUMNS)
     figure = make_subplots(rows, columns, horizontal_spacing=0.06, vertical_spacing=0.32 / rows)
     for index, effect in enumerate(variables):
         row, column = divmod(index, EFFECT_COLUMNS)
         panel = {"row": row + 1, "col": column + 1}
-        x = effect["values"]
-        band = [*effect["high_s"], *reversed(effect["low_s"])]
+        x = effect.values
+        band = [*effect.high_s, *reversed(effect.low_s)]
         figure.add_scatter(
             x=[*x, *reversed(x)],
             y=[1e3 * time for time in band],
@@ -438,7 +468,7 @@ def effects_figure(effects: Row) -> go.Figure:
         )
         figure.add_scatter(
             x=x,
-            y=[1e3 * time for time in effect["effect_s"]],
+            y=[1e3 * time for time in effect.effect_s],
             name="effect on the expected shift time",
             showlegend=index == 0,
             mode="lines+markers",
@@ -446,7 +476,7 @@ def effects_figure(effects: Row) -> go.Figure:
             **panel,
         )
         figure.add_hline(0.0, line={"color": GREY, "width": 1}, **panel)
-        figure.update_xaxes(title=axis(effect["variable"]), **panel)
+        figure.update_xaxes(title=axis(effect.variable), **panel)
     figure.update_yaxes(matches="y", showticklabels=True)
     figure.update_yaxes(title="effect, ms", col=1)
     return styled(figure, 90 + 250 * rows)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from dogshape.pipeline.config.schema import QUANTILE
 from dogshape.pipeline.record import Frame, frame_of, percent
 from dogshape.pipeline.reports.text import check_name, minus, with_error
-from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, SUMMARIES, Objective
-from dogshape.pipeline.store.result_records import VerdictRow
+from dogshape.pipeline.search.study_record import (
+    ConfirmedDesign,
+    DesignRow,
+    ObjectiveEstimate,
+    StudyRecord,
+)
+from dogshape.pipeline.simulate.design import OBJECTIVES, SUMMARIES, Objective
+from dogshape.pipeline.store.result_records import CheckRow, VerdictRow
 from dogshape.sim.statistics.hangs import interval
 from dogshape.sim.strength.verdict import WORDS, Margin, judge
-
-Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.search.result_schema``
 
 MARGIN = "smallest_margin"
 QUANTILE_TIME = "shift_time_quantile_s"
@@ -50,18 +52,20 @@ class Goal(Objective):
         title = f"{self.label}, {self.unit}" if self.unit else self.label
         return f"{title} (more is better)" if self.maximise else title
 
-    def printed_value(self, row: Row) -> float:
-        """Read the value of a row, in the printed unit."""
-        return self.factor * float(row[self.name])
+    def printed_value(self, design: DesignRow) -> float:
+        """Return the value of a design that has one, in the printed unit."""
+        value = design.value(self.name)
+        assert value is not None
+        return self.factor * value
 
-    def error(self, row: Row) -> float:
-        """Read the standard error of a row, in the printed unit; zero for an exact objective."""
-        return self.factor * float(row["standard_errors"].get(self.name) or 0.0)
+    def error(self, design: DesignRow) -> float:
+        """Return the standard error of a design, printed unit; zero for an exact objective."""
+        return self.factor * (design.standard_errors.get(self.name) or 0.0)
 
-    def estimate(self, estimates: Row) -> tuple[float, float]:
-        """Read value and standard error of an estimate or a gain, in the printed unit."""
+    def estimate(self, estimates: Mapping[str, ObjectiveEstimate]) -> tuple[float, float]:
+        """Return value and standard error of an estimate or a gain, in the printed unit."""
         estimate = estimates[self.name]
-        return self.factor * estimate["value"], self.factor * (estimate["standard_error"] or 0.0)
+        return self.factor * estimate.value, self.factor * estimate.standard_error
 
     def ends(self, value: float, error: float) -> tuple[float, float]:
         """Compute the 95 % interval of a value in the printed unit; of a share by posterior."""
@@ -92,10 +96,10 @@ class Goal(Objective):
         return f"{self.pair(value, error)} {self.unit}".strip()
 
 
-def goals_of(result: Row, *extra_names: str) -> list[Goal]:
+def goals_of(result: StudyRecord, *extra_names: str) -> list[Goal]:
     """List the objectives of a result, the leading one first, then further ones by name."""
-    names = sorted(result["objectives"], key=lambda name: name != result["leading"])
-    level = 100 * result.get("quantile", QUANTILE)
+    names = sorted(result.objectives, key=lambda name: name != result.leading)
+    level = 100 * result.quantile
     goals = []
     for name in dict.fromkeys((*names, *extra_names)):
         objective = OBJECTIVES[name]
@@ -107,71 +111,76 @@ def goals_of(result: Row, *extra_names: str) -> list[Goal]:
     return goals
 
 
-def design_name(row: Row) -> str:
+def design_name(design: DesignRow) -> str:
     """Name a design by its number, or as the prototype."""
-    return "prototype" if row["prototype"] else f"design {row['trial']}"
+    return "prototype" if design.prototype else f"design {design.trial}"
 
 
-def confirmed_designs(result: Row) -> dict[int, Row]:
+def confirmed_designs(result: StudyRecord) -> dict[int, ConfirmedDesign]:
     """Select the confirmed designs of the front, by trial; empty before the confirmation."""
-    confirmation = result["confirmation"] or {"designs": []}
-    return {record["trial"]: record for record in confirmation["designs"]}
+    return _by_trial(result.confirmation.designs if result.confirmation else ())
 
 
-def confirmation_of(result: Row, row: Row) -> Row | None:
-    """Select the record of a design at new angles; None if it was not simulated there."""
-    confirmation: Row = result["confirmation"] or {}
-    if "prototype" in confirmation and row["prototype"]:
-        return dict(confirmation["prototype"])
-    records = nearest_records(result) | confirmed_designs(result)
-    if "chosen" in confirmation:
-        records[confirmation["chosen"]] = confirmation["best"]
-    return records.get(row["trial"])
-
-
-def nearest_records(result: Row) -> dict[int, Row]:
+def nearest_records(result: StudyRecord) -> dict[int, ConfirmedDesign]:
     """Select the records at new angles of a search in which no design passes, by trial."""
-    return {record["trial"]: record for record in result.get("nearest") or ()}
+    return _by_trial(result.nearest or ())
 
 
-def engaged_shifts(record: Row) -> tuple[int, int]:
+def _by_trial(designs: Sequence[ConfirmedDesign]) -> dict[int, ConfirmedDesign]:
+    """Index designs by the number of their trial."""
+    return {design.trial: design for design in designs if design.trial is not None}
+
+
+def confirmation_of(result: StudyRecord, design: DesignRow) -> ConfirmedDesign | None:
+    """Select the record of a design at new angles; None if it was not simulated there."""
+    confirmation = result.confirmation
+    if confirmation is not None and design.prototype:
+        return confirmation.prototype
+    if confirmation is not None and design.trial == confirmation.chosen:
+        return confirmation.best
+    return (nearest_records(result) | confirmed_designs(result)).get(design.trial)
+
+
+def engaged_shifts(confirmed: ConfirmedDesign) -> tuple[int, int]:
     """Count the shifts of a confirmed design that engaged, and all of them."""
-    points = record["points"]
-    return sum(round(p["engaged"] * p["n"]) for p in points), sum(p["n"] for p in points)
+    points = confirmed.points
+    engaged = sum(round(point.engaged * point.n) for point in points)
+    return engaged, sum(point.n for point in points)
 
 
-def margins_of(row: Row, record: Row | None) -> dict[str, float]:
-    """Collect the margins of a design by check; those of its ``record`` at new angles first."""
-    checks = (record or {"checks": []})["checks"]
-    confirmed = {c["name"]: c["margin"] for c in checks if c["margin"] is not None}
-    return {**(row["margins"] or {}), **confirmed}
+def margins_of(margins: Mapping[str, float], confirmed: ConfirmedDesign | None) -> dict[str, float]:
+    """Replace margins of a search, by check, by those at new angles."""
+    if confirmed is None:
+        return dict(margins)
+    new_margins = {c.name: c.margin for c in confirmed.checks if c.margin is not None}
+    return {**margins, **new_margins}
 
 
-def margin_intervals(record: Row | None) -> dict[str, list[float]]:
+def margin_intervals(confirmed: ConfirmedDesign | None) -> dict[str, list[float]]:
     """Collect the 95 % intervals of a confirmed design's landing margins, by check."""
-    checks = (record or {"checks": []})["checks"]
-    return {c["name"]: c["margin_interval"] for c in checks if c.get("margin_interval")}
+    checks = confirmed.checks if confirmed else ()
+    return {c.name: c.margin_interval for c in checks if c.margin_interval}
 
 
-def confirmed_verdict(confirmed: Row) -> VerdictRow:
-    """Read the verdict on a confirmed design; judge the checks of a record without one."""
-    verdict = confirmed.get("verdict")
-    if verdict:
-        return VerdictRow(**verdict)
+def confirmed_verdict(confirmed: ConfirmedDesign) -> VerdictRow:
+    """Return the verdict on a confirmed design; judge the checks of a record without one."""
+    if confirmed.verdict:
+        return confirmed.verdict
     margins = []
-    for check in confirmed["checks"]:
-        low, high = check.get("margin_interval") or (check["margin"], check["margin"])
-        margins.append(Margin(check["name"], check["margin"], clear=low >= 0.0 or high < 0.0))
-    return VerdictRow(**judge(margins, ()).to_dict())
+    for check in confirmed.checks:
+        if check.margin is not None:
+            low, high = check.margin_interval or (check.margin, check.margin)
+            margins.append(Margin(check.name, check.margin, clear=low >= 0.0 or high < 0.0))
+    return VerdictRow.of(judge(margins, ()))
 
 
-def objection(confirmed: Row) -> str:
+def objection(confirmed: ConfirmedDesign) -> str:
     """Compose the objection to a confirmed design, checks with margins; empty if it passes.
 
     Limits that sum up other checks are named if no single check fails.
     """
     verdict = confirmed_verdict(confirmed)
-    if verdict.state == "passes":
+    if verdict.passes:
         return ""
     if verdict.state == "not_judged":
         names = [check_name(missing.check) for missing in verdict.not_judged]
@@ -180,117 +189,121 @@ def objection(confirmed: Row) -> str:
     if verdict.state == "fails":
         failed = [name for name in verdict.failed if name not in verdict.not_clear]
         names = [name for name in failed if name not in SUMMARIES] or failed
-    checks = {check["name"]: check for check in confirmed["checks"]}
+    checks = {check.name: check for check in confirmed.checks}
     words = ", ".join(_margin_words(checks[name]) for name in names)
     return f"fails {words}" if verdict.state == "fails" else f"{WORDS['not_clear']}: {words}"
 
 
-def _margin_words(check: Row) -> str:
+def _margin_words(check: CheckRow) -> str:
     """Print a check with its margin and the 95 % interval of the margin."""
-    words = f"{check_name(check['name'])} ({percent(check['margin'])}"
-    ends = check.get("margin_interval")
-    if ends:
-        words += f", 95 %: {' to '.join(map(percent, ends))}"
+    assert check.margin is not None  # a check without one is not judged
+    words = f"{check_name(check.name)} ({percent(check.margin)}"
+    if check.margin_interval:
+        words += f", 95 %: {' to '.join(map(percent, check.margin_interval))}"
     return f"{words})"
 
 
-def out_at_new_angles(result: Row) -> dict[int, str]:
+def out_at_new_angles(result: StudyRecord) -> dict[int, str]:
     """Collect the objections to designs with a negative margin at new angles, by trial."""
     return {
-        trial: objection(record)
-        for trial, record in confirmed_designs(result).items()
-        if confirmed_verdict(record).failed
+        trial: objection(confirmed)
+        for trial, confirmed in confirmed_designs(result).items()
+        if confirmed_verdict(confirmed).failed
     }
 
 
-def of_kinds(result: Row) -> dict[str, list[Row]]:
+def of_kinds(result: StudyRecord) -> dict[str, list[DesignRow]]:
     """Group the simulated designs of a search by kind; a design has one kind, kinds may be empty.
 
     Confirmed designs have the values of their confirmation.
     """
-    front = {row["trial"]: row for row in result["front"]}
+    front = {design.trial: design for design in result.front}
     objections = out_at_new_angles(result)
-    for trial, record in nearest_records(result).items():
-        objections[trial] = objections.get(trial) or objection(record)
+    for trial, confirmed in nearest_records(result).items():
+        objections[trial] = objections.get(trial) or objection(confirmed)
     kinds = ("dominated", FAILS, UNCLEAR, "front", "chosen", "prototype")
-    designs: dict[str, list[Row]] = {name: [] for name in kinds}
-    for searched in result["trials"]:
-        row = _estimated_row(result, front.get(searched["trial"], searched))
-        if row[SIMULATED] is not None:
-            kind = _kind_of(result, row, objections.get(row["trial"], ""))
-            designs[kind].append(row)
+    designs: dict[str, list[DesignRow]] = {name: [] for name in kinds}
+    for searched in result.trials:
+        design = _estimated_design(result, front.get(searched.trial, searched))
+        if design.expected_shift_time_s is not None:
+            kind = _kind_of(result, design, objections.get(design.trial, ""))
+            designs[kind].append(design)
     return designs
 
 
-def _estimated_row(result: Row, row: Row) -> Row:
+def _estimated_design(result: StudyRecord, design: DesignRow) -> DesignRow:
     """Replace values of prototype or nearest design by those at new angles, if it has any."""
-    if row["prototype"]:
-        record = confirmation_of(result, row)
+    if design.prototype:
+        confirmed = confirmation_of(result, design)
     else:
-        record = nearest_records(result).get(row["trial"])
-    if record is None:
-        return row
-    estimates = record["estimates"].items()
-    values = {name: estimate["value"] for name, estimate in estimates}
-    errors = {name: estimate["standard_error"] for name, estimate in estimates}
-    return row | values | {"standard_errors": errors, SIMULATED: record[SIMULATED]}
+        confirmed = nearest_records(result).get(design.trial)
+    if confirmed is None:
+        return design
+    estimates = confirmed.estimates.items()
+    values: dict[str, object] = {name: estimate.value for name, estimate in estimates}
+    values["standard_errors"] = {name: estimate.standard_error for name, estimate in estimates}
+    values["expected_shift_time_s"] = confirmed.expected_shift_time_s
+    return design.model_copy(update=values)
 
 
-def _kind_of(result: Row, row: Row, words: str) -> str:
+def _kind_of(result: StudyRecord, design: DesignRow, words: str) -> str:
     """Name the kind of a simulated design; ``words`` are the objection to it at new angles."""
-    if result["best"] and row["trial"] == result["best"]["trial"]:
+    if result.best and design.trial == result.best.trial:
         return "chosen"
-    if row["prototype"]:
+    if design.prototype:
         return "prototype"
     if words.startswith(UNCLEAR):
         return UNCLEAR
-    if words or not row["feasible"]:
+    if words or not design.feasible:
         return FAILS
-    on_front = any(row["trial"] == design["trial"] for design in result["front"])
+    on_front = any(design.trial == front_design.trial for front_design in result.front)
     return "front" if on_front else "dominated"
 
 
-def designs_shown(result: Row) -> list[Row]:
+def designs_shown(result: StudyRecord) -> list[DesignRow]:
     """List the prototype, the front, best first, and designs with objections at new angles.
 
     Each design is listed once, with the values of the search.
     """
-    rows = {row["trial"]: row for row in result["trials"]}
-    prototypes = [row for row in result["trials"] if row["prototype"]]
-    trials = [row["trial"] for row in (*prototypes, *result["front"])]
-    return [rows[trial] for trial in dict.fromkeys([*trials, *out_at_new_angles(result)])]
+    designs = {design.trial: design for design in result.trials}
+    prototypes = [design for design in result.trials if design.prototype]
+    trials = [design.trial for design in (*prototypes, *result.front)]
+    return [designs[trial] for trial in dict.fromkeys([*trials, *out_at_new_angles(result)])]
 
 
-def designs_frame(result: Row, names: Sequence[str], rows: Sequence[Row] | None = None) -> Frame:
-    """Tabulate the rows of designs, all of a search by default, with kinds, errors and margins.
+def designs_frame(
+    result: StudyRecord, names: Sequence[str], designs: Sequence[DesignRow] | None = None
+) -> Frame:
+    """Tabulate designs, all of a search by default, with kinds, errors and margins.
 
     The columns of the searched variables ``names`` stand before those of values.
     """
-    front = {row["trial"] for row in result["front"]}
+    front = {design.trial for design in result.front}
     objections = out_at_new_angles(result)
-    best_trial = (result["best"] or {}).get("trial")
+    best_trial = result.best.trial if result.best else None
     first_keys = (*names, "trial", "prototype", "failed")
     table = []
-    for row in result["trials"] if rows is None else rows:
-        values = {key: value for key, value in row.items() if not isinstance(value, dict | list)}
-        changes = row.get("time_within_tolerances") or {}
+    for design in result.trials if designs is None else designs:
+        values = {
+            key: value
+            for key, value in design.to_dict().items()
+            if key not in first_keys and not isinstance(value, dict | list)
+        }
+        changes = design.time_within_tolerances
+        numbers = changes.model_dump(exclude={"by_dimension_s"}) if changes else {}
         table.append(
             {
-                "trial": row["trial"],
-                "prototype": row["prototype"],
-                "on_front": row["trial"] in front,
-                "failed_at_fresh_angles": row["trial"] in objections,
-                "chosen": row["trial"] == best_trial,
-                **{name: row[name] for name in names},
-                **{key: value for key, value in values.items() if key not in first_keys},
-                **{f"standard_error_of_{name}": v for name, v in row["standard_errors"].items()},
-                "failed": " ".join(row["failed"]),
-                **{
-                    f"within_tolerances_{k}": v
-                    for k, v in changes.items()
-                    if not isinstance(v, dict)
-                },
-                **{f"margin_of_{name}": margin for name, margin in row["margins"].items()},
+                "trial": design.trial,
+                "prototype": design.prototype,
+                "on_front": design.trial in front,
+                "failed_at_fresh_angles": design.trial in objections,
+                "chosen": design.trial == best_trial,
+                **design.params(names),
+                **values,
+                **{f"standard_error_of_{n}": v for n, v in design.standard_errors.items()},
+                "failed": " ".join(design.failed),
+                **{f"within_tolerances_{key}": number for key, number in numbers.items()},
+                **{f"margin_of_{name}": margin for name, margin in design.margins.items()},
             }
         )
     return frame_of(table)

@@ -24,7 +24,7 @@ from dogshape.diagnosis.report.wording import (
 from dogshape.diagnosis.terms import NONE, hypothesis_name
 from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Table, frame_of, key, number_or_none
-from dogshape.pipeline.reports.charts import times_by_point
+from dogshape.pipeline.reports.charts import TimeMark, times_by_point
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import ENGINES, axis, bind_units, place_name
 from dogshape.pipeline.store.result_records import PlaceRow
@@ -97,12 +97,16 @@ def _cell_row(diagnosis: Diagnosis, k: int, spread: float, simulation_error: flo
 
 def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
     """Draw mean times of the bench, without effects and of the leading hypothesis, by point."""
-    sides = {
-        "without effects": ("simulated_s", "simulated_error_s"),
-        "leading hypothesis, point held out": ("predicted_s", "predicted_error_s"),
-        "bench": ("bench_s", "bench_error_s"),
-    }
-    return times_by_point([cell.to_dict() for cell in cells], sides)
+    without_effects = [TimeMark(cell, cell.simulated_s, cell.simulated_error_s) for cell in cells]
+    leading = [TimeMark(cell, cell.predicted_s, cell.predicted_error_s) for cell in cells]
+    bench = [TimeMark(cell, cell.bench_s, cell.bench_error_s) for cell in cells]
+    return times_by_point(
+        {
+            "without effects": without_effects,
+            "leading hypothesis, point held out": leading,
+            "bench": bench,
+        }
+    )
 
 
 def publish(
@@ -268,7 +272,7 @@ def _facts(diagnosis: Diagnosis) -> dict[str, str]:
     shifts = sum(cell.n for cell in bench.cells)
     untimed = sum(not cell.n for cell in bench.cells) or "none"
     failures = [
-        f"{cell.failed} of {cell.failed + cell.engaged} at {place_name(cell.to_dict())}"
+        f"{cell.failed} of {cell.failed + cell.engaged} at {place_name(cell)}"
         for cell in cells_of(diagnosis)
         if cell.failed
     ]

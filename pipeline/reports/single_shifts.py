@@ -9,9 +9,11 @@ from pathlib import Path
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.reports.designs import Row, design_name
+from dogshape.pipeline.reports.designs import design_name
 from dogshape.pipeline.reports.text import place_name, time_text
+from dogshape.pipeline.search.study_record import DesignRow
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder
+from dogshape.pipeline.store.result_records import PlaceRow
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import recorded_profile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -39,11 +41,12 @@ class Replay:
         """Time, or outcome without one, and the operating point of the shift."""
         time = self.shift["shift_time_s"]
         result = self.shift["outcome"].replace("_", " ") if time is None else time_text(time)
-        return f"{result} at {place_name(self.shift)}"
+        point = PlaceRow(mismatch_rpm=self.shift["mismatch_rpm"], force_N=self.shift["force_N"])
+        return f"{result} at {place_name(point)}"
 
 
-def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[Replay]:
-    """Select the fastest and the slowest stored shift of each design in ``rows``.
+def replays_of(folder: StudyFolder, study: Setup, designs: Sequence[DesignRow]) -> list[Replay]:
+    """Select the fastest and the slowest stored shift of each of some designs.
 
     A shift that does not engage is slower than any that does, a blocked shift the slowest. Shifts
     of the numerical error (finer steps) are left out.
@@ -52,12 +55,12 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
     # The journal has the shifts of Drake where Drake judges.
     clutch = (study.reference_setup or study.search_setup).clutch
     replays = []
-    for row in rows:
-        dog = study.dog_with(study.select_params(row))
+    for design in designs:
+        dog = study.dog_with(design.params(study.variables))
         inputs = DEFAULTS | clutch_record(replace(clutch, dog=dog))
         shifts = [shift for shift in stored if _has_inputs(shift, inputs)]
         if shifts:
-            name = design_name(row)
+            name = design_name(design)
             replays.append(Replay(name, "fastest", min(shifts, key=_slowness)))
             replays.append(Replay(name, "slowest", max(shifts, key=_slowness)))
     return replays

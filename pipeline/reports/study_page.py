@@ -13,12 +13,14 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import Bad, Record, Table, percent, tabulate
+from dogshape.pipeline.record import Bad, Table, percent, tabulate
 from dogshape.pipeline.reports.charts import (
     ENTRY_NOTE,
+    TimeMark,
     assumptions_figure,
     effects_figure,
     front_figure,
+    point_times,
     shiftability_figure,
     times_by_point,
 )
@@ -28,7 +30,6 @@ from dogshape.pipeline.reports.data_sheet import (
 )
 from dogshape.pipeline.reports.designs import (
     MARGIN,
-    Row,
     confirmation_of,
     design_name,
     designs_frame,
@@ -42,16 +43,21 @@ from dogshape.pipeline.reports.report import Part, Report
 from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
 from dogshape.pipeline.reports.study_summary import (
     MAX_DESIGNS,
-    SIDES,
     barriers_table,
     chosen_verdict,
     headline,
     nearest_designs,
     nearest_table,
     nearest_verdict,
+    sides_of,
     summary_tables,
 )
-from dogshape.pipeline.reports.surrogate_findings import learn_effects, prices_table, stored_effects
+from dogshape.pipeline.reports.surrogate_findings import (
+    Effects,
+    learn_effects,
+    prices_table,
+    stored_effects,
+)
 from dogshape.pipeline.reports.text import (
     axis,
     check_name,
@@ -59,13 +65,16 @@ from dogshape.pipeline.reports.text import (
     ms_with_error,
     time_text,
 )
-from dogshape.pipeline.simulate.design import (
-    SIMULATED,
+from dogshape.pipeline.search.study_record import (
+    Confirmation,
+    DesignRow,
+    StudyRecord,
+    read_study_record,
 )
+from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_records import (
     LimitRow,
-    PointRow,
     TorqueLimitRow,
     VerdictRow,
     hinge_table,
@@ -74,11 +83,6 @@ from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import name_file_in_errors, without_formulas
 from dogshape.surrogate.store import Validation
 
-#: Limits of engagement: key of the record, its kind, and what is limited.
-LIMITS: tuple[tuple[str, type[Record], str], ...] = (
-    ("engagement_limits", LimitRow, "speed"),
-    ("engagement_torque_limits", TorqueLimitRow, "torque"),
-)
 HINGES_TITLE = "Assumptions that decide the smallest margin"
 
 
@@ -88,10 +92,10 @@ def publish(folder: StudyFolder, say: Say) -> Path:
     Effects from the surrogate take some ten seconds, the page of a shift half a second.
     """
     study = folder.stored_study()
-    result = folder.stored_result()
+    result = read_study_record(folder)
     require_targets({"the report": folder.report})
     learn_effects(folder, say)
-    designs = designs_shown(result) if result["best"] else []
+    designs = designs_shown(result) if result.best else []
     write_replays(folder, study, replays_of(folder, study, designs), say)
     return write_report(folder)
 
@@ -99,15 +103,15 @@ def publish(folder: StudyFolder, say: Say) -> Path:
 def write_report(folder: StudyFolder) -> Path:
     """Write ``report.html`` and ``designs.csv`` of a stored study; return the report's path."""
     study = folder.stored_study()
-    result = folder.stored_result()
+    result = read_study_record(folder)
     with name_file_in_errors(folder.designs):
-        rows = [row for row in result["trials"] if row[SIMULATED] is not None]
-        designs = designs_frame(result, [*study.variables], rows)
+        simulated = [row for row in result.trials if row.expected_shift_time_s is not None]
+        designs = designs_frame(result, [*study.variables], simulated)
         without_formulas(designs).to_csv(folder.designs, index=False)
     page = Report(f"{study.name}: shape of the dogs", headline(result))
-    if result["best"] is not None:
-        _add_chosen_design(page, folder, study, result)
-    elif result["trials"]:
+    if result.best is not None:
+        _add_chosen_design(page, folder, study, result, result.best)
+    elif result.trials:
         _add_nearest_designs(page, folder, study, result)
     file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
     run = json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
@@ -116,25 +120,30 @@ def write_report(folder: StudyFolder) -> Path:
     return folder.report
 
 
-def _add_chosen_design(page: Report, folder: StudyFolder, study: Setup, result: Row) -> None:
+def _add_chosen_design(
+    page: Report, folder: StudyFolder, study: Setup, result: StudyRecord, best: DesignRow
+) -> None:
     """Add the sections of a study that has a chosen design."""
-    best = result["best"]
-    dog = study.dog_with(study.select_params(best))
+    dog = study.dog_with(best.params(study.variables))
+    confirmation = result.confirmation
     section = Markup(open_section_svg(dog, study.clutch.dog, "prototype"))
     page.add("", *summary_tables(study, result), section)
     page.add("Front", *front_parts(study, result))
     _add_effects(page, folder)
-    if result["confirmation"]:
-        page.add(HINGES_TITLE, *hinge_parts(chosen_verdict(study, result)))
-    page.add("Operating points", *point_parts(study, result))
+    if confirmation is not None:
+        page.add(HINGES_TITLE, *hinge_parts(chosen_verdict(study, best, confirmation)))
+    points = [] if confirmation is None else point_parts(study, best, confirmation)
+    page.add("Operating points", *points)
     page.add("Single shifts", *shift_parts(folder, study, result))
-    if result.get("life"):
-        page.add("Life", life_table(result["life"]))
+    if result.life:
+        page.add("Life", life_table(result.life))
     title = f"{design_name(best).capitalize()}, dimensioned section"
     page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
 
 
-def _add_nearest_designs(page: Report, folder: StudyFolder, study: Setup, result: Row) -> None:
+def _add_nearest_designs(
+    page: Report, folder: StudyFolder, study: Setup, result: StudyRecord
+) -> None:
     """Add the sections of a study in which no design passes."""
     nearest = nearest_designs(result)
     page.add("Nearest designs", nearest_table(study, result))
@@ -154,8 +163,8 @@ def _add_effects(page: Report, folder: StudyFolder) -> None:
     """Add effects of variables and prices of limits, if the folder's surrogate has them."""
     effects = stored_effects(folder)
     if effects is not None:
-        page.add("Variables", *effect_parts(effects["effects"]))
-        page.add("Limits", prices_table(effects["prices"]))
+        page.add("Variables", *effect_parts(effects.effects))
+        page.add("Limits", prices_table(effects.prices))
 
 
 def hinge_parts(verdict: VerdictRow) -> list[Part]:
@@ -165,23 +174,23 @@ def hinge_parts(verdict: VerdictRow) -> list[Part]:
     return [assumptions_figure(verdict.hangs_on), hinge_table(verdict.hangs_on)]
 
 
-def _drawing(study: Setup, row: Row) -> list[Part]:
+def _drawing(study: Setup, design: DesignRow) -> list[Part]:
     """Draw the section of a design that fails a check; empty for an impossible shape."""
     try:
-        dog = study.dog_with(study.select_params(row))
+        dog = study.dog_with(design.params(study.variables))
     except GeometryError:
         return []
-    title = f"{design_name(row).capitalize()}, nearest to passing every check"
+    title = f"{design_name(design).capitalize()}, nearest to passing every check"
     return [Markup(dimensioned_svg(dog, study.limits, title))]
 
 
-def front_parts(study: Setup, result: Row) -> list[Part]:
+def front_parts(study: Setup, result: StudyRecord) -> list[Part]:
     """Build the figures of the front, the link to all designs, and the table of margins."""
     variables = list(study.variables)
-    trials = result["trials"]
+    trials = result.trials
     objectives = [goal.name for goal in goals_of(result)[1:]] or [MARGIN]
-    rejected = sum(row[SIMULATED] is None for row in trials)
-    words = f"All {result['n_simulated_designs']} simulated designs with every column (CSV)"
+    rejected = sum(row.expected_shift_time_s is None for row in trials)
+    words = f"All {result.n_simulated_designs} simulated designs with every column (CSV)"
     return [
         *(front_figure(result, variables, name) for name in objectives),
         "Front: designs that no other beats in every objective, with their numbers. Bars: 95 % "
@@ -192,14 +201,16 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
     ]
 
 
-def margin_table(result: Row, designs: Sequence[Row] = ()) -> Table:
+def margin_table(result: StudyRecord, designs: Sequence[DesignRow] = ()) -> Table:
     """Tabulate all margins of designs, by default of the prototype and the first of the front.
 
     Margins are those at new angles if a design was simulated there.
     """
     designs = list(designs) or designs_shown(result)[:MAX_DESIGNS]
-    records = [confirmation_of(result, row) for row in designs]
-    margins = [margins_of(row, record) for row, record in zip(designs, records, strict=True)]
+    records = [confirmation_of(result, design) for design in designs]
+    margins = [
+        margins_of(design.margins, record) for design, record in zip(designs, records, strict=True)
+    ]
     intervals = [margin_intervals(record) for record in records]
     names = dict.fromkeys(name for design_margins in margins for name in design_margins)
     rows = []
@@ -209,7 +220,7 @@ def margin_table(result: Row, designs: Sequence[Row] = ()) -> Table:
             for design_margins, design_intervals in zip(margins, intervals, strict=True)
         ]
         rows.append([check_name(name), *cells])
-    heads = ["prototype" if row["prototype"] else str(row["trial"]) for row in designs]
+    heads = ["prototype" if design.prototype else str(design.trial) for design in designs]
     note = (
         "Distance to the limit over the limit, at nominal size; at the new angles where a design "
         f"was simulated there, with the 95 % interval of a landing. {MAX_DESIGNS} designs at "
@@ -218,56 +229,50 @@ def margin_table(result: Row, designs: Sequence[Row] = ()) -> Table:
     return Table(("margin", *heads), rows, note=note)
 
 
-def effect_parts(effects: Row) -> list[Part]:
+def effect_parts(effects: Effects) -> list[Part]:
     """Build the figure of effects; empty if most designs are outside the trained range."""
-    if effects["outside_trained_range"] > 0.5:
+    if effects.outside_trained_range > 0.5:
         return []
-    outside = percent(effects["outside_trained_range"])
     return [
-        effects_figure(effects),
-        f"Accumulated local effects over {effects['designs']} designs that pass every check, "
-        f"{outside} of them outside the trained range; zero is their mean, "
-        f"{time_text(effects['mean_expected_shift_time_s'])}. Bands hold 95 %.",
+        effects_figure(effects.variables),
+        f"Accumulated local effects over {effects.designs} designs that pass every check, "
+        f"{percent(effects.outside_trained_range)} of them outside the trained range; zero is "
+        f"their mean, {time_text(effects.mean_expected_shift_time_s)}. Bands hold 95 %.",
     ]
 
 
-def point_parts(study: Setup, result: Row) -> list[Part]:
-    """Build figures and tables of the operating points; empty before the confirmation.
+def point_parts(study: Setup, best: DesignRow, confirmation: Confirmation) -> list[Part]:
+    """Build figures and tables of the operating points; empty where the prototype is chosen.
 
     Points that the chosen design moves by set-point or force are named as the prototype's.
     """
-    confirmation = result["confirmation"]
-    if not confirmation or result["best"]["prototype"]:
+    if best.prototype:
         return []
-    chosen_points = confirmation["best"]["points"]
-    rows = []
-    for point, chosen in zip(confirmation["prototype"]["points"], chosen_points, strict=True):
-        times = {"chosen_s": chosen["mean_s"], "chosen_error_s": chosen["standard_error_s"]}
-        rows.append(point | times)
-    sides = {"prototype": ("mean_s", "standard_error_s"), "chosen": ("chosen_s", "chosen_error_s")}
+    prototype_times = point_times(confirmation.prototype.points)
+    pairs = zip(confirmation.prototype.points, confirmation.best.points, strict=True)
+    chosen_times = [
+        TimeMark(point, chosen.mean_s, chosen.standard_error_s) for point, chosen in pairs
+    ]
+    figure = times_by_point({"prototype": prototype_times, "chosen": chosen_times})
     caption = "At the new angles, retries included; bars are 95 % intervals."
-    parts: list[Part] = [times_by_point(rows, sides), caption]
-    points = [point for side in SIDES for point in confirmation[side]["points"]]
-    if all(point.get("shiftability") for point in points):
+    parts: list[Part] = [figure, caption]
+    sides = sides_of(confirmation)
+    points = [point for confirmed in sides.values() for point in confirmed.points]
+    if all(point.shiftability for point in points):
         prototype_count = study.clutch.dog.count
-        counts = {
-            "prototype": prototype_count,
-            "best": result["best"].get("count", prototype_count),
-        }
-        entries = {
-            name: (confirmation[side]["points"], counts[side]) for side, name in SIDES.items()
-        }
+        chosen_count = int(best.value("count") or prototype_count)
+        counts = {"prototype": prototype_count, "chosen": chosen_count}
+        entries = {name: (sides[name].points, count) for name, count in counts.items()}
         parts += [shiftability_figure(entries), ENTRY_NOTE, *_entry_tables(confirmation)]
     return parts
 
 
-def _entry_tables(confirmation: Row) -> list[Table]:
+def _entry_tables(confirmation: Confirmation) -> list[Table]:
     """Tabulate direct entries with their closed form, and limit speeds and torques, by side."""
     tables: list[Table] = []
-    for side, name in SIDES.items():
+    for name, confirmed in sides_of(confirmation).items():
         cells = []
-        for row in confirmation[side]["points"]:
-            point = PointRow(**row)
+        for point in confirmed.points:
             entry = point.shiftability
             if entry is None or entry.direct_closed_form is None:
                 continue
@@ -282,15 +287,18 @@ def _entry_tables(confirmation: Row) -> list[Table]:
         if cells:
             heads = (axis("mismatch_rpm"), axis("force_N"), "direct entry", "closed form")
             tables.append(Table(heads, cells, note=f"Direct entry, {name}."))
-        for key, kind, quantity in LIMITS:
-            limits = [kind(**record) for record in confirmation[side].get(key) or ()]
-            if limits:
-                note = f"Limit engagement {quantity}, {name}; 95 % interval."
-                tables.append(replace(tabulate(kind, limits), note=note))
+        limit_tables = {}
+        if confirmed.engagement_limits:
+            limit_tables["speed"] = tabulate(LimitRow, confirmed.engagement_limits)
+        if confirmed.engagement_torque_limits:
+            limit_tables["torque"] = tabulate(TorqueLimitRow, confirmed.engagement_torque_limits)
+        for quantity, table in limit_tables.items():
+            note = f"Limit engagement {quantity}, {name}; 95 % interval."
+            tables.append(replace(table, note=note))
     return tables
 
 
-def shift_parts(folder: StudyFolder, study: Setup, result: Row) -> list[Part]:
+def shift_parts(folder: StudyFolder, study: Setup, result: StudyRecord) -> list[Part]:
     """Tabulate the fastest and slowest shift of each design, with links to existing pages."""
     cells: dict[str, list[str]] = {}
     for replay in replays_of(folder, study, designs_shown(result)):
@@ -305,7 +313,7 @@ def shift_parts(folder: StudyFolder, study: Setup, result: Row) -> list[Part]:
     return [Table(heads, list(cells.values()), {}, (1, 2), note)]
 
 
-def life_table(stages: list[Row]) -> Table:
+def life_table(stages: Sequence[LifeStage]) -> Table:
     """Tabulate wear, time and smallest margin of the chosen design by the share of its life."""
     heads = (
         "share of the life",
@@ -318,13 +326,13 @@ def life_table(stages: list[Row]) -> Table:
     )
     rows = [
         [
-            percent(stage["life"]),
-            f"{1e3 * stage['crest_loss_mm']:.3g}",
-            f"{stage['chamfer_deg']:.4g}",
-            f"{stage.get('edge_radius_mm', 0.0):.3g}",
-            ms_with_error(stage[SIMULATED], stage["standard_error_s"]),
-            f"{100 * stage['engaged']:.1f} %",
-            margin_cell(stage["weakest_check"], stage["smallest_margin"]),
+            percent(stage.life),
+            f"{1e3 * stage.crest_loss_mm:.3g}",
+            f"{stage.chamfer_deg:.4g}",
+            f"{stage.edge_radius_mm:.3g}",
+            ms_with_error(stage.expected_shift_time_s, stage.standard_error_s),
+            f"{100 * stage.engaged:.1f} %",
+            margin_cell(stage.weakest_check, stage.smallest_margin),
         ]
         for stage in stages
     ]
@@ -332,28 +340,29 @@ def life_table(stages: list[Row]) -> Table:
     return Table(heads, rows, note=note)
 
 
-def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
+def provenance_table(folder: StudyFolder, study: Setup, result: StudyRecord) -> Table:
     """Tabulate command, dates, numerical error, surrogate and versions."""
-    confirmation = result["confirmation"] or {"best": {}}
-    numerical_error = confirmation["best"].get("numerical_error_s")
+    numerical_error = None
+    if result.confirmation is not None:
+        numerical_error = result.confirmation.best.numerical_error_s
     stored = datetime.fromtimestamp(folder.result.stat().st_mtime, UTC)
     now = datetime.now(UTC)
     facts = {
         **provenance_of(study, result),
         "dates (UTC)": f"result stored {stored:%Y-%m-%d}, report written {now:%Y-%m-%d}",
         "numerical error": "" if numerical_error is None else f"{1e3 * numerical_error:.2g} ms",
-        "surrogate": _surrogate_words(result["surrogate"]),
+        "surrogate": _surrogate_words(result.surrogate),
     }
     return Table(("", ""), [pair for pair in facts.items() if pair[1]])
 
 
-def _surrogate_words(validation: Row | None) -> str:
+def _surrogate_words(validation: Validation | None) -> str:
     """Print the validation of a surrogate; ``Bad`` if the surrogate is useless."""
-    if not validation:
+    if validation is None:
         return "none: it needs a finished search with at least ten simulated designs"
     words = (
-        f"Q² {validation['q2']:.2f}, root-mean-square error {time_text(validation['rmse_s'])}, "
-        f"{percent(validation['coverage_95'])} within the 95 % interval, on {validation['n']} "
-        f"designs ({validation['source']})"
+        f"Q² {validation.q2:.2f}, root-mean-square error {time_text(validation.rmse_s)}, "
+        f"{percent(validation.coverage_95)} within the 95 % interval, on {validation.n} "
+        f"designs ({validation.source})"
     )
-    return words if Validation(**validation).useful else Bad(f"{words}: useless")
+    return words if validation.useful else Bad(f"{words}: useless")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Table, percent
@@ -14,9 +14,11 @@ from dogshape.pipeline.reports.data_sheet import (
     STATISTICAL_MARGIN,
     TIME,
     WORST_MARGIN,
+    DesignSheet,
     hang_share,
+    largest_loss,
     point_differences,
-    searched_record,
+    searched_sheet,
     searched_verdict,
     time_difference,
     words_of,
@@ -25,7 +27,6 @@ from dogshape.pipeline.reports.designs import (
     MARGIN,
     UNCLEAR,
     Goal,
-    Row,
     confirmation_of,
     confirmed_designs,
     confirmed_verdict,
@@ -51,6 +52,13 @@ from dogshape.pipeline.reports.text import (
     quantile_words,
     value,
 )
+from dogshape.pipeline.search.study_record import (
+    Confirmation,
+    ConfirmedDesign,
+    DesignRow,
+    OtherShape,
+    StudyRecord,
+)
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
     SUMMARIES,
@@ -58,7 +66,7 @@ from dogshape.pipeline.simulate.design import (
     WITHIN_WORDS,
     failing_words,
 )
-from dogshape.pipeline.store.result_records import EngineAgreement, VerdictRow
+from dogshape.pipeline.store.result_records import CheckRow, VerdictRow
 
 MAX_DESIGNS = 10  #: columns of designs in a table of margins
 RANGE_END = 0.01  #: share of a search range within which a value lies at its end
@@ -66,37 +74,43 @@ LANDING = "_impact"  #: end of the names of the checks of a landing
 VERDICT = "verdict"
 #: Columns of verdict and margins in the table of alternatives, labels of ``words_of``.
 VERDICT_COLUMNS = ("state", STATISTICAL_MARGIN, WORST_MARGIN)
-SIDES = {"prototype": "prototype", "best": "chosen"}  #: names of confirmed designs, by key
 UNCLEAR_NOTE = " (within two standard errors)"
 Pair = tuple[float, float]  #: a value and its standard error
 
 
-def headline(result: Row) -> str:
+def sides_of(confirmation: Confirmation) -> dict[str, ConfirmedDesign]:
+    """Return prototype and chosen design of a confirmation by their names."""
+    return {"prototype": confirmation.prototype, "chosen": confirmation.best}
+
+
+def headline(result: StudyRecord) -> str:
     """Compose the headline of a study: the leading objective of its best design, or objections."""
-    best = result["best"]
-    confirmation = result["confirmation"]
+    best = result.best
+    confirmation = result.confirmation
     if best is None:
         failing = _failing_checks(result)
         reason = f": {failing}" if failing else ""
         sentence = f"No design of this search passes every check{reason}."
         return sentence + _nearest_sentences(result)
     lead = goals_of(result)[0]
-    if not confirmation:
+    if confirmation is None:
         words = "no time"
-        if best[SIMULATED] is not None:
+        if best.expected_shift_time_s is not None:
             words = lead.words(lead.printed_value(best), lead.error(best))
         return f"Best so far, not confirmed: {design_name(best)}, {lead.label} {words}."
-    if best["prototype"]:
-        return _prototype_headline(lead, confirmation["best"])
+    if best.prototype:
+        return _prototype_headline(lead, confirmation.best)
     name = design_name(best).capitalize()
-    words = " engages in {} of {} shifts".format(*engaged_shifts(confirmation["best"]))
+    words = " engages in {} of {} shifts".format(*engaged_shifts(confirmation.best))
     comparisons = compare_objectives(result)
     if comparisons and comparisons[0][0] == lead:
-        words = _gain_words(confirmation["prototype"], *comparisons[0])
-    return f"{name}{words}.{_verdict_sentence(name, confirmation['best'])}"
+        words = _gain_words(confirmation.prototype, *comparisons[0])
+    return f"{name}{words}.{_verdict_sentence(name, confirmation.best)}"
 
 
-def _gain_words(prototype: Row, goal: Goal, before: Pair, after: Pair, gain: Pair) -> str:
+def _gain_words(
+    prototype: ConfirmedDesign, goal: Goal, before: Pair, after: Pair, gain: Pair
+) -> str:
     """Compose the words on an objective of the chosen design, and of the prototype before."""
     words = f": {goal.label} {goal.words(*after)}"
     prototype_words = goal.words(*before)
@@ -109,34 +123,34 @@ def _gain_words(prototype: Row, goal: Goal, before: Pair, after: Pair, gain: Pai
     return f"{words}{link} {prototype_words} of your own dog"
 
 
-def _nearest_sentences(result: Row) -> str:
+def _nearest_sentences(result: StudyRecord) -> str:
     """Compose a sentence on each nearest design that fails nothing; each starts with a blank."""
     words = ""
-    for trial, record in nearest_records(result).items():
-        state = confirmed_verdict(record).state
-        rows = [row for row in result["trials"] if row["trial"] == trial]
-        name = "Your own dog" if rows[0]["prototype"] else f"Design {trial}"
+    designs = {design.trial: design for design in result.trials}
+    for trial, confirmed in nearest_records(result).items():
+        state = confirmed_verdict(confirmed).state
+        name = "Your own dog" if designs[trial].prototype else f"Design {trial}"
         if state == "not_clear":
-            words += _verdict_sentence(name, record)
+            words += _verdict_sentence(name, confirmed)
         elif state != "fails":
             words += f" {name} fails no check at the new angles; raise expectation.angles."
     return words
 
 
-def _prototype_headline(lead: Goal, confirmed: Row) -> str:
+def _prototype_headline(lead: Goal, confirmed: ConfirmedDesign) -> str:
     """Compose the headline of a study whose best design is the prototype."""
     verdict = confirmed_verdict(confirmed)
     if verdict.state == "fails":
         words = "No design of this search is chosen before your own dog."
     else:
         superlative = "fastest" if lead.unit == "ms" else "best"
-        clause = " that passes" if verdict.state == "passes" else ""
-        time = lead.words(*lead.estimate(confirmed["estimates"]))
+        clause = " that passes" if verdict.passes else ""
+        time = lead.words(*lead.estimate(confirmed.estimates))
         words = f"Your own dog is the {superlative}{clause}: {lead.label} {time}."
     return words + _verdict_sentence("Your own dog", confirmed)
 
 
-def _verdict_sentence(subject: str, confirmed: Row) -> str:
+def _verdict_sentence(subject: str, confirmed: ConfirmedDesign) -> str:
     """Compose the objection to a confirmed design as a sentence that starts with a blank."""
     words = objection(confirmed)
     if not words:
@@ -152,21 +166,22 @@ def is_unclear(gain: float, error: float) -> bool:
     return abs(gain) < 2.0 * error
 
 
-def compare_objectives(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
+def compare_objectives(result: StudyRecord) -> list[tuple[Goal, Pair, Pair, Pair]]:
     """Compare the simulated objectives of prototype and chosen design.
 
     Returns objective, value of the prototype, value of the chosen design and gain, each with its
     standard error in the printed unit. The gain is positive if the chosen design is better. Empty
     before the confirmation; without times if a design does not engage.
     """
-    confirmation = result["confirmation"]
-    best = result["best"]
-    if not confirmation or best is None or best["prototype"]:
+    confirmation = result.confirmation
+    best = result.best
+    if confirmation is None or best is None or best.prototype:
         return []
-    gains = confirmation["gains"]
-    before = confirmation["prototype"]["estimates"]
-    after = confirmation["best"]["estimates"]
-    timed = all(confirmation[side][SIMULATED] is not None for side in SIDES)
+    gains = confirmation.gains
+    before = confirmation.prototype.estimates
+    after = confirmation.best.estimates
+    sides = sides_of(confirmation).values()
+    timed = all(confirmed.expected_shift_time_s is not None for confirmed in sides)
     return [
         (goal, goal.estimate(before), goal.estimate(after), goal.estimate(gains))
         for goal in goals_of(result, SIMULATED)
@@ -174,15 +189,15 @@ def compare_objectives(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
     ]
 
 
-def summary_tables(study: Setup, result: Row) -> list[Table]:
+def summary_tables(study: Setup, result: StudyRecord) -> list[Table]:
     """Tabulate the alternative designs, and the facts on the chosen design.
 
     If no design passes: the nearest designs, the checks that they fail, and facts.
     """
-    if result["best"] is not None:
-        tables = [alternatives_table(study, result)]
-        facts = list(facts_of(study, result)) if result["confirmation"] else []
-    elif result["trials"]:
+    if result.best is not None:
+        tables = [alternatives_table(study, result, result.best)]
+        facts = list(facts_of(study, result)) if result.confirmation else []
+    elif result.trials:
         tables = [nearest_table(study, result), barriers_table(result)]
         facts = list(nearest_facts(study, result))
     else:
@@ -192,43 +207,46 @@ def summary_tables(study: Setup, result: Row) -> list[Table]:
     return tables
 
 
-def alternatives_table(study: Setup, result: Row) -> Table:
+def alternatives_table(study: Setup, result: StudyRecord, best: DesignRow) -> Table:
     """Tabulate the chosen design, others of the front that pass every check, and the prototype.
 
-    Costs are differences to the chosen design, ± one standard error.
+    ``best`` is the chosen design. Costs are differences to it, ± one standard error.
     """
-    best = result["best"]
     columns = {SIMULATED, MARGIN, *study.variables}
     goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in columns]
-    prototypes = [row for row in result["trials"] if row["prototype"]]
-    rows = {row["trial"]: row for row in (best, *result["front"], *prototypes)}
-    records = {trial: searched_record(study, result, row) for trial, row in rows.items()}
-    chosen = records[best["trial"]]
+    prototypes = [design for design in result.trials if design.prototype]
+    designs = {design.trial: design for design in (best, *result.front, *prototypes)}
+    sheets = {trial: searched_sheet(study, result, design) for trial, design in designs.items()}
+    chosen = sheets[best.trial]
 
     def rank(trial: int) -> tuple[bool, bool, float]:
-        record = records[trial]
-        return record is not chosen, record["prototype"], record[SIMULATED] or math.inf
+        sheet = sheets[trial]
+        time = sheet.simulated.expected_shift_time_s or math.inf
+        return sheet is not chosen, sheet.prototype, time
 
     cells = []
-    for trial in sorted(records, key=rank):
-        row = rows[trial]
-        record = records[trial]
-        if record is not chosen and not record["prototype"] and not _is_alternative(result, record):
+    for trial in sorted(sheets, key=rank):
+        sheet = sheets[trial]
+        if sheet is not chosen and not sheet.prototype and not _is_alternative(result, sheet):
             continue
-        words = words_of(record)
-        worst = record["worst_against_prototype"] or {}
+        words = words_of(sheet)
+        worst = sheet.simulated.worst_against_prototype
+        worst_words = "-"
+        if worst is not None:
+            worst_words = ms_with_error(worst.difference_s, worst.standard_error_s, "+")
         cost = ""
-        if record is not chosen:
-            cost = _difference_words(time_difference(chosen, record))
+        if sheet is not chosen:
+            cost = _difference_words(time_difference(chosen.simulated, sheet.simulated))
+        params = designs[trial].params(study.variables)
         cells.append(
             [
-                "prototype" if record["prototype"] else str(trial),
-                *(minus(f"{row[name]:.4g}") for name in study.variables),
+                "prototype" if sheet.prototype else str(trial),
+                *(minus(f"{param:.4g}") for param in params.values()),
                 words[TIME],
                 words[ENGAGED],
                 words[HANGS],
-                *(_goal_cell(goal, result, row) for goal in goals),
-                ms_with_error(worst.get("difference_s"), worst.get("standard_error_s"), "+"),
+                *(_goal_cell(goal, result, designs[trial]) for goal in goals),
+                worst_words,
                 *(words[column] for column in VERDICT_COLUMNS),
                 cost,
             ]
@@ -259,21 +277,22 @@ def alternatives_table(study: Setup, result: Row) -> Table:
     return Table(heads, cells, looks, text_columns, note)
 
 
-def _is_alternative(result: Row, record: Row) -> bool:
+def _is_alternative(result: StudyRecord, sheet: DesignSheet) -> bool:
     """Check whether a design of the front passes, at new angles once there is a confirmation."""
-    if result["best"]["prototype"] or record["verdict"]["failed"]:
+    chosen_prototype = result.best is not None and result.best.prototype
+    if chosen_prototype or sheet.verdict.failed:
         return False
-    return record["confirmed"] == bool(result["confirmation"])
+    return sheet.confirmed == (result.confirmation is not None)
 
 
-def _goal_cell(goal: Goal, result: Row, row: Row) -> str:
+def _goal_cell(goal: Goal, result: StudyRecord, design: DesignRow) -> str:
     """Print an objective of a design with its error, at new angles if it was simulated there."""
-    if row.get(goal.name) is None:
+    if design.value(goal.name) is None:
         return "-"
-    estimates = (confirmation_of(result, row) or {}).get("estimates", {})
-    if goal.name in estimates:
-        return goal.pair(*goal.estimate(estimates))
-    return goal.pair(goal.printed_value(row), goal.error(row))
+    confirmed = confirmation_of(result, design)
+    if confirmed is not None and goal.name in confirmed.estimates:
+        return goal.pair(*goal.estimate(confirmed.estimates))
+    return goal.pair(goal.printed_value(design), goal.error(design))
 
 
 def _difference_words(difference: Pair | None) -> str:
@@ -281,56 +300,55 @@ def _difference_words(difference: Pair | None) -> str:
     return "-" if difference is None else ms_with_error(*difference, "+")
 
 
-def single_margins(row: Row) -> dict[str, float]:
+def single_margins(design: DesignRow) -> dict[str, float]:
     """Select the margins of a design by check, without limits that sum up other checks."""
-    return {name: m for name, m in row["margins"].items() if name not in SUMMARIES}
+    return {name: m for name, m in design.margins.items() if name not in SUMMARIES}
 
 
-def _confirmed_row(result: Row, row: Row) -> Row:
-    """Replace time and margins of a design by those of its confirmation, if it has one."""
-    confirmed = confirmation_of(result, row)
+def _confirmed_row(result: StudyRecord, design: DesignRow) -> DesignRow:
+    """Replace time and margins of a design by those at new angles, if it has any."""
+    confirmed = confirmation_of(result, design)
     if confirmed is None:
-        return row
-    return row | {SIMULATED: confirmed[SIMULATED], "margins": margins_of(row, confirmed)}
+        return design
+    changes = {
+        SIMULATED: confirmed.expected_shift_time_s,
+        "margins": margins_of(design.margins, confirmed),
+    }
+    return design.model_copy(update=changes)
 
 
-def nearest_designs(result: Row) -> list[Row]:
+def nearest_designs(result: StudyRecord) -> list[DesignRow]:
     """List the designs with the largest margin of their worst check, the prototype last."""
-    rows = [row for row in result["trials"] if row["margins"]]
-    rows.sort(key=lambda row: (-min(row["margins"].values()), row["trial"]))
-    designs = [row for row in rows if not row["prototype"]]
-    prototypes = [row for row in rows if row["prototype"]]
+    rows = [row for row in result.trials if row.margins]
+    rows.sort(key=lambda row: (-min(row.margins.values()), row.trial))
+    designs = [row for row in rows if not row.prototype]
+    prototypes = [row for row in rows if row.prototype]
     return [*designs[:MAX_DESIGNS], *prototypes]
 
 
-def nearest_table(study: Setup, result: Row) -> Table:
+def nearest_table(study: Setup, result: StudyRecord) -> Table:
     """Tabulate the designs nearest to passing, with the checks that they fail."""
     rows = nearest_designs(result)
     cells = []
     for row in rows:
         confirmed = confirmation_of(result, row)
-        if confirmed is None:
-            words = _search_objection(row)
-            simulated = row
-        else:
-            words = objection(confirmed)
-            simulated = confirmed
-        if "engines" in row["failed"]:
+        words = _search_objection(row) if confirmed is None else objection(confirmed)
+        if "engines" in row.failed:
             words = f"{words}, engines disagree" if words else "engines disagree"
+        simulated = confirmed or row
+        params = row.params(study.variables)
         cells.append(
             [
-                "your own dog" if row["prototype"] else str(row["trial"]),
-                *(minus(f"{row[name]:.4g}") for name in study.variables),
-                ms_with_error(simulated[SIMULATED], simulated["standard_error_s"]),
-                ms_with_error(
-                    simulated.get("engaged_mean_s"), simulated.get("engaged_standard_error_s")
-                ),
+                "your own dog" if row.prototype else str(row.trial),
+                *(minus(f"{param:.4g}") for param in params.values()),
+                ms_with_error(simulated.expected_shift_time_s, simulated.standard_error_s),
+                ms_with_error(simulated.engaged_mean_s, simulated.engaged_standard_error_s),
                 hang_share(simulated),
                 Bad(words) if words else "passes",
             ]
         )
     heads = ("design", *map(axis, study.variables), TIME, ENGAGED, HANGS, VERDICT)
-    looks = {k: "prototype" for k, row in enumerate(rows) if row["prototype"]}
+    looks = {k: "prototype" for k, row in enumerate(rows) if row.prototype}
     note = (
         "The designs whose worst check is short by least, at new angles where they were simulated "
         "there; ± is one standard error. A dash: not simulated, as a check fails before."
@@ -338,22 +356,25 @@ def nearest_table(study: Setup, result: Row) -> Table:
     return Table(heads, cells, looks, (heads.index(VERDICT),), note)
 
 
-def _search_objection(row: Row) -> str:
+def _search_objection(design: DesignRow) -> str:
     """Compose the checks that a design fails by the margins of its search, smallest first."""
-    failed = sorted((m, name) for name, m in row["margins"].items() if m < 0.0)
+    failed = sorted((m, name) for name, m in design.margins.items() if m < 0.0)
     words = ", ".join(f"{check_name(name)} ({percent(margin)})" for margin, name in failed)
     return f"fails {words}" if words else ""
 
 
-def barriers_table(result: Row) -> Table:
+def barriers_table(result: StudyRecord) -> Table:
     """Tabulate the failed checks with the number of designs, and the cost in shift time.
 
     The cost is the time of the fastest design that passes the check, less that of the fastest
     design of all; either may fail other checks.
     """
-    rows = [_confirmed_row(result, row) for row in result["trials"] if row["margins"]]
-    timed = [row for row in rows if row[SIMULATED] is not None]
-    fastest_time = min((row[SIMULATED] for row in timed), default=None)
+    rows = [_confirmed_row(result, row) for row in result.trials if row.margins]
+    timed: list[tuple[float, DesignRow]] = []
+    for row in rows:
+        if row.expected_shift_time_s is not None:
+            timed.append((row.expected_shift_time_s, row))
+    fastest_time = min((time for time, _ in timed), default=None)
     failures = []
     for row in rows:
         margins = single_margins(row)
@@ -364,14 +385,13 @@ def barriers_table(result: Row) -> Table:
         failing = [failed for failed in failures if name in failed]
         alone = sum(len(failed) == 1 for failed in failing)
         nearest = max(failed[name] for failed in failing)
-        passing = [row for row in timed if row["margins"].get(name, -1.0) >= 0.0]
-        fastest = min(passing, key=lambda row: float(row[SIMULATED]), default=None)
-        if fastest is None:
-            design = "none passes"
-            price = None
-        else:
-            design = f"{in_ms(fastest[SIMULATED])} ({design_name(fastest)})"
-            price = None if fastest_time is None else fastest[SIMULATED] - fastest_time
+        passing = [pair for pair in timed if pair[1].margins.get(name, -1.0) >= 0.0]
+        design = "none passes"
+        price = None
+        if passing and fastest_time is not None:
+            time, fastest = min(passing, key=lambda pair: pair[0])
+            design = f"{in_ms(time)} ({design_name(fastest)})"
+            price = time - fastest_time
         cells.append(
             [
                 check_name(name),
@@ -397,50 +417,51 @@ def barriers_table(result: Row) -> Table:
     return Table(heads, cells, {}, (4,), note)
 
 
-def nearest_verdict(study: Setup, result: Row) -> VerdictRow | None:
+def nearest_verdict(study: Setup, result: StudyRecord) -> VerdictRow | None:
     """Return the verdict on the nearest design at new angles; None if it has none there."""
     rows = nearest_designs(result)
     if not rows:
         return None
     confirmed = confirmation_of(result, rows[0])
-    if not confirmed:
+    if confirmed is None:
         return None
-    params = study.select_params(rows[0])
-    return VerdictRow(**searched_verdict(study, params, rows[0], confirmed))
+    params = rows[0].params(study.variables)
+    return searched_verdict(study, params, rows[0].margins, confirmed)
 
 
-def nearest_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+def nearest_facts(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
     """List the hangs of prototype and nearest designs, and the shafts, as name and words."""
     records = nearest_records(result)
     for row in nearest_designs(result):
-        confirmed = records.get(row["trial"])
+        confirmed = records.get(row.trial)
         if confirmed is None:
             continue
-        name = "your own dog, the prototype" if row["prototype"] else design_name(row)
+        name = "your own dog, the prototype" if row.prototype else design_name(row)
         yield f"hangs, {name}", hang_words(confirmed)
     yield "shafts", study.clutch.drive.text
 
 
-def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+def facts_of(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
     """List the facts on a confirmed design as name and words; objections are ``Bad``."""
-    confirmation = result["confirmation"]
-    best = result["best"]
-    sides = {"prototype": "your own dog, the prototype"}
-    if not best["prototype"]:
-        sides["best"] = design_name(best)
-    for side, name in sides.items():
-        verdict = chosen_verdict(study, result, side)
-        yield f"verdict on {name}", _bad_unless(verdict.state == "passes", verdict.line)
-    if best["prototype"]:
+    confirmation = result.confirmation
+    best = result.best
+    assert confirmation is not None
+    assert best is not None
+    verdict = prototype_verdict(study, confirmation)
+    yield "verdict on your own dog, the prototype", _bad_unless(verdict.passes, verdict.line)
+    if not best.prototype:
+        verdict = chosen_verdict(study, best, confirmation)
+        yield f"verdict on {design_name(best)}", _bad_unless(verdict.passes, verdict.line)
+    if best.prototype:
         failing = _failing_checks(result)
         if failing:
             yield "designs that fail", failing
     else:
-        yield from _gain_facts(study, result)
+        yield from _gain_facts(study, result, best, confirmation)
     yield "shafts", study.clutch.drive.text
-    yield from _margin_facts(confirmation["best"]["checks"])
-    yield from _confirmation_facts(result)
-    yield from _engine_facts(study, result)
+    yield from _margin_facts(confirmation.best.checks)
+    yield from _confirmation_facts(result, best, confirmation)
+    yield from _engine_facts(study, result, confirmation)
 
 
 def _bad_unless(good: bool, words: str) -> str:
@@ -448,69 +469,75 @@ def _bad_unless(good: bool, words: str) -> str:
     return words if good else Bad(words)
 
 
-def _margin_facts(checks: list[Row]) -> Iterator[tuple[str, str]]:
+def _margin_facts(checks: Sequence[CheckRow]) -> Iterator[tuple[str, str]]:
     """List the smallest margins of landings, and at the ends of ranges."""
-    landing_checks = [
-        check for check in checks if check["name"].endswith(LANDING) and check["margin"] is not None
-    ]
-    if landing_checks:
-        weakest = min(landing_checks, key=lambda check: float(check["margin"]))
-        words = margin_cell(weakest["name"], weakest["margin"], weakest.get("margin_interval"))
+    landing_checks = [check for check in checks if check.name.endswith(LANDING)]
+    weakest = _weakest_check(landing_checks)
+    if weakest is not None:
+        words = margin_cell(weakest.name, weakest.margin, weakest.margin_interval)
         yield "smallest margin of a landing, 95 % interval", words
-    range_checks = [check for check in checks if check.get("ends")]
-    if range_checks:
-        weakest = min(range_checks, key=lambda check: float(check["margin"]))
-        words = f"{margin_cell(weakest['name'], weakest['margin'])}, at {weakest['ends']}"
-        yield "at the worst end of ranges", _bad_unless(weakest["margin"] >= 0.0, words)
+    weakest = _weakest_check([check for check in checks if check.ends])
+    if weakest is not None:
+        words = f"{margin_cell(weakest.name, weakest.margin)}, at {weakest.ends}"
+        yield "at the worst end of ranges", _bad_unless((weakest.margin or 0.0) >= 0.0, words)
 
 
-def _engine_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+def _weakest_check(checks: Sequence[CheckRow]) -> CheckRow | None:
+    """Select the check with the smallest margin; None where none has a margin."""
+    margins = [(check.margin, k) for k, check in enumerate(checks) if check.margin is not None]
+    return checks[min(margins)[1]] if margins else None
+
+
+def _engine_facts(
+    study: Setup, result: StudyRecord, confirmation: Confirmation
+) -> Iterator[tuple[str, str]]:
     """List the agreements of Drake with the compiled engine, or why there are none."""
     agreements = {
-        "chosen design in Drake": result["confirmation"]["best"].get("drake"),
-        "audit": result.get("audit"),
+        "chosen design in Drake": confirmation.best.drake,
+        "audit": result.audit,
     }
     for name, agreement in agreements.items():
         if agreement is not None:
-            words = minus(EngineAgreement(**agreement).text)
-            yield name, _bad_unless(agreement["agrees"], words)
+            yield name, _bad_unless(agreement.agrees, minus(agreement.text))
         elif study.engine_gap:
             yield name, f"not made: {study.engine_gap}"
 
 
-def chosen_verdict(study: Setup, result: Row, side: str = "best") -> VerdictRow:
-    """Return the verdict on the chosen design of a confirmed result, or on the prototype."""
-    confirmed = result["confirmation"][side]
-    if side == "prototype":
-        return VerdictRow(**searched_verdict(study, study.prototype, {"margins": {}}, confirmed))
-    best = result["best"]
-    params = study.select_params(best)
-    return VerdictRow(**searched_verdict(study, params, best, confirmed))
+def chosen_verdict(study: Setup, best: DesignRow, confirmation: Confirmation) -> VerdictRow:
+    """Return the verdict on the chosen design at the new angles."""
+    params = best.params(study.variables)
+    return searched_verdict(study, params, best.margins, confirmation.best)
 
 
-def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:
+def prototype_verdict(study: Setup, confirmation: Confirmation) -> VerdictRow:
+    """Return the verdict on the prototype at the new angles."""
+    return searched_verdict(study, study.prototype, {}, confirmation.prototype)
+
+
+def _confirmation_facts(
+    result: StudyRecord, best: DesignRow, confirmation: Confirmation
+) -> Iterator[tuple[str, str]]:
     """List the objections to other designs of the front, and the designs not confirmed."""
     objections = []
     for trial, words in out_at_new_angles(result).items():
-        if trial != result["best"]["trial"]:
+        if trial != best.trial:
             verb = "is " if words.startswith(UNCLEAR) else ""
             objections.append(f"design {trial} {verb}{words}")
     if objections:
         yield "designs out at the new angles", "; ".join(objections)
     for trial, confirmed in confirmed_designs(result).items():
-        if confirmed.get("agrees") is False:
-            words = f"{confirmed['errors_apart']:.1f} standard errors apart"
+        if confirmed.agrees is False:
+            words = f"{confirmed.errors_apart:.1f} standard errors apart"
             yield f"search and new angles of design {trial}", Bad(words)
-    trials = result["confirmation"].get("left_out")
-    if trials:
-        words = f"{', '.join(map(str, trials))}; raise search.confirm_designs"
-        yield "designs not confirmed", words
+    if confirmation.left_out:
+        trials = ", ".join(map(str, confirmation.left_out))
+        yield "designs not confirmed", f"{trials}; raise search.confirm_designs"
 
 
-def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+def _gain_facts(
+    study: Setup, result: StudyRecord, best: DesignRow, confirmation: Confirmation
+) -> Iterator[tuple[str, str]]:
     """List the facts that compare the chosen design with the prototype."""
-    confirmation = result["confirmation"]
-    best = result["best"]
     for goal, (before, _), _, (gain, error) in compare_objectives(result):
         words = f"{goal.difference(gain, error)} {goal.unit}".strip()
         if before:
@@ -518,23 +545,23 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         if is_unclear(gain, error):
             words += UNCLEAR_NOTE
         yield f"gain in the {goal.label}", _bad_unless(gain >= 0.0, words)
-    if time_difference(confirmation["prototype"], confirmation["best"]):
+    if time_difference(confirmation.prototype, confirmation.best):
         yield "operating points slower than the prototype", _slower_points(confirmation)
     yield from _hang_facts(confirmation)
-    engaged, shifts = engaged_shifts(confirmation["best"])
+    engaged, shifts = engaged_shifts(confirmation.best)
     words = "{} of {} shifts; prototype {} of {}".format(
-        engaged, shifts, *engaged_shifts(confirmation["prototype"])
+        engaged, shifts, *engaged_shifts(confirmation.prototype)
     )
     yield "engaged at the first try", _bad_unless(engaged >= shifts, words)
-    for side, name in SIDES.items():
-        words = quantile_words(confirmation[side].get("quantiles") or ())
+    for name, confirmed in sides_of(confirmation).items():
+        words = quantile_words(confirmed.quantiles or ())
         if words:
             yield f"shift time over the life, {name}", words
-    change = best["time_within_tolerances"]
+    change = best.time_within_tolerances
     if change:
         words = (
-            f"{1e3 * change['root_sum_square_s']:.2g} ms by root sum of squares, "
-            f"{1e3 * change['worst_case_s']:.2g} ms at the worst"
+            f"{1e3 * change.root_sum_square_s:.2g} ms by root sum of squares, "
+            f"{1e3 * change.worst_case_s:.2g} ms at the worst"
         )
         yield "change of the expected shift time within tolerances", words
     yield from _shape_facts(confirmation)
@@ -543,72 +570,72 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
 
 
-def _slower_points(confirmation: Row) -> str:
+def _slower_points(confirmation: Confirmation) -> str:
     """Count the operating points at which the chosen design is slower, with the largest loss."""
-    differences = point_differences(confirmation["prototype"], confirmation["best"])
-    slower = [point for point in differences if point["difference_s"] > 0.0]
+    differences = point_differences(confirmation.prototype, confirmation.best)
+    slower = [point for point in differences if point.difference_s > 0.0]
     words = f"{len(slower)} of {len(differences)}"
     if not slower:
         return words
     clear = [
         point
         for point in slower
-        if point["difference_s"] >= 2.0 * (point["standard_error_s"] or math.inf)
+        if point.difference_s >= 2.0 * (point.standard_error_s or math.inf)
     ]
-    worst = max(differences, key=lambda point: float(point["difference_s"]))
-    loss = ms_with_error(worst["difference_s"], worst["standard_error_s"])
+    worst = largest_loss(differences)
+    loss = ms_with_error(worst.difference_s, worst.standard_error_s)
     words += f" ({len(clear)} clearly), most by {loss} ms at {place_name(worst)}"
     return _bad_unless(not clear, words)
 
 
-def _range_ends(study: Setup, row: Row) -> list[str]:
+def _range_ends(study: Setup, design: DesignRow) -> list[str]:
     """List the variables of a design that lie at an end of their search range, with values."""
     ends = []
-    for name, (low, high) in study.variables.items():
-        distance = min(row[name] - low, high - row[name])
+    for name, param in design.params(study.variables).items():
+        low, high = study.variables[name]
+        distance = min(param - low, high - param)
         tolerance = 0.0 if name == "count" else RANGE_END * (high - low)
         if distance <= tolerance:
-            ends.append(f"{label(name)} {value(name, row[name])}")
+            ends.append(f"{label(name)} {value(name, param)}")
     return ends
 
 
-def _shape_facts(confirmation: Row) -> Iterator[tuple[str, str]]:
+def _shape_facts(confirmation: Confirmation) -> Iterator[tuple[str, str]]:
     """List the other shapes of the chosen design with their cost in shift time."""
-    for shape in confirmation.get("shapes") or ():
-        cost = time_difference(confirmation["best"], shape)
+    for shape in confirmation.shapes or ():
+        cost = time_difference(confirmation.best, shape)
         if cost:
             note = UNCLEAR_NOTE if is_unclear(*cost) else ""
             words = f"{ms_with_error(*cost, '+')} ms{note}{_shape_state(shape)}"
-            yield f"with {shape['shape']}", words
+            yield f"with {shape.shape}", words
 
 
-def _shape_state(shape: Row) -> str:
+def _shape_state(shape: OtherShape) -> str:
     """Print the verdict on another shape unless it passes; old results have no verdict."""
-    verdict = shape.get("verdict")
-    if verdict:
-        return "" if verdict["state"] == "passes" else f", {verdict['line']}"
-    return "" if shape["feasible"] else ", fails a check"
+    if shape.verdict:
+        return "" if shape.verdict.passes else f", {shape.verdict.line}"
+    return "" if shape.feasible else ", fails a check"
 
 
-def _hang_facts(confirmation: Row) -> Iterator[tuple[str, str]]:
+def _hang_facts(confirmation: Confirmation) -> Iterator[tuple[str, str]]:
     """List engaged means and hangs of prototype and chosen design; old results have none."""
-    for side, name in SIDES.items():
-        if confirmation[side].get("hang_probability") is not None:
-            yield f"mean of engaged shifts, {name}", engaged_text(confirmation[side])
-            yield f"hangs, {name}", hang_words(confirmation[side])
+    for name, confirmed in sides_of(confirmation).items():
+        if confirmed.hang_probability is not None:
+            yield f"mean of engaged shifts, {name}", engaged_text(confirmed)
+            yield f"hangs, {name}", hang_words(confirmed)
 
 
-def _failing_checks(result: Row) -> str:
+def _failing_checks(result: StudyRecord) -> str:
     """Compose the checks that most designs fail, with the margin of the nearest design.
 
     A limit of the smallest margin within tolerances has the name of its weakest check, if stored.
     """
     designs = []
-    for row in result["trials"]:
+    for row in result.trials:
         names = {}
         for name, kind in WITHIN.items():
-            weakest = row.get(f"weakest_check_{kind}") or name
+            weakest = row.weakest_within(kind) or name
             names[name] = f"{check_name(weakest)} {WITHIN_WORDS[name]}"
-        margins = row["margins"].items()
+        margins = row.margins.items()
         designs.append({names.get(name, check_name(name)): margin for name, margin in margins})
     return failing_words(designs)

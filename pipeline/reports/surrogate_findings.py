@@ -10,7 +10,7 @@ Tolerances are a limit too: f times as large they take f times as much from each
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,14 +18,15 @@ from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import Table
-from dogshape.pipeline.reports.designs import Row
+from dogshape.pipeline.record import SHARE, FileRecord, Record, Table, key
 from dogshape.pipeline.reports.text import check_name, in_ms
 from dogshape.pipeline.simulate.design import WITHIN, check_dog, dogs_of, limits_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import first_designs
+from dogshape.sim.clutch_tables import validate
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DogshapeError, StorageError
+from dogshape.sim.errors import DogshapeError, InputError, StorageError
+from dogshape.sim.interface import verb
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import RULES, Check
 from dogshape.sim.strength.dog_strength import margin_losses, within_tolerances
@@ -37,8 +38,7 @@ from dogshape.surrogate.store import load
 
 EFFECT_DESIGNS = 150  #: feasible designs that an effect is the mean over
 SEED_OFFSET = 70_000  #: added to the seed of the surrogate's data, so that designs differ
-FACTORS = {"less_s": 0.9, "now_s": 1.0, "more_s": 1.1}  #: on a limit, by the key of the best time
-WITHOUT = "without_s"  #: key of the best time without a limit
+FACTORS = (0.9, 1.0, 1.1)  #: on a limit that has a price
 FILLING_EXPONENT = 13  #: power of two of the designs that fill the space
 LOCAL_DESIGNS = 16  #: about each of the best, in each round
 LOCAL_SPREADS = (0.08, 0.04, 0.02, 0.01, 0.005)  #: shares of the ranges, by round
@@ -46,6 +46,57 @@ MIN_PRICE_S = 2e-4  #: change of the time by a tenth of a limit that has a price
 #: Step of a limit by its unit, to which a price is referred.
 STEPS = {"mm": 0.1, "N": 1000.0, "MPa": 100.0, "deg": 1.0, "": 0.01, "s": 0.001, "%": 10.0}
 TOLERANCES = "tolerances at their worst"  #: row of all tolerances together, in % of what they are
+
+
+class VariableEffect(Record):
+    """Main effect of a variable on the expected shift time, with its 95 % band."""
+
+    variable: str = key("key of the study file")
+    values: list[float] = key("values of the variable, in its unit")
+    effect_s: list[float] = key("effect at each value, about the mean", "s")
+    low_s: list[float] = key("lower end of its band", "s")
+    high_s: list[float] = key("upper end", "s")
+
+
+class Effects(Record):
+    """Main effects of the variables over feasible designs."""
+
+    designs: int = key("feasible designs that an effect is the mean over")
+    outside_trained_range: float = key("share of these outside the trained range", SHARE)
+    mean_expected_shift_time_s: float = key("mean predicted time of these", "s")
+    variables: list[VariableEffect] = key("the variables")
+
+
+class LimitPrice(FileRecord):
+    """Best times with a limit as it is, changed by a tenth, and without it.
+
+    A time is null where no design passes.
+    """
+
+    name: str = key("name of the check, or all tolerances together")
+    unit: str = key("unit of the limit")
+    limit: float = key("the limit as it is")
+    at_most: bool = key("whether it is an upper one")
+    less_s: float | None = key("best time with a tenth less of the limit", "s")
+    now_s: float | None = key("best time with the limit as it is", "s")
+    more_s: float | None = key("best time with a tenth more of it", "s")
+    without_s: float | None = key("best time without it", "s")
+    key: str = key("key of the study file that sets it")
+
+    @property
+    def change_s(self) -> float | None:
+        """Change of the best time by a tenth of the limit, s; None without both times."""
+        if self.less_s is None or self.more_s is None:
+            return None
+        return 0.5 * abs(self.less_s - self.more_s)
+
+
+class Findings(Record):
+    """Findings of the surrogate with a hash, ``effects.json``."""
+
+    surrogate: str = key("hash of the surrogate")
+    effects: Effects = key("effects of the variables")
+    prices: list[LimitPrice] = key("prices of the limits")
 
 
 def learn_effects(folder: StudyFolder, say: Say) -> None:
@@ -63,46 +114,48 @@ def learn_effects(folder: StudyFolder, say: Say) -> None:
         say(f"no effects in the report: {error}")
         return
     say("what each variable does and each limit costs, from the surrogate")
-    findings = {"effects": effects_record(study, surrogate), "prices": prices(study, surrogate)}
-    write_json(folder.effects, {"surrogate": _identity(folder), **findings})
+    findings = Findings(
+        surrogate=_identity(folder),
+        effects=effects_of(study, surrogate),
+        prices=prices(study, surrogate),
+    )
+    write_json(folder.effects, findings.to_dict())
 
 
-def stored_effects(folder: StudyFolder) -> Row | None:
+def stored_effects(folder: StudyFolder) -> Findings | None:
     """Read effects and prices of the folder's present surrogate; None if they are not stored."""
     try:
-        stored = read_json(folder.effects, "run 'dogshape report' again")
-        if stored["surrogate"] != _identity(folder):
-            return None
-        return {key: stored[key] for key in ("effects", "prices")}
-    except (StorageError, KeyError):
+        stored = read_json(folder.effects, f"run {verb('report')} again")
+        findings = validate(Findings, stored, str(folder.effects))
+        return findings if findings.surrogate == _identity(folder) else None
+    except (StorageError, InputError):
         return None
 
 
 def _identity(folder: StudyFolder) -> str:
     """Read the hash of the folder's surrogate."""
-    return str(read_json(folder.surrogate, "run 'dogshape report' again").get("hash"))
+    return str(read_json(folder.surrogate, f"run {verb('report')} again").get("hash"))
 
 
-def effects_record(study: Setup, surrogate: Surrogate) -> Row:
-    """Record the main effects of the variables, s, means over feasible designs."""
+def effects_of(study: Setup, surrogate: Surrogate) -> Effects:
+    """Compute the main effects of the variables, means over feasible designs."""
     x = study.rows(first_designs(study, EFFECT_DESIGNS, SEED_OFFSET, border=False))
-    variables = []
-    for effect in main_effects(surrogate, surrogate.data.variables, x):
-        variables.append(
-            {
-                "variable": effect.variable,
-                "values": _round_all(effect.values),
-                "effect_s": _round_all(effect.effect),
-                "low_s": _round_all(effect.low),
-                "high_s": _round_all(effect.high),
-            }
+    variables = [
+        VariableEffect(
+            variable=effect.variable,
+            values=_round_all(effect.values),
+            effect_s=_round_all(effect.effect),
+            low_s=_round_all(effect.low),
+            high_s=_round_all(effect.high),
         )
-    return {
-        "designs": len(x),
-        "outside_trained_range": 1.0 - float(in_range(surrogate, x).mean()),
-        "mean_expected_shift_time_s": float(surrogate.predict(x)[0].mean()),
-        "variables": variables,
-    }
+        for effect in main_effects(surrogate, surrogate.data.variables, x)
+    ]
+    return Effects(
+        designs=len(x),
+        outside_trained_range=1.0 - float(in_range(surrogate, x).mean()),
+        mean_expected_shift_time_s=float(surrogate.predict(x)[0].mean()),
+        variables=variables,
+    )
 
 
 def _round_all(values: Iterable[float]) -> list[float]:
@@ -110,42 +163,57 @@ def _round_all(values: Iterable[float]) -> list[float]:
     return [float(f"{number:.6g}") for number in values]
 
 
-def prices(study: Setup, times: Surrogate) -> list[Row]:
+def prices(study: Setup, times: Surrogate) -> list[LimitPrice]:
     """Compute the best times with each limit of a study changed, in the order of its checks.
 
-    Each row has the check's ``name``, ``key``, ``unit``, ``limit`` and ``at_most``, and the best
-    times in s with a tenth less of the limit, the limit as it is, a tenth more of it, and
-    ``without_s`` it; None where no design passes. Limits that are zero have no price.
+    Limits that are zero have no price.
     """
     checks = _checks(study, study.clutch.dog)
-    limits = [(c.name, c.rule.key, c.rule.unit, c.limit, c.rule.at_most) for c in checks]
-    limits.append((TOLERANCES, "[tolerance]", "%", 100.0, True))
-    rows = [Row(zip(("name", "key", "unit", "limit", "at_most"), o, strict=True)) for o in limits]
     # A case is the margin that each check needs, and the factor on what tolerances take of it.
-    cases: dict[tuple[int, str], tuple[Array, float]] = {}
-    for place, row in enumerate(rows):
-        for key, factor in (FACTORS | {WITHOUT: 0.0}).items():
+    cases: list[tuple[Array, float]] = []
+    for place, check in enumerate(checks):
+        signs = 1.0 if check.rule.at_most else -1.0
+        for margin in (*(signs * (1.0 - factor) for factor in FACTORS), -np.inf):
             needed = np.zeros(len(checks))
-            if row["name"] != TOLERANCES:
-                margin = 1.0 - factor if row["at_most"] else factor - 1.0
-                needed[place] = -np.inf if key == WITHOUT else margin
-            cases[place, key] = needed, factor if row["name"] == TOLERANCES else 1.0
-    best_times, has_losses = _best_times(study, times, list(cases.values()))
-    for (place, key), time in zip(cases, best_times, strict=True):
-        rows[place][key] = time
-    return [row for row in rows if row["limit"] > 0.0 and (has_losses or row["name"] != TOLERANCES)]
+            needed[place] = margin
+            cases.append((needed, 1.0))
+    cases += [(np.zeros(len(checks)), factor) for factor in (*FACTORS, 0.0)]
+    best_times, has_losses = _best_times(study, times, cases)
+    limits = [
+        (check.name, check.rule.key, check.rule.unit, check.limit, check.rule.at_most)
+        for check in checks
+    ]
+    limits.append((TOLERANCES, "[tolerance]", "%", 100.0, True))
+    rows = []
+    for place, (name, limit_key, unit, limit, at_most) in enumerate(limits):
+        less, now, more, without = best_times[4 * place : 4 * place + 4]
+        if limit > 0.0 and (has_losses or name != TOLERANCES):
+            rows.append(
+                LimitPrice(
+                    name=name,
+                    key=limit_key,
+                    unit=unit,
+                    limit=limit,
+                    at_most=at_most,
+                    less_s=less,
+                    now_s=now,
+                    more_s=more,
+                    without_s=without,
+                )
+            )
+    return rows
 
 
-def prices_table(rows: list[Row]) -> Table:
+def prices_table(rows: Sequence[LimitPrice]) -> Table:
     """Tabulate the limits that have a price: those without a source first, the dearest first."""
     lines = []
     for row in rows:
-        price = _price_of(row)
-        worth = max(price or 0.0, (row["now_s"] or 0.0) - (row[WITHOUT] or 0.0))
+        price = row.change_s
+        worth = max(price or 0.0, (row.now_s or 0.0) - (row.without_s or 0.0))
         if price is None or worth >= MIN_PRICE_S:
-            rule = RULES.get(row["name"])
+            rule = RULES.get(row.name)
             is_sourced = rule is None or not rule.assumed
-            lines.append((is_sourced, -worth, _price_line(row, price)))
+            lines.append((is_sourced, -worth, _price_line(row)))
     lines.sort(key=lambda line: line[:2])
     cells: list[list[str]] = []
     looks: dict[int, str] = {}
@@ -165,26 +233,19 @@ def prices_table(rows: list[Row]) -> Table:
     return Table((*heads, "without it, ms", "price"), cells, looks, note=note)
 
 
-def _price_of(row: Row) -> float | None:
-    """Compute the change of the best time by a tenth of a limit, s; None without both times."""
-    if row["less_s"] is None or row["more_s"] is None:
-        return None
-    return float(0.5 * abs(row["less_s"] - row["more_s"]))
-
-
-def _price_line(row: Row, price: float | None) -> list[str]:
+def _price_line(row: LimitPrice) -> list[str]:
     """Print a limit with its best times, ms, and its price for a step of its unit."""
-    unit = row["unit"]
-    step = STEPS.get(unit)
+    step = STEPS.get(row.unit)
     words = ""
-    if price is not None and step is not None:
-        words = f"{1e4 * price * step / row['limit']:.2g} ms per {step:g} {unit}".strip()
-    times = ["no design" if row[key] is None else in_ms(row[key]) for key in (*FACTORS, WITHOUT)]
-    sense = "≤" if row["at_most"] else "≥"
+    if row.change_s is not None and step is not None:
+        price = 1e4 * row.change_s * step / row.limit
+        words = f"{price:.2g} ms per {step:g} {row.unit}".strip()
+    times = (row.less_s, row.now_s, row.more_s, row.without_s)
+    sense = "≤" if row.at_most else "≥"
     return [
-        f"{check_name(row['name'])} {row['key']}",
-        f"{sense} {row['limit']:.4g} {unit}",
-        *times,
+        f"{check_name(row.name)} {row.key}",
+        f"{sense} {row.limit:.4g} {row.unit}",
+        *("no design" if time is None else in_ms(time) for time in times),
         words,
     ]
 

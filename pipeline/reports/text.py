@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from dogshape.pipeline.record import MINUS, Bad, percent
+from dogshape.pipeline.store.result_records import HangKeys, PlaceRow, QuantileRow
 from dogshape.sim.strength.checks import RULES, safety_factor
 from dogshape.sim.units import UNITS, short, suffix_of, unit_of
 
@@ -101,9 +102,9 @@ def margin_cell(name: str, margin: float | None, interval: Sequence[float] | Non
     return Bad(text) if margin < 0.0 else text
 
 
-def place_name(point: Mapping[str, Any]) -> str:
+def place_name(point: PlaceRow) -> str:
     """Print mismatch and force of an operating point."""
-    return minus("{mismatch_rpm:.4g} 1/min, {force_N:.4g} N".format(**point))
+    return minus(f"{point.mismatch_rpm:.4g} 1/min, {point.force_N:.4g} N")
 
 
 def check_name(name: str) -> str:
@@ -135,35 +136,42 @@ def time_text(seconds: float | None, error: float | None = None) -> str:
     return f"{time} ms"
 
 
-def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
-    """Print the quantiles of the shift time that exceed twice their standard error.
-
-    ``QuantileRow`` has the keys.
-    """
+def quantile_words(quantiles: Sequence[QuantileRow]) -> str:
+    """Print the quantiles of the shift time that exceed twice their standard error."""
     words = []
     for quantile in quantiles:
-        time = quantile["time_s"]
-        error = quantile["standard_error_s"]
+        time = quantile.time_s
+        error = quantile.standard_error_s
         if (time or 0.0) > 2.0 * (error or 0.0):
-            share = 100 * quantile["share"]
+            share = 100 * quantile.share
             words.append(f"{share:.4g} % of all shifts take at most {time_text(time, error)}")
     return ", ".join(words)
 
 
-def hang_words(record: Mapping[str, Any]) -> str:
-    """Print the hang probability of a record with 95 % interval and cost (``HangKeys``)."""
-    mean = 100.0 * record["hang_probability"]
-    low = 100.0 * record["hang_probability_low"]
-    high = 100.0 * record["hang_probability_high"]
+def hang_words(record: HangKeys) -> str:
+    """Print the hang probability of a record with 95 % interval and cost."""
+    mean, low, high = hang_percents(record)
     words = f"a shift hangs with {mean:.2g} % (95 %: {low:.2f} to {high:.2g} %)"
-    if record["retries_s"] is None:
+    if record.retries_s is None:
         return words
-    return f"{words}, retries take {time_text(record['retries_s'], record['retries_error_s'])}"
+    return f"{words}, retries take {time_text(record.retries_s, record.retries_error_s)}"
 
 
-def engaged_text(record: Mapping[str, Any]) -> str:
+def hang_percents(record: HangKeys) -> tuple[float, float, float]:
+    """Return the hang probability of a record and the ends of its 95 % interval, %."""
+    assert record.hang_probability is not None  # earlier versions have none of the three
+    assert record.hang_probability_low is not None
+    assert record.hang_probability_high is not None
+    return (
+        100.0 * record.hang_probability,
+        100.0 * record.hang_probability_low,
+        100.0 * record.hang_probability_high,
+    )
+
+
+def engaged_text(record: HangKeys) -> str:
     """Print the mean time of engaged shifts, ms; a dash if an operating point has none."""
-    return time_text(record["engaged_mean_s"], record["engaged_standard_error_s"])
+    return time_text(record.engaged_mean_s, record.engaged_standard_error_s)
 
 
 def interval_text(time: float, low: float, high: float, share: str = "95 %") -> str:

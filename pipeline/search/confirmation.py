@@ -1,10 +1,10 @@
 """Confirmation: designs of the front, simulated again at every operating point and at new angles.
 
 A search picks designs that were also lucky, and more angles find harder landings. So values and
-checks of prototype and front are those of ``DENSER`` times as many new angles. Drake simulates some
-of them too; a design on which both engines do not agree leaves the front, as does one that fails a
-check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``,
-and the study's own dog is confirmed as they are.
+checks of prototype and front are those of ``ANGLE_FACTOR`` times as many new angles. Drake
+simulates some of them too; a design on which both engines do not agree leaves the front, as does
+one that fails a check or is beaten. Those that come onto it are confirmed next, up to
+``search.confirm_designs``, and the study's own dog is confirmed as they are.
 
 The prior of hangs is fitted to all designs of search and confirmation. Where the posterior of hangs
 decides between the best design and others, these get more angles (``HangAngles``).
@@ -19,19 +19,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import Record, key
 from dogshape.pipeline.search.state import PointTimes, SearchState, Trial
+from dogshape.pipeline.search.study_record import (
+    Confirmation,
+    ConfirmedDesign,
+    ObjectiveEstimate,
+    OtherShape,
+)
 from dogshape.pipeline.simulate.design import (
     OBJECTIVES,
     SIMULATED,
     design_of,
-    judged_design,
+    judge_design,
     leading_objective,
     objectives_of,
     values_of,
@@ -48,10 +53,11 @@ from dogshape.pipeline.simulate.evaluation import (
 )
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.result_records import (
+    CheckRow,
     EngineAgreement,
     ExpectedTime,
+    HangPriorRow,
     VerdictRow,
-    check_record,
 )
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
@@ -63,41 +69,32 @@ from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import result_of
 from dogshape.sim.units import DEG, MM
 
-DENSER = 2  #: times the angles of the search that the compiled engine has at the new ones
-APART = 3.0  #: standard errors from which search and confirmation of a design do not agree
+ANGLE_FACTOR = 2  #: new angles of the compiled engine over those of the search
+MAX_DEVIATION_SIGMAS = 3.0  #: standard errors within which search and new angles agree
 #: Share of shifts that may end differently in both engines: at the angles between two slots a
 #: rounding decides, in up to 0.8 % of the shifts of a clutch (``docs/evidence/engines.txt``).
-FLIPS = 0.01
-MEAN = 0.01  #: difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %
-SURE = 3.0  #: standard errors from which a difference of the engines counts
-Estimates = dict[str, dict[str, float]]  #: value and standard error of objectives, by name
-Found = Mapping[int, Evaluation]  #: designs at new angles, by trial
+DIFFERENT_OUTCOME_SHARE = 0.01
+#: Difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %.
+MEAN_TOLERANCE = 0.01
+ENGINE_SIGMAS = 3.0  #: standard errors from which a difference of the engines counts
+Estimates = dict[str, ObjectiveEstimate]  #: of simulated objectives, by name
+Evaluations = Mapping[int, Evaluation]  #: designs at new angles, by trial
 
 
 @dataclass(frozen=True)
 class Executors:
-    """Executors of the compiled shifts that no result needs later, and of those that are kept."""
+    """Executors of compiled shifts that no result needs later, and of stored shifts."""
 
     search: Executor
     kept: Executor
 
 
-class OtherShape(Record):
-    """The chosen design with a feature of shape that it has not, at the same new angles."""
-
-    shape: str = key("what differs")
-    expected_shift_time_s: float | None = key("mean shift time; null where too few engage", "s")
-    standard_error_s: float | None = key("its standard error", "s")
-    feasible: bool = key("whether no check has a negative margin")
-    verdict: VerdictRow | None = key("verdict on it, without assumptions", late=True)
-
-
-CLEAR = 2.0  #: standard errors of a difference of designs from which it is clear
+CLEAR_SIGMAS = 2.0  #: standard errors of a difference of designs from which it is clear
 
 
 @dataclass(frozen=True)
 class HangAngles:
-    """More angles for designs that the posterior of hangs decides between; status: judged.
+    """Added angles for designs between which the posterior of hangs decides; status: judged.
 
     Each round doubles the angles of the best design and its nearest rivals, at the operating points
     that make most of the variance of their retries.
@@ -108,21 +105,22 @@ class HangAngles:
     variance_share: float = 0.9  #: of the retries' variance that the chosen points make
 
     def rounds(self, angles: int) -> list[int]:
-        """List the angles of each round, from those of the confirmation."""
+        """List the number of angles of each round; ``angles`` is that of the confirmation."""
         return [angles * 2**k for k in range(1, self.doublings + 1)]
 
 
 HANG_ANGLES = HangAngles()
 NEAREST = 5  #: designs that are simulated where none passes, beside the study's own dog
-PLAY_MM = 0.1  #: of backlash that a confirmation adds to the chosen design
+ADDED_BACKLASH_MM = 0.1  #: backlash that a confirmation adds to the chosen design
 
 
 def new_angles(study: Setup) -> int:
     """Count the new angles of each operating point: a multiple of ``search.confirm_angles``."""
-    few = study.file.search.confirm_angles
+    drake_angles = study.file.search.confirm_angles
     if study.clutch.solver.engine == "drake":
-        return few
-    return few * math.ceil(DENSER * study.file.expectation.angles / few)
+        return drake_angles
+    wanted_angles = ANGLE_FACTOR * study.file.expectation.angles
+    return drake_angles * math.ceil(wanted_angles / drake_angles)
 
 
 def hang_rounds(study: Setup) -> list[int]:
@@ -134,231 +132,284 @@ def hang_rounds(study: Setup) -> list[int]:
 
 def shifts_to_confirm(study: Setup) -> int:
     """Count the shifts of a confirmation, at most, with the numerical errors."""
-    few, many = study.file.search.confirm_angles, new_angles(study)
-    both = len(study.points) * (many if many == few else many + few)
-    hangs = (1 + HANG_ANGLES.rivals) * len(study.points) * sum(hang_rounds(study))
-    designs = (2 + study.file.search.confirm_designs) * both
-    torques = 2 * len(study.file.expectation.limit_torques_Nm or ()) * len(study.points) * many
-    return designs + hangs + torques + 2 * repeat_count(len(study.points) * few)
+    drake_angles = study.file.search.confirm_angles
+    angles = new_angles(study)
+    point_count = len(study.points)
+    angles_of_engines = angles if angles == drake_angles else angles + drake_angles
+    design_count = 2 + study.file.search.confirm_designs
+    design_shifts = design_count * point_count * angles_of_engines
+    hang_shifts = (1 + HANG_ANGLES.rivals) * point_count * sum(hang_rounds(study))
+    torque_count = len(study.file.expectation.limit_torques_Nm or ())
+    torque_shifts = 2 * torque_count * point_count * angles
+    error_shifts = 2 * repeat_count(point_count * drake_angles)
+    return design_shifts + hang_shifts + torque_shifts + error_shifts
 
 
 def confirm(
     searched: SearchState, executors: Executors, say: Say
-) -> tuple[dict[str, Any] | None, SearchState]:
+) -> tuple[Confirmation | None, SearchState]:
     """Simulate prototype and front of an ended search at angles that it did not use.
 
-    Give the record, None where no design passes every check, and the state at the new angles.
+    Returns the confirmation, None where no design passes every check, and the state at the new
+    angles.
     """
-    study, own = searched.study, _own_trial(searched)
+    study = searched.study
+    prototype_trial = _prototype_trial(searched)
     if not searched.front:
         return None, searched
     say("confirming the prototype at new angles")
-    (prototype,) = _resimulated(study, {"the prototype": study.prototype}, executors)
-    found = {} if own is None else {own.number: prototype}
-    state, found = _confirmed_front(searched, found, executors, say)
+    (prototype,) = _simulate_anew(study, {"the prototype": study.prototype}, executors)
+    evaluations = {} if prototype_trial is None else {prototype_trial.number: prototype}
+    state, evaluations = _confirm_front(searched, evaluations, executors, say)
     for angles in hang_rounds(study):
-        contested = contested_designs(state, found)
+        contested = contested_designs(state, evaluations)
         if not contested:
             break
-        places = deciding_points([found[number].expectation for number in contested])
+        places = deciding_points([evaluations[number].expectation for number in contested])
         say(
             f"hangs decide between {len(contested)} designs: {angles} angles at "
             f"{len(places)} of {len(study.points)} operating points"
         )
         trials = [trial for trial in state.trials if trial.number in contested]
-        found |= _denser(study, trials, found, places, angles=angles, executors=executors)
-        state, found = _confirmed_front(searched, found, executors, say)
-    prototype = prototype.under(state.priors) if own is None else found[own.number]
-    loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
-    ordered = dict(sorted(found.items(), key=lambda item: (loss[item[0]], item[0])))
-    return _record(searched, state, prototype, ordered, executors), state
+        evaluations |= _add_angles(
+            study, trials, evaluations, places, angles=angles, executors=executors
+        )
+        state, evaluations = _confirm_front(searched, evaluations, executors, say)
+    if prototype_trial is None:
+        prototype = prototype.under(state.priors)
+    else:
+        prototype = evaluations[prototype_trial.number]
+    losses = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
+    numbers = sorted(evaluations, key=lambda number: (losses[number], number))
+    ordered_evaluations = {number: evaluations[number] for number in numbers}
+    confirmation = _confirmation(searched, state, prototype, ordered_evaluations, executors)
+    return confirmation, state
 
 
-def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> list[dict[str, Any]]:
+def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> list[ConfirmedDesign]:
     """Simulate the study's own dog and the designs that fail by least, at new angles.
 
     For a search in which none passes; designs that failed before a simulation are among them.
-    Designs whose shifts all failed are left out. Give their records.
+    Designs whose shifts all failed are left out.
     """
-    study, angles = searched.study, new_angles(searched.study)
-    known = [
+    study = searched.study
+    angles = new_angles(study)
+    candidates = [
         trial
         for trial in searched.trials
         if searched.designs[trial.number].checks and (trial.simulated or not trial.failed)
     ]
-    nearest = sorted(known, key=lambda trial: (shortfall(searched, trial), trial.number))
-    own = [trial for trial in nearest if trial.prototype]
-    trials = [*own, *[trial for trial in nearest if not trial.prototype][:NEAREST]]
+    candidates.sort(key=lambda trial: (shortfall(searched, trial), trial.number))
+    prototypes = [trial for trial in candidates if trial.prototype]
+    designs = [trial for trial in candidates if not trial.prototype][:NEAREST]
+    trials = [*prototypes, *designs]
     if not trials:
         return []
-    say(f"no design passes: simulating your own dog and the nearest {len(trials) - len(own)}")
+    say(f"no design passes: simulating your own dog and the nearest {len(designs)}")
     params = [trial.params for trial in trials]
-    found = evaluate(study, params, _executor(study, executors), angles, _seed(study))
+    evaluations = evaluate(study, params, _executor(study, executors), angles, _seed(study))
     forget_designs(study, executors.search, angles, _seed(study))
-    sound = [(trial, one) for trial, one in zip(trials, found, strict=True) if one.is_complete]
+    complete = [
+        (trial, evaluation)
+        for trial, evaluation in zip(trials, evaluations, strict=True)
+        if evaluation.is_complete
+    ]
     counts = [trial.counts for trial in searched.simulated if trial.times]
-    counts += [one.expectation.hang_counts for _, one in sound]
+    counts += [evaluation.expectation.hang_counts for _, evaluation in complete]
     priors = pool(counts) if counts else ()
     return [
-        {"trial": trial.number, **_confirmed(study, trial.params, one.under(priors))}
-        for trial, one in sound
+        _confirmed_design(study, trial.params, evaluation.under(priors), trial=trial.number)
+        for trial, evaluation in complete
     ]
 
 
 def shortfall(searched: SearchState, trial: Trial) -> float:
-    """Compute how much the worst check of a trial with a dog is short, negative where it passes."""
+    """Compute the shortfall of the worst check of a trial with a dog, negative if all pass."""
     return -min(check.margin for check in searched.designs[trial.number].checks)
 
 
-def _confirmed_front(
-    searched: SearchState, found: dict[int, Evaluation], executors: Executors, say: Say
+def _confirm_front(
+    searched: SearchState, evaluations: dict[int, Evaluation], executors: Executors, say: Say
 ) -> tuple[SearchState, dict[int, Evaluation]]:
-    """Confirm the front, and what comes onto it, up to ``search.confirm_designs`` in all.
+    """Confirm the front, and designs that come onto it, up to ``search.confirm_designs`` in all.
 
-    ``found`` are the designs at new angles so far. Give the state at these, and all of them.
+    ``evaluations`` are the designs at new angles so far. Returns the state at these angles and
+    all evaluations.
     """
-    study, own = searched.study, _own_trial(searched)
-    most = study.file.search.confirm_designs + (own is not None)
-    state, found = _renewed_state(searched, found)
-    while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
+    study = searched.study
+    max_designs = study.file.search.confirm_designs
+    if _prototype_trial(searched) is not None:
+        max_designs += 1
+    state, evaluations = _renew_state(searched, evaluations)
+    while True:
+        unconfirmed = [trial for trial in state.front if not trial.confirmed]
+        trials = unconfirmed[: max(0, max_designs - len(evaluations))]
+        if not trials:
+            return state, evaluations
         say(f"confirming {len(trials)} designs of the front at new angles")
-        named = {f"design {trial.number}": trial.params for trial in trials}
-        new = _resimulated(study, named, executors)
-        found = found | {t.number: one for t, one in zip(trials, new, strict=True)}
-        state, found = _renewed_state(searched, found)
-    return state, found
+        params_by_name = {f"design {trial.number}": trial.params for trial in trials}
+        new_evaluations = _simulate_anew(study, params_by_name, executors)
+        numbers = [trial.number for trial in trials]
+        evaluations = evaluations | dict(zip(numbers, new_evaluations, strict=True))
+        state, evaluations = _renew_state(searched, evaluations)
 
 
-def _own_trial(state: SearchState) -> Trial | None:
-    """Select the trial of the study's own dog; None where it was not worth simulating."""
+def _prototype_trial(state: SearchState) -> Trial | None:
+    """Select the trial of the study's own dog; None if the search did not simulate it."""
     return next((trial for trial in state.simulated if trial.prototype), None)
 
 
-def _renewed_state(
-    searched: SearchState, found: Mapping[int, Evaluation]
+def _renew_state(
+    searched: SearchState, evaluations: Evaluations
 ) -> tuple[SearchState, dict[int, Evaluation]]:
-    """Fit the prior of hangs to search and new angles; give the state and designs under it."""
-    counts, none = [], [(0, 0)] * len(searched.study.points)
+    """Fit the prior of hangs to search and new angles; return state and designs under it."""
+    no_hangs = [(0, 0)] * len(searched.study.points)
+    counts = []
     for trial in searched.simulated:
-        one = found.get(trial.number)
-        new = one.expectation.hang_counts if one else none
-        pairs = zip(trial.counts or none, new, strict=True)
-        counts.append([(k + more, n + shifts) for (k, n), (more, shifts) in pairs])
+        evaluation = evaluations.get(trial.number)
+        new_counts = evaluation.expectation.hang_counts if evaluation else no_hangs
+        pairs = zip(trial.counts or no_hangs, new_counts, strict=True)
+        counts.append([(hangs + new[0], shifts + new[1]) for (hangs, shifts), new in pairs])
     priors = pool(counts)
-    found = {number: one.under(priors) for number, one in found.items()}
-    study, trials = searched.study, {trial.number: trial for trial in searched.trials}
-    state = searched.renew(_renewed(study, trials[n], one) for n, one in found.items())
-    return replace(state, priors=priors), found
+    renewed = {number: evaluation.under(priors) for number, evaluation in evaluations.items()}
+    trials = {trial.number: trial for trial in searched.trials}
+    state = searched.renew(
+        _renew_trial(searched.study, trials[number], evaluation)
+        for number, evaluation in renewed.items()
+    )
+    return replace(state, priors=priors), renewed
 
 
-def contested_designs(state: SearchState, found: Found) -> list[int]:
-    """List the best design and those that hangs keep from being told apart.
+def contested_designs(state: SearchState, evaluations: Evaluations) -> list[int]:
+    """List the best design and its rivals, where hangs decide between them.
 
     Engaged means differ clearly, expected times do not. Empty where there are none, or where
     another objective leads.
     """
-    front = [trial for trial in state.feasible if trial.number in found]
-    if leading_objective(state.study).name != SIMULATED or len(front) < 2:
+    candidates = [trial for trial in state.feasible if trial.number in evaluations]
+    if leading_objective(state.study).name != SIMULATED or len(candidates) < 2:
         return []
-    best, *others = sorted(front, key=state.leading_loss)
-    first, contested = found[best.number].expectation, list[int]()
-    for trial in others:
-        rival = found[trial.number].expectation
-        error = math.hypot(first.standard_error, rival.standard_error)
-        engaged_error = math.hypot(first.engaged_error, rival.engaged_error)
-        engaged_clear = abs(rival.engaged_mean - first.engaged_mean) >= CLEAR * engaged_error
-        if engaged_clear and rival.mean - first.mean < CLEAR * error:
-            contested.append(trial.number)
-    return [best.number, *contested[: HANG_ANGLES.rivals]] if contested else []
+    best_trial, *trials = sorted(candidates, key=state.leading_loss)
+    best = evaluations[best_trial.number].expectation
+    rivals = []
+    for trial in trials:
+        rival = evaluations[trial.number].expectation
+        error = math.hypot(best.standard_error, rival.standard_error)
+        engaged_error = math.hypot(best.engaged_error, rival.engaged_error)
+        engaged_difference = abs(rival.engaged_mean - best.engaged_mean)
+        is_engaged_clear = engaged_difference >= CLEAR_SIGMAS * engaged_error
+        if is_engaged_clear and rival.mean - best.mean < CLEAR_SIGMAS * error:
+            rivals.append(trial.number)
+    return [best_trial.number, *rivals[: HANG_ANGLES.rivals]] if rivals else []
 
 
 def deciding_points(expectations: Sequence[Expectation]) -> list[int]:
-    """List the operating points that make most of the variance of retries, in their order."""
+    """List the operating points that make ``HANG_ANGLES.variance_share`` of retries' variance."""
     variances = sum(
-        (one.weights * np.array([point.retries_error for point in one.points])) ** 2
-        for one in expectations
+        (expectation.weights * np.array([point.retries_error for point in expectation.points])) ** 2
+        for expectation in expectations
     )
     order = np.argsort(-np.asarray(variances))
-    reached = np.cumsum(np.asarray(variances)[order]) / np.sum(variances)
-    number = int(np.searchsorted(reached, HANG_ANGLES.variance_share)) + 1
-    return sorted(order[:number].tolist())
+    cumulative_share = np.cumsum(np.asarray(variances)[order]) / np.sum(variances)
+    count = int(np.searchsorted(cumulative_share, HANG_ANGLES.variance_share)) + 1
+    return sorted(order[:count].tolist())
 
 
-def _denser(
+def _add_angles(
     study: Setup,
     trials: Sequence[Trial],
-    found: Found,
+    evaluations: Evaluations,
     places: Sequence[int],
     *,
     angles: int,
     executors: Executors,
 ) -> dict[int, Evaluation]:
-    """Simulate designs at more angles of some operating points; landings stay as they were."""
-    base, executor, denser = new_angles(study), _executor(study, executors), dict[int, Evaluation]()
+    """Simulate designs at more angles of some operating points, without new landings."""
+    base = new_angles(study)
+    executor = _executor(study, executors)
+    renewed = {}
     for trial in trials:
-        own = study.with_operation(trial.params)
-        every = design_blocks(study, trial.params, angles, _seed(study), base)
-        blocks = [every[place] for place in places]
+        operated = study.with_operation(trial.params)
+        design_angles = design_blocks(study, trial.params, angles, _seed(study), base)
+        blocks = [design_angles[place] for place in places]
         rows = executor.run(blocks)
-        new = expectation_of(own, [own.points[place] for place in places], rows).points
-        known = found[trial.number]
-        points = list(known.expectation.points)
-        for place, point in zip(places, new, strict=True):
+        operating_points = [operated.points[place] for place in places]
+        new_points = expectation_of(operated, operating_points, rows).points
+        evaluation = evaluations[trial.number]
+        points = list(evaluation.expectation.points)
+        for place, point in zip(places, new_points, strict=True):
             points[place] = point
-        expectation = replace(known.expectation, points=tuple(points))
-        more = sum(len(block.angles) for block in blocks) - len(places) * base
-        denser[trial.number] = replace(known, expectation=expectation, shifts=known.shifts + more)
+        expectation = replace(evaluation.expectation, points=tuple(points))
+        added_shifts = sum(len(block.angles) for block in blocks) - len(places) * base
+        renewed[trial.number] = replace(
+            evaluation, expectation=expectation, shifts=evaluation.shifts + added_shifts
+        )
         forget_designs(study, executors.search, base, _seed(study))
-    return denser
+    return renewed
 
 
-def _renewed(study: Setup, trial: Trial, one: Evaluation) -> Trial:
-    """Replace the values of a trial by those of new angles, and add its rows there."""
-    values = {name: estimate.value for name, estimate in one.estimates.items()}
+def _renew_trial(study: Setup, trial: Trial, evaluation: Evaluation) -> Trial:
+    """Replace the values of a trial by those at new angles, and add its rows there."""
+    estimates = {name: estimate.value for name, estimate in evaluation.estimates.items()}
+    design = design_of(study, trial.params, evaluation.measured)
+    agreement = evaluation.agreement
     return replace(
         trial,
-        values=tuple(values_of(study, design_of(study, trial.params, one.measured), values)),
-        estimates=one.estimates,
-        measured=one.measured,
-        rows=[*trial.rows, *row_record(one.rows)],
-        times=[PointTimes.of(point) for point in one.expectation.points],
+        values=tuple(values_of(design, estimates)),
+        estimates=evaluation.estimates,
+        measured=evaluation.measured,
+        rows=[*trial.rows, *row_record(evaluation.rows)],
+        times=[PointTimes.of(point) for point in evaluation.expectation.points],
         confirmed=True,
-        judged=one.agreement is None or one.agreement.agrees,
+        judged=agreement is None or agreement.agrees,
     )
 
 
-def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -> list[Evaluation]:
+def _simulate_anew(
+    study: Setup, params_by_name: Mapping[str, Params], executors: Executors
+) -> list[Evaluation]:
     """Simulate designs at new angles, and again in Drake at some of them.
 
     InputError where the shifts of a design say nothing of some objective.
     """
-    many, executor, designs = new_angles(study), _executor(study, executors), [*named.values()]
-    found = evaluate(study, designs, executor, many, _seed(study))
-    if unknown := [name for name, one in zip(named, found, strict=True) if not one.is_complete]:
+    angles = new_angles(study)
+    executor = _executor(study, executors)
+    designs = list(params_by_name.values())
+    evaluations = evaluate(study, designs, executor, angles, _seed(study))
+    failed_names = [
+        name
+        for name, evaluation in zip(params_by_name, evaluations, strict=True)
+        if not evaluation.is_complete
+    ]
+    if failed_names:
         raise InputError(
-            f"every shift of {' and '.join(unknown)} at new angles failed, so what they strike "
-            "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
-            "or without the objective peak_impact_force_N"
+            f"every shift of {' and '.join(failed_names)} at new angles failed, so what they "
+            "strike is unknown; start the study with a larger solver.max_steps or "
+            "solver.time_limit_s, or without the objective peak_impact_force_N"
         )
-    blocks = [b for params in designs for b in _thinned(study, _new_blocks(study, params))]
+    blocks: list[Block] = []
+    for params in designs:
+        blocks += _drake_sample(study, _new_blocks(study, params))
     if study.reference_setup is None:
         executors.kept.run(blocks)  # for the single shifts of the report
     else:
-        pairs = _pairs(blocks, study.reference_setup.clutch, executor, executors.kept)
-        size = len(pairs) // len(found)  # as many of each design
-        found = [
-            replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
-            for k, one in enumerate(found)
+        pairs = _pair_shifts(blocks, study.reference_setup.clutch, executor, executors.kept)
+        size = len(pairs) // len(evaluations)  # as many of each design
+        evaluations = [
+            replace(evaluation, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
+            for k, evaluation in enumerate(evaluations)
         ]
-    forget_designs(study, executors.search, many, _seed(study))
-    return found
+    forget_designs(study, executors.search, angles, _seed(study))
+    return evaluations
 
 
 def _seed(study: Setup) -> int:
+    """Return the seed of the new angles."""
     return study.file.expectation.seed + NEW_ANGLES
 
 
 def _executor(study: Setup, executors: Executors) -> Executor:
+    """Select the executor of shifts at new angles: Drake's shifts are kept."""
     return executors.kept if study.clutch.solver.engine == "drake" else executors.search
 
 
@@ -367,168 +418,232 @@ def _new_blocks(study: Setup, params: Params) -> list[Block]:
     return design_blocks(study, params, new_angles(study), _seed(study))
 
 
-def _thinned(study: Setup, blocks: Sequence[Block]) -> list[Block]:
+def _drake_sample(study: Setup, blocks: Sequence[Block]) -> list[Block]:
     """Select the shifts at ``search.confirm_angles`` of the new angles."""
-    many = new_angles(study)
-    places = range(0, many, many // study.file.search.confirm_angles)
+    angles = new_angles(study)
+    places = range(0, angles, angles // study.file.search.confirm_angles)
     return [block.only(places) for block in blocks]
 
 
-def _record(
-    searched: SearchState, state: SearchState, own: Evaluation, found: Found, executors: Executors
-) -> dict[str, Any]:
+def _confirmation(
+    searched: SearchState,
+    state: SearchState,
+    prototype: Evaluation,
+    evaluations: Evaluations,
+    executors: Executors,
+) -> Confirmation:
     """Record the confirmation of designs, by trial in the search's order.
 
     Chosen is the design of the front that is best in the leading objective, hangs by their
     posterior; where none passes, the first of all.
     """
     study = searched.study
-    trials = {trial.number: trial for trial in searched.simulated if trial.number in found}
-    front = [trial.number for trial in state.front if trial.number in found]
-    searched_ones = [number for number in found if not trials[number].prototype]
-    chosen = next(iter([*front, *searched_ones, *found]))
-    params, same = trials[chosen].params, trials[chosen].prototype
-    executor, both = _executor(study, executors), list[Evaluation]()
-    for design, one in ((study.prototype, own), (params, found[chosen])):
-        blocks = _new_blocks(study, design)
-        sample = _thinned(study, blocks)  # repeated for the numerical error
-        error = numerical_error(sample, executor.run(sample), executor.run)
-        expectation = replace(one.expectation, numerical_error=error)
-        expectation = with_torques(study.with_operation(design), expectation, blocks, executor.run)
-        both.append(replace(one, expectation=expectation))
-    old, new = both
-    return {
-        "angles": new_angles(study),
-        "prototype": _confirmed(study, study.prototype, old),
-        "chosen": chosen,
-        "best": _confirmed(study, params, new),
-        "designs": [
-            {
-                "trial": number,
-                **_confirmed(study, trials[number].params, one),
-                **_beside_search(searched, trials[number], one),
-            }
-            for number, one in found.items()
-        ],
-        "shapes": [one.to_dict() for one in _other_shapes(state, params, executors)],
-        "hang_prior": [vars(prior) for prior in state.priors],
-        "left_out": [trial.number for trial in state.front if not trial.confirmed],
-        **_gain(study, {} if same else _estimates(old), _estimates(new)),
-    }
+    trials = {trial.number: trial for trial in searched.simulated if trial.number in evaluations}
+    front = [trial.number for trial in state.front if trial.number in evaluations]
+    proposed = [number for number in evaluations if not trials[number].prototype]
+    chosen = next(iter([*front, *proposed, *evaluations]))
+    params = trials[chosen].params
+    prototype_record = _confirm_closely(study, study.prototype, prototype, executors)
+    best_record = _confirm_closely(study, params, evaluations[chosen], executors)
+    designs = [
+        _confirmed_design(
+            study,
+            trials[number].params,
+            evaluation,
+            trial=number,
+            comparison=_search_comparison(searched, trials[number], evaluation),
+        )
+        for number, evaluation in evaluations.items()
+    ]
+    before = {} if trials[chosen].prototype else prototype_record.estimates
+    gains = _gains(study, before, best_record.estimates)
+    gain: float | None = None
+    gain_error: float | None = None
+    gain_share: float | None = None
+    if SIMULATED in gains:
+        gain = gains[SIMULATED].value
+        gain_error = gains[SIMULATED].standard_error
+        gain_share = gain / prototype_record.estimates[SIMULATED].value
+    return Confirmation(
+        angles=new_angles(study),
+        prototype=prototype_record,
+        chosen=chosen,
+        best=best_record,
+        designs=designs,
+        shapes=_other_shapes(state, params, executors),
+        hang_prior=[HangPriorRow(**vars(prior)) for prior in state.priors],
+        left_out=[trial.number for trial in state.front if not trial.confirmed],
+        gain_s=gain,
+        gain_standard_error_s=gain_error,
+        gain_share=gain_share,
+        gains=gains,
+    )
+
+
+def _confirm_closely(
+    study: Setup, params: Params, evaluation: Evaluation, executors: Executors
+) -> ConfirmedDesign:
+    """Record a design with its numerical error and the limits of torque."""
+    executor = _executor(study, executors)
+    blocks = _new_blocks(study, params)
+    sample = _drake_sample(study, blocks)  # repeated for the numerical error
+    error = numerical_error(sample, executor.run(sample), executor.run)
+    expectation = replace(evaluation.expectation, numerical_error=error)
+    operated = study.with_operation(params)
+    expectation = with_torques(operated, expectation, blocks, executor.run)
+    return _confirmed_design(study, params, replace(evaluation, expectation=expectation))
 
 
 def _other_shapes(state: SearchState, params: Params, executors: Executors) -> list[OtherShape]:
     """Simulate a design with more backlash, and with a roof in the place of its one face."""
     study = state.study
     dog = study.dog_with(params)
-    changes = {f"{PLAY_MM:g} mm of backlash more": {"backlash_mm": dog.backlash / MM + PLAY_MM}}
+    backlash = dog.backlash / MM + ADDED_BACKLASH_MM
+    changes = {f"{ADDED_BACKLASH_MM:g} mm of backlash more": {"backlash_mm": backlash}}
     if not dog.has_back:
-        fall = (dog.chamfer or dog.chamfer_back) / DEG
+        chamfer = (dog.chamfer or dog.chamfer_back) / DEG
         changes["a roof with the ridge in the middle and its chamfer on both sides"] = {
-            "crest": 0.5, "chamfer_deg": fall, "chamfer_back_deg": fall,
-        }  # fmt: skip
-    executor, found = _executor(study, executors), list[OtherShape]()
+            "crest": 0.5,
+            "chamfer_deg": chamfer,
+            "chamfer_back_deg": chamfer,
+        }
+    executor = _executor(study, executors)
+    shapes = []
     for words, keys in changes.items():
-        design = {**params, **keys}
+        shape_params = {**params, **keys}
         try:
-            study.dog_with(design)
+            study.dog_with(shape_params)
         except DogshapeError:  # a flat tip has no roof
             continue
-        (one,) = evaluate(study, [design], executor, new_angles(study), _seed(study))
-        one = one.under(state.priors)
-        time = one.expectation
-        judged, verdict = judged_design(study, design_of(study, design, one.measured))
-        found.append(OtherShape(
-            shape=words, expected_shift_time_s=time.time,
-            standard_error_s=time.standard_error if time.engages else None,
-            feasible=judged.feasible,
-            verdict=VerdictRow(**replace(verdict, hangs_on=()).to_dict()),
-        ))  # fmt: skip
-    return found
+        (evaluation,) = evaluate(study, [shape_params], executor, new_angles(study), _seed(study))
+        evaluation = evaluation.under(state.priors)
+        expectation = evaluation.expectation
+        design, verdict = judge_design(design_of(study, shape_params, evaluation.measured))
+        shapes.append(
+            OtherShape(
+                shape=words,
+                expected_shift_time_s=expectation.time,
+                standard_error_s=expectation.standard_error if expectation.engages else None,
+                feasible=design.feasible,
+                verdict=VerdictRow.of(replace(verdict, hangs_on=())),
+            )
+        )
+    return shapes
 
 
-def _beside_search(searched: SearchState, trial: Trial, found: Evaluation) -> dict[str, Any]:
-    """Record the leading objective by the search, and how far that is off."""
+class SearchComparison(TypedDict):
+    """Keys of ``ConfirmedDesign`` that compare new angles with the search."""
+
+    searched: ObjectiveEstimate
+    errors_apart: float
+    agrees: bool
+
+
+def _search_comparison(
+    searched: SearchState, trial: Trial, evaluation: Evaluation
+) -> SearchComparison:
+    """Compare the leading objective at new angles with that of the search."""
     name = leading_objective(searched.study).name
-    old, new = (trial.estimates or {})[name], found.estimates[name]
-    both = math.hypot(old.standard_error, new.standard_error)
-    off = (new.value - old.value) / both if both else 0.0
-    return {"searched": vars(old), "errors_apart": off, "agrees": abs(off) <= APART}
+    searched_value = (trial.estimates or {})[name]
+    new_value = evaluation.estimates[name]
+    error = math.hypot(searched_value.standard_error, new_value.standard_error)
+    deviation = (new_value.value - searched_value.value) / error if error else 0.0
+    return SearchComparison(
+        searched=ObjectiveEstimate(**vars(searched_value)),
+        errors_apart=deviation,
+        agrees=abs(deviation) <= MAX_DEVIATION_SIGMAS,
+    )
 
 
-def _gain(study: Setup, before: Estimates, after: Estimates) -> dict[str, Any]:
+def _gains(study: Setup, before: Estimates, after: Estimates) -> Estimates:
     """Compute the gain in each simulated objective that both designs have."""
     signs = {objective.name: objective.sign for objective in objectives_of(study)}
-    gains = {
-        name: {
-            "value": signs.get(name, 1.0) * (before[name]["value"] - one["value"]),
-            "standard_error": math.hypot(before[name]["standard_error"], one["standard_error"]),
-        }
-        for name, one in after.items()
-        if name in before
-    }
-    time = gains.get(SIMULATED)
-    return {
-        "gain_s": time and time["value"],
-        "gain_standard_error_s": time and time["standard_error"],
-        "gain_share": time and time["value"] / before[SIMULATED]["value"],
-        "gains": gains,
-    }
+    gains = {}
+    for name, estimate in after.items():
+        if name in before:
+            difference = before[name].value - estimate.value
+            gains[name] = ObjectiveEstimate(
+                value=signs.get(name, 1.0) * difference,
+                standard_error=math.hypot(before[name].standard_error, estimate.standard_error),
+            )
+    return gains
 
 
-def _estimates(found: Evaluation) -> Estimates:
+def _estimates(evaluation: Evaluation) -> Estimates:
     """Record the simulated objectives that a design has: no time where too few shifts engage."""
     return {
-        name: vars(one)
-        for name, one in found.estimates.items()
-        if found.expectation.engages or OBJECTIVES[name].unit != "s"
+        name: ObjectiveEstimate(**vars(estimate))
+        for name, estimate in evaluation.estimates.items()
+        if evaluation.expectation.engages or OBJECTIVES[name].unit != "s"
     }
 
 
-def _confirmed(study: Setup, params: Params, one: Evaluation) -> dict[str, Any]:
-    design, verdict = judged_design(study, design_of(study, params, one.measured))
-    return {
-        **ExpectedTime.of(one.expectation).to_dict(),
-        "estimates": _estimates(one),
-        "checks": [check_record(check) for check in design.checks],
-        "verdict": verdict.to_dict(),
-        "drake": one.agreement and one.agreement.to_dict(),
-    }
+def _confirmed_design(
+    study: Setup,
+    params: Params,
+    evaluation: Evaluation,
+    *,
+    trial: int | None = None,
+    comparison: SearchComparison | None = None,
+) -> ConfirmedDesign:
+    """Record a design at new angles, with its trial and the comparison with its search if any."""
+    design, verdict = judge_design(design_of(study, params, evaluation.measured))
+    number: dict[str, Any] = {} if trial is None else {"trial": trial}
+    search_keys: dict[str, Any] = {} if comparison is None else {**comparison}
+    return ConfirmedDesign(
+        **number,
+        **ExpectedTime.of(evaluation.expectation).to_dict(),
+        estimates=_estimates(evaluation),
+        checks=[CheckRow.of(check) for check in design.checks],
+        verdict=VerdictRow.of(verdict),
+        drake=evaluation.agreement,
+        **search_keys,
+    )
 
 
 def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:
-    """Compare shifts of the compiled engine with the same ones of Drake.
+    """Compare shifts of the compiled engine with the same shifts in Drake.
 
     They agree where no more than ``max(1, n r + 3 sqrt(n r))`` of *n* shifts end differently, with
-    *r* the share ``FLIPS``, and the means of those that engage in both differ by no more than
-    ``MEAN`` or three standard errors. Deviations are 0 where none does.
+    *r* the share ``DIFFERENT_OUTCOME_SHARE``, and the means of those that engage in both differ by
+    no more than ``MEAN_TOLERANCE`` or three standard errors. Deviations are 0 where none does.
     """
-    both = [(result_of(mine), result_of(drake)) for mine, drake in pairs]
-    same = sum(mine.outcome is drake.outcome for mine, drake in both)
-    every = [(mine.shift_time, drake.shift_time) for mine, drake in both]
-    times = np.array([pair for pair in every if None not in pair] or [(1.0, 1.0)], dtype=float)
-    apart, mean = times[:, 0] - times[:, 1], float(times[:, 1].mean())
-    sizes, deviation = np.abs(apart) / times[:, 1], float(apart.mean()) / mean
-    error = float(apart.std(ddof=1)) / len(apart) ** 0.5 / mean if len(apart) > 1 else 0.0
-    expected = FLIPS * len(pairs)
-    alike = len(pairs) - same <= max(1.0, expected + SURE * math.sqrt(expected))
+    results = [(result_of(compiled), result_of(drake)) for compiled, drake in pairs]
+    same_count = sum(compiled.outcome is drake.outcome for compiled, drake in results)
+    time_pairs = [(compiled.shift_time, drake.shift_time) for compiled, drake in results]
+    engaged_pairs = [pair for pair in time_pairs if None not in pair] or [(1.0, 1.0)]
+    times = np.array(engaged_pairs, dtype=float)
+    differences = times[:, 0] - times[:, 1]
+    drake_mean = float(times[:, 1].mean())
+    sizes = np.abs(differences) / times[:, 1]
+    deviation = float(differences.mean()) / drake_mean
+    error = 0.0
+    if len(differences) > 1:
+        error = float(differences.std(ddof=1)) / len(differences) ** 0.5 / drake_mean
+    expected_count = DIFFERENT_OUTCOME_SHARE * len(pairs)
+    max_count = max(1.0, expected_count + ENGINE_SIGMAS * math.sqrt(expected_count))
+    outcomes_agree = len(pairs) - same_count <= max_count
     return EngineAgreement(
         shifts=len(pairs),
-        outcome_same=same,
+        outcome_same=same_count,
         median_deviation=float(np.median(sizes)),
         worst_deviation=float(sizes.max()),
         mean_deviation=deviation,
         standard_error=error,
-        agrees=alike and abs(deviation) <= max(MEAN, SURE * error),
+        agrees=outcomes_agree and abs(deviation) <= max(MEAN_TOLERANCE, ENGINE_SIGMAS * error),
     )
 
 
-def _pairs(
-    blocks: Sequence[Block], judge: Clutch, quick: Executor, executor: Executor
+def _pair_shifts(
+    blocks: Sequence[Block], drake_clutch: Clutch, compiled: Executor, drake: Executor
 ) -> list[tuple[Shift, Shift]]:
     """Simulate blocks in the compiled engine, and again in Drake; pair the shifts of both."""
-    drake = [replace(block, clutch=replace(block.clutch, solver=judge.solver)) for block in blocks]
-    return list(zip(chain(*quick.run(blocks)), chain(*executor.run(drake)), strict=True))
+    drake_blocks = [
+        replace(block, clutch=replace(block.clutch, solver=drake_clutch.solver)) for block in blocks
+    ]
+    compiled_shifts = chain(*compiled.run(blocks))
+    drake_shifts = chain(*drake.run(drake_blocks))
+    return list(zip(compiled_shifts, drake_shifts, strict=True))
 
 
 def audit(
@@ -538,20 +653,24 @@ def audit(
 
     None where Drake does not judge.
     """
-    settings, judge = study.file.expectation, study.reference_setup
+    settings = study.file.expectation
+    reference = study.reference_setup
     if study.engine_gap:
         say(f"no confirmation by Drake and no audit: {study.engine_gap}")
-    if judge is None or not shifts or not designs:
+    if reference is None or not shifts or not designs:
         return None
     say(f"auditing {shifts} shifts of the search in Drake")
-    places = len(designs), len(study.points), settings.angles
-    rng, size = np.random.default_rng([study.file.search.seed, shifts]), math.prod(places)
-    drawn = np.sort(rng.choice(size, min(shifts, size), replace=False))
-    own = cache(lambda place: design_blocks(study, designs[place], places[2], settings.seed))
-    drawn_at = zip(*np.unravel_index(drawn, places), strict=True)
-    blocks = [own(design)[point].only([int(angle)]) for design, point, angle in drawn_at]
+    shape = len(designs), len(study.points), settings.angles
+    rng = np.random.default_rng([study.file.search.seed, shifts])
+    size = math.prod(shape)
+    drawn_shifts = np.sort(rng.choice(size, min(shifts, size), replace=False))
+    blocks_of = cache(
+        lambda place: design_blocks(study, designs[place], settings.angles, settings.seed)
+    )
+    places = zip(*np.unravel_index(drawn_shifts, shape), strict=True)
+    blocks = [blocks_of(design)[point].only([int(angle)]) for design, point, angle in places]
     # Compiled shifts are quick to repeat: a journal of their own keeps them out of the study's.
-    quick = scratch_executor(executor.jobs, executor.progress, executor.cluster)
-    found = agreement_of(_pairs(blocks, judge.clutch, quick, executor))
-    say(found.text)
-    return found
+    compiled = scratch_executor(executor.jobs, executor.progress, executor.cluster)
+    agreement = agreement_of(_pair_shifts(blocks, reference.clutch, compiled, executor))
+    say(agreement.text)
+    return agreement

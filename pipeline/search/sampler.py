@@ -24,7 +24,7 @@ from optuna.trial import FrozenTrial, TrialState, create_trial
 from scipy.special import ndtr
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.state import not_dominated, pooled, trial_of
+from dogshape.pipeline.search.state import not_dominated, pool_trials, trial_of
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -51,7 +51,7 @@ from dogshape.surrogate.process import Effort, Process, draw_jointly, fit_proces
 
 Trials = Sequence[FrozenTrial]
 EFFORT = Effort(designs=200, steps=30)  #: of a process, fitted again in each round
-NONE = Effort(steps=0)
+NO_EFFORT = Effort(steps=0)
 #: a smooth part, and a rough one that no other design predicts
 TERMS = (Term(), Term(scales=(0.1, 0.1), first=0.1))
 MIN_VALUES = 10  #: values below which a process has parameters of its own and not the likeliest
@@ -61,24 +61,28 @@ MIN_NOISE = 1e-6  #: variance of noise where none is known, of values scaled to 
 LANDING_SPREAD = 0.2
 #: Checks that a process over designs predicts: of the worst of them.
 LANDING = {*(rule.name for rule in LANDING_RULES), ENGAGEMENT.name}
-NEAR = 0.08  #: of the range, standard deviation of a draw near a design
-WIDE, BESIDE = 400, 100  #: candidates of the whole space, and near the front
-DRAWS, WAYS = 48, 128  #: joint draws of candidates, and directions of the hypervolume
-TOGETHER = 4  #: draws for each candidate that is wanted, which are checked together
-TRIES = 200  #: draws for a candidate before the allowed space counts as empty
-OUTLYING = 1.5  #: ranges of the quartiles above the upper one where outliers begin (Tukey 1977)
-BEYOND = 1.1  #: the hypervolume's reference point, of the range of values: their worst still count
+NEAR_DEVIATION = 0.08  #: of the range, standard deviation of a draw near a design
+SPACE_CANDIDATES = 400  #: candidates of the whole space
+FRONT_CANDIDATES = 100  #: candidates near the front
+DRAWS = 48  #: joint draws of candidates
+DIRECTIONS = 128  #: directions of the hypervolume
+DRAWS_TOGETHER = 4  #: draws for each wanted candidate, which are checked together
+MAX_DRAWS = 200  #: draws for a candidate before the allowed space counts as empty
+OUTLIER_RANGES = 1.5  #: quartile ranges above the upper quartile where outliers begin (Tukey 1977)
+#: Reference point of the hypervolume over the range of values: the worst of these still count.
+REFERENCE_SHARE = 1.1
 
 
 class Space:
-    """Search ranges as a unit cube, by name; that of the whole count is half a step wider."""
+    """Search ranges scaled to a unit cube, by name; the range of the count is a step wider."""
 
     def __init__(self, variables: Mapping[str, tuple[float, float]]) -> None:
         self.names = tuple(variables)
         self.variables = dict(sorted(variables.items()))
         half = np.array([0.5 if name == "count" else 0.0 for name in self.variables])
         ends = np.array(list(self.variables.values()), dtype=float).reshape(-1, 2)
-        self._low, self._high = ends[:, 0] - half, ends[:, 1] + half
+        self._low = ends[:, 0] - half
+        self._high = ends[:, 1] + half
 
     def coordinates(self, designs: Sequence[Params]) -> Array:
         """Return points of the unit cube for designs, (m, d)."""
@@ -103,41 +107,55 @@ class Space:
             kind = IntDistribution if name == "count" else FloatDistribution
             distributions[name] = kind(min(ends), max(ends))
         return create_trial(
-            state=TrialState.RUNNING, params={name: params[name] for name in distributions},
-            distributions=distributions, user_attrs=attributes,
-        )  # fmt: skip
+            state=TrialState.RUNNING,
+            params={name: params[name] for name in distributions},
+            distributions=distributions,
+            user_attrs=attributes,
+        )
 
-    def draw(self, rng: np.random.Generator, near: Params | None = None) -> Params:
-        """Draw a design: evenly, or normal about one with a deviation of ``NEAR`` of the range."""
-        middle = None if near is None else self.coordinates([near])[0]
-        found: Params = {}
+    def draw(self, rng: np.random.Generator, centre: Params | None = None) -> Params:
+        """Draw a design: evenly, or normal about ``centre`` by ``NEAR_DEVIATION``."""
+        middle = None if centre is None else self.coordinates([centre])[0]
+        params: Params = {}
         for k, (name, (low, high)) in enumerate(self.variables.items()):
-            unit = rng.random() if middle is None else middle[k] + rng.normal(0.0, NEAR)
-            unit = min(max(float(unit), 0.0), 1.0)
-            value = float(self._low[k]) + unit * float(self._high[k] - self._low[k])
-            found[name] = min(max(round(value) if name == "count" else value, low), high)
-        return found
+            if middle is None:
+                coordinate = rng.random()
+            else:
+                coordinate = middle[k] + rng.normal(0.0, NEAR_DEVIATION)
+            coordinate = min(max(float(coordinate), 0.0), 1.0)
+            value = float(self._low[k]) + coordinate * float(self._high[k] - self._low[k])
+            rounded = round(value) if name == "count" else value
+            params[name] = min(max(rounded, low), high)
+        return params
 
 
-def fit_response(x: Array, values: Array, errors: Array | float = 0, least: float = 0) -> Process:
+def fit_response(
+    x: Array, values: Array, errors: Array | float = 0, min_deviation: float = 0
+) -> Process:
     """Fit an objective or constraint (n,) at coordinates (n, c), with its standard errors, (n,).
 
-    ``least`` is a standard deviation that values of other designs have at least. Parameters of
-    fewer than ``MIN_VALUES`` values are given.
+    ``min_deviation`` is the least standard deviation of values over designs. Parameters of fewer
+    than ``MIN_VALUES`` values are fixed.
     """
-    scale = max(float(values.std()), least) or abs(float(values.mean())) or 1.0
+    deviation = max(float(values.std()), min_deviation)
+    scale = deviation or abs(float(values.mean())) or 1.0
     noise = np.broadcast_to(MIN_NOISE * scale**2 + np.square(errors), values.shape)[:, None]
-    theta, effort = None, EFFORT
+    start = None
+    effort = EFFORT
     if len(values) < MIN_VALUES:
-        theta, effort = first_parameters(TERMS, x.shape[1])[0], NONE
-        theta[[0, -1]] = np.log([1.0, 0.1])  # variances of the smooth part and the rough one
-    given: dict[str, Any] = {"start": theta, "effort": effort, "scale": np.array([scale])}
-    return fit_process(TERMS, x, values[:, None], noise, **given)
+        effort = NO_EFFORT
+        start = first_parameters(TERMS, x.shape[1])[0]
+        start[[0, -1]] = np.log([1.0, 0.1])  # variances of the smooth part and the rough one
+    return fit_process(
+        TERMS, x, values[:, None], noise, start=start, effort=effort, scale=np.array([scale])
+    )
 
 
 def chance_below_zero(response: Process, x: Array) -> Array:
-    """Return the probability of values below zero, (m,), their level being as unsure."""
-    mean, variance = (found[:, 0] for found in response.predict(x))
+    """Compute the probability of values below zero, (m,), with the error of their level."""
+    means, variances = response.predict(x)
+    mean = means[:, 0]
+    variance = variances[:, 0]
     level = (1.0 / len(response.targets) + MIN_NOISE) * response.scale[0] ** 2
     return ndtr(-mean / np.sqrt(variance + level))
 
@@ -150,8 +168,9 @@ class Guide:
         self.space = Space(study.variables)
         self.signs = np.array([objective.sign for objective in objectives_of(study)])
         # Most follow from the dog; its checks take most of the time of a whole design.
-        self._checked = any(o.exact and o.name in SUMMARIES for o in objectives_of(study))
-        self._exact = cache(self._losses)
+        exact = [objective for objective in objectives_of(study) if objective.exact]
+        self._needs_checks = any(objective.name in SUMMARIES for objective in exact)
+        self._cached_losses = cache(self._exact_losses)
 
     def allowed(self, params: Sequence[Params]) -> Mask:
         """Mark designs that pass every check that needs no simulation, (m,)."""
@@ -159,67 +178,76 @@ class Guide:
 
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
-        study, constraints = self.study, self.constraints(trials)
-        simulated = [trial for trial in map(trial_of, trials) if trial.simulated]
-        every, _ = pooled(study, simulated)
-        x = self.space.coordinates([trial.params for trial in every])
+        study = self.study
+        constraints = self.constraints(trials)
+        simulated_trials = [trial for trial in map(trial_of, trials) if trial.simulated]
+        pooled_trials, _ = pool_trials(study, simulated_trials)
+        x = self.space.coordinates([trial.params for trial in pooled_trials])
+        trial_constraints = [constraints[trial.number] for trial in pooled_trials]
         # The constraint value of the hardest landing, feasible at or below zero.
-        landed = [[v for n, v in constraints[t.number].items() if n in LANDING] for t in every]
-        hardest = np.array([max(values, default=-1.0) for values in landed])
+        hardest = []
+        for values in trial_constraints:
+            landings = [value for name, value in values.items() if name in LANDING]
+            hardest.append(max(landings, default=-1.0))
         limits = [
             # A loss may be fifty times its limit: far from it the size says little.
-            fit_response(x, np.arcsinh([constraints[t.number][name] for t in every]))
+            fit_response(x, np.arcsinh([values[name] for values in trial_constraints]))
             for name in simulated_limits(study)
         ]
-        found = [trial.losses(study) for trial in every]
-        losses, errors = (np.array([pair[i] for pair in found]) for i in (0, 1))
-        landing = fit_response(x, hardest, least=LANDING_SPREAD)
-        timed, others = None, {}
+        losses_and_errors = [trial.losses(study) for trial in pooled_trials]
+        losses = np.array([trial_losses for trial_losses, _ in losses_and_errors])
+        errors = np.array([trial_errors for _, trial_errors in losses_and_errors])
+        landing = fit_response(x, np.array(hardest), min_deviation=LANDING_SPREAD)
+        time_column = None
+        responses = {}
         for column, objective in enumerate(objectives_of(study)):
             if objective.name == SIMULATED:
-                rows = [row for trial in every for row in trial.rows]
+                rows = [row for trial in pooled_trials for row in trial.rows]
                 effort = replace(EFFORT, seed=study.file.search.seed)
-                timed = column, fit(with_rows(study, rows), effort, NONE)
+                time_column = column, fit(with_rows(study, rows), effort, NO_EFFORT)
             elif objective.simulated:
-                others[column] = fit_response(x, losses[:, column], errors[:, column])
-        return Prediction(self, timed, others, (landing, *limits))
+                responses[column] = fit_response(x, losses[:, column], errors[:, column])
+        return Prediction(self, time_column, responses, (landing, *limits))
 
     def constraints(self, trials: Trials) -> dict[int, dict[str, float]]:
         """Return the constraints of trials by number, limits on times with pooled hangs."""
-        found = {trial.number: dict(trial.constraints) for trial in trials}
-        known, _ = pooled(self.study, [trial_of(trial) for trial in trials])
+        constraints = {trial.number: dict(trial.constraints) for trial in trials}
+        pooled_trials, _ = pool_trials(self.study, [trial_of(trial) for trial in trials])
         limits = limits_of(self.study)
-        for trial in known:
+        for trial in pooled_trials:
             limited = {} if trial.measured is None else trial.measured.limited
             for quantity, limit in limits:
                 if quantity.name in limited:
                     check = Check(quantity.rule, limited[quantity.name], limit)
-                    found[trial.number][quantity.name] = -check.margin
-        return found
+                    constraints[trial.number][quantity.name] = -check.margin
+        return constraints
 
     def losses(self, trials: Trials) -> Array:
         """Return the objectives of finished trials as losses, hangs by their posterior, (m, k)."""
-        known, _ = pooled(self.study, [trial_of(trial) for trial in trials])
-        values = np.array([trial.values for trial in known])
+        pooled_trials, _ = pool_trials(self.study, [trial_of(trial) for trial in trials])
+        values = np.array([trial.values for trial in pooled_trials])
         return values.reshape(len(trials), len(self.signs)) * self.signs
 
-    def exact(self, params: Sequence[Params]) -> Array:
-        """Return the objectives of dogs as losses, (m, k): infinite where simulation says them."""
-        return np.array([self._exact(tuple(one.items())) for one in params])
+    def exact(self, designs: Sequence[Params]) -> Array:
+        """Return the objectives of dogs as losses, (m, k); infinite for simulated objectives."""
+        return np.array([self._cached_losses(tuple(params.items())) for params in designs])
 
-    def _losses(self, items: tuple[tuple[str, float], ...]) -> Array:
-        study, params = self.study, dict(items)
-        dog = Design(params, study.dog_with(params), (), "")
-        return self.signs * values_of(study, design_of(study, params) if self._checked else dog)
+    def _exact_losses(self, items: tuple[tuple[str, float], ...]) -> Array:
+        """Compute the objectives of a dog, given by its searched keys, as losses, (k,)."""
+        params = dict(items)
+        if self._needs_checks:
+            return self.signs * values_of(design_of(self.study, params))
+        study = self.study.with_operation(params)
+        return self.signs * values_of(Design(study, params, study.dog_with(params), (), ""))
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Surrogate of the expected time with its column, processes of other columns and limits."""
+    """Surrogate of the expected time, and processes of other objectives and of limits."""
 
     guide: Guide
-    timed: tuple[int, Surrogate] | None
-    others: dict[int, Process]
+    time_column: tuple[int, Surrogate] | None  #: place among the objectives, and surrogate
+    responses: dict[int, Process]  #: of other objectives, by place
     limits: tuple[Process, ...]
 
     def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
@@ -228,73 +256,78 @@ class Prediction:
         The rough part of times is left out, as no draw of it would last.
         """
         losses: Array = np.repeat(self.guide.exact(params)[None], count, axis=0)
-        if self.timed is not None:
-            column, surrogate = self.timed
+        if self.time_column is not None:
+            column, surrogate = self.time_column
             expected = surrogate.joint(self.guide.study.rows(params))
             losses[:, :, column] = draw_jointly(*expected, rng, count)
         x = self.guide.space.coordinates(params)
-        for column, response in self.others.items():
+        for column, response in self.responses.items():
             losses[:, :, column] = draw_jointly(*response.joint(x), rng, count)
         return losses
 
     def chances(self, params: Sequence[Params]) -> Array:
         """Return the probability that designs keep each limit, as if independent, (m,)."""
         x = self.guide.space.coordinates(params)
-        chances = [chance_below_zero(one, x) for one in self.limits]
+        chances = [chance_below_zero(limit, x) for limit in self.limits]
         return np.asarray(np.prod(chances, axis=0), dtype=float)
 
 
 class Pool:
-    """Allowed designs of the guide's space, drawn once and again when all were taken.
+    """Allowed designs of the guide's space, drawn once and again when all were proposed.
 
     Where next to none is allowed, ``refusal`` is the reason, and the pool has the designs that fail
     by least, as many as the search tries.
     """
 
-    def __init__(self, guide: Guide, seed: int, wide: int) -> None:
-        self._guide, self._seed, self._wide = guide, seed, wide
-        self._drawn = [self.draw(np.random.default_rng(seed), wide)]
+    def __init__(self, guide: Guide, seed: int, size: int) -> None:
+        self._guide = guide
+        self._seed = seed
+        self._size = size
+        self._draws = [self.draw(np.random.default_rng(seed), size)]
         self.refusal = ""
-        if not self._drawn[0]:
+        if not self._draws[0]:
             study = guide.study
             nearest = nearest_filling(study)
-            self.refusal = explain_infeasible(study, TRIES * wide, nearest)
-            tried = nearest[: study.file.search.trials]
-            self._drawn = [[design.params for design, _ in tried]]
+            self.refusal = explain_infeasible(study, MAX_DRAWS * size, nearest)
+            designs = nearest[: study.file.search.trials]
+            self._draws = [[design.params for design, _ in designs]]
 
-    def untaken(self, taken: Sequence[Params]) -> list[Params]:
-        """Return up to ``wide`` allowed designs that were not taken; none where every one was."""
+    def remaining(self, proposed: Sequence[Params]) -> list[Params]:
+        """Return allowed designs that were not proposed, up to ``size``; empty without any."""
         key = self._guide.space.key
-        gone = {key(params) for params in taken}
-        for pool in self._drawn:
-            if left := [params for params in pool if key(params) not in gone]:
-                return left
+        proposed_keys = {key(params) for params in proposed}
+        for designs in self._draws:
+            remaining = [params for params in designs if key(params) not in proposed_keys]
+            if remaining:
+                return remaining
         if self.refusal:
             return []
-        more = self.draw(np.random.default_rng([self._seed, len(self._drawn)]), self._wide)
-        if left := [params for params in more if key(params) not in gone]:
-            self._drawn.append(more)
-        return left
+        rng = np.random.default_rng([self._seed, len(self._draws)])
+        designs = self.draw(rng, self._size)
+        remaining = [params for params in designs if key(params) not in proposed_keys]
+        if remaining:
+            self._draws.append(designs)
+        return remaining
 
     def draw(
-        self, rng: np.random.Generator, size: int, near: Sequence[Params] | None = None
+        self, rng: np.random.Generator, size: int, centres: Sequence[Params] | None = None
     ) -> list[Params]:
-        """Draw allowed designs, of the whole space or near some; none where none is allowed."""
-        found: list[Params] = []
-        for _ in range(TRIES // TOGETHER):
-            drawn = []
-            for _ in range(TOGETHER * size):
-                centre = None if near is None else near[int(rng.integers(len(near)))]
+        """Draw allowed designs of the whole space or near ``centres``; empty without any."""
+        designs: list[Params] = []
+        for _ in range(MAX_DRAWS // DRAWS_TOGETHER):
+            draws = []
+            for _ in range(DRAWS_TOGETHER * size):
+                centre = None if centres is None else centres[int(rng.integers(len(centres)))]
                 params = self._guide.space.draw(rng, centre)
-                drawn.append((params, rng.bit_generator.state))
-            fit = self._guide.allowed([params for params, _ in drawn])
-            for place in np.flatnonzero(fit)[: size - len(found)]:
-                params, after = drawn[place]
-                found.append(params)
-            if len(found) == size:
-                rng.bit_generator.state = after  # as if nothing had been drawn beyond the last one
+                draws.append((params, rng.bit_generator.state))
+            allowed = self._guide.allowed([params for params, _ in draws])
+            for place in np.flatnonzero(allowed)[: size - len(designs)]:
+                params, last_state = draws[place]
+                designs.append(params)
+            if len(designs) == size:
+                rng.bit_generator.state = last_state  # as if nothing had been drawn beyond it
                 break
-        return found
+        return designs
 
 
 class SurrogateSampler:
@@ -304,9 +337,12 @@ class SurrogateSampler:
     """
 
     def __init__(self, guide: Guide, seed: int, startup: int) -> None:
-        self._guide, self._seed, self._startup = guide, seed, startup
-        self._pool = Pool(guide, seed, WIDE)
-        self._known: tuple[list[int], Prediction | None] = ([], None)
+        self._guide = guide
+        self._seed = seed
+        self._startup = startup
+        self._pool = Pool(guide, seed, SPACE_CANDIDATES)
+        self._prediction: Prediction | None = None
+        self._predicted_trials: list[int] = []  # numbers of those that the prediction is fitted to
 
     @property
     def refusal(self) -> str:
@@ -314,105 +350,124 @@ class SurrogateSampler:
         return self._pool.refusal
 
     def propose(self, trials: Trials) -> Params | None:
-        """Propose an allowed design beside those of trials; None where every one was proposed.
+        """Propose an allowed design that no trial has; None where every design was proposed.
 
         Where none is allowed, one that fails by least.
         """
-        before = [trial for trial in trials if self._guide.space.holds(trial.params)]
-        ended = [t for t in before if t.state == TrialState.COMPLETE]
-        finished = [t for t in ended if np.isfinite(t.values).all()]
-        untaken = self._pool.untaken([t.params for t in before])
-        if not untaken:
+        proposed = [trial for trial in trials if self._guide.space.holds(trial.params)]
+        complete = [trial for trial in proposed if trial.state == TrialState.COMPLETE]
+        finished = [trial for trial in complete if np.isfinite(trial.values).all()]
+        designs = self._pool.remaining([trial.params for trial in proposed])
+        if not designs:
             return None
         prediction = self._predict(finished)
-        if prediction is None:
-            if not before:
-                return untaken[0]
-            places = self._guide.space.coordinates
-            here, there = places(untaken), places([t.params for t in before])
-            apart = np.linalg.norm(here[:, None, :] - there[None, :, :], axis=2).min(axis=1)
-            return untaken[int(np.argmax(apart))]  # farthest from all that were proposed
-        return self._improving(untaken, before, finished, prediction)
+        if prediction is not None:
+            return self._best_candidate(designs, proposed, finished, prediction)
+        if not proposed:
+            return designs[0]
+        coordinates = self._guide.space.coordinates(designs)
+        proposed_coordinates = self._guide.space.coordinates([trial.params for trial in proposed])
+        differences = coordinates[:, None, :] - proposed_coordinates[None, :, :]
+        distances = np.linalg.norm(differences, axis=2).min(axis=1)
+        return designs[int(np.argmax(distances))]  # farthest from all that were proposed
 
     def _predict(self, finished: Trials) -> Prediction | None:
-        """Fit a prediction to finished trials, once for a round; None where they are few."""
+        """Fit a prediction to finished trials, once a round; None for fewer than ``startup``."""
         if len(finished) < self._startup:
             return None
-        numbers = [t.number for t in finished]
-        if self._known[0] != numbers:
+        numbers = [trial.number for trial in finished]
+        if self._predicted_trials != numbers:
             try:
-                self._known = numbers, self._guide.predict(finished)
+                self._prediction = self._guide.predict(finished)
             except InputError:
-                self._known = numbers, None
-        return self._known[1]
+                self._prediction = None
+            self._predicted_trials = numbers
+        return self._prediction
 
-    def _improving(
-        self, untaken: list[Params], before: Trials, finished: Trials, prediction: Prediction
+    def _best_candidate(
+        self, designs: list[Params], proposed: Trials, finished: Trials, prediction: Prediction
     ) -> Params:
-        """Return the candidate that adds most to the front; none that was proposed already."""
-        signs = self._guide.signs
-        key, rng = self._guide.space.key, np.random.default_rng([self._seed, len(before)])
+        """Select the candidate that adds most to the front.
+
+        Candidates are ``designs`` of the pool, and designs near the front that are not proposed.
+        """
+        key = self._guide.space.key
+        rng = np.random.default_rng([self._seed, len(proposed)])
         constraints = self._guide.constraints(finished)
-        kept = [t for t in finished if max(constraints[t.number].values(), default=0.0) <= 0.0]
-        running = [t.params for t in before if t.state == TrialState.RUNNING]
-        values = self._guide.losses(kept)
-        best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
-        there = [*(t.params for t in kept), *running]
-        near = self._pool.draw(rng, BESIDE, best) if best else []
-        gone = {key(t.params) for t in before}
-        untaken += [params for params in near if key(params) not in gone]
-        draws = prediction.draws([*untaken, *there], rng, DRAWS)
-        candidates, front = draws[:, : len(untaken)], draws[:, len(untaken) :]
-        low, high = _ends(values, candidates.mean(axis=0))
-        gained = added((candidates - low) / (high - low), (front - low) / (high - low),
-                       np.full(len(signs), BEYOND), directions(rng, WAYS, len(signs)))  # fmt: skip
-        likely = gained * prediction.chances(untaken)
-        if likely.max() > 0.0:
-            return untaken[int(np.argmax(likely))]
+        feasible = [
+            trial
+            for trial in finished
+            if max(constraints[trial.number].values(), default=0.0) <= 0.0
+        ]
+        running = [trial.params for trial in proposed if trial.state == TrialState.RUNNING]
+        values = self._guide.losses(feasible)
+        marks = zip(feasible, not_dominated(values), strict=True)
+        front = [trial.params for trial, on_front in marks if on_front]
+        rivals = [*(trial.params for trial in feasible), *running]
+        neighbours = self._pool.draw(rng, FRONT_CANDIDATES, front) if front else []
+        proposed_keys = {key(trial.params) for trial in proposed}
+        designs += [params for params in neighbours if key(params) not in proposed_keys]
+        draws = prediction.draws([*designs, *rivals], rng, DRAWS)
+        candidate_draws = draws[:, : len(designs)]
+        rival_draws = draws[:, len(designs) :]
+        low, high = _ends(values, candidate_draws.mean(axis=0))
+        objective_count = len(self._guide.signs)
+        gains = added_volume(
+            (candidate_draws - low) / (high - low),
+            (rival_draws - low) / (high - low),
+            np.full(objective_count, REFERENCE_SHARE),
+            directions(rng, DIRECTIONS, objective_count),
+        )
+        expected_gains = gains * prediction.chances(designs)
+        if expected_gains.max() > 0.0:
+            return designs[int(np.argmax(expected_gains))]
         # No draw adds anything: the candidate nearest to adding something, by its means.
-        mean = ((candidates.mean(axis=0) - low) / (high - low)).max(axis=1)
-        return untaken[int(np.argmin(mean))]
+        means = ((candidate_draws.mean(axis=0) - low) / (high - low)).max(axis=1)
+        return designs[int(np.argmin(means))]
 
 
 def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:
-    """Return the range that the hypervolume is scaled by, each (k,).
+    """Compute the range that the hypervolume is scaled by, each (k,).
 
     From the best of ``values`` (n, k) to the worst that is no outlier, or is of the front; that of
-    the candidates' means (m, k) where all values are alike, or none is known.
+    the candidates' means (m, k) where all values are equal, or there is none.
     """
-    known = values if len(values) else candidates
-    lower, upper = np.quantile(known, [0.25, 0.75], axis=0)
-    usual = (known <= upper + OUTLYING * (upper - lower)) | not_dominated(known)[:, None]
-    low, high = known.min(axis=0), np.where(usual, known, -np.inf).max(axis=0)
-    span = np.where(high > low, high - low, np.ptp(known, axis=0))
+    scaled = values if len(values) else candidates
+    lower, upper = np.quantile(scaled, [0.25, 0.75], axis=0)
+    within_range = scaled <= upper + OUTLIER_RANGES * (upper - lower)
+    counted = within_range | not_dominated(scaled)[:, None]
+    low = scaled.min(axis=0)
+    high = np.where(counted, scaled, -np.inf).max(axis=0)
+    span = np.where(high > low, high - low, np.ptp(scaled, axis=0))
     span = np.where(span > 0.0, span, np.ptp(candidates, axis=0))
     return low, low + np.where(span > 0.0, span, 1.0)
 
 
 def directions(rng: np.random.Generator, count: int, objectives: int) -> Array:
     """Draw directions with positive coordinates, evenly over the sphere, (count, k)."""
-    drawn = np.abs(rng.standard_normal((count, objectives)))
-    return np.maximum(drawn / np.linalg.norm(drawn, axis=1, keepdims=True), 1e-6)
+    vectors = np.abs(rng.standard_normal((count, objectives)))
+    return np.maximum(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), 1e-6)
 
 
 def scales(values: Array, reference: Array, ways: Array) -> Array:
     """Compute the scale of values (s, m, k) below a reference (k,) in directions, (s, m, w)."""
     gain = np.maximum(reference - values, 0.0)
-    least = np.full((*values.shape[:2], len(ways)), np.inf)
+    smallest = np.full((*values.shape[:2], len(ways)), np.inf)
     for k in range(values.shape[2]):
-        np.minimum(least, gain[:, :, k, None] / ways[:, k], out=least)
-    return least ** values.shape[2]
+        np.minimum(smallest, gain[:, :, k, None] / ways[:, k], out=smallest)
+    return smallest ** values.shape[2]
 
 
-def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Array:
+def added_volume(candidates: Array, front: Array, reference: Array, ways: Array) -> Array:
     """Compute the hypervolume that each candidate adds to a front, mean over draws, (m,).
 
     ``candidates`` (s, m, k) and ``front`` (s, f, k) are drawn values.
     """
-    own, k = scales(candidates, reference, ways), candidates.shape[2]
+    k = candidates.shape[2]
+    volumes = scales(candidates, reference, ways)
     if front.shape[1]:
-        best = scales(front, reference, ways).max(axis=1)
-        own = np.maximum(own - best[:, None, :], 0.0)
+        front_volumes = scales(front, reference, ways).max(axis=1)
+        volumes = np.maximum(volumes - front_volumes[:, None, :], 0.0)
     # Volume of the part of the unit ball with positive coordinates.
     ball = math.pi ** (k / 2) / (2**k * math.gamma(k / 2 + 1))
-    return own.mean(axis=(0, 2)) * ball
+    return volumes.mean(axis=(0, 2)) * ball

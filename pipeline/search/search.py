@@ -28,7 +28,7 @@ from dogshape.pipeline.search.state import (
     PROTOTYPE,
     SIMULATION,
     SearchState,
-    pooled,
+    pool_trials,
     simulation_record,
     trial_of,
 )
@@ -43,6 +43,7 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.evaluation import (
     TIME_ESTIMATORS,
     Evaluation,
+    Params,
     evaluate,
     forget_designs,
 )
@@ -50,12 +51,13 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import Sharing, open_storage
 from dogshape.sim.errors import StorageError
+from dogshape.sim.interface import argument
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
 from dogshape.surrogate.model import MIN_DESIGNS
 
-WAIT = 0.5  #: s between looks at what other machines do
-OTHER = "give the study another name or use another storage"  #: remedy
+POLL_TIME_S = 0.5  #: between looks at the trials of other machines
+STORAGE_REMEDY = "give the study another name or use another storage"
 
 AfterRound = Callable[[str, SearchState], None]  #: called with a line for people, and the state
 
@@ -73,10 +75,10 @@ class Search:
     def read(self) -> SearchState:
         """Read the finished trials of the storage, with times by the prior of all of them."""
         finished = list(map(trial_of, self.trials(TrialState.COMPLETE)))
-        trials, priors = pooled(self.study, finished)
+        trials, priors = pool_trials(self.study, finished)
         # A limit on a time is judged again with each prior.
-        again = TIME_ESTIMATORS.keys() & set(simulated_limits(self.study))
-        return SearchState(self.study, trials, {} if again else self._designs, priors)
+        time_limits = TIME_ESTIMATORS.keys() & set(simulated_limits(self.study))
+        return SearchState(self.study, trials, {} if time_limits else self._designs, priors)
 
     def trials(self, *states: TrialState) -> list[FrozenTrial]:
         """List the trials in some states."""
@@ -85,7 +87,8 @@ class Search:
 
 def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchState:
     """Run the search until the study's number of trials, or its space, is finished by all runs."""
-    waiting, goal = False, search.study.file.search.trials
+    max_trials = search.study.file.search.trials
+    waiting = False
     with search.sharing or nullcontext():
         while True:
             with search.sharing.turn() if search.sharing else nullcontext():
@@ -96,47 +99,61 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
                 state = search.read()
                 after_round(_status(state), state)
                 continue
-            elsewhere = search.trials(TrialState.RUNNING, TrialState.WAITING)
+            unfinished = search.trials(TrialState.RUNNING, TrialState.WAITING)
             state = search.read()
-            if (left := goal - len(state.trials)) <= 0:
+            remaining = max_trials - len(state.trials)
+            if remaining <= 0:
                 return state
-            if not elsewhere:
-                line = f"every design that passes the checks was tried: {left} fewer than wanted"
+            if not unfinished:
+                line = (
+                    f"every design that passes the checks was tried: {remaining} fewer than wanted"
+                )
                 after_round(line, state)
                 return state
             if not waiting:
-                after_round(f"waiting for {left} designs that other runs simulate", state)
+                after_round(f"waiting for {remaining} designs that other runs simulate", state)
             waiting = True
-            time.sleep(WAIT)
+            time.sleep(POLL_TIME_S)
 
 
 def next_round(search: Search) -> list[FrozenTrial]:
-    """Propose this run's next round: what a dead run left, filled up, or else new designs."""
-    settings, ids = search.study.file.search, list[int]()
-    if search.sharing is None:  # what runs is of a dead run
-        ids = [trial._trial_id for trial in search.trials(TrialState.RUNNING)]
+    """Propose this run's next round: trials of a dead run with new ones, or new designs alone."""
+    settings = search.study.file.search
+    trial_ids = list[int]()
+    if search.sharing is None:  # a running trial is one of a dead run
+        trial_ids = [trial._trial_id for trial in search.trials(TrialState.RUNNING)]
     else:
         with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
             fail_stale_trials(search.optuna)
-    begun = len(search.trials(TrialState.RUNNING, TrialState.COMPLETE))
-    size = -begun % settings.batch if ids else settings.batch
-    for _ in range(begun, min(begun + size, settings.trials)):
-        if (trial_id := _propose(search)) is None:
+    begun_count = len(search.trials(TrialState.RUNNING, TrialState.COMPLETE))
+    size = -begun_count % settings.batch if trial_ids else settings.batch
+    for _ in range(begun_count, min(begun_count + size, settings.trials)):
+        trial_id = _propose(search)
+        if trial_id is None:
             break
-        ids.append(trial_id)
-    return [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
+        trial_ids.append(trial_id)
+    return [search.optuna._storage.get_trial(trial_id) for trial_id in trial_ids]
 
 
 def _propose(search: Search) -> int | None:
-    """Begin a trial: of a dead machine, the prototype's, or a new one; None where none is left."""
-    study, known = search.optuna, search.optuna.get_trials(deepcopy=False)
+    """Begin a trial and return its id; None where no design remains.
+
+    It is one of a dead machine, the prototype's, or a new one.
+    """
+    study = search.optuna
+    trials = study.get_trials(deepcopy=False)
     trial_id: int | None = study._pop_waiting_trial_id()
     if trial_id is None:
-        own = {t.state for t in known if t.user_attrs.get(PROTOTYPE)} <= {TrialState.FAIL}
-        params = search.study.prototype if own else search.sampler.propose(known)
+        prototype_states = {t.state for t in trials if t.user_attrs.get(PROTOTYPE)}
+        attributes = {}
+        if prototype_states <= {TrialState.FAIL}:
+            params: Params | None = search.study.prototype
+            attributes[PROTOTYPE] = True
+        else:
+            params = search.sampler.propose(trials)
         if params is None:
             return None
-        trial = Space(search.study.variables).trial(params, **({PROTOTYPE: True} if own else {}))
+        trial = Space(search.study.variables).trial(params, **attributes)
         trial_id = study._storage.create_new_trial(study._study_id, trial)
     if search.sharing is not None:
         search.sharing.add(trial_id)
@@ -145,43 +162,57 @@ def _propose(search: Search) -> int | None:
 
 def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) -> None:
     """Simulate the designs of trials that may pass, and tell all trials in order."""
-    study, settings = search.study, search.study.file.expectation
+    study = search.study
+    settings = study.file.expectation
     designs = [design_of(study, dict(trial.params)) for trial in trials]
     params = [design.params for design in designs if design.feasible]
-    found = iter(evaluate(study, params, executor, settings.angles, settings.seed))
+    evaluations = iter(evaluate(study, params, executor, settings.angles, settings.seed))
     for trial, design in zip(trials, designs, strict=True):
-        _tell(search, trial, design, next(found) if design.feasible else None)
+        _tell(search, trial, design, next(evaluations) if design.feasible else None)
     forget_designs(study, executor, settings.angles, settings.seed)
 
 
-def _tell(search: Search, given: FrozenTrial, design: Design, one: Evaluation | None) -> None:
-    """Write a design into the storage and end its trial there."""
-    study, trial = search.study, optuna.Trial(search.optuna, given._trial_id)
-    found = one if one is not None and one.is_complete else None
-    landed = design_of(study, design.params, found.measured) if found else design
-    estimates = {} if found is None else {n: e.value for n, e in found.estimates.items()}
+def _tell(
+    search: Search, frozen: FrozenTrial, design: Design, evaluation: Evaluation | None
+) -> None:
+    """Write a design into the storage and end its trial there.
+
+    Without a complete evaluation the design counts as not simulated.
+    """
+    trial = optuna.Trial(search.optuna, frozen._trial_id)
+    failed_shifts = evaluation.failed if evaluation is not None else {}
+    constraints = design.constraints
+    values = {}
+    simulation = None
+    if evaluation is not None and evaluation.is_complete:
+        constraints = design_of(search.study, design.params, evaluation.measured).constraints
+        values = {name: estimate.value for name, estimate in evaluation.estimates.items()}
+        simulation = simulation_record(evaluation)
     if search.sharing is not None:
-        search.sharing.trials.discard(given._trial_id)
+        search.sharing.trials.discard(frozen._trial_id)
     # Where this run seemed dead, another one is at the design by now.
     with suppress(UpdateFinishedTrialError):
-        for name, value in landed.constraints.items():
-            if name not in given.constraints:
+        for name, value in constraints.items():
+            if name not in frozen.constraints:
                 trial.set_constraint(name, value)
-        if one is not None and one.failed:
-            trial.set_user_attr(FAILED, one.failed)
-        if found is not None:
-            trial.set_user_attr(SIMULATION, simulation_record(found))
-        search.optuna.tell(trial, values_of(study, design, estimates), skip_if_finished=True)
+        if failed_shifts:
+            trial.set_user_attr(FAILED, failed_shifts)
+        if simulation is not None:
+            trial.set_user_attr(SIMULATION, simulation)
+        search.optuna.tell(trial, values_of(design, values), skip_if_finished=True)
 
 
 def _status(state: SearchState) -> str:
-    best, one = state.best, leading_objective(state.study)
+    """Describe the progress of a search and its best design."""
     text = f"{len(state.trials)} of {state.study.file.search.trials} designs"
-    if best is not None and best.estimates is not None:
-        known = best.estimates[one.name]
-        scale, unit = (1e3, "ms") if one.unit == "s" else (1.0, one.unit)
-        text += f", best {known.value * scale:.4g} ± {known.standard_error * scale:.2g} {unit}"
-    return text
+    best = state.best
+    if best is None or best.estimates is None:
+        return text
+    objective = leading_objective(state.study)
+    estimate = best.estimates[objective.name]
+    scale, unit = (1e3, "ms") if objective.unit == "s" else (1.0, objective.unit)
+    error = estimate.standard_error * scale
+    return f"{text}, best {estimate.value * scale:.4g} ± {error:.2g} {unit}"
 
 
 def sampler_of(study: Setup) -> SurrogateSampler:
@@ -198,42 +229,55 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     StorageError where it cannot be opened, or holds a search of that name which is another or is
     not to be resumed.
     """
-    sampler, objectives = sampler_of(study), objectives_of(study)
-    ways = [(StudyDirection.MINIMIZE, StudyDirection.MAXIMIZE)[o.maximise] for o in objectives]
+    sampler = sampler_of(study)
+    objectives = objectives_of(study)
+    directions = [
+        StudyDirection.MAXIMIZE if objective.maximise else StudyDirection.MINIMIZE
+        for objective in objectives
+    ]
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
         backend = open_storage(folder, storage)
         try:
-            opened = optuna.create_study(
-                study_name=study.name, storage=backend, directions=ways, load_if_exists=True
+            stored_search = optuna.create_study(
+                study_name=study.name,
+                storage=backend,
+                directions=directions,
+                load_if_exists=True,
             )
         except ValueError as error:
             fault = f"the storage holds a study '{study.name}' with other objectives"
-            raise StorageError(f"{fault}; {OTHER}") from error
-        if opened.metric_names is None:
-            opened.set_metric_names([one.name for one in objectives])
-    _require_same(study, opened, resume)
+            raise StorageError(f"{fault}; {STORAGE_REMEDY}") from error
+        if stored_search.metric_names is None:
+            stored_search.set_metric_names([objective.name for objective in objectives])
+    _require_same(study, stored_search, resume)
     if not isinstance(backend, RDBStorage):
-        return Search(study, opened, sampler)
+        return Search(study, stored_search, sampler)
     # A machine of other versions has other shifts than the others.
-    here, known = engine(), opened.user_attrs.get("versions")
-    if known is None:
-        opened.set_user_attr("versions", here)
-    elif known != here:
-        apart = ", ".join(f"{n} {known.get(n)} there and {here[n]} here" for n in here)
-        fault = f"the storage holds a study that other versions simulate ({apart})"
+    own_versions = engine()
+    stored_versions = stored_search.user_attrs.get("versions")
+    if stored_versions is None:
+        stored_search.set_user_attr("versions", own_versions)
+    elif stored_versions != own_versions:
+        differences = ", ".join(
+            f"{name} {stored_versions.get(name)} there and {own_versions[name]} here"
+            for name in own_versions
+        )
+        fault = f"the storage holds a study that other versions simulate ({differences})"
         raise StorageError(f"{fault}; install the same or give the study another name")
-    return Search(study, opened, sampler, Sharing(backend, study.name))
+    return Search(study, stored_search, sampler, Sharing(backend, study.name))
 
 
-def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
-    mark = content_key(comparable(study.file))
-    known = opened.user_attrs.get("configuration")
-    if known is None and not opened.get_trials(deepcopy=False):
-        opened.set_user_attr("configuration", mark)
-    elif known != mark:
+def _require_same(study: Setup, stored_search: optuna.Study, resume: bool) -> None:
+    """Raise StorageError unless a search of the storage is of this study and may be resumed."""
+    configuration = content_key(comparable(study.file))
+    stored_configuration = stored_search.user_attrs.get("configuration")
+    if stored_configuration is None and not stored_search.get_trials(deepcopy=False):
+        stored_search.set_user_attr("configuration", configuration)
+    elif stored_configuration != configuration:
         fault = f"the storage holds a study '{study.name}' of another configuration"
-        raise StorageError(f"{fault}; {OTHER}")
+        raise StorageError(f"{fault}; {STORAGE_REMEDY}")
     elif not resume:
-        remedy = "add --resume to go on with it or give the study another name"
+        resume_argument = argument("resume", value=True)
+        remedy = f"add {resume_argument} to go on with it or give the study another name"
         raise StorageError(f"the storage holds a study '{study.name}' already; {remedy}")

@@ -32,7 +32,6 @@ from dogshape.sim.strength.landing import Demand
 
 SIMULATION = "simulation"  #: attribute of a trial: what the shifts of its design gave
 FAILED = "failed_shifts"  #: attribute of a trial: how many shifts failed, by reason
-TIMES = ("times", "reference")  #: parts of it that searches of earlier versions lack
 PROTOTYPE = "prototype"  #: attribute of the trial of the study's own design
 
 
@@ -47,7 +46,7 @@ class PointTimes(NamedTuple):
 
     @classmethod
     def of(cls, point: PointExpectation) -> PointTimes:
-        """Select them from an expectation."""
+        """Select counts and engaged mean of an expectation."""
         return cls(point.engaged_mean, point.engaged_error, point.hangs, point.n, point.retry_cost)
 
 
@@ -85,69 +84,92 @@ class Trial:
 
     def losses(self, study: Setup) -> tuple[Array, Array]:
         """Return objectives, all to be minimised, and their standard errors, each (k,)."""
-        known, objectives = self.estimates or {}, objectives_of(study)
-        losses = [o.sign * value for o, value in zip(objectives, self.values, strict=True)]
-        errors = [known[o.name].standard_error if o.name in known else 0.0 for o in objectives]
+        estimates = self.estimates or {}
+        losses = []
+        errors = []
+        for objective, value in zip(objectives_of(study), self.values, strict=True):
+            estimate = estimates.get(objective.name)
+            losses.append(objective.sign * value)
+            errors.append(estimate.standard_error if estimate else 0.0)
         return np.array(losses), np.array(errors)
 
 
-def simulation_record(found: Evaluation) -> dict[str, Any]:
+def simulation_record(evaluation: Evaluation) -> dict[str, Any]:
     """Record the simulation of a design as the storage keeps it."""
-    measured = found.measured
+    measured = evaluation.measured
+    estimates = evaluation.estimates.items()
+    reference = evaluation.reference
     return {
-        "estimates": {name: [e.value, e.standard_error] for name, e in found.estimates.items()},
+        "estimates": {name: [e.value, e.standard_error] for name, e in estimates},
         "demand_Pa": list(measured.demand),
         "limited": dict(measured.limited),
         "engaged": measured.engaged,
-        "rows": row_record(found.rows),
-        "shifts": found.shifts,
-        "times": [PointTimes.of(point) for point in found.expectation.points],
-        "reference": [PointTimes.of(p) for p in found.reference.points] if found.reference else [],
+        "rows": row_record(evaluation.rows),
+        "shifts": evaluation.shifts,
+        "times": [PointTimes.of(point) for point in evaluation.expectation.points],
+        "reference": [PointTimes.of(point) for point in reference.points] if reference else [],
     }
 
 
 def trial_of(frozen: FrozenTrial) -> Trial:
     """Read a finished trial of the storage."""
-    attrs, found = frozen.user_attrs, dict[str, Any]()
-    if known := attrs.get(SIMULATION):
-        found = {
-            "estimates": {name: Estimate(*pair) for name, pair in known["estimates"].items()},
-            "measured": CheckInputs(
-                Demand(*known["demand_Pa"]), known["limited"], known["engaged"]
-            ),
-            **{name: known[name] for name in ("rows", "shifts")},
-            **{k: [PointTimes(*point) for point in known.get(k, ())] for k in TIMES},
-        }
-    return Trial(
-        frozen.number, dict(frozen.params), tuple(frozen.values), attrs.get(PROTOTYPE, False),
-        failed=attrs.get(FAILED, {}), **found,
-    )  # fmt: skip
+    attributes = frozen.user_attrs
+    trial = Trial(
+        number=frozen.number,
+        params=dict(frozen.params),
+        values=tuple(frozen.values),
+        prototype=attributes.get(PROTOTYPE, False),
+        failed=attributes.get(FAILED, {}),
+    )
+    record = attributes.get(SIMULATION)
+    return _add_simulation(trial, record) if record else trial
+
+
+def _add_simulation(trial: Trial, record: Mapping[str, Any]) -> Trial:
+    """Add the values of a ``simulation_record``; earlier versions stored no times."""
+    return replace(
+        trial,
+        estimates={name: Estimate(*pair) for name, pair in record["estimates"].items()},
+        measured=CheckInputs(Demand(*record["demand_Pa"]), record["limited"], record["engaged"]),
+        rows=record["rows"],
+        shifts=record["shifts"],
+        times=[PointTimes(*point) for point in record.get("times", ())],
+        reference=[PointTimes(*point) for point in record.get("reference", ())],
+    )
 
 
 def expectation_from(study: Setup, times: Sequence[PointTimes]) -> Expectation:
-    """Make an expectation over the operating points of a study, before any prior of hangs."""
-    return Expectation(tuple(
+    """Build the expectation over the operating points of a study, before any prior of hangs."""
+    points = [
         PointExpectation(
-            point, engaged_mean=one.engaged_mean, engaged_error=one.engaged_error,
-            mean_engaged=None, sd=0.0, engaged=1.0 - one.hangs / max(1, one.shifts), n=one.shifts,
-            retry_cost=one.retry_cost, hang=HangPosterior(0.0, 0.0),
+            point,
+            engaged_mean=point_times.engaged_mean,
+            engaged_error=point_times.engaged_error,
+            mean_engaged=None,
+            sd=0.0,
+            engaged=1.0 - point_times.hangs / max(1, point_times.shifts),
+            n=point_times.shifts,
+            retry_cost=point_times.retry_cost,
+            hang=HangPosterior(0.0, 0.0),
         )
-        for point, one in zip(study.points, times, strict=True)
-    ))  # fmt: skip
+        for point, point_times in zip(study.points, times, strict=True)
+    ]
+    return Expectation(tuple(points))
 
 
-def pooled(
+def pool_trials(
     study: Setup, trials: Sequence[Trial]
 ) -> tuple[tuple[Trial, ...], tuple[HangPrior, ...]]:
     """Estimate times of trials by a prior of hangs that is fitted to all of them.
 
-    Give the trials, and the prior of each operating point; none where no trial was simulated.
+    Returns the trials, and the prior of each operating point; none where no trial was simulated.
     """
     counts = [trial.counts for trial in trials if trial.times]
     if not counts:
         return tuple(trials), ()
     priors = pool(counts)
-    return tuple(under_priors(study, t, priors) if t.times else t for t in trials), priors
+    pooled = [under_priors(study, trial, priors) if trial.times else trial for trial in trials]
+    return tuple(pooled), priors
 
 
 def under_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Trial:
@@ -165,37 +187,43 @@ def under_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Tri
         for name, value in zip(objectives, trial.values, strict=True)
     )
     return replace(
-        trial, estimates={**trial.estimates, **times}, values=values,
+        trial,
+        estimates={**trial.estimates, **times},
+        values=values,
         measured=replace_limited(trial.measured, times),
-    )  # fmt: skip
+    )
 
 
 def not_dominated(values: Array) -> Mask:
     """Mark the rows (..., n, k), all to be minimised, that no row dominates, (..., n)."""
-    one, other = values[..., :, None, :], values[..., None, :, :]
-    better, strictly = np.all(one <= other, axis=-1), np.any(one < other, axis=-1)
-    return np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)
+    rows = values[..., :, None, :]
+    rivals = values[..., None, :, :]
+    not_worse = np.all(rows <= rivals, axis=-1)
+    better_somewhere = np.any(rows < rivals, axis=-1)
+    dominated = np.any(not_worse & better_somewhere, axis=-2)
+    return np.logical_not(dominated).astype(bool)
 
 
 @dataclass(frozen=True)
 class SearchState:
-    """Finished trials of a study in the order of their numbers, and what follows from them.
+    """Finished trials of a study by number, with their designs, losses and front.
 
-    ``known`` designs were worked out before, and hold those that this state adds.
+    ``design_cache`` holds designs of earlier states, by trial; a state adds its own.
     """
 
     study: Setup
     trials: tuple[Trial, ...]
-    known: dict[int, Design] = field(default_factory=dict, repr=False)
+    design_cache: dict[int, Design] = field(default_factory=dict, repr=False)
     priors: tuple[HangPrior, ...] = ()  #: of hangs, by operating point
 
     @cached_property
     def designs(self) -> Mapping[int, Design]:
         """Designs with all of their checks, by trial."""
         for trial in self.trials:
-            if trial.number not in self.known:
-                self.known[trial.number] = design_of(self.study, trial.params, trial.measured)
-        return {trial.number: self.known[trial.number] for trial in self.trials}
+            if trial.number not in self.design_cache:
+                design = design_of(self.study, trial.params, trial.measured)
+                self.design_cache[trial.number] = design
+        return {trial.number: self.design_cache[trial.number] for trial in self.trials}
 
     @cached_property
     def simulated(self) -> tuple[Trial, ...]:
@@ -205,7 +233,11 @@ class SearchState:
     @cached_property
     def feasible(self) -> tuple[Trial, ...]:
         """Simulated designs that pass every check and that the engines agree on."""
-        return tuple(t for t in self.simulated if self.designs[t.number].feasible and t.judged)
+        return tuple(
+            trial
+            for trial in self.simulated
+            if self.designs[trial.number].feasible and trial.judged
+        )
 
     @cached_property
     def losses(self) -> Mapping[int, Array]:
@@ -217,8 +249,9 @@ class SearchState:
         """Feasible designs that no other dominates, best of the leading objective first."""
         if not self.feasible:
             return ()
-        kept = not_dominated(np.array([self.losses[t.number] for t in self.feasible]))
-        front = [trial for trial, keep in zip(self.feasible, kept, strict=True) if keep]
+        losses = np.array([self.losses[trial.number] for trial in self.feasible])
+        marks = zip(self.feasible, not_dominated(losses), strict=True)
+        front = [trial for trial, on_front in marks if on_front]
         return tuple(sorted(front, key=self.leading_loss))
 
     @property
@@ -227,12 +260,15 @@ class SearchState:
         return next(iter(self.front), None)
 
     def leading_loss(self, trial: Trial) -> float:
-        """Give the leading objective of a simulated trial, to be minimised."""
+        """Return the leading objective of a simulated trial, to be minimised."""
         place = objectives_of(self.study).index(leading_objective(self.study))
         return float(self.losses[trial.number][place])
 
     def renew(self, trials: Iterable[Trial]) -> SearchState:
-        """Replace trials by those of the same numbers."""
-        new = {trial.number: trial for trial in trials}
-        known = {number: one for number, one in self.known.items() if number not in new}
-        return replace(self, trials=tuple(new.get(t.number, t) for t in self.trials), known=known)
+        """Replace each trial that has the number of a new trial."""
+        renewed = {trial.number: trial for trial in trials}
+        designs = {
+            number: design for number, design in self.design_cache.items() if number not in renewed
+        }
+        all_trials = tuple(renewed.get(trial.number, trial) for trial in self.trials)
+        return replace(self, trials=all_trials, design_cache=designs)

@@ -10,18 +10,17 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache, reduce
+from functools import cached_property, lru_cache, reduce
 from operator import and_
-from typing import Any
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Record, key, number_or_none
-from dogshape.pipeline.store.result_records import check_record
+from dogshape.pipeline.store.result_records import CheckRow
 from dogshape.sim.clutch_tables import si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
-from dogshape.sim.errors import GeometryError, InputError, refusal, require_known
+from dogshape.sim.errors import GeometryError, InputError, Refusal, require_known
 from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.uncertainty import sobol_shares
@@ -61,17 +60,22 @@ ENGAGEMENT = RULES["engagement"]
 class Design:
     """Design with its dog and its checks."""
 
+    study: Setup  #: operated as the design is
     params: dict[str, float]  #: searched keys, edge units
     dog: Dog | None  #: None where the shape is impossible
     checks: tuple[Check, ...]
     refusal: str  #: reason why there is no dog, or empty
     landings: Landings | None = None  #: of its simulated shifts
+    #: computed margins within the tolerances, by the addition of effects
+    _margins: dict[Kind, dict[str, float]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     @property
     def feasible(self) -> bool:
         """Whether the shape exists and passes every check that is there (not: every standard one).
 
-        The search compares designs by it; ``judged_design`` also names the missing ones.
+        The search compares designs by it; ``judge_design`` also names the missing ones.
         """
         return not self.failed
 
@@ -91,6 +95,41 @@ class Design:
     def faults(self) -> list[Check]:
         """Checks that fail, without those that sum up others."""
         return [check for check in self.checks if not (check.passed or check.rule.summary)]
+
+    @cached_property
+    def exact_values(self) -> dict[str, float]:
+        """Objectives that need no simulation by name; none without a dog."""
+        if self.dog is None:
+            return {}
+        return {
+            objective.name: objective.exact(self, self.dog)
+            for objective in objectives_of(self.study)
+            if objective.exact
+        }
+
+    def margins_within(self, kind: Kind) -> dict[str, float]:
+        """Compute each check's margin within the tolerances by name; the landing has none.
+
+        ``kind`` is the addition of effects (``KINDS``). A design without a dog has no margins.
+        """
+        if kind not in self._margins:
+            self._margins[kind] = _margins_within(self, kind)
+        return self._margins[kind]
+
+    def weakest_within(self, kind: Kind) -> tuple[str, float]:
+        """Return the name of the check with the smallest margin within tolerances, and it."""
+        return min(self.margins_within(kind).items(), key=lambda pair: pair[1])
+
+    @cached_property
+    def rows(self) -> list[CheckRow]:
+        """Every check with its margins within the tolerances, by the declared keys."""
+        worst_case = self.margins_within("worst_case")
+        root_sum_square = self.margins_within("root_sum_square")
+        rows = []
+        for check in self.checks:
+            margins = worst_case.get(check.name), root_sum_square.get(check.name)
+            rows.append(CheckRow.of(check).within(*map(number_or_none, margins)))
+        return rows
 
 
 @dataclass(frozen=True)
@@ -115,7 +154,7 @@ def design_of(
     try:
         dog = study.dog_with(params)
     except GeometryError as error:
-        return Design(params, None, (), str(error))
+        return Design(study, params, None, (), str(error))
     limited = {} if measured is None else measured.limited
     design = check_dog(study, params, dog, limits=limits_of(study), limited=limited)
     if measured is None:
@@ -126,12 +165,12 @@ def design_of(
     return replace(design, checks=checks, landings=measured.landings)
 
 
-def judged_design(study: Setup, design: Design) -> tuple[Design, Verdict]:
+def judge_design(design: Design) -> tuple[Design, Verdict]:
     """Add the intervals of the landing checks to a design, and return it with its verdict."""
     if design.dog is None:
         return design, NO_DOG
     dog = design.dog
-    study = study.with_operation(design.params)
+    study = design.study
     landings = design.landings
     checks = design.checks
     if landings is not None:
@@ -203,12 +242,12 @@ def check_dog(
         Simulated values of bounded quantities by name.
 
     """
-    design = Design(params, dog, strength_checks(dog, study.limits), "")
+    design = Design(study, params, dog, strength_checks(dog, study.limits), "")
     checks = list(design.checks)
     for quantity, limit in limits:
         value = limited.get(quantity.name)
         if value is None and quantity.exact:
-            value = quantity.exact(study, design, dog)
+            value = quantity.exact(design, dog)
         if value is not None:
             checks.append(Check(quantity.rule, value, limit))
     return replace(design, checks=tuple(checks))
@@ -260,7 +299,7 @@ class Objective:
     label: str
     unit: str
     #: value from shape and checks; None where it is simulated (``pipeline.simulate.evaluation``)
-    exact: Callable[[Setup, Design, Dog], float] | None = None
+    exact: Callable[[Design, Dog], float] | None = None
     maximise: bool = False
     low: float = 0.0  #: smallest possible value
     high: float = math.inf  #: largest possible value
@@ -298,30 +337,26 @@ class Objective:
 _cached_losses = lru_cache(maxsize=2**12)(margin_losses)
 
 
-def margins_within(study: Setup, design: Design, kind: Kind = "worst_case") -> dict[str, float]:
-    """Compute each check's margin within the tolerances by name; the landing has none."""
+def _margins_within(design: Design, kind: Kind) -> dict[str, float]:
+    """Compute each check's margin within the tolerances by name."""
     dog = design.dog
     if dog is None:
         return {}
+    limits = design.study.limits
     losses_of = margin_losses if isinstance(dog, Dogs) else _cached_losses
-    losses = losses_of(dog, study.limits)
+    losses = losses_of(dog, limits)
     margins = {
         check.name: check.margin - getattr(losses[check.name], kind)
         for check in design.checks
         if check.name in losses
     }
-    tolerance_checks = within_tolerances(dog, study.limits, kind)
+    tolerance_checks = within_tolerances(dog, limits, kind)
     return margins | {check.name: check.margin for check in tolerance_checks}
 
 
-def weakest_within(study: Setup, design: Design, kind: Kind = "worst_case") -> tuple[str, float]:
-    """Return the name of the check with the smallest margin within tolerances, and the margin."""
-    return min(margins_within(study, design, kind).items(), key=lambda pair: pair[1])
-
-
-def _smallest_within(kind: Kind) -> Callable[[Setup, Design, Dog], float]:
+def _smallest_within(kind: Kind) -> Callable[[Design, Dog], float]:
     """Return a function that computes the smallest margin within tolerances of a design."""
-    return lambda study, design, _dog: smallest(*margins_within(study, design, kind).values())
+    return lambda design, _dog: smallest(*design.margins_within(kind).values())
 
 
 #: What a study can minimise or maximise, and bound by ``search.limits``.
@@ -362,20 +397,20 @@ OBJECTIVES = {
             "axial_length_mm",
             "axial length, root to root",
             "mm",
-            lambda _study, _design, dog: dog.axial_length / MM,
+            lambda _design, dog: dog.axial_length / MM,
         ),
         Objective(
             "backlash_mm",
             "backlash at the mean radius",
             "mm",
-            lambda _study, _design, dog: dog.backlash / MM,
+            lambda _design, dog: dog.backlash / MM,
             low=-math.inf,
         ),
         Objective(
             "retention_force_N",
             "axial force that pulls in without friction",
             "N",
-            lambda study, _design, dog: retention_force(dog, study.limits.load),
+            lambda design, dog: retention_force(dog, design.study.limits.load),
             maximise=True,
             low=-math.inf,
         ),
@@ -383,7 +418,7 @@ OBJECTIVES = {
             "utilisation",
             "utilisation of the most loaded check",
             "",
-            lambda _study, design, _dog: largest(*(c.utilisation for c in design.checks)),
+            lambda design, _dog: largest(*(c.utilisation for c in design.checks)),
         ),
     ]
 }
@@ -418,7 +453,7 @@ def limits_of(study: Setup) -> list[tuple[Objective, float]]:
         if rule:
             remedy = "give another or take it out"
             raise InputError(
-                refusal(f"search.limits.{name}", limit, objective.unit, rule=rule, remedy=remedy)
+                Refusal(f"search.limits.{name}", limit, objective.unit, rule=rule, remedy=remedy)
             )
         limits.append((objective, limit))
     return limits
@@ -445,29 +480,15 @@ def leading_objective(study: Setup) -> Objective:
     return next(objective for objective in objectives_of(study) if objective.simulated)
 
 
-def exact_values(study: Setup, design: Design) -> dict[str, float]:
-    """Compute the objectives that need no simulation by name; none without a dog."""
-    dog = design.dog
-    if dog is None:
-        return {}
-    study = study.with_operation(design.params)
-    return {
-        objective.name: objective.exact(study, design, dog)
-        for objective in objectives_of(study)
-        if objective.exact
-    }
-
-
-def values_of(
-    study: Setup, design: Design, simulated: dict[str, float] | None = None
-) -> list[float]:
+def values_of(design: Design, simulated: dict[str, float] | None = None) -> list[float]:
     """List all objective values in the study's order, missing ones infinitely bad.
 
     ``simulated`` are values of simulated objectives by name.
     """
-    values = {**exact_values(study, design), **(simulated or {})}
+    values = {**design.exact_values, **(simulated or {})}
     return [
-        values.get(objective.name, objective.sign * math.inf) for objective in objectives_of(study)
+        values.get(objective.name, objective.sign * math.inf)
+        for objective in objectives_of(design.study)
     ]
 
 
@@ -523,10 +544,9 @@ def nearest_filling(study: Setup) -> list[tuple[Design, dict[str, float]]]:
     for shares in sobol_shares(FILLING_DESIGNS, len(low), study.file.search.seed):
         design = design_of(study, study.params_of(low + shares * (high - low)))
         margins = {check.name: check.margin for check in design.checks}
-        design_study = study.with_operation(design.params)
         for name in WITHIN.keys() & margins.keys():  # the margins that it sums up say more
             del margins[name]
-            margins |= margins_within(design_study, design, WITHIN[name])
+            margins |= design.margins_within(WITHIN[name])
         if margins:
             designs.append((design, margins))
     return sorted(designs, key=lambda pair: -min(pair[1].values()))
@@ -543,32 +563,6 @@ class ToleranceTime(Record):
     worst_case_s: float = key("all tolerances at their worst ends", "s")
     root_sum_square_s: float = key("root of the sum of squares over the dimensions", "s")
     by_dimension_s: dict[str, float] = key("change by dimension", "s")
-
-
-def checks_within(study: Setup, design: Design) -> list[dict[str, Any]]:
-    """Record every check of a design, with its margins within the tolerances."""
-    margins = {kind: margins_within(study, design, kind) for kind in KINDS}
-    records = []
-    for check in design.checks:
-        record = check_record(check)
-        for kind in KINDS:
-            record[f"margin_{kind}"] = number_or_none(margins[kind].get(check.name))
-        records.append(record)
-    return records
-
-
-def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
-    """Record the smallest margin and its check in the worst case and by root sum of squares."""
-    study = study.with_operation(design.params)
-    margins: dict[str, float | None] = {}
-    checks: dict[str, str | None] = {}
-    for kind in KINDS:
-        name, margin = None, None
-        if design.dog is not None:
-            name, margin = weakest_within(study, design, kind)
-        margins[f"margin_{kind}"] = number_or_none(margin)
-        checks[f"weakest_check_{kind}"] = name
-    return {**margins, **checks}
 
 
 def tolerance_time(

@@ -31,6 +31,7 @@ from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.sim.errors import InputError, StorageError, WorkerError
+from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions
@@ -154,7 +155,7 @@ class Executor:
                     raise WorkerError(
                         f"worker processes died {MAX_DEATHS} times without finishing a shift, as "
                         "they do when memory runs out; finished shifts are kept, so run the "
-                        "command again with fewer --jobs"
+                        f"command again with fewer {argument('jobs')}"
                     ) from error
             blocks = self._missing_blocks(blocks)
 
@@ -269,7 +270,8 @@ def _connect_client(address: str) -> Any:
         from distributed import Client  # noqa: PLC0415  an extra, and slow to load
     except ImportError as error:
         raise InputError(
-            "--cluster needs Dask; install the extra: pip install -c constraints.txt '.[machines]'"
+            f"{argument('cluster')} needs Dask; install the extra: "
+            "pip install -c constraints.txt '.[machines]'"
         ) from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:

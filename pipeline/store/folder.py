@@ -28,12 +28,12 @@ from dogshape.pipeline.progress import Say
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import sync_folder, write_whole
+from dogshape.sim.interface import argument, verb
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 from dogshape.sim.versions import versions
 
 MAX_LINE = 1 << 22  #: bytes, longest line of a journal: a shift has less than 4 kB
 MAX_FILE = 1 << 28  #: bytes, largest JSON document: 8000 designs of a search at 33 kB each
-WRITE_AGAIN = "run 'dogshape search' with --resume to write it again"  #: remedy
 #: Settings that a resumed run may change, by table: budgets.
 FREE_SETTINGS = {
     "search": {"trials", "confirm_designs", "audit_shifts"},
@@ -166,9 +166,14 @@ def _locked_file(path: Path) -> Iterator[int]:
     except OSError as error:
         raise StorageError(
             f"{path} cannot be written ({error.strerror}); the shifts before are kept: make room "
-            "or give the right to write, and run the command again to go on, 'dogshape search' "
-            "with --resume"
+            "or give the right to write, and run the command again to go on, "
+            f"{verb('search', resume=True)}"
         ) from error
+
+
+def rewrite_remedy() -> str:
+    """Write the remedy of a damaged file that a resumed search writes again."""
+    return f"run {verb('search', resume=True)} to write it again"
 
 
 class StudyFolder:
@@ -195,19 +200,20 @@ class StudyFolder:
         if self.manifest.exists():
             stored_study = self.stored_study()
             if not resume:
-                remedy = "add --resume to go on with it or choose another --out"
-                raise StorageError(f"{self.root} holds a study already; {remedy}")
+                resume_argument = argument("resume", value=True)
+                remedy = f"add {resume_argument} to go on with it or choose another"
+                raise StorageError(f"{self.root} holds a study already; {remedy} {argument('out')}")
             differences = differing(comparable(stored_study.file), comparable(study.file))
             if differences:
                 text = "; ".join(differences)
                 raise StorageError(
                     f"{self.root} was started with another configuration ({text}); "
                     "give the one it was started with, remove that folder, or begin another: by "
-                    "--out, of 'fit' by another name of the study"
+                    f"{argument('out')}, of 'fit' by another name of the study"
                 )
             return
         if any(path.exists() for path in (self.trials, self.shifts, self.simulated)):
-            remedy = "choose another --out or remove the folder"
+            remedy = f"choose another {argument('out')} or remove the folder"
             raise StorageError(f"{self.root} holds results without study.json; {remedy}")
         manifest = {
             "format": FORMAT,
@@ -220,9 +226,9 @@ class StudyFolder:
 
     def stored_study(self) -> Setup:
         """Read the study that the folder was started with; StorageError for a bad manifest."""
-        remedy = "run 'dogshape search' first"
+        remedy = f"run {verb('search')} first"
         if self.manifest.exists():
-            remedy = "start the study in another --out"
+            remedy = f"start the study in another {argument('out')}"
         content = read_json(self.manifest, remedy)
         if content.get("format") != FORMAT:
             raise StorageError(
@@ -235,10 +241,10 @@ class StudyFolder:
 
     def stored_result(self) -> dict[str, Any]:
         """Read ``result.json``; StorageError if the file is missing or damaged."""
-        result = read_json(self.result, WRITE_AGAIN)
+        result = read_json(self.result, rewrite_remedy())
         has_trials = isinstance(result.get("trials"), list)
         if not has_trials or any(key not in result for key in RESULT_KEYS):
-            raise StorageError(f"{self.result} is damaged; {WRITE_AGAIN}")
+            raise StorageError(f"{self.result} is damaged; {rewrite_remedy()}")
         return result
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dogshape.pipeline.record import (
     SHARE,
     Bad,
+    FileRecord,
     Record,
     Table,
     key,
@@ -25,7 +26,7 @@ from dogshape.sim.statistics.shiftability import (
     torque_limits,
 )
 from dogshape.sim.strength.checks import GROUPS, RULES, Check, safety_factor
-from dogshape.sim.strength.verdict import STANDARD
+from dogshape.sim.strength.verdict import STANDARD, State, Verdict
 from dogshape.sim.units import RPM, short
 
 if TYPE_CHECKING:
@@ -188,21 +189,23 @@ class HangKeys(Record):
     retries_error_s: float | None = key("its standard error", "s", late=True)
 
 
-def hang_keys(expectation: Expectation) -> dict[str, Any]:
-    """Return both terms of an expected time by the keys of ``HangKeys``."""
+def hang_keys(expectation: Expectation | None) -> HangKeys:
+    """Record both terms of an expected time; without one, null each."""
+    if expectation is None:
+        return HangKeys(**dict.fromkeys(HangKeys.model_fields))
     has_silent_point = any(point.silent for point in expectation.points)
+    engaged_mean = None if has_silent_point else expectation.engaged_mean
+    engaged_error = None if has_silent_point else number_or_none(expectation.engaged_error)
     low, high = expectation.hang_interval
-    return {
-        "engaged_mean_s": None if has_silent_point else expectation.engaged_mean,
-        "engaged_standard_error_s": (
-            None if has_silent_point else number_or_none(expectation.engaged_error)
-        ),
-        "hang_probability": expectation.hang_probability,
-        "hang_probability_low": low,
-        "hang_probability_high": high,
-        "retries_s": expectation.retries if expectation.engages else None,
-        "retries_error_s": expectation.retries_error if expectation.engages else None,
-    }
+    return HangKeys(
+        engaged_mean_s=engaged_mean,
+        engaged_standard_error_s=engaged_error,
+        hang_probability=expectation.hang_probability,
+        hang_probability_low=low,
+        hang_probability_high=high,
+        retries_s=expectation.retries if expectation.engages else None,
+        retries_error_s=expectation.retries_error if expectation.engages else None,
+    )
 
 
 class LimitRow(Record):
@@ -331,7 +334,7 @@ class ExpectedTime(HangKeys):
             engages=expectation.engages,
             engaged=expectation.engaged,
             mean_engaged_s=expectation.mean_engaged,
-            **hang_keys(expectation),
+            **hang_keys(expectation).to_dict(),
             shifts=expectation.shifts,
             not_engaged=expectation.lost,
             held_dog_on_dog=expectation.blocked,
@@ -363,7 +366,7 @@ def _quantile_rows(expectation: Expectation) -> list[QuantileRow]:
     return rows
 
 
-class CheckRow(Record):
+class CheckRow(FileRecord):
     """A check of a design against its limit."""
 
     name: str = key("name of the check", head="check")
@@ -403,11 +406,45 @@ class CheckRow(Record):
         form=".2f",
     )
 
+    @classmethod
+    def of(cls, check: Check) -> CheckRow:
+        """Record a check at nominal size."""
+        rule = check.rule
+        optional: dict[str, Any] = {}
+        if check.margin_interval is not None:
+            optional["margin_interval"] = list(check.margin_interval)
+        if check.ends:
+            optional["ends"] = check.ends
+        return cls(
+            name=check.name,
+            value=number_or_none(check.value),
+            limit=check.limit,
+            unit=rule.unit,
+            margin=number_or_none(check.margin),
+            passed=check.passed,
+            group=rule.group,
+            at_most=rule.at_most,
+            meaning=rule.meaning,
+            formula=rule.formula,
+            source=rule.source,
+            limit_key=rule.key,
+            **optional,
+            safety=safety_factor(rule, check.margin),
+        )
+
     @property
     def unclear(self) -> bool:
         """Whether the interval of the margin holds zero."""
         low, high = self.margin_interval or (0.0, 0.0)
         return low < 0.0 <= high
+
+    def within(self, worst_case: float | None, root_sum_square: float | None) -> CheckRow:
+        """Add the margins within the tolerances."""
+        margins: dict[str, Any] = {
+            "margin_worst_case": worst_case,
+            "margin_root_sum_square": root_sum_square,
+        }
+        return CheckRow(**self.to_dict(), **margins)
 
     def cell(self, name: str) -> str:
         """Print a value, the limit with its sense; a failure or an unclear margin as ``Bad``."""
@@ -432,32 +469,6 @@ class CheckRow(Record):
         if name in ("name", "limit_key", "meaning"):
             return str(getattr(self, name))
         return "-"
-
-
-def check_record(check: Check) -> dict[str, Any]:
-    """Convert a check to a record of JSON."""
-    rule = check.rule
-    optional: dict[str, Any] = {}
-    if check.ends:
-        optional["ends"] = check.ends
-    if check.margin_interval is not None:
-        optional["margin_interval"] = list(check.margin_interval)
-    return CheckRow(
-        name=check.name,
-        value=number_or_none(check.value),
-        limit=check.limit,
-        unit=rule.unit,
-        margin=number_or_none(check.margin),
-        passed=check.passed,
-        group=rule.group,
-        at_most=rule.at_most,
-        meaning=rule.meaning,
-        formula=rule.formula,
-        source=rule.source,
-        limit_key=rule.key,
-        safety=safety_factor(rule, check.margin),
-        **optional,
-    ).to_dict()
 
 
 def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
@@ -491,7 +502,7 @@ class HingeRow(Record):
     """An assumption that decides a verdict, with its effect on the smallest margin."""
 
     assumption: str = key("key of the study file", head="assumption")
-    value: float = key("its value, in `unit`", head="value")
+    value: int | float = key("its value, in `unit`", head="value")
     range: list[float] = key("ends of its range, in `unit`", head="range")
     unit: str = key("unit of value and range", head="unit")
     source: str = key("source of the range", head="source of the range")
@@ -544,12 +555,22 @@ def not_judged_row(missing: NotJudged) -> CheckRow:
 class VerdictRow(Record):
     """Verdict on a design (`docs/strength.md`)."""
 
-    state: str = key("`passes`, `fails`, `not_judged` or `not_clear`")
+    state: State = key("`passes`, `fails`, `not_judged` or `not_clear`")
     line: str = key("the verdict in a sentence")
     failed: list[str] = key("checks with a negative margin")
     not_clear: list[str] = key("checks whose interval of 95 % holds the limit")
     not_judged: list[NotJudged] = key("standard checks that nobody judged")
     hangs_on: list[HingeRow] = key("assumptions with an effect, the strongest first")
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> VerdictRow:
+        """Record a verdict."""
+        return cls(**verdict.to_dict())
+
+    @property
+    def passes(self) -> bool:
+        """Whether every standard check is judged and clearly passes."""
+        return self.state == "passes"
 
 
 def hinge_table(rows: Sequence[HingeRow], *names: str) -> Table:

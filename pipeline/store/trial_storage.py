@@ -28,6 +28,7 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.errors import StorageError
+from dogshape.sim.interface import argument
 
 DRIVER = "postgresql+psycopg"  #: of the extra 'machines'
 HEARTBEAT_S = 5  #: time between heartbeats of a trial, s
@@ -118,8 +119,9 @@ def _journal(path: Path) -> BaseStorage:
         raise
     except Exception as error:
         raise StorageError(
-            f"{path} is damaged; remove the file and run again with --resume: finished shifts are "
-            "kept in shifts.jsonl and not simulated again"
+            f"{path} is damaged; remove the file and run again with "
+            f"{argument('resume', value=True)}: finished shifts are kept in shifts.jsonl and not "
+            "simulated again"
         ) from error
 
 
@@ -128,13 +130,14 @@ def address_of(url: str) -> URL:
     try:
         address = make_url(url.replace("postgres://", "postgresql://", 1))
     except ArgumentError as error:
-        fault = f"--storage is '{url}', which is not the address of a database"
+        fault = f"{argument('storage')} is '{url}', which is not the address of a database"
         remedy = "write for instance postgresql+psycopg://user@host/database"
         raise StorageError(f"{fault}; {remedy}") from error
     if address.drivername == "postgresql":
         address = address.set(drivername=DRIVER)
     if address.drivername != DRIVER:
-        fault = f"--storage is of '{address.drivername}', but a study is kept in {DRIVER}"
+        driver = f"'{address.drivername}', but a study is kept in {DRIVER}"
+        fault = f"{argument('storage')} is of {driver}"
         remedy = "give such an address, or leave it out for a file in the study's folder"
         raise StorageError(f"{fault}; {remedy}")
     return address
@@ -150,7 +153,8 @@ def guard_storage(url: str | None, folder: StudyFolder) -> Iterator[None]:
         raise
     except (SQLAlchemyError, StorageInternalError) as error:
         place = "its file" if url is None else address_of(url)
-        remedy = f"finished shifts are kept in {folder.root}, and --resume goes on when it is back"
+        resume = argument("resume", value=True)
+        remedy = f"finished shifts are kept in {folder.root}, and {resume} goes on when it is back"
         raise StorageError(f"the storage {place} was lost ({_reason(error)}); {remedy}") from error
 
 

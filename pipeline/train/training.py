@@ -26,12 +26,12 @@ from dogshape.pipeline.simulate.design import explain_infeasible, mark_worthy, n
 from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import (
-    WRITE_AGAIN,
     ShiftJournal,
     StudyFolder,
     append,
     read_json,
     read_lines,
+    rewrite_remedy,
     write_json,
 )
 from dogshape.pipeline.store.folder_lock import lock_folder
@@ -39,6 +39,7 @@ from dogshape.pipeline.train.training_rows import row_record, with_rows
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.files import name_file_in_errors
+from dogshape.sim.interface import verb
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
 from dogshape.sim.statistics.shift_records import (
@@ -328,7 +329,7 @@ def _require_shape_only(study: Setup) -> None:
     if operation_keys:
         raise InputError(
             f"the study searches {', '.join(operation_keys)}, which the surrogate learns from a "
-            "search alone; run 'dogshape search', which leaves one, or take them out of [variables]"
+            f"search alone; run {verb('search')}, which leaves one, or take them out of [variables]"
         )
 
 
@@ -395,7 +396,7 @@ def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say
     study = folder.stored_study().search_setup
     path = folder.simulated
     if folder.rows.exists():
-        data = with_rows(study, read_json(folder.rows, WRITE_AGAIN)["rows"])
+        data = with_rows(study, read_json(folder.rows, rewrite_remedy())["rows"])
     else:
         data = simulated_data(study, path, "filling", "best")
     say(f"fitting the surrogate to {len(data)} designs")

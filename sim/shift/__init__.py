@@ -1,1 +1,1 @@
-"""Simulate one shift: geometry, contact, plant, engagement, and what is read of its run."""
+"""One shift: geometry, contact, both engines, result and trace."""

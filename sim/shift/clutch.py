@@ -8,27 +8,24 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import (
-    InputError,
-    ranged_record,
-    ranges_of,
-    refusal,
-    require_between,
-    require_known,
-    require_parts,
-    require_ranges,
-    within,
+from dogshape.sim.errors import InputError, Refusal, require_between, require_known, require_parts
+from dogshape.sim.kernel_layout import (
+    CLUTCH_NUMBERS,
+    LINKED_STATE_SIZE,
+    RIGID_STATE_SIZE,
+    STATE_SIZE,
+    empty_record,
 )
+from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import (
-    DEEP,
-    DEEP_TWIST,
     NOTHING,
-    SLIP,
-    TURN,
+    SMOOTH_SPEED_M_S,
+    SMOOTH_TURN_RAD_S,
+    STOP_DEPTH_M,
+    STOP_TWIST_RAD,
     Mechanism,
     Shaft,
     shaft_of,
@@ -46,10 +43,10 @@ class ImpactLaw:
     and 8), its ``K = 1e8 N/m`` read in SI units.
     """
 
-    stiffness: float = within("impact_stiffness_N_m1_5", 1e5, 1e13, 1e8)  #: K, N/m^1.5
-    damping: float = within("impact_damping_Ns_m", 0.0, 1e7, 1e4)  #: C, N s/m
-    depth: float = within("impact_depth_mm", 1e-5, 1.0, 1e-5)  #: where damping is full, m
-    transition_velocity: float = within("transition_velocity_m_s", 1e-4, 1e2, 1.0)  #: slip, m/s
+    stiffness: float = quantity("impact_stiffness_N_m1_5", 1e5, 1e13, 1e8)  #: K, N/m^1.5
+    damping: float = quantity("impact_damping_Ns_m", 0.0, 1e7, 1e4)  #: C, N s/m
+    depth: float = quantity("impact_depth_mm", 1e-5, 1.0, 1e-5)  #: where damping is full, m
+    transition_velocity: float = quantity("transition_velocity_m_s", 1e-4, 1e2, 1.0)  #: slip, m/s
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the law")
@@ -68,40 +65,48 @@ class ContactSet:
     """
 
     name: str
-    static_friction: float = within("static_friction", 0.0, 1.5)
-    dynamic_friction: float = within("dynamic_friction", 0.0, 1.5)
-    stiction_velocity: float = within("stiction_velocity_m_s", 1e-5, 1.0)  #: slip, m/s
-    stiffness: float = within("stiffness_Pa_m", 1e10, 1e16)  #: pressure per penetration, Pa/m
-    dissipation: float = within("dissipation_s_m", 0.0, 1e4)  #: s/m
+    static_friction: float = quantity("static_friction", 0.0, 1.5)
+    dynamic_friction: float = quantity("dynamic_friction", 0.0, 1.5)
+    stiction_velocity: float = quantity("stiction_velocity_m_s", 1e-5, 1.0)  #: slip, m/s
+    stiffness: float = quantity("stiffness_Pa_m", 1e10, 1e16)  #: pressure per penetration, Pa/m
+    dissipation: float = quantity("dissipation_s_m", 0.0, 1e4)  #: s/m
     impact: ImpactLaw | None = None
     #: of faces on faces, such as an oil film's; None: that of flanks and edges
-    face_friction: float | None = within("face_friction", 0.0, 1.5, None)
+    face_friction: float | None = quantity("face_friction", 0.0, 1.5, None, late=True)
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the contact set")
         if self.impact is not None and self.face_friction is not None:
             rule = "the law IMPACT acts on a whole dog, without a friction of its faces"
             remedy = 'leave it out, or take contact.set = "lubricated_steel"'
-            raise InputError(refusal("contact.face_friction", self.face_friction, "", rule, remedy))
+            raise InputError(Refusal("contact.face_friction", self.face_friction, "", rule, remedy))
         if self.dynamic_friction > self.static_friction:
             rule = f"it must not exceed contact.static_friction = {self.static_friction:.6g}"
             remedy = "exchange or correct the two coefficients"
-            message = refusal("contact.dynamic_friction", self.dynamic_friction, "", rule, remedy)
+            message = Refusal("contact.dynamic_friction", self.dynamic_friction, "", rule, remedy)
             raise InputError(message)
-        for name, value in IMPACT_LAYER if self.impact else ():
-            given, key = getattr(self, name), ranges_of(ContactSet)[name].key
-            if given != value:
+        if self.impact is not None:
+            self._require_impact_layer(self.impact)
+
+    def _require_impact_layer(self, impact: ImpactLaw) -> None:
+        """Raise InputError for another layer, or a friction that does not fall, beside IMPACT."""
+        for name, layer_value in IMPACT_LAYER:
+            value = getattr(self, name)
+            if value != layer_value:
+                key = quantities_of(ContactSet)[name].key
                 rule = "the set has the law IMPACT, which has its own stiffness and damping"
                 remedy = 'leave it out, or take contact.set = "adams2019"'
-                raise InputError(refusal(f"contact.{key}", given, unit_of(key), rule, remedy))
-        if self.impact and self.stiction_velocity >= (end := self.impact.transition_velocity):
-            name, rule = "contact.stiction_velocity_m_s", f"friction is dynamic from {end:g} m/s on"
-            raise InputError(refusal(name, self.stiction_velocity, "m/s", rule, "take a lower one"))
+                raise InputError(Refusal(f"contact.{key}", value, unit_of(key), rule, remedy))
+        end = impact.transition_velocity
+        if self.stiction_velocity >= end:
+            name = "contact.stiction_velocity_m_s"
+            rule = f"friction is dynamic from {end:g} m/s on"
+            raise InputError(Refusal(name, self.stiction_velocity, "m/s", rule, "take a lower one"))
 
     @property
     def record(self) -> dict[str, float]:
-        """Numbers of the contact by their keys in the edge's units, without absent ones."""
-        return {key: value for key, value in ranged_record(self).items() if value is not None}
+        """Numbers of the contact by their keys in the edge's units."""
+        return {key: value for key, value in record_quantities(self).items() if value is not None}
 
     @property
     def compiled_only(self) -> bool:
@@ -114,7 +119,7 @@ class ContactSet:
         return self.dynamic_friction if self.face_friction is None else self.face_friction
 
     def scaled(self, friction: float, dissipation: float) -> ContactSet:
-        """Return the contact with all coefficients of friction, and dissipation, times factors."""
+        """Multiply all coefficients of friction, and the dissipation, by factors."""
         face = self.face_friction
         return replace(
             self,
@@ -142,7 +147,7 @@ CONTACT_SETS: dict[str, ContactSet] = {
 
 
 def contact_set(name: str) -> ContactSet:
-    """Return a named set; an unknown name raises InputError with the valid ones."""
+    """Look up a contact set by name; InputError for an unknown one."""
     require_known("contact.set", name, "a contact set", CONTACT_SETS)
     return CONTACT_SETS[name]
 
@@ -151,9 +156,9 @@ def contact_set(name: str) -> ContactSet:
 class Rings:
     """Masses that move: sliding ring (kg, kg m2) and output ring (kg m2)."""
 
-    mass: float = within("sliding.mass_kg", 1e-3, 1e3)
-    sliding_inertia: float = within("sliding.inertia_kgm2", 1e-6, 100.0)
-    output_inertia: float = within("output.inertia_kgm2", 1e-6, 1e4)
+    mass: float = quantity("sliding.mass_kg", 1e-3, 1e3)
+    sliding_inertia: float = quantity("sliding.inertia_kgm2", 1e-6, 100.0)
+    output_inertia: float = quantity("output.inertia_kgm2", 1e-6, 1e4)
 
     def __post_init__(self) -> None:
         require_ranges(self, "", "check the value and its unit")
@@ -161,8 +166,8 @@ class Rings:
     @property
     def reduced_inertia(self) -> float:
         """Inertia of the relative motion ``J1 J2 / (J1 + J2)``, kg m2."""
-        both = self.sliding_inertia + self.output_inertia
-        return self.sliding_inertia * self.output_inertia / both
+        total = self.sliding_inertia + self.output_inertia
+        return self.sliding_inertia * self.output_inertia / total
 
 
 MAX_STEPS = 400_000  #: steps of a shift where the study gives no other number
@@ -183,11 +188,11 @@ class Solver:
     """
 
     scheme: str = "runge_kutta3"
-    accuracy: float = within("accuracy", 1e-10, 0.1, 3e-4)
-    max_step: float = within("max_step_s", 1e-6, 0.01, 1e-3)
+    accuracy: float = quantity("accuracy", 1e-10, 0.1, 3e-4)
+    max_step: float = quantity("max_step_s", 1e-6, 0.01, 1e-3)
     all_dogs: bool = False
-    max_steps: int = within("max_steps", 10, 1e8, MAX_STEPS)
-    time_limit: float = within("time_limit_s", 0.01, 86_400.0, 600.0)
+    max_steps: int = quantity("max_steps", 10, 1e8, MAX_STEPS, late=True)
+    time_limit: float = quantity("time_limit_s", 0.01, 86_400.0, 600.0, late=True)
     engine: str = "drake"
 
     def __post_init__(self) -> None:
@@ -201,7 +206,10 @@ PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
 #: Schemes with the accuracy that each needs.
 SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
 CENIC_WITH_FORCES = 1e-9  #: where mechanism or drive have forces, taken from the start of a step
-SLOW = 1e-3  #: m/s, stiction velocity from which slip of a tooth-to-tooth contact lies in its ramp
+#: Dynamic over static friction, from which on the dynamic one stands for both.
+MIN_FRICTION_RATIO = 0.75
+#: Stiction velocity from which slip of a tooth-to-tooth contact lies in its ramp.
+SLOW_STICTION_M_S = 1e-3
 
 
 def require_engine(contact: ContactSet, engine: str) -> None:
@@ -215,26 +223,26 @@ def require_engine(contact: ContactSet, engine: str) -> None:
     if contact.face_friction is not None and engine == "drake":
         rule = "solver.engine is 'drake', whose dogs have one friction for faces and flanks"
         remedy = 'take solver.engine = "planar", or leave contact.face_friction out'
-        raise InputError(refusal("contact.face_friction", contact.face_friction, "", rule, remedy))
+        raise InputError(Refusal("contact.face_friction", contact.face_friction, "", rule, remedy))
 
 
 def solver_for(
     contact: ContactSet, mechanism: Mechanism = NOTHING, drive: Drive = NO_DRIVE
 ) -> Solver:
-    """Return the solver that a contact set needs, with its accuracy for a mechanism and a drive.
+    """Choose the solver for a contact set, with its accuracy for a mechanism and a drive.
 
     The explicit scheme knows the dynamic coefficient alone, that of slip above ten stiction
     velocities. Where the two differ by more than a quarter (0.30 and 0.16), or dogs slip more
     slowly, the static one decides whether a flank holds.
     """
-    falls = contact.dynamic_friction < 0.75 * contact.static_friction
-    falls = falls or contact.stiction_velocity > SLOW
-    scheme = "cenic" if falls else "runge_kutta3"
+    falls = contact.dynamic_friction < MIN_FRICTION_RATIO * contact.static_friction
+    creeps = contact.stiction_velocity > SLOW_STICTION_M_S
+    scheme = "cenic" if falls or creeps else "runge_kutta3"
     return Solver(scheme, accuracy_of(scheme, forced=mechanism.has_forces or drive.has_torques))
 
 
 def accuracy_of(scheme: str, *, forced: bool) -> float:
-    """Return the accuracy that Drake's scheme needs, with forces of a mechanism or without."""
+    """Look up the accuracy of Drake's scheme, with forces of a mechanism or without."""
     return CENIC_WITH_FORCES if scheme == "cenic" and forced else SCHEMES[scheme]
 
 
@@ -266,11 +274,17 @@ class Clutch:
     @property
     def shafts(self) -> tuple[Shaft, Shaft]:
         """Shafts behind sliding and output ring."""
-        rings, own = self.rings, self.mechanism
-        return (
-            shaft_of(own.ring_inertia, rings.sliding_inertia, own.input_stiffness, own.backlash),
-            shaft_of(own.wheel_inertia, rings.output_inertia, own.output_stiffness),
+        mechanism = self.mechanism
+        input_shaft = shaft_of(
+            mechanism.ring_inertia,
+            self.rings.sliding_inertia,
+            mechanism.input_stiffness,
+            backlash=mechanism.backlash,
         )
+        output_shaft = shaft_of(
+            mechanism.wheel_inertia, self.rings.output_inertia, mechanism.output_stiffness
+        )
+        return input_shaft, output_shaft
 
     @property
     def has_forces(self) -> bool:
@@ -278,56 +292,125 @@ class Clutch:
         return self.mechanism.has_forces or self.drive.has_torques
 
     @cached_property
-    def numbers(self) -> Array:
-        """Masses, mechanism, drive, stop and faces, in the places of ``sim.kernel``, (NUMBERS,)."""
-        from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and few verbs simulate
+    def numbers(self) -> np.record:
+        """Masses, mechanism, drive, stop and faces, a record of ``sim.kernel_layout``."""
+        numbers = empty_record(CLUTCH_NUMBERS)
+        self._set_masses(numbers)
+        self._set_resistance(numbers)
+        self._set_linkage(numbers)
+        self._set_shafts(numbers)
+        self._set_dogs(numbers)
+        self._set_drive(numbers)
+        return numbers
 
-        (near, far), dog, rings, own = self.shafts, self.dog, self.rings, self.mechanism
-        stiff, loss = own.linkage(rings.mass) if own.has_linkage else (0.0, 0.0)
-        share = own.spline_share(rings.mass, dog.mean_radius, near.near) if not near.far else 1.0
-        used = kernel.LINKED_SIZE if own.has_linkage else kernel.PLAIN_SIZE
+    def _set_masses(self, numbers: np.record) -> None:
+        """Write masses, inertias, and the size of the state that moves."""
+        mechanism = self.mechanism
+        input_shaft, output_shaft = self.shafts
+        numbers.sleeve_mass = mechanism.sleeve_mass(self.rings.mass)
+        numbers.actuator_mass = mechanism.actuator_mass(self.rings.mass) or 1.0
+        numbers.sliding_inertia = input_shaft.ring_inertia
+        numbers.input_side_inertia = input_shaft.side_inertia
+        numbers.output_inertia = output_shaft.ring_inertia
+        numbers.output_side_inertia = output_shaft.side_inertia
+        numbers.state_size = RIGID_STATE_SIZE
+        if mechanism.has_linkage:
+            numbers.state_size = LINKED_STATE_SIZE
+        if input_shaft.side_inertia or output_shaft.side_inertia:
+            numbers.state_size = STATE_SIZE
+
+    def _set_resistance(self, numbers: np.record) -> None:
+        """Write damping, friction, drag, detent and the stop behind the ring."""
+        dog = self.dog
+        mechanism = self.mechanism
+        numbers.damping = mechanism.damping
+        numbers.friction = mechanism.friction
+        spline_share = self._spline_share
+        spline_friction = spline_share * mechanism.spline_friction / mechanism.spline_radius
+        numbers.spline_force_per_torque = spline_friction
+        if spline_share > 0.0:
+            numbers.spline_inertia_ratio = (1.0 - spline_share) / spline_share
+        numbers.drag_torque = mechanism.drag_torque
+        numbers.smooth_speed = SMOOTH_SPEED_M_S
+        numbers.smooth_turn = SMOOTH_TURN_RAD_S
+        numbers.detent = mechanism.detent
+        numbers.detent_position = mechanism.detent_position
+        numbers.detent_seat = mechanism.detent_seat or math.inf
+        numbers.detent_width = mechanism.detent_width
+        numbers.rebound = self.rebound
+        face_stiffness = self.contact.stiffness * dog.count * dog.tip_width * dog.radial_width
+        numbers.rebound_stiffness = face_stiffness
+
+    @property
+    def _spline_share(self) -> float:
+        """Share of the contact's torque that goes through the spline, 1 with a shaft."""
+        input_shaft, _ = self.shafts
+        if input_shaft.side_inertia:
+            return 1.0
+        return self.mechanism.spline_share(
+            self.rings.mass, self.dog.mean_radius, input_shaft.ring_inertia
+        )
+
+    def _set_linkage(self, numbers: np.record) -> None:
+        """Write stiffness, damping and play of the linkage."""
+        mechanism = self.mechanism
+        numbers.has_linkage = mechanism.has_linkage
+        if mechanism.has_linkage:
+            stiffness, damping = mechanism.linkage(self.rings.mass)
+            numbers.linkage_stiffness = stiffness
+            numbers.linkage_damping = damping
+        numbers.free_play = mechanism.free_play
+        numbers.stop_depth = STOP_DEPTH_M
+
+    def _set_shafts(self, numbers: np.record) -> None:
+        """Write stiffness, damping and play of the shafts behind the rings."""
+        input_shaft, output_shaft = self.shafts
+        numbers.input_stiffness = input_shaft.stiffness
+        numbers.input_damping = input_shaft.damping
+        numbers.spline_backlash = input_shaft.backlash
+        numbers.stop_twist = STOP_TWIST_RAD
+        numbers.output_stiffness = output_shaft.stiffness
+        numbers.output_damping = output_shaft.damping
+
+    def _set_dogs(self, numbers: np.record) -> None:
+        """Write count, pitch, faces and travel of the dogs."""
+        dog = self.dog
+        numbers.dog_count = dog.count
+        numbers.mean_radius = dog.mean_radius
+        numbers.pitch_angle = dog.pitch_angle
+        numbers.axial_gap = dog.axial_gap
+        numbers.height = dog.height
+        numbers.radial_width = dog.radial_width
+        numbers.shift_travel = self.shift_travel
+        numbers.crest_overlap = dog.crest_overlap
+        numbers.double_face_width = 2.0 * dog.face_width
+        numbers.face_slope = dog.tangents[0]
+        numbers.double_back_width = 2.0 * dog.back_width
+        numbers.back_slope = math.tan(dog.chamfer_back)
+
+    def _set_drive(self, numbers: np.record) -> None:
+        """Write synchroniser and pack; a run writes torques over time piece by piece."""
         drive = self.drive
-        places: dict[int, float] = {
-            kernel.SLEEVE: own.sleeve_mass(rings.mass), kernel.SLIDING: near.near,
-            kernel.FAR: own.actuator_mass(rings.mass) or 1.0, kernel.OUTPUT: far.near,
-            kernel.DAMPING: own.damping, kernel.FRICTION: own.friction, kernel.DETENT: own.detent,
-            kernel.DETENT_AT: own.detent_position, kernel.DETENT_WIDTH: own.detent_width,
-            kernel.DETENT_SEAT: own.detent_seat or math.inf,
-            kernel.SPLINE: share * own.spline_friction / own.spline_radius,
-            kernel.DRAG: own.drag_torque, kernel.STIFF: stiff, kernel.LOSS: loss,
-            kernel.PLAY: own.free_play, kernel.DOGS: dog.count, kernel.REBOUND: self.rebound,
-            kernel.STOP: self.contact.stiffness * dog.count * dog.tip_width * dog.radial_width,
-            kernel.RADIUS: dog.mean_radius, kernel.WAY: self.shift_travel,
-            kernel.SLIP_SPEED: SLIP, kernel.TURN_SPEED: TURN, kernel.DEEP_STOP: DEEP,
-            kernel.TWIST: DEEP_TWIST, kernel.LINKED: own.has_linkage,
-            kernel.USED: kernel.SIZE if near.far or far.far else used, kernel.BEHIND: near.far,
-            kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping,
-            kernel.BACKLASH: near.backlash, kernel.AHEAD: far.far,
-            kernel.OUT_SHAFT: far.stiffness, kernel.OUT_LOSS: far.damping,
-            kernel.PITCH: dog.pitch_angle, kernel.CREST: dog.crest_overlap,
-            kernel.FACES: 2.0 * dog.face_width, kernel.SLOPE: dog.tangents[0],
-            kernel.BACKS: 2.0 * dog.back_width, kernel.BACK_SLOPE: math.tan(dog.chamfer_back),
-            kernel.HEIGHT: dog.height, kernel.GAP: dog.axial_gap, kernel.LENGTH: dog.radial_width,
-            kernel.DRIVEN: drive.has_torques, kernel.SYNCHRONISER: drive.synchroniser,
-            kernel.PACK: drive.pack_torque, kernel.PACK_OIL: drive.pack_viscous,
-            kernel.PACK_SPEED: drive.sense * drive.pack_speed,
-            kernel.PACK_AHEAD: drive.engine_side == "output",
-            kernel.BESIDE: (1.0 - share) / share if share > 0.0 else 0.0,
-        }  # fmt: skip
-        return np.array([places.get(place, 0.0) for place in range(kernel.NUMBERS)])
+        numbers.has_drive = drive.has_torques
+        numbers.synchroniser_torque = drive.synchroniser
+        numbers.pack_torque = drive.pack_torque
+        numbers.pack_viscous = drive.pack_viscous
+        numbers.pack_speed = drive.sense * drive.pack_speed
+        numbers.pack_on_output = drive.engine_side == "output"
 
     def loaded(self, side: EngineSide, torque: float) -> Clutch:
-        """Return the same clutch with a further torque in N m on a side during the shift."""
+        """Add a torque in N m on a side during the shift."""
         return replace(self, drive=self.drive.loaded(side, torque))
 
     def refined(self) -> Clutch:
-        """Return the same clutch with a tolerance thirty times smaller and half the step."""
+        """Refine the solver: a thirtieth of the tolerance and half the longest step."""
         solver = self.solver
-        accuracy, step = max(solver.accuracy / 30.0, 1e-10), max(0.5 * solver.max_step, 1e-6)
-        return replace(self, solver=replace(solver, accuracy=accuracy, max_step=step))
+        accuracy = max(solver.accuracy / 30.0, 1e-10)
+        max_step = max(0.5 * solver.max_step, 1e-6)
+        return replace(self, solver=replace(solver, accuracy=accuracy, max_step=max_step))
 
     def with_engine(self, engine: str) -> Clutch:
-        """Return the same clutch for another engine, at that engine's own accuracy."""
+        """Change the engine, with the accuracy that it needs."""
         solver = solver_for(self.contact, self.mechanism, self.drive)
         accuracy = PLANAR_ACCURACY if engine == "planar" else solver.accuracy
         return replace(self, solver=replace(self.solver, engine=engine, accuracy=accuracy))

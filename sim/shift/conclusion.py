@@ -12,12 +12,27 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from dogshape.sim.elementwise import Array, bisect
-from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.errors import InputError, Refusal
+from dogshape.sim.kernel_layout import (
+    ACTUATOR_DISPLACEMENT,
+    ACTUATOR_SPEED,
+    AXIAL_SPEED,
+    DISPLACEMENT,
+    INPUT_SIDE_ANGLE,
+    INPUT_SIDE_SPEED,
+    OUTPUT_ANGLE,
+    OUTPUT_SIDE_ANGLE,
+    OUTPUT_SIDE_SPEED,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+    STATE_SIZE,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.drive import impulses
@@ -25,6 +40,9 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
 from dogshape.sim.shift.trace import OVERLAPS, PHASES, Events, Loads, Phase, Trace, trace_of
 from dogshape.sim.units import MM
+
+if TYPE_CHECKING:
+    from dogshape.sim.kernel import ShiftSummary
 
 
 class Outcome(Enum):
@@ -46,13 +64,15 @@ MESSAGES = {
 
 #: Beginning of the reason of a failure that depends on the speed of the machine.
 TIME_LIMIT = "no end after solver.time_limit_s"
-#: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
+#: Share of the apex's depth to which the field covers all faces (``sim.shift.mesh``).
 COVERED_DEPTH = 1.0 / 3.0
-PASSED_OVER = 1e-5  #: m of overlap within a step without contact, beside what roundings take
-FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
+#: Overlap within a step without contact that a shift may have, beyond that of rounded edges.
+MAX_MISSED_OVERLAP_M = 1e-5
+STEP_REFINEMENT = 10.0  #: by which steps shrink once dogs passed through each other within one
 DEAD_TIME = "dead time"  #: name of the phase before the force starts
 _CLASSES = np.array(OVERLAPS)
-LATEST_RELEASE = 0.99  #: of the time-out, from which on a ring that was never let go is simulated
+#: Share of the time-out from which on a ring that friction never let go is simulated.
+LATEST_RELEASE_SHARE = 0.99
 
 
 @lru_cache(maxsize=4)  # shifts of a design have one dog
@@ -61,22 +81,27 @@ def section_planes(dog: Dog) -> Array:
 
     At the mean radius, for ``sim.kernel.penetration``: flanks, face and back.
     """
-    quarter, half, right = 0.25 * (dog.pitch - dog.backlash), 0.5 * dog.height, 0.5 * math.pi
-    ridge, planes = 0.5 * dog.crest_overlap, []
-    # A point of each plane beside its normal's lean.
-    for angle, side, at, up in (
+    quarter = 0.25 * (dog.pitch - dog.backlash)
+    half_height = 0.5 * dog.height
+    right_angle = 0.5 * math.pi
+    ridge = 0.5 * dog.crest_overlap
+    # Lean and sense of each plane's normal, and a point of the plane.
+    lines = (
         (dog.traction, 1.0, quarter, 0.0),
         (dog.braking, -1.0, -quarter, 0.0),
-        (right - dog.chamfer, -1.0, ridge, half),
-        (right - dog.chamfer_back, 1.0, ridge, half),
-    ):
-        n_y, n_z = side * math.cos(angle), math.sin(angle)
-        planes.append((n_y, n_z, 2.0 * (n_y * at + n_z * up)))
+        (right_angle - dog.chamfer, -1.0, ridge, half_height),
+        (right_angle - dog.chamfer_back, 1.0, ridge, half_height),
+    )
+    planes = []
+    for lean, sense, y, z in lines:
+        n_y = sense * math.cos(lean)
+        n_z = math.sin(lean)
+        planes.append((n_y, n_z, 2.0 * (n_y * y + n_z * z)))
     return np.array(planes)
 
 
 def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
-    """Describe why a shift is not valid; empty where it is.
+    """Describe dogs that passed through each other or a ring beyond its slot; empty for neither.
 
     Down to a third of the apex's depth the pyramids of the three faces cover all that is touched
     (``sim.shift.mesh``); deeper, the pressure may push the wrong way. Flanks touch at full travel,
@@ -87,40 +112,42 @@ def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
     limit = COVERED_DEPTH * pressure_apex(clutch.dog)[1]
     if deepest > limit:
         rule = f"the contact pushes back down to {limit / MM:.4g} mm: dogs passed through"
-        return refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy)
-    dog, beyond = clutch.dog, farthest - clutch.dog.travel
+        return str(Refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy))
+    dog = clutch.dog
+    excess = farthest - dog.travel
     if dog.backlash > 0.0:
-        beyond -= dog.backlash / dog.lean if dog.lean > 0.0 else math.inf
-    if beyond > clutch.seated_tolerance:
+        excess -= dog.backlash / dog.lean if dog.lean > 0.0 else math.inf
+    if excess > clutch.seated_tolerance:
         rule = (
             f"full travel and its tolerance of {clutch.seated_tolerance / MM:.4g} mm end it: the "
             "ring is not in its slot"
         )
-        return refusal("way beyond full travel", beyond / MM, "mm", rule, remedy)
+        return str(Refusal("way beyond full travel", excess / MM, "mm", rule, remedy))
     return ""
 
 
 def require_stiff_enough(clutch: Clutch, force: float) -> None:
-    """Raise InputError where the force alone presses flat faces deeper than a shift's end is told.
+    """Raise InputError where the force presses flat faces deeper than the tolerance of the travel.
 
     Faces of all dogs on each other give way by :math:`F/(k A)`; beyond the tolerance of the end
     a shift would seem done, or not, by that depth alone. ``force`` is the largest one, N. The
-    published IMPACT is as soft as that and stays as it is.
+    published IMPACT is as soft as that and is not refused.
     """
     if clutch.contact.impact is not None:
         return
-    dog, stiffness = clutch.dog, clutch.contact.stiffness
+    dog = clutch.dog
+    stiffness = clutch.contact.stiffness
     area = dog.count * dog.tip_width * dog.radial_width
     depth = force / (stiffness * area)
     if depth <= clutch.seated_tolerance:
         return
-    least = force / (clutch.seated_tolerance * area)
+    min_stiffness = force / (clutch.seated_tolerance * area)
     rule = (
         f"{force:.6g} N press the faces {depth / MM:.3g} mm into each other, more than the "
         f"{clutch.seated_tolerance / MM:.4g} mm to which a shift's end is told"
     )
-    remedy = f"take at least {least:.2g} Pa/m"
-    raise InputError(refusal("contact.stiffness_Pa_m", stiffness, "Pa/m", rule, remedy))
+    remedy = f"take at least {min_stiffness:.2g} Pa/m"
+    raise InputError(Refusal("contact.stiffness_Pa_m", stiffness, "Pa/m", rule, remedy))
 
 
 @dataclass(frozen=True)
@@ -140,24 +167,23 @@ class Engagement:
     loads: Loads
     evaluations: int  #: derivatives that the integrator asked for, what a shift costs
     detail: str
-    missed: float  #: how deep dogs lay in each other within steps that show no contact, m
+    missed: float  #: largest penetration within steps that show no contact, m
     run: Run
 
     @cached_property
     def trace(self) -> Trace:
-        """Time series, worked out when they are first asked for."""
-        run, profile = self.run, self.point.profile
-        made = trace_of(self.clutch, profile, run.times, run.states, run.driven)
-        return replace(made, time=made.time + self.point.profile.delay)
+        """Time series, computed at the first use."""
+        run = self.run
+        profile = self.point.profile
+        trace = trace_of(self.clutch, profile, run.times, states=run.states, driven=run.driven)
+        return replace(trace, time=trace.time + profile.delay)
 
 
 @dataclass(frozen=True)
 class Run:
     """Record of one shift by an engine.
 
-    A state is output angle, displacement, sliding angle and their rates, displacement and speed of
-    the actuator, angle and rate of what is behind the sliding and the output ring, SI; what the
-    mechanism does not move apart has no meaning.
+    ``sim.kernel_layout`` has the columns of a state; columns that do not move have no meaning.
     """
 
     times: Array  #: s, (n,), each later than the one before
@@ -175,12 +201,13 @@ class Run:
         return impulses(self.times, self.torques)
 
 
-def failure_of(clutch: Clutch, now: float, state: Array, steps: int, deadline: float) -> str:
-    """Describe why a run cannot go on; empty where it can.
+def failure_of(clutch: Clutch, shift_time: float, state: Array, steps: int, deadline: float) -> str:
+    """Describe a motion that is not finite or a limit that a run has passed; empty for neither.
 
-    ``now`` in s of the shift, ``deadline`` by the clock of ``time.monotonic``, s.
+    ``shift_time`` is the present time of the shift, s, ``deadline`` by ``time.monotonic``, s.
     """
-    solver, place = clutch.solver, f"at {now:.6g} s"
+    solver = clutch.solver
+    place = f"at {shift_time:.6g} s"
     if not np.isfinite(state).all():
         return f"the motion is not finite {place}"
     if steps > solver.max_steps:
@@ -191,46 +218,84 @@ def failure_of(clutch: Clutch, now: float, state: Array, steps: int, deadline: f
 
 
 def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> Engagement:
-    """Work a result out of a run; times of it count from the command, a dead time later.
+    """Compute the result of a run; its times count from the command, a dead time earlier.
 
     A shift whose dogs passed through each other is ``Outcome.DIVERGED``.
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
-    ends, limits, missed, marks, events, loads, line_loads = kernel.summarize(
-        run.times, run.states, clutch.numbers, point.profile.knots, run.driven,
-        section_planes(clutch.dog), _CLASSES,
-    )  # fmt: skip
-    done, far = map(_given, ends)
-    fields: list[Any] = [*loads[:5], *map(_given, loads[5:]), tuple(line_loads.tolist())]
-    outcome, late = Outcome.ENGAGED, point.profile.delay
-    failure = run.failure or passing_through(clutch, *limits)
+    summary = kernel.summarize(
+        run.times,
+        run.states,
+        clutch.numbers,
+        knots=point.profile.knots,
+        driven=run.driven,
+        planes=section_planes(clutch.dog),
+        classes=_CLASSES,
+    )
+    delay = point.profile.delay
+    failure = run.failure or passing_through(clutch, summary.deepest, summary.farthest)
+    outcome = Outcome.ENGAGED
     if failure:
         outcome = Outcome.DIVERGED
-    elif done is None:
+    elif math.isnan(summary.shift_time):
         outcome = Outcome.BLOCKED if run.blocked else Outcome.TIMED_OUT
-    end = float(run.times[-1]) if done is None else done
-    between = pairwise([late, *(mark + late for mark in marks), end + late])
-    phases = [Phase(name, *times) for name, times in zip(PHASES, between, strict=True)]
+    shift_time = None
+    if outcome is Outcome.ENGAGED:
+        shift_time = _number_or_none(summary.shift_time + delay)
+    actuator_time = None
+    if outcome is not Outcome.DIVERGED:
+        actuator_time = _number_or_none(summary.actuator_time + delay)
     return Engagement(
         clutch=clutch,
         point=point,
         relative_angle=angle,
         outcome=outcome,
-        shift_time=None if done is None or outcome is not Outcome.ENGAGED else done + late,
-        actuator_time=None if far is None or outcome is Outcome.DIVERGED else far + late,
-        phases=(*([Phase(DEAD_TIME, 0.0, late)] if late else ()), *phases),
-        events=Events(*events),
-        loads=Loads(*fields),
+        shift_time=shift_time,
+        actuator_time=actuator_time,
+        phases=_phases(run, summary, delay),
+        events=Events(**summary.events._asdict()),
+        loads=_loads(summary),
         evaluations=run.evaluations,
         detail=failure or MESSAGES[outcome],
-        missed=missed,
+        missed=summary.missed_overlap,
         run=run,
     )
 
 
-def _given(value: float) -> float | None:
-    """Replace a number that there is not by None."""
+def _phases(run: Run, summary: ShiftSummary, delay: float) -> tuple[Phase, ...]:
+    """List the phases of a shift from the command on, after a dead time of ``delay`` in s."""
+    end = summary.shift_time
+    if math.isnan(end):
+        end = float(run.times[-1])
+    times = [delay, *(mark + delay for mark in summary.marks), end + delay]
+    phases = [
+        Phase(name, phase_start, phase_end)
+        for name, (phase_start, phase_end) in zip(PHASES, pairwise(times), strict=True)
+    ]
+    if delay:
+        phases.insert(0, Phase(DEAD_TIME, 0.0, delay))
+    return tuple(phases)
+
+
+def _loads(summary: ShiftSummary) -> Loads:
+    """Build the loads of a shift, None for a value that there is not."""
+    values = summary.loads
+    return Loads(
+        peak_axial_force=values.peak_axial_force,
+        peak_tangential_force=values.peak_tangential_force,
+        impact_impulse=values.impact_impulse,
+        energy_dissipated=values.energy_dissipated,
+        strike_mismatch=values.strike_mismatch,
+        residual_mismatch=_number_or_none(values.residual_mismatch),
+        input_torque_peak=_number_or_none(values.input_torque_peak),
+        output_torque_peak=_number_or_none(values.output_torque_peak),
+        landing_loads=tuple(summary.line_loads.tolist()),
+    )
+
+
+def _number_or_none(value: float) -> float | None:
+    """Replace NaN by None."""
     return None if math.isnan(value) else value
 
 
@@ -255,66 +320,91 @@ def engage(plant: Engine, point: OperatingPoint, relative_angle: float) -> Engag
     within one step, or meet and part; such a shift is simulated again with steps of at most a
     tenth, and has diverged only if dogs pass through each other again.
     """
-    clutch, first = plant.clutch, plant.run(point, relative_angle)
-    found = conclude(clutch, point, relative_angle, first)
-    seen = found.missed <= PASSED_OVER + 0.5 * clutch.dog.edge_radius
-    if first.failure or (found.outcome is not Outcome.DIVERGED and seen):
-        return found
-    solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
-    more = type(plant)(replace(clutch, solver=solver)).run(point, relative_angle)
-    again = conclude(clutch, point, relative_angle, more)
-    return replace(again, evaluations=first.evaluations + more.evaluations)
+    clutch = plant.clutch
+    run = plant.run(point, relative_angle)
+    result = conclude(clutch, point, relative_angle, run)
+    max_missed = MAX_MISSED_OVERLAP_M + 0.5 * clutch.dog.edge_radius
+    valid = result.outcome is not Outcome.DIVERGED and result.missed <= max_missed
+    if run.failure or valid:
+        return result
+    solver = replace(clutch.solver, max_step=clutch.solver.max_step / STEP_REFINEMENT)
+    fine_run = type(plant)(replace(clutch, solver=solver)).run(point, relative_angle)
+    fine_result = conclude(clutch, point, relative_angle, fine_run)
+    return replace(fine_result, evaluations=run.evaluations + fine_run.evaluations)
 
 
 def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Array, Array]:
-    """Return times in s, (n,), and states, (n, 12), up to where friction lets the ring go.
+    """Compute times in s, (n,), and states, (n, 12), while friction holds the ring.
 
-    The last state is where the motion of both rings begins; ``angle`` as for ``Engagement``.
+    The last state is the first of the motion of both rings; ``angle`` is the relative angle, rad.
     """
-    times, *actuator = release(clutch, point.profile)
-    sliding, still = clutch.drive.sliding_speed(point.mismatch), np.zeros_like(times)
-    output = sliding + point.mismatch
-    ahead, turned = angle + output * times, sliding * times
-    given, rings = output + still, sliding + still
-    columns = ahead, still, turned, given, still, rings, *actuator, turned, rings, ahead, given
-    return times, np.array(columns).T.copy()
+    times, actuator_displacement, actuator_speed = release(clutch, point.profile)
+    sliding_speed = clutch.drive.sliding_speed(point.mismatch)
+    output_speed = sliding_speed + point.mismatch
+    output_angle = angle + output_speed * times
+    sliding_angle = sliding_speed * times
+    states = np.empty((times.size, STATE_SIZE))
+    states[:, OUTPUT_ANGLE] = output_angle
+    states[:, DISPLACEMENT] = 0.0
+    states[:, SLIDING_ANGLE] = sliding_angle
+    states[:, OUTPUT_SPEED] = output_speed
+    states[:, AXIAL_SPEED] = 0.0
+    states[:, SLIDING_SPEED] = sliding_speed
+    states[:, ACTUATOR_DISPLACEMENT] = actuator_displacement
+    states[:, ACTUATOR_SPEED] = actuator_speed
+    states[:, INPUT_SIDE_ANGLE] = sliding_angle
+    states[:, INPUT_SIDE_SPEED] = sliding_speed
+    states[:, OUTPUT_SIDE_ANGLE] = output_angle
+    states[:, OUTPUT_SIDE_SPEED] = output_speed
+    return times, states
 
 
 @lru_cache(maxsize=64)  # shifts differ by their angle alone
 def release(clutch: Clutch, profile: ForceProfile) -> Array:
-    r"""Find the time at which friction lets the ring go; at once where it need not hold.
+    r"""Compute the motion of the actuator while friction holds the ring.
 
-    Returns times in s with displacement in m and speed of the actuator up to there, (3, n).
+    Returns times in s, displacement in m and speed in m/s up to the release, (3, n).
     Without a linkage that is when the shift force reaches :math:`R_0`. With one the actuator moves
     against a ring at rest, :math:`m_a \ddot y = F(t) - L(y, \dot y)`, until :math:`L = R_0`. A
     friction law that is nearly a jump would cost the solver of the whole motion thousands of steps.
     """
-    mechanism, mass = clutch.mechanism, clutch.rings.mass
-    held = mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0
+    mechanism = clutch.mechanism
+    mass = clutch.rings.mass
+    holds = mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0
     slows = clutch.drive.has_torques or (clutch.drive.turns and mechanism.drag_torque > 0.0)
-    low, high = 0.0, LATEST_RELEASE * clutch.timeout
-    if not held or slows:
+    low = 0.0
+    high = LATEST_RELEASE_SHARE * clutch.timeout
+    if not holds or slows:
         return np.zeros((3, 1))
     if not mechanism.has_linkage:
         if profile.at(high) < mechanism.friction:
             low = high
-        low, _ = bisect(lambda at: profile.at(at) < mechanism.friction, low, high, width=1e-6)
+        low, _ = bisect(lambda time: profile.at(time) < mechanism.friction, low, high, width=1e-6)
         return np.array([[0.0, low], [0.0, 0.0], [0.0, 0.0]])
     from scipy.integrate import solve_ivp  # noqa: PLC0415  slow to load, and few shifts need it
 
-    linkage, far = mechanism.linkage(mass), mechanism.actuator_mass(mass)
+    stiffness, damping = mechanism.linkage(mass)
+    actuator_mass = mechanism.actuator_mass(mass)
 
-    def pulled(state: Array) -> float:
-        return float(mechanism.pull(float(state[0]), float(state[1]), *linkage))
+    def pull(motion: Array) -> float:
+        displacement, speed = motion
+        return float(mechanism.pull(float(displacement), float(speed), stiffness, damping))
 
-    def motion(time: float, state: Array) -> list[float]:
-        return [float(state[1]), (float(profile.at(time)) - pulled(state)) / far]
+    def rates(time: float, motion: Array) -> list[float]:
+        _, speed = motion
+        return [float(speed), (float(profile.at(time)) - pull(motion)) / actuator_mass]
 
-    def loose(_: float, state: Array) -> float:
-        return pulled(state) - mechanism.friction
+    def excess_pull(_: float, motion: Array) -> float:
+        return pull(motion) - mechanism.friction
 
-    loose.terminal = True  # type: ignore[attr-defined]
-    run = solve_ivp(
-        motion, (low, high), [0.0, 0.0], events=loose, rtol=1e-5, atol=1e-9, max_step=0.01 * high
+    excess_pull.terminal = True  # type: ignore[attr-defined]
+    solution = solve_ivp(
+        rates,
+        (low, high),
+        np.zeros(2),
+        events=excess_pull,
+        rtol=1e-5,
+        atol=1e-9,
+        max_step=0.01 * high,
     )
-    return np.array([run.t, *run.y])
+    return np.array([solution.t, *solution.y])

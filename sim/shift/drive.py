@@ -32,16 +32,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import (
-    InputError,
-    ranged_record,
-    refusal,
-    require_between,
-    require_known,
-    require_ranges,
-    within,
-)
-from dogshape.sim.shift.mechanism import TURN, smooth_sign
+from dogshape.sim.errors import InputError, Refusal, require_between, require_known
+from dogshape.sim.quantity import quantity, record_quantities, require_ranges
+from dogshape.sim.shift.mechanism import SMOOTH_TURN_RAD_S, smooth_sign
 from dogshape.sim.units import RPM
 
 EngineSide = Literal["sliding", "output"]
@@ -55,14 +48,13 @@ STEADY = 0.01  #: share of the limit that a control's torque may still change by
 class SpeedControl:
     """Proportional-integral control of the mismatch by a torque on the engine's side."""
 
-    set_point: float = within(
-        "set_point_rpm", -5e3, 5e3, 0.0
-    )  #: of output less sliding speed, rad/s
-    proportional: float = within("proportional_Nms_rad", 0.0, 1e5, 0.0)  #: N m s/rad
-    integral: float = within("integral_Nm_rad", 0.0, 1e7, 0.0)  #: N m/rad
-    limit: float = within("limit_Nm", 1e-6, MAX_TORQUE_NM, 100.0)  #: of the torque, N m
-    dead_time: float = within("dead_time_s", 0.0, 1.0, 0.0)  #: from measurement to torque, s
-    cycle: float = within("cycle_s", 1e-4, 1.0, 0.01)  #: from one measurement to the next, s
+    #: of output less sliding speed, rad/s
+    set_point: float = quantity("set_point_rpm", -5e3, 5e3, 0.0)
+    proportional: float = quantity("proportional_Nms_rad", 0.0, 1e5, 0.0)  #: N m s/rad
+    integral: float = quantity("integral_Nm_rad", 0.0, 1e7, 0.0)  #: N m/rad
+    limit: float = quantity("limit_Nm", 1e-6, MAX_TORQUE_NM, 100.0)  #: of the torque, N m
+    dead_time: float = quantity("dead_time_s", 0.0, 1.0, 0.0)  #: from measurement to torque, s
+    cycle: float = quantity("cycle_s", 1e-4, 1.0, 0.01)  #: from one measurement to the next, s
 
     def __post_init__(self) -> None:
         require_ranges(self, "drive.control", "correct the control")
@@ -82,18 +74,18 @@ class Drive:
     """
 
     #: of the ring on the wheels' side, rad/s; 0 where the sliding ring stands before the shift
-    shaft_speed: float = within("shaft_speed_rpm", 0.0, 2e4, 0.0)
+    shaft_speed: float = quantity("shaft_speed_rpm", 0.0, 2e4, 0.0)
     engine_side: EngineSide = "sliding"  #: ring that turns with the engine
     sliding_torque: tuple[float, ...] = (0.0,)  #: on the sliding side, N m
     output_torque: tuple[float, ...] = (0.0,)  #: on the output side, N m
     times: tuple[float, ...] = ()  #: of the torques, s from the start of the force
     #: Coulomb torque of a wet pack between the engine's side and its partner, N m
-    pack_torque: float = within("pack_torque_Nm", 0.0, MAX_TORQUE_NM, 0.0)
-    pack_viscous: float = within("pack_viscous_Nms_rad", 0.0, 1e5, 0.0)  #: its oil's, N m s/rad
+    pack_torque: float = quantity("pack_torque_Nm", 0.0, MAX_TORQUE_NM, 0.0)
+    pack_viscous: float = quantity("pack_viscous_Nms_rad", 0.0, 1e5, 0.0)  #: its oil's, N m s/rad
     #: of the partner, in the engine's sense, rad/s
-    pack_speed: float = within("pack_speed_rpm", -2e4, 2e4, 0.0)
+    pack_speed: float = quantity("pack_speed_rpm", -2e4, 2e4, 0.0)
     #: friction torque between both sides that drives the mismatch to zero, N m
-    synchroniser: float = within("synchroniser_torque_Nm", 0.0, MAX_TORQUE_NM, 0.0)
+    synchroniser: float = quantity("synchroniser_torque_Nm", 0.0, MAX_TORQUE_NM, 0.0)
     control: SpeedControl | None = None
 
     def __post_init__(self) -> None:
@@ -113,7 +105,7 @@ class Drive:
             rule += "drive.pack_viscous_Nms_rad"
             remedy = "give one of them, or leave the speed out"
             speed = self.pack_speed / RPM
-            raise InputError(refusal("drive.pack_speed_rpm", speed, "1/min", rule, remedy))
+            raise InputError(Refusal("drive.pack_speed_rpm", speed, "1/min", rule, remedy))
 
     def _require_table(self, key: str, torques: tuple[float, ...]) -> None:
         for torque in torques:
@@ -136,10 +128,12 @@ class Drive:
         return -1.0 if self.engine_side == "sliding" else 1.0
 
     def loaded(self, side: EngineSide, torque: float) -> Drive:
-        """Return the drive with a further ``torque`` in N m on a side, constant over the shift."""
+        """Add a ``torque`` in N m on a side, constant over the shift."""
         if side == "sliding":
-            return replace(self, sliding_torque=tuple(t + torque for t in self.sliding_torque))
-        return replace(self, output_torque=tuple(t + torque for t in self.output_torque))
+            sliding_torque = tuple(value + torque for value in self.sliding_torque)
+            return replace(self, sliding_torque=sliding_torque)
+        output_torque = tuple(value + torque for value in self.output_torque)
+        return replace(self, output_torque=output_torque)
 
     def sliding_speed(self, mismatch: float) -> float:
         """Compute the speed of the sliding ring about the axis at a ``mismatch`` in rad/s."""
@@ -169,39 +163,43 @@ class Drive:
 
         Speeds in rad/s and torques about the axis.
         """
-        shared = self.synchroniser * smooth_sign(output_speed - sliding_speed, TURN)
+        shared = self.synchroniser * smooth_sign(output_speed - sliding_speed, SMOOTH_TURN_RAD_S)
         on_sliding = self.engine_side == "sliding"
         slip = self.sense * self.pack_speed - (sliding_speed if on_sliding else output_speed)
-        pack = self.pack_torque * smooth_sign(slip, TURN) + self.pack_viscous * slip
+        pack = self.pack_torque * smooth_sign(slip, SMOOTH_TURN_RAD_S) + self.pack_viscous * slip
         if on_sliding:
             return shared + pack, -shared
         return shared, pack - shared
 
     def table_at(self, time: float) -> tuple[float, float]:
         """Interpolate the torques on sliding and output side about the axis at ``time``, N m."""
-        sliding, output = (
-            float(np.interp(time, self.times, torques)) if len(torques) > 1 else torques[0]
-            for torques in (self.sliding_torque, self.output_torque)
-        )
+        sliding = self._interpolate(self.sliding_torque, time)
+        output = self._interpolate(self.output_torque, time)
         return self.sense * sliding, self.sense * output
+
+    def _interpolate(self, torques: tuple[float, ...], time: float) -> float:
+        """Interpolate a table of torques, or one torque for all times, N m."""
+        if len(torques) == 1:
+            return torques[0]
+        return float(np.interp(time, self.times, torques))
 
     @property
     def table(self) -> dict[str, object]:
         """Keys of ``[drive]`` that differ from no drive, in the edge's units."""
-        none = ranged_record(NO_DRIVE)
-        found: dict[str, object] = {
-            key: value for key, value in ranged_record(self).items() if value != none[key]
+        absent = record_quantities(NO_DRIVE)
+        table: dict[str, object] = {
+            key: value for key, value in record_quantities(self).items() if value != absent[key]
         }
         if self.engine_side != NO_DRIVE.engine_side:
-            found["engine_side"] = self.engine_side
+            table["engine_side"] = self.engine_side
         if self.has_table:
-            found["sliding_torque_Nm"] = list(self.sliding_torque)
-            found["output_torque_Nm"] = list(self.output_torque)
+            table["sliding_torque_Nm"] = list(self.sliding_torque)
+            table["output_torque_Nm"] = list(self.output_torque)
         if self.times:
-            found["torque_time_s"] = list(self.times)
+            table["torque_time_s"] = list(self.times)
         if self.control is not None:
-            found["control"] = ranged_record(self.control)
-        return found
+            table["control"] = record_quantities(self.control)
+        return table
 
     @property
     def record(self) -> dict[str, object]:
@@ -215,10 +213,14 @@ class Drive:
         if self.turns:
             speed = f"{self.shaft_speed / RPM:.5g} 1/min on the wheels' side"
             parts = [f"turn at {speed}, engine at the {self.engine_side} ring"]
-        parts += ["torque over time"] if self.has_table else []
-        parts += ["wet pack"] if self.has_pack else []
-        parts += ["synchroniser"] if self.synchroniser > 0.0 else []
-        parts += ["speed control"] if self.control is not None else []
+        if self.has_table:
+            parts.append("torque over time")
+        if self.has_pack:
+            parts.append("wet pack")
+        if self.synchroniser > 0.0:
+            parts.append("synchroniser")
+        if self.control is not None:
+            parts.append("speed control")
         return ", ".join(parts)
 
 
@@ -236,11 +238,10 @@ class TorquePiece:
 
     def at(self, time: float) -> tuple[float, float]:
         """Compute the torques on sliding and output side at a time in s, N m."""
-        since = time - self.start
-        sliding, output = (
-            torque + slope * since for torque, slope in zip(self.torques, self.slopes, strict=True)
-        )
-        return sliding, output
+        elapsed = time - self.start
+        sliding_torque, output_torque = self.torques
+        sliding_slope, output_slope = self.slopes
+        return sliding_torque + sliding_slope * elapsed, output_torque + output_slope * elapsed
 
 
 class TorqueCourse:
@@ -257,28 +258,35 @@ class TorqueCourse:
         self._pending = deque[tuple[float, float]]()  # times and torques that were commanded
 
     def piece(self, time: float, mismatch: float) -> TorquePiece:
-        """Begin the piece at ``time`` in s, where output less sliding speed is ``mismatch``."""
+        """Begin the piece at ``time`` in s; ``mismatch`` is output less sliding speed, rad/s."""
         drive = self.drive
         ends = [self.timeout, *(knot for knot in drive.times if knot > time + SAME_TIME_S)]
         if drive.control is not None:
-            ends += self._controlled(drive.control, time, mismatch)
+            ends += self._control(drive.control, time, mismatch)
         end = min(ends)
-        first, last = drive.table_at(time), drive.table_at(end)
-        slope = tuple((b - a) / (end - time) for a, b in zip(first, last, strict=True))
+        start_sliding, start_output = drive.table_at(time)
+        end_sliding, end_output = drive.table_at(end)
+        slopes = (
+            (end_sliding - start_sliding) / (end - time),
+            (end_output - start_output) / (end - time),
+        )
         on_sliding = drive.engine_side == "sliding"
         control = drive.sense * self.control_torque
         torques = (
-            first[0] + (control if on_sliding else 0.0),
-            first[1] + (0.0 if on_sliding else control),
+            start_sliding + (control if on_sliding else 0.0),
+            start_output + (0.0 if on_sliding else control),
         )
-        found = TorquePiece(time, end, torques, (slope[0], slope[1]))
-        self.pieces.append(found)
-        return found
+        piece = TorquePiece(time, end, torques, slopes)
+        self.pieces.append(piece)
+        return piece
 
-    def _controlled(self, control: SpeedControl, time: float, mismatch: float) -> list[float]:
-        """Measure and apply what is due at ``time``; list the times of what comes next."""
-        now = time + SAME_TIME_S
-        if now >= self._cycles * control.cycle:
+    def _control(self, control: SpeedControl, time: float, mismatch: float) -> list[float]:
+        """Measure the mismatch and set torques that are due at ``time``.
+
+        Returns the times of the next measurement and of pending torques, s.
+        """
+        due = time + SAME_TIME_S
+        if due >= self._cycles * control.cycle:
             self._cycles += 1
             self._error = control.set_point - mismatch
             step = control.integral * control.cycle * self._error
@@ -286,13 +294,14 @@ class TorqueCourse:
             torque = control.proportional * self._error + self._integral
             torque = min(max(torque, -control.limit), control.limit)
             self._pending.append((time + control.dead_time, torque))
-        while self._pending and self._pending[0][0] <= now:
+        while self._pending and self._pending[0][0] <= due:
             _, self.control_torque = self._pending.popleft()
-        return [self._cycles * control.cycle, *(at for at, _ in self._pending)]
+        return [self._cycles * control.cycle, *(start for start, _ in self._pending)]
 
     def settled(self, time: float) -> bool:
-        """Decide whether held rings would meet no other torque from ``time`` in s on."""
-        drive, control = self.drive, self.drive.control
+        """Decide whether the torques on held rings stay constant from ``time`` in s on."""
+        drive = self.drive
+        control = drive.control
         if drive.has_table and drive.times and time < drive.times[-1]:
             return False
         if control is None:
@@ -306,8 +315,11 @@ class TorqueCourse:
     @property
     def knots(self) -> Array:
         """Times in s and torques on sliding and output side in N m, linear between, (3, 2 n)."""
-        ends = [(time, *part.at(time)) for part in self.pieces for time in (part.start, part.end)]
-        return np.array(ends).T.copy()
+        knots = []
+        for piece in self.pieces:
+            knots.append((piece.start, *piece.at(piece.start)))
+            knots.append((piece.end, *piece.at(piece.end)))
+        return np.array(knots).T.copy()
 
 
 def impulses(times: Array, knots: Array) -> Array:
@@ -315,14 +327,18 @@ def impulses(times: Array, knots: Array) -> Array:
 
     ``knots`` as of ``TorqueCourse``; before the first one and beyond the last there is no torque.
     """
-    at, torques = knots[0], knots[1:]
-    parts = 0.5 * np.diff(at) * (torques[:, 1:] + torques[:, :-1])
+    knot_times = knots[0]
+    torques = knots[1:]
+    parts = 0.5 * np.diff(knot_times) * (torques[:, 1:] + torques[:, :-1])
     sums = np.concatenate([np.zeros((2, 1)), np.cumsum(parts, axis=1)], axis=1)
-    clipped = np.clip(times, at[0], at[-1])
-    place = np.clip(np.searchsorted(at, clipped, side="right") - 1, 0, at.size - 2)
-    width = at[place + 1] - at[place]
-    since = clipped - at[place]
-    share = np.divide(since, width, out=np.zeros_like(since), where=width > 0.0)
-    low, high = torques[:, place], torques[:, place + 1]
-    whole: Array = sums[:, place] + since * (low + 0.5 * share * (high - low))
-    return whole
+    clipped = np.clip(times, knot_times[0], knot_times[-1])
+    place = np.searchsorted(knot_times, clipped, side="right") - 1
+    place = np.clip(place, 0, knot_times.size - 2)
+    width = knot_times[place + 1] - knot_times[place]
+    elapsed = clipped - knot_times[place]
+    share = np.divide(elapsed, width, out=np.zeros_like(elapsed), where=width > 0.0)
+    start_torques = torques[:, place]
+    end_torques = torques[:, place + 1]
+    part_impulses = elapsed * (start_torques + 0.5 * share * (end_torques - start_torques))
+    integrals: Array = sums[:, place] + part_impulses
+    return integrals

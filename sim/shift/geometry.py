@@ -27,7 +27,8 @@ from operator import and_
 from typing import Literal, NamedTuple
 
 from dogshape.sim.elementwise import cos, hypot, largest, smallest, tan, where
-from dogshape.sim.errors import GeometryError, InputError, ranges_of, refusal, within
+from dogshape.sim.errors import GeometryError, InputError, Refusal
+from dogshape.sim.quantity import quantities_of, quantity
 from dogshape.sim.units import DEG, MM, from_si, to_si, unit_of
 
 LAND = 5e-5  #: m of every face that roundings and fillets leave
@@ -60,30 +61,31 @@ class Dog:
     """
 
     # Ranges are wide enough for any clutch, and narrow enough to catch a wrong unit.
-    count: int = within("count", 2, 1000, remedy=EQUAL_DOGS)  #: of a ring
-    chamfer: float = within("chamfer_deg", 0.0, 60.0, remedy=SCOPE)  #: of the face, rad
+    count: int = quantity("count", 2, 1000, remedy=EQUAL_DOGS)  #: of a ring
+    chamfer: float = quantity("chamfer_deg", 0.0, 60.0, remedy=SCOPE)  #: of the face, rad
     #: side angle of the flank, rad; negative is an undercut
-    traction: float = within("traction_deg", -10.0, 60.0, remedy=SCOPE)
-    braking: float = within("braking_deg", -10.0, 60.0, remedy=SCOPE)  #: of the other flank
-    height: float = within("height_mm", 0.2, 100.0)  #: crest above root, m
-    outer_diameter: float = within("outer_diameter_mm", 5.0, 2000.0)  #: of the toothed annulus, m
-    inner_diameter: float = within("inner_diameter_mm", 2.0, 2000.0)
+    traction: float = quantity("traction_deg", -10.0, 60.0, remedy=SCOPE)
+    braking: float = quantity("braking_deg", -10.0, 60.0, remedy=SCOPE)  #: of the other flank
+    height: float = quantity("height_mm", 0.2, 100.0)  #: crest above root, m
+    outer_diameter: float = quantity("outer_diameter_mm", 5.0, 2000.0)  #: of the toothed annulus, m
+    inner_diameter: float = quantity("inner_diameter_mm", 2.0, 2000.0)
     #: between the crests of the two rings before the shift, m
-    axial_gap: float = within("axial_gap_mm", 0.0, 100.0)
+    axial_gap: float = quantity("axial_gap_mm", 0.0, 100.0)
     #: of crest and edges of the tip, m; 0 is sharp
-    edge_radius: float = within("edge_radius_mm", 0.0, 10.0, 0.0)
+    edge_radius: float = quantity("edge_radius_mm", 0.0, 10.0, 0.0, late=True)
     #: place of the ridge on the tip, 0 at its braking, 1 at its traction edge
-    crest: float = within("crest", 0.0, 1.0, 1.0, remedy=CREST)
+    crest: float = quantity("crest", 0.0, 1.0, 1.0, late=True, remedy=CREST)
     #: by which the tip falls from the ridge to the traction flank, rad
-    chamfer_back: float = within("chamfer_back_deg", 0.0, 60.0, 0.0, remedy=SCOPE)
+    chamfer_back: float = quantity("chamfer_back_deg", 0.0, 60.0, 0.0, late=True, remedy=SCOPE)
     #: of the seated pair along the circumference at the mean radius, m
-    backlash: float = within("backlash_mm", 0.0, 50.0, 0.0)
+    backlash: float = quantity("backlash_mm", 0.0, 50.0, 0.0, late=True)
 
     def __post_init__(self) -> None:
         for rule in _rules(self):
-            if not rule.kept:
-                words = rule.rule.format(*rule.numbers)
-                raise rule.error(refusal(rule.quantity, rule.value, rule.unit, words, rule.remedy))
+            if not rule.satisfied:
+                sentence = rule.rule.format(*rule.numbers)
+                message = Refusal(rule.quantity, rule.value, rule.unit, sentence, rule.remedy)
+                raise rule.error(message)
 
     @cached_property
     def tangents(self) -> tuple[float, float, float]:
@@ -92,7 +94,7 @@ class Dog:
 
     @property
     def possible(self) -> bool:
-        """Whether there is such a dog; there is, but for some of ``Dogs``."""
+        """Whether all rules of a shape are kept; always for a dog that was built."""
         return True
 
     @cached_property
@@ -208,11 +210,12 @@ class Dog:
         A flank leans outwards below the crest, so its face runs on past its share of the tip
         width: ``drop / (1 - tan(chamfer) tan(braking))``. 0 where the ridge is that edge.
         """
-        (slope, traction, braking), back = self.tangents, tan(self.chamfer_back)
+        face, traction, braking = self.tangents
+        back = tan(self.chamfer_back)
         tip = self.tip_width_at(radius)
         return (
             (1.0 - self.crest) * tip * back / (1.0 - back * traction),
-            self.crest * tip * slope / (1.0 - slope * braking),
+            self.crest * tip * face / (1.0 - face * braking),
         )
 
     @cached_property
@@ -243,8 +246,9 @@ class Dog:
         positive to growing angles. Two ridges on each other cross at twice this distance over the
         radius.
         """
-        half, (_, traction, braking) = 0.5 * self.height, self.tangents
-        return (1.0 - self.crest) * half * braking - self.crest * half * traction
+        half_height = 0.5 * self.height
+        _, traction, braking = self.tangents
+        return (1.0 - self.crest) * half_height * braking - self.crest * half_height * traction
 
     @property
     def edge_cuts(self) -> tuple[float, float]:
@@ -253,28 +257,30 @@ class Dog:
         ``cot(psi/2)`` with the angle of the material, 90 degrees + side angle + the fall of the tip
         to that edge: 90 degrees + traction - chamfer at a crest on the traction edge.
         """
-        traction, braking = self.falls
-        one = 0.25 * math.pi + 0.5 * (self.traction + traction)
-        other = 0.25 * math.pi + 0.5 * (braking + self.braking)
-        return 1.0 / tan(one), 1.0 / tan(other)
+        traction_fall, braking_fall = self.falls
+        traction_half = 0.25 * math.pi + 0.5 * (self.traction + traction_fall)
+        braking_half = 0.25 * math.pi + 0.5 * (braking_fall + self.braking)
+        return 1.0 / tan(traction_half), 1.0 / tan(braking_half)
 
     @property
     def crest_cut(self) -> float:
         """Length that a rounding takes beside the ridge, over its radius.
 
-        That of an edge on which it stands; ``tan((chamfer + chamfer_back)/2)`` between two faces.
+        Of a ridge on an edge that of the edge; ``tan((chamfer + chamfer_back)/2)`` between faces.
         """
         traction, braking = self.edge_cuts
         inner = tan(0.5 * (self.chamfer + self.chamfer_back))
-        return where(self.crest == 1.0, traction, where(self.crest == 0.0, braking, inner))
+        braking_or_inner = where(self.crest == 0.0, braking, inner)
+        return where(self.crest == 1.0, traction, braking_or_inner)
 
     @property
     def edge_room(self) -> float:
         """Largest radius of crest and edges that leaves ``LAND`` of faces and flanks, m."""
-        (traction, braking), crest = self.edge_cuts, self.crest_cut
-        taken = (crest + braking, traction + crest, traction, braking)
-        rooms = zip(self.side_lengths, taken, strict=True)
-        return largest(0.0, smallest(*((length - LAND) / cut for length, cut in rooms)))
+        traction, braking = self.edge_cuts
+        crest = self.crest_cut
+        cuts = (crest + braking, traction + crest, traction, braking)
+        sides = zip(self.side_lengths, cuts, strict=True)
+        return largest(0.0, smallest(*((length - LAND) / cut for length, cut in sides)))
 
     @property
     def side_lengths(self) -> tuple[float, float, float, float]:
@@ -282,18 +288,18 @@ class Dog:
 
         Infinite for a face that the tip does not have.
         """
-        slope, traction, braking = self.tangents
-        narrow = self.tip_width_at(self.inner_radius)
-        back, edge = self.drops_at(self.inner_radius)
-        face = (self.crest * narrow + edge * braking) * hypot(1.0, slope)
-        rear = (1.0 - self.crest) * narrow + back * traction
-        rear *= hypot(1.0, tan(self.chamfer_back))
-        back, edge = self.drops_at(self.outer_radius)
+        chamfer, traction, braking = self.tangents
+        tip = self.tip_width_at(self.inner_radius)
+        traction_drop, braking_drop = self.drops_at(self.inner_radius)
+        face = (self.crest * tip + braking_drop * braking) * hypot(1.0, chamfer)
+        back = (1.0 - self.crest) * tip + traction_drop * traction
+        back *= hypot(1.0, tan(self.chamfer_back))
+        traction_drop, braking_drop = self.drops_at(self.outer_radius)
         return (
             where(self.crest == 0.0, math.inf, face),
-            where(self.crest == 1.0, math.inf, rear),
-            (self.height - back) / cos(self.traction),
-            (self.height - edge) / cos(self.braking),
+            where(self.crest == 1.0, math.inf, back),
+            (self.height - traction_drop) / cos(self.traction),
+            (self.height - braking_drop) / cos(self.braking),
         )
 
     @property
@@ -308,20 +314,23 @@ class Dog:
 
 
 def section(dog: Dog) -> list[tuple[float, float]]:
-    """Return one dog's profile unrolled at the mean radius, from root to root.
+    """Compute the corners of a dog's profile unrolled at the mean radius, from root to root.
 
     Points (along the circumference, above the median plane), m: braking root, braking edge, ridge,
     traction edge, traction root; a ridge on an edge is one point with it. The slot's floor runs on
     at the root's height.
     """
-    half, middle = 0.5 * dog.height, 0.25 * (dog.pitch - dog.backlash)
-    edge, back = half - dog.edge_drop, half - dog.back_drop
+    half_height = 0.5 * dog.height
+    quarter = 0.25 * (dog.pitch - dog.backlash)
+    braking_edge = half_height - dog.edge_drop
+    traction_edge = half_height - dog.back_drop
+    ridge = [(0.5 * dog.crest_overlap, half_height)] if dog.has_back else []
     return [
-        (-middle - half * tan(dog.braking), -half),
-        (-middle + edge * tan(dog.braking), edge),
-        *([(0.5 * dog.crest_overlap, half)] if dog.has_back else []),
-        (middle - back * tan(dog.traction), back),
-        (middle + half * tan(dog.traction), -half),
+        (-quarter - half_height * tan(dog.braking), -half_height),
+        (-quarter + braking_edge * tan(dog.braking), braking_edge),
+        *ridge,
+        (quarter - traction_edge * tan(dog.traction), traction_edge),
+        (quarter + half_height * tan(dog.traction), -half_height),
     ]
 
 
@@ -336,14 +345,14 @@ class Dogs(Dog):
 
     @property
     def possible(self) -> bool:
-        """Whether there is such a dog, (n,) of bool."""
-        return reduce(and_, (rule.kept for rule in _rules(self)))
+        """Whether all rules of a shape are kept, (n,) of bool."""
+        return reduce(and_, (rule.satisfied for rule in _rules(self)))
 
 
 class _Rule(NamedTuple):
-    """Whether a dog keeps a rule, or for each of ``Dogs``, and the parts of its refusal."""
+    """Rule of a shape, its state for a dog or for each of ``Dogs``, and parts of its refusal."""
 
-    kept: bool
+    satisfied: bool
     error: type[Exception]
     quantity: str
     value: float
@@ -354,70 +363,172 @@ class _Rule(NamedTuple):
 
 
 def _rules(dog: Dog) -> Iterator[_Rule]:
-    for name, (key, low, high, own) in ranges_of(Dog).items():
-        value, unit = getattr(dog, name), unit_of(key)
-        kept = (value >= to_si(key, low)) & (value <= to_si(key, high))
-        rule, numbers = f"it must lie between {{:g}} and {{:g}} {unit}".rstrip(), (low, high)
-        shown, remedy = from_si(key, value), own or LENGTH
-        yield _Rule(kept, InputError, f"dog.{key}", shown, unit, rule, remedy, numbers)
-    rule, remedy = "a ring has a whole number of dogs", "give a whole number"
-    yield _Rule(dog.count % 1 == 0, InputError, "dog.count", dog.count, "", rule, remedy)
-    for name, end, side in (("chamfer_back", 1.0, "traction"), ("chamfer", 0.0, "braking")):
-        angle = getattr(dog, name)
-        kept = (dog.crest != end) | (angle == 0.0)
-        rule = f"it must be 0 with dog.crest = {end:g}: the ridge stands on the {side} edge"
-        remedy = "give dog.crest between 0 and 1, 0.5 for a ridge in the middle"
-        yield _Rule(kept, GeometryError, f"dog.{name}_deg", angle / DEG, "deg", rule, remedy)
-    kept = (dog.crest == 0.0) | (dog.crest == 1.0) | (dog.chamfer + dog.chamfer_back > 0.0)
-    rule, remedy = "a flat tip has no ridge", "give a chamfer, or leave dog.crest out"
-    yield _Rule(kept, GeometryError, "dog.crest", dog.crest, "", rule, remedy)
-    inner, outer = dog.inner_diameter, dog.outer_diameter
-    rule, remedy = "it must be below dog.outer_diameter_mm = {:.6g} mm", "exchange or correct them"
-    key, most = "dog.inner_diameter_mm", (outer / MM,)
-    yield _Rule(inner < outer, InputError, key, inner / MM, "mm", rule, remedy, most)
+    """Yield all rules of a shape, in the order of their refusals."""
+    yield from _range_rules(dog)
+    yield _Rule(
+        dog.count % 1 == 0,
+        InputError,
+        "dog.count",
+        value=dog.count,
+        unit="",
+        rule="a ring has a whole number of dogs",
+        remedy="give a whole number",
+    )
+    yield from _ridge_rules(dog)
+    yield _Rule(
+        dog.inner_diameter < dog.outer_diameter,
+        InputError,
+        "dog.inner_diameter_mm",
+        value=dog.inner_diameter / MM,
+        unit="mm",
+        rule="it must be below dog.outer_diameter_mm = {:.6g} mm",
+        remedy="exchange or correct them",
+        numbers=(dog.outer_diameter / MM,),
+    )
     yield from _profile_rules(dog)
     if dog.edge_radius > 0.0:
-        radius, key, least = dog.edge_radius / MM, "dog.edge_radius_mm", (SHARPEST / MM,)
-        rule, remedy = "an edge is sharp (0 mm) or at least {:.4g} mm round", "correct the radius"
-        yield _Rule(radius >= least[0], InputError, key, radius, "mm", rule, remedy, least)
-        rule = "it must be at most {:.4g} mm to leave {:.2g} mm of face and flanks"
-        remedy = "use a smaller radius, fewer dogs or wider tips"
-        kept, numbers = radius <= dog.edge_room / MM, (dog.edge_room / MM, LAND / MM)
-        yield _Rule(kept, GeometryError, key, radius, "mm", rule, remedy, numbers)
+        yield from _edge_radius_rules(dog)
+
+
+def _range_rules(dog: Dog) -> Iterator[_Rule]:
+    """Yield the range of each field."""
+    for name, declared in quantities_of(Dog).items():
+        key = declared.key
+        value = getattr(dog, name)
+        unit = unit_of(key)
+        yield _Rule(
+            (value >= to_si(key, declared.low)) & (value <= to_si(key, declared.high)),
+            InputError,
+            f"dog.{key}",
+            value=from_si(key, value),
+            unit=unit,
+            rule=f"it must lie between {{:g}} and {{:g}} {unit}".rstrip(),
+            remedy=declared.remedy or LENGTH,
+            numbers=(declared.low, declared.high),
+        )
+
+
+def _ridge_rules(dog: Dog) -> Iterator[_Rule]:
+    """Yield the rules of a ridge on an edge and on a flat tip."""
+    for name, edge_crest, side in (("chamfer_back", 1.0, "traction"), ("chamfer", 0.0, "braking")):
+        angle = getattr(dog, name)
+        yield _Rule(
+            (dog.crest != edge_crest) | (angle == 0.0),
+            GeometryError,
+            f"dog.{name}_deg",
+            value=angle / DEG,
+            unit="deg",
+            rule=(
+                f"it must be 0 with dog.crest = {edge_crest:g}: the ridge stands on the {side} edge"
+            ),
+            remedy="give dog.crest between 0 and 1, 0.5 for a ridge in the middle",
+        )
+    yield _Rule(
+        (dog.crest == 0.0) | (dog.crest == 1.0) | (dog.chamfer + dog.chamfer_back > 0.0),
+        GeometryError,
+        "dog.crest",
+        value=dog.crest,
+        unit="",
+        rule="a flat tip has no ridge",
+        remedy="give a chamfer, or leave dog.crest out",
+    )
+
+
+def _edge_radius_rules(dog: Dog) -> Iterator[_Rule]:
+    """Yield the rules of the radius of a rounded edge."""
+    radius = dog.edge_radius / MM
+    min_radius = SHARPEST / MM
+    yield _Rule(
+        radius >= min_radius,
+        InputError,
+        "dog.edge_radius_mm",
+        value=radius,
+        unit="mm",
+        rule="an edge is sharp (0 mm) or at least {:.4g} mm round",
+        remedy="correct the radius",
+        numbers=(min_radius,),
+    )
+    max_radius = dog.edge_room / MM
+    yield _Rule(
+        radius <= max_radius,
+        GeometryError,
+        "dog.edge_radius_mm",
+        value=radius,
+        unit="mm",
+        rule="it must be at most {:.4g} mm to leave {:.2g} mm of face and flanks",
+        remedy="use a smaller radius, fewer dogs or wider tips",
+        numbers=(max_radius, LAND / MM),
+    )
 
 
 def _profile_rules(dog: Dog) -> Iterator[_Rule]:
+    """Yield the rules of tip, root and flanks of the profile."""
     tip = dog.tip_width_at(dog.inner_radius) / MM
-    rule = "the flanks must not meet below the tip (0 mm)"
-    remedy = (
-        "use fewer or lower dogs, smaller side angles, less backlash or a larger inner diameter"
+    yield _Rule(
+        tip > 0.0,
+        GeometryError,
+        "tip width at the inner radius",
+        value=tip,
+        unit="mm",
+        rule="the flanks must not meet below the tip (0 mm)",
+        remedy=(
+            "use fewer or lower dogs, smaller side angles, less backlash or a larger inner diameter"
+        ),
     )
-    name = "tip width at the inner radius"
-    yield _Rule(tip > 0.0, GeometryError, name, tip, "mm", rule, remedy)
-    root, numbers = dog.root_width_at(dog.inner_radius) / MM, (0.5 * tip,)
-    rule = "an undercut must leave more than half the tip width, {:.4g} mm"
-    remedy, name = "use less undercut or lower dogs", "root width at the inner radius"
-    yield _Rule(root > numbers[0], GeometryError, name, root, "mm", rule, remedy, numbers)
-    angles = (dog.chamfer_back, dog.chamfer), (dog.traction, dog.braking)
-    low = (dog.height - dog.back_drop, dog.height - dog.edge_drop)
-    half = 0.5 * dog.height
-    for flank, fall, lean, height in zip(FLANKS, *angles, low, strict=True):
-        kept, total = tan(fall) * tan(lean) < 1.0, (fall + lean) / DEG
-        rule = f"face and {flank} flank meet below 90 deg only"
-        name = f"{'chamfer' if flank == 'braking' else 'back chamfer'} and {flank} angle"
-        yield _Rule(kept, GeometryError, name, total, "deg", rule, "use smaller angles")
-        rule = "the chamfer must leave more than half the height, {:.4g} mm"
-        remedy, least = "use a smaller chamfer, more dogs or a higher dog", (half / MM,)
-        name = f"height of the {flank} flank"
-        yield _Rule(height > half, GeometryError, name, height / MM, "mm", rule, remedy, least)
-    rule = "undercut flanks must pass each other on the way in (0 mm)"
-    remedy = "use more backlash, less undercut or a larger chamfer"
-    name, play = "play at the mouth of a slot", dog.passing_play
-    yield _Rule(play >= 0.0, GeometryError, name, play / MM, "mm", rule, remedy)
+    root = dog.root_width_at(dog.inner_radius) / MM
+    min_root = 0.5 * tip
+    yield _Rule(
+        root > min_root,
+        GeometryError,
+        "root width at the inner radius",
+        value=root,
+        unit="mm",
+        rule="an undercut must leave more than half the tip width, {:.4g} mm",
+        remedy="use less undercut or lower dogs",
+        numbers=(min_root,),
+    )
+    yield from _flank_rules(dog, "traction", dog.chamfer_back, dog.height - dog.back_drop)
+    yield from _flank_rules(dog, "braking", dog.chamfer, dog.height - dog.edge_drop)
+    play = dog.passing_play
+    yield _Rule(
+        play >= 0.0,
+        GeometryError,
+        "play at the mouth of a slot",
+        value=play / MM,
+        unit="mm",
+        rule="undercut flanks must pass each other on the way in (0 mm)",
+        remedy="use more backlash, less undercut or a larger chamfer",
+    )
+
+
+def _flank_rules(dog: Dog, flank: Flank, fall: float, height: float) -> Iterator[_Rule]:
+    """Yield the rules of a flank below a face that falls by an angle in rad; height in m."""
+    lean = side_angle(dog, flank)
+    face = "chamfer" if flank == "braking" else "back chamfer"
+    yield _Rule(
+        tan(fall) * tan(lean) < 1.0,
+        GeometryError,
+        f"{face} and {flank} angle",
+        value=(fall + lean) / DEG,
+        unit="deg",
+        rule=f"face and {flank} flank meet below 90 deg only",
+        remedy="use smaller angles",
+    )
+    min_height = 0.5 * dog.height
+    yield _Rule(
+        height > min_height,
+        GeometryError,
+        f"height of the {flank} flank",
+        value=height / MM,
+        unit="mm",
+        rule="the chamfer must leave more than half the height, {:.4g} mm",
+        remedy="use a smaller chamfer, more dogs or a higher dog",
+        numbers=(min_height / MM,),
+    )
 
 
 def side_angle(dog: Dog, flank: Flank) -> float:
-    """Return the side angle of a flank, rad."""
+    """Look up the side angle of a flank, rad."""
     return dog.traction if flank == "traction" else dog.braking
 
 
@@ -431,41 +542,48 @@ class FlankContact:
 
     @property
     def height(self) -> float:
-        """Height that touches at the mean radius, m; negative where nothing does."""
+        """Height that touches at the mean radius, m; negative without a touch."""
         return self.high - self.low
 
     def level(self, share: float) -> float:
-        """Return the height above the floor at a share of what touches, m."""
+        """Compute the height above the floor at a share of the touching height, m."""
         return self.low + share * self.height
 
 
 def tip_radius(dog: Dog, root_radius: float) -> float:
-    """Return the radius with which tip edges are made, m: their own, or that of the roots."""
+    """Select the radius of tip edges as made, m: their own or the roots' radius."""
     return dog.edge_radius or root_radius
 
 
 def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     """Compute the part of two flanks that touches at full depth; ``root_radius`` in m."""
-    side, radii = FLANKS.index(flank), (dog.inner_radius, dog.mean_radius, dog.outer_radius)
+    side = FLANKS.index(flank)
     edge = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * dog.edge_cuts[side]
-    inner, mean, outer = (dog.drops_at(radius)[side] + edge for radius in radii)
-    ends = dog.height - 2.0 * inner, dog.height - 2.0 * outer
+    inner_loss = dog.drops_at(dog.inner_radius)[side] + edge
+    mean_loss = dog.drops_at(dog.mean_radius)[side] + edge
+    outer_loss = dog.drops_at(dog.outer_radius)[side] + edge
+    inner_height = dog.height - 2.0 * inner_loss
+    outer_height = dog.height - 2.0 * outer_loss
     # Of a height that falls to zero within the width, the part that is positive.
-    apart = abs(ends[0] - ends[1])
-    part = 0.5 * largest(*ends, 0.0) ** 2 / where(apart > 0.0, apart, 1.0)
-    touching = where(smallest(*ends) >= 0.0, 0.5 * (ends[0] + ends[1]), part)
-    return FlankContact(mean, dog.height - mean, dog.radial_width * touching)
+    difference = abs(inner_height - outer_height)
+    highest = largest(inner_height, outer_height, 0.0)
+    partial_height = 0.5 * highest**2 / where(difference > 0.0, difference, 1.0)
+    mean_height = 0.5 * (inner_height + outer_height)
+    both_touch = smallest(inner_height, outer_height) >= 0.0
+    touching_height = where(both_touch, mean_height, partial_height)
+    return FlankContact(mean_loss, dog.height - mean_loss, dog.radial_width * touching_height)
 
 
 def _crest_angles(dog: Dog) -> tuple[float, float]:
-    """Return the lean of the bisector of the crest and half of its angle, rad.
+    """Compute the lean of the bisector of the crest and half of its angle, rad.
 
-    What falls from the crest on either side leans from the axis as a flank does.
+    Faces that fall from the crest on either side lean from the axis as a flank does.
     """
-    corner, right = 0.25 * math.pi, 0.5 * math.pi
-    one = where(dog.crest == 1.0, dog.traction, right - dog.chamfer_back)
-    fall = where(dog.crest == 0.0, right - dog.braking, dog.chamfer)
-    return corner + 0.5 * (fall + one), corner + 0.5 * (one - fall)
+    half_right = 0.25 * math.pi
+    right_angle = 0.5 * math.pi
+    lean = where(dog.crest == 1.0, dog.traction, right_angle - dog.chamfer_back)
+    fall = where(dog.crest == 0.0, right_angle - dog.braking, dog.chamfer)
+    return half_right + 0.5 * (fall + lean), half_right + 0.5 * (lean - fall)
 
 
 def crest_loss(dog: Dog, root_radius: float) -> float:
@@ -475,13 +593,13 @@ def crest_loss(dog: Dog, root_radius: float) -> float:
 
 
 def crest_setback(dog: Dog, radius: float) -> float:
-    """Compute how far the ridge of a rounded crest stands behind the sharp one, mean radius, m."""
+    """Compute the setback of a rounded crest's ridge behind the sharp one at mean radius, m."""
     lean, half = _crest_angles(dog)
     return radius * cos(lean) / math.sin(half)
 
 
 def root_radius_room(dog: Dog) -> float:
-    """Return the largest radius of roots for which fillets and roundings fit side by side, m.
+    """Compute the largest radius of roots with which fillets and roundings fit side by side, m.
 
     On floor and faces at the inner radius, where they are narrowest, and on the flanks at the
     outer radius, where they are lowest. Widths are taken along the circumference;
@@ -491,11 +609,15 @@ def root_radius_room(dog: Dog) -> float:
     face, back, *flanks = dog.side_lengths
     # Over its radius a fillet takes along floor and flank, and a rounding along its sides:
     fillets = [1.0 / tan(0.25 * math.pi + 0.5 * lean) for lean in (dog.traction, dog.braking)]
-    cuts, own = dog.edge_cuts, dog.edge_radius > 0.0
+    cuts = dog.edge_cuts
+    has_edge_radius = dog.edge_radius > 0.0
     floor = dog.tip_width_at(dog.inner_radius) + dog.backlash_angle * dog.inner_radius
     rooms = [(floor, sum(fillets))]
     for length, fillet, cut in zip(flanks, fillets, cuts, strict=True):
-        rooms.append((length - dog.edge_radius * cut, fillet if own else fillet + cut))
-    if not own:
-        rooms += [(face, dog.crest_cut + cuts[1]), (back, cuts[0] + dog.crest_cut)]
-    return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
+        free_length = length - dog.edge_radius * cut
+        rooms.append((free_length, fillet if has_edge_radius else fillet + cut))
+    if not has_edge_radius:
+        traction_cut, braking_cut = cuts
+        rooms.append((face, dog.crest_cut + braking_cut))
+        rooms.append((back, traction_cut + dog.crest_cut))
+    return largest(0.0, smallest(*((length - LAND) / cut for length, cut in rooms)))

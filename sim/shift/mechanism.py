@@ -20,97 +20,102 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import (
-    InputError,
-    ranged_record,
-    ranges_of,
-    refusal,
-    require_ranges,
-    within,
-)
+from dogshape.sim.errors import InputError, Refusal
+from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 from dogshape.sim.units import MM
 
 Number = TypeVar("Number", float, Array)  #: a number or (n,)
 
-SLIP = 1e-3  #: m/s below which friction along the shaft is smooth
-TURN = 0.05  #: rad/s below which the drag torque is smooth
-FORK = 0.1  #: share of the ring's mass that stands on the actuator's side of a linkage
+SMOOTH_SPEED_M_S = 1e-3  #: below which friction along the shaft is smooth
+SMOOTH_TURN_RAD_S = 0.05  #: below which the drag torque is smooth
+FORK_MASS_SHARE = 0.1  #: share of the ring's mass that stands on the actuator's side of a linkage
 DAMPING_RATIO = 0.3  #: of a linkage; a stop then gives back 0.6 of the speed of a slow blow
-STOP = 1e-6  #: m/N, compliance of a linkage that has play and is stiff otherwise
+STOP_COMPLIANCE_M_N = 1e-6  #: of a linkage that has play and is stiff otherwise
 SPLINE = 0.8  #: radius of the spline over the inner radius of the dogs, where none is given
-DEEP = 1e-5  #: m of depth in a stop at which half of the damping acts
+STOP_DEPTH_M = 1e-5  #: depth in a stop at which half of the damping acts
 SHAFT_DAMPING = 0.02  #: of a shaft with what hangs on it, over the critical one
-DEEP_TWIST = 1e-4  #: rad beyond a play at which half of the damping acts
+STOP_TWIST_RAD = 1e-4  #: twist beyond a play at which half of the damping acts
 
 
 @dataclass(frozen=True)
 class Shaft:
-    """Ring, and what is behind it on a shaft."""
+    """Inertias of a ring and of the side behind its shaft."""
 
-    near: float  #: inertia of the ring, kg m2
-    far: float  #: of the rest of its side, kg m2; 0 where the side is one piece
+    ring_inertia: float  #: of the ring, kg m2
+    side_inertia: float  #: of the side behind the shaft, kg m2; 0 where the side is one piece
     stiffness: float  #: N m/rad
     damping: float  #: N m s/rad
     backlash: float = 0.0  #: play between them, rad
 
     def torque(self, lead: Number, rate: Number) -> Number:
-        """Return the torque in N m on the ring; ``lead`` of the rest in rad and its rate."""
-        half = 0.5 * self.backlash
-        return spring_force(lead, rate, (self.stiffness, self.damping), (-half, half), DEEP_TWIST)
+        """Compute the torque on the ring, N m; ``lead`` of its side in rad and its rate."""
+        half_play = 0.5 * self.backlash
+        law = (self.stiffness, self.damping)
+        return spring_force(lead, rate, law, stops=(-half_play, half_play), deep=STOP_TWIST_RAD)
 
 
-def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft:
-    """Return the shaft between a ring of inertia ``near``, 0 for one piece, and the rest."""
-    if near == 0.0:
-        return Shaft(whole, 0.0, 0.0, 0.0)
-    far = whole - near
-    damping = 2.0 * SHAFT_DAMPING * (stiffness * near * far / whole) ** 0.5
-    return Shaft(near, far, stiffness, damping, backlash)
+def shaft_of(
+    ring_inertia: float, total_inertia: float, stiffness: float, backlash: float = 0.0
+) -> Shaft:
+    """Build the shaft behind a ring of an inertia in kg m2, 0 for a side in one piece.
+
+    ``total_inertia`` is that of ring and side, kg m2; stiffness in N m/rad, backlash in rad.
+    """
+    if ring_inertia == 0.0:
+        return Shaft(total_inertia, 0.0, 0.0, 0.0)
+    side_inertia = total_inertia - ring_inertia
+    reduced_stiffness = stiffness * ring_inertia * side_inertia / total_inertia
+    damping = 2.0 * SHAFT_DAMPING * reduced_stiffness**0.5
+    return Shaft(ring_inertia, side_inertia, stiffness, damping, backlash)
 
 
 def spring_force(
     stretch: Number, rate: Number, law: tuple[float, float], stops: tuple[float, float], deep: float
 ) -> Number:
-    """Return the force of a spring, or of two stops that push and never pull.
+    """Compute the force of a spring, or of two stops that push and never pull.
 
     ``law`` is stiffness and damping, which acts by half at ``deep`` in a stop; equal stops are one
     spring.
     """
-    (stiffness, damping), (low, high) = law, stops
+    stiffness, damping = law
+    low, high = stops
     if low == high:
         return stiffness * stretch + damping * rate
-    ahead, behind = positive(stretch - high), positive(low - stretch)
-    push = positive(ahead * (stiffness + damping * rate / (ahead + deep)))
-    return push - positive(behind * (stiffness - damping * rate / (behind + deep)))
+    high_depth = positive(stretch - high)
+    low_depth = positive(low - stretch)
+    push = positive(high_depth * (stiffness + damping * rate / (high_depth + deep)))
+    return push - positive(low_depth * (stiffness - damping * rate / (low_depth + deep)))
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Shift mechanism and what rubs on the sliding ring; the default is nothing of it.
+    """Shift mechanism, friction and shafts around the sliding ring; none by default.
 
     An inertia of 0 stands for a side in one piece, a seat at 0 for a detent without one.
     """
 
-    added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)  #: as felt at the ring, kg
-    friction: float = within("friction_N", 0.0, 1e5, 0.0)  #: Coulomb's, of the ring on its shaft, N
-    damping: float = within("damping_Ns_m", 0.0, 1e6, 0.0)  #: of the ring along the shaft, N s/m
-    detent: float = within("detent_N", 0.0, 1e5, 0.0)  #: peak force, N
-    detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)  #: of the peak, m
-    detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)  #: way of the detent, m
-    detent_seat: float = within("detent_seat_mm", 0.0, 100.0, 0.0)  #: of the pull's peak, m
-    spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)  #: coefficient
-    spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)  #: m
-    drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)  #: against turning, N m
-    compliance: float = within("compliance_mm_kN", 0.0, 1e3, 0.0)  #: of the linkage, m/N
-    free_play: float = within("free_play_mm", 0.0, 100.0, 0.0)  #: between linkage and ring, m
-    ring_inertia: float = within("ring_inertia_kgm2", 0.0, 100.0, 0.0)  #: with its toothing, kg m2
+    added_mass: float = quantity("added_mass_kg", 0.0, 1e3, 0.0)  #: as felt at the ring, kg
+    #: Coulomb's, of the ring on its shaft, N
+    friction: float = quantity("friction_N", 0.0, 1e5, 0.0)
+    damping: float = quantity("damping_Ns_m", 0.0, 1e6, 0.0)  #: of the ring along the shaft, N s/m
+    detent: float = quantity("detent_N", 0.0, 1e5, 0.0)  #: peak force, N
+    detent_position: float = quantity("detent_position_mm", -100.0, 100.0, 0.0)  #: of the peak, m
+    detent_width: float = quantity("detent_width_mm", 0.01, 100.0, 1e-3)  #: way of the detent, m
+    detent_seat: float = quantity("detent_seat_mm", 0.0, 100.0, 0.0)  #: of the pull's peak, m
+    spline_friction: float = quantity("spline_friction", 0.0, 1.5, 0.0)  #: coefficient
+    spline_radius: float = quantity("spline_radius_mm", 1.0, 1000.0, 0.02)  #: m
+    drag_torque: float = quantity("drag_torque_Nm", 0.0, 1e4, 0.0)  #: against turning, N m
+    compliance: float = quantity("compliance_mm_kN", 0.0, 1e3, 0.0)  #: of the linkage, m/N
+    free_play: float = quantity("free_play_mm", 0.0, 100.0, 0.0)  #: between linkage and ring, m
+    #: with its toothing, kg m2
+    ring_inertia: float = quantity("ring_inertia_kgm2", 0.0, 100.0, 0.0)
     #: of the shaft between the ring and the rest of its side, N m/rad
-    input_stiffness: float = within("input_stiffness_Nm_rad", 0.0, 1e8, 0.0)
-    backlash: float = within("spline_backlash_deg", 0.0, 30.0, 0.0)  #: of the ring's spline, rad
+    input_stiffness: float = quantity("input_stiffness_Nm_rad", 0.0, 1e8, 0.0)
+    backlash: float = quantity("spline_backlash_deg", 0.0, 30.0, 0.0)  #: of the ring's spline, rad
     #: of what stands at the flanks on the output side, kg m2
-    wheel_inertia: float = within("wheel_inertia_kgm2", 0.0, 1e4, 0.0)
+    wheel_inertia: float = quantity("wheel_inertia_kgm2", 0.0, 1e4, 0.0)
     #: of the shaft between that and the rest, N m/rad
-    output_stiffness: float = within("output_stiffness_Nm_rad", 0.0, 1e8, 0.0)
+    output_stiffness: float = quantity("output_stiffness_Nm_rad", 0.0, 1e8, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "mechanism", "correct the mechanism")
@@ -119,14 +124,17 @@ class Mechanism:
                 "the ring climbs out of the detent before it falls into the next seat, so that it "
                 f"must be above mechanism.detent_position_mm = {self.detent_position / MM:.6g}"
             )
-            place, remedy = self.detent_seat / MM, "exchange or correct them"
-            raise InputError(refusal("mechanism.detent_seat_mm", place, "mm", rule, remedy))
+            seat = self.detent_seat / MM
+            remedy = "exchange or correct them"
+            raise InputError(Refusal("mechanism.detent_seat_mm", seat, "mm", rule, remedy))
         sides = ("ring_inertia", "input_stiffness"), ("wheel_inertia", "output_stiffness")
         for inertia, stiffness in sides:
             if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:
-                key, other = (ranges_of(Mechanism)[name].key for name in (inertia, stiffness))
+                inertia_key = quantities_of(Mechanism)[inertia].key
+                stiffness_key = quantities_of(Mechanism)[stiffness].key
                 raise InputError(
-                    f"mechanism.{key} needs mechanism.{other}, the shaft that it hangs on; give it "
+                    f"mechanism.{inertia_key} needs mechanism.{stiffness_key}, the shaft that it "
+                    "hangs on; give it "
                     "too, or leave both out for a rigid shaft"
                 )
 
@@ -138,72 +146,83 @@ class Mechanism:
     @property
     def has_forces(self) -> bool:
         """Whether there is more than a mass and a damper."""
-        own = (self.friction, self.detent, self.spline_friction, self.drag_torque)
-        apart = (self.ring_inertia, self.wheel_inertia)
-        return self.has_linkage or any(value > 0.0 for value in (*own, *apart))
+        forces = (self.friction, self.detent, self.spline_friction, self.drag_torque)
+        ring_inertias = (self.ring_inertia, self.wheel_inertia)
+        return self.has_linkage or any(value > 0.0 for value in (*forces, *ring_inertias))
 
     def sleeve_mass(self, mass: float) -> float:
-        """Return the mass in kg that moves with the ring, whose own is ``mass``."""
-        return (1.0 - FORK) * mass if self.has_linkage else mass + self.added_mass
+        """Compute the mass that moves with a ring of ``mass`` in kg, kg."""
+        return (1.0 - FORK_MASS_SHARE) * mass if self.has_linkage else mass + self.added_mass
 
     def actuator_mass(self, mass: float) -> float:
-        """Return the mass in kg on the actuator's side of the linkage, 0 where there is none."""
-        return FORK * mass + self.added_mass if self.has_linkage else 0.0
+        """Compute the mass on the actuator's side of the linkage, kg; 0 without a linkage."""
+        return FORK_MASS_SHARE * mass + self.added_mass if self.has_linkage else 0.0
 
     def linkage(self, mass: float) -> tuple[float, float]:
-        """Return stiffness in N/m and damping in N s/m of the linkage to a ring of ``mass``."""
-        stiffness = 1.0 / (self.compliance or STOP)
-        near, far = self.sleeve_mass(mass), self.actuator_mass(mass)
-        return stiffness, 2.0 * DAMPING_RATIO * (stiffness * near * far / (near + far)) ** 0.5
+        """Compute stiffness, N/m, and damping, N s/m, of the linkage to a ring of ``mass``, kg."""
+        stiffness = 1.0 / (self.compliance or STOP_COMPLIANCE_M_N)
+        sleeve = self.sleeve_mass(mass)
+        actuator = self.actuator_mass(mass)
+        critical = (stiffness * sleeve * actuator / (sleeve + actuator)) ** 0.5
+        return stiffness, 2.0 * DAMPING_RATIO * critical
 
     def pull(self, stretch: Number, rate: Number, stiffness: float, damping: float) -> Number:
-        """Return the force in N of the linkage on the ring, ``stretch`` and ``rate`` being u, u'.
+        """Compute the force of the linkage on the ring, N; ``stretch`` in m and its ``rate``.
 
         Numbers or (n,), as are all forces below.
         """
-        return spring_force(stretch, rate, (stiffness, damping), (0.0, self.free_play), DEEP)
+        return spring_force(
+            stretch, rate, (stiffness, damping), (0.0, self.free_play), STOP_DEPTH_M
+        )
 
     def resistance(self, way: Number, speed: Number, torque: Number) -> Number:
-        """Return friction, detent and spline friction against the ring's motion, N.
+        """Compute friction, detent and spline friction against the ring's motion, N.
 
         ``way`` and ``speed`` of the ring in m and m/s; ``torque`` through the spline, N m.
         """
-        held = self._climb(way - self.detent_position)
+        detent = self._climb(way - self.detent_position)
         if self.detent_seat > 0.0:
-            held = held - self._climb(way - self.detent_seat)
-        pressed = self.spline_friction / self.spline_radius * abs(torque)
-        return held + (self.friction + pressed) * smooth_sign(speed, SLIP)
+            detent = detent - self._climb(way - self.detent_seat)
+        spline = self.spline_friction / self.spline_radius * abs(torque)
+        return detent + (self.friction + spline) * smooth_sign(speed, SMOOTH_SPEED_M_S)
 
     def _climb(self, way: Number) -> Number:
-        """Return the force in N of the climb onto the detent, ``way`` in m from its peak."""
+        """Compute the force of the climb onto the detent, N; ``way`` in m from its peak."""
         bump = positive(1.0 - (2.0 * way / self.detent_width) ** 2)
         return self.detent * bump * bump
 
     def drag(self, speed: Number) -> Number:
-        """Return the torque in N m that holds a ring turning at ``speed`` in rad/s."""
-        return self.drag_torque * smooth_sign(speed, TURN)
+        """Compute the drag torque on a ring that turns at ``speed`` in rad/s, N m."""
+        return self.drag_torque * smooth_sign(speed, SMOOTH_TURN_RAD_S)
 
     def spline_share(self, mass: float, radius: float, inertia: float) -> float:
-        """Return the share of the contact's torque that goes through the spline."""
+        """Compute the share of the contact's torque that goes through the spline.
+
+        Of a ring of ``mass`` in kg at the mean ``radius`` in m, with the ``inertia`` of its side.
+        """
         return 1.0 - min(1.0, mass * radius**2 / inertia)
 
     @property
     def record(self) -> dict[str, float]:
         """Values that differ from no mechanism, flat and in the edge's units."""
-        none = ranged_record(NOTHING)
-        return {f"mechanism_{k}": one for k, one in ranged_record(self).items() if one != none[k]}
+        absent = record_quantities(NOTHING)
+        return {
+            f"mechanism_{key}": value
+            for key, value in record_quantities(self).items()
+            if value != absent[key]
+        }
 
 
 def positive(value: Number) -> Number:
-    """Return the value where it is positive, else 0."""
+    """Clip a value below at 0."""
     return 0.5 * (value + abs(value))
 
 
 def smooth_sign(value: Number, small: float) -> Number:
-    """Return the sign of a value, smooth below ``small``."""
+    """Compute the sign of a value, smooth below ``small``."""
     return value / (value * value + small * small) ** 0.5
 
 
 NOTHING = Mechanism()  #: no mechanism at all
 #: Field by key at the edge.
-FIELDS = {one.key: name for name, one in ranges_of(Mechanism).items()}
+FIELDS = {declared.key: name for name, declared in quantities_of(Mechanism).items()}

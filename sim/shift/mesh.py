@@ -28,8 +28,9 @@ from dogshape.sim.shift.geometry import Dog
 Vertices = NDArray[np.float64]  #: (n, 3), m
 #: m that planes stand out beyond the edge they touch; below a ground face's roughness
 DEVIATION = 1e-6
-INSIDE = 0.1  #: share of the way to the mean radius by which a hip ends within its face's pyramid
-SHORTEST = 1e-3  #: of the radial width, a hip below which it is a point
+#: Share of the way to the mean radius by which a hip ends within its face's pyramid.
+HIP_INSET = 0.1
+MIN_HIP_SHARE = 1e-3  #: of the radial width, length below which a hip is a point
 
 
 @dataclass(frozen=True)
@@ -40,33 +41,33 @@ class Plane:
     offset: float
 
     def moved(self, distance: float) -> Plane:
-        """Return the plane moved outwards by ``distance``, m."""
+        """Move the plane outwards by a distance in m."""
         return Plane(self.normal, self.offset + distance)
 
     def depth(self, point: Vertices) -> float:
-        """Compute how deep a point (3,) lies within, m."""
+        """Compute the depth of a point (3,) below the plane, m."""
         return self.offset - float(self.normal @ point)
 
 
 def flank_line(dog: Dog, side: int) -> tuple[Vertices, Vertices]:
-    """Return directions along and across the radial line in a flank, each (3,).
+    """Compute directions along and across the radial line in a flank, each (3,).
 
     ``side`` is +1 for the traction and -1 for the braking flank; the second
     direction points out of the dog.
     """
     quarter = 0.25 * (dog.pitch_angle - dog.backlash_angle)
-    along = np.array([math.cos(quarter), side * math.sin(quarter), 0.0])
-    return along, np.array([-math.sin(quarter), side * math.cos(quarter), 0.0])
+    radial = np.array([math.cos(quarter), side * math.sin(quarter), 0.0])
+    return radial, np.array([-math.sin(quarter), side * math.cos(quarter), 0.0])
 
 
 def ridge_line(dog: Dog) -> tuple[Vertices, Vertices]:
-    """Return directions along the ridge and across it, to growing angles, each (3,)."""
+    """Compute directions along the ridge and across it, to growing angles, each (3,)."""
     turn = rotation((2.0 * dog.crest - 1.0) * 0.25 * (dog.pitch_angle - dog.backlash_angle))
     return turn[:, 0], turn[:, 1]
 
 
 def dog_planes(dog: Dog) -> dict[str, Plane]:
-    """Return the planes that bound a dog: two flanks, face, root, inner, outer.
+    """Compute the planes that bound a dog: two flanks, face, root, inner, outer.
 
     A tip with two faces has the plane ``back`` too, from the ridge to the traction flank; of a tip
     with one, ``face`` is that one, to whichever side it falls.
@@ -75,16 +76,16 @@ def dog_planes(dog: Dog) -> dict[str, Plane]:
     axis = np.array([0.0, 0.0, 1.0])
     planes = {}
     for name, side, angle in (("traction", 1, dog.traction), ("braking", -1, dog.braking)):
-        across = flank_line(dog, side)[1]
-        planes[name] = Plane(math.cos(angle) * across + math.sin(angle) * axis, 0.0)
-    # Through the ridge, from where the faces fall.
-    _, across = ridge_line(dog)
-    ridge = dog.ridge_offset * across + half * axis
+        _, outward = flank_line(dog, side)
+        planes[name] = Plane(math.cos(angle) * outward + math.sin(angle) * axis, 0.0)
+    # Faces fall from the ridge.
+    _, ridge_normal = ridge_line(dog)
+    ridge = dog.ridge_offset * ridge_normal + half * axis
     falls = {"face": -dog.chamfer if dog.crest > 0.0 else dog.chamfer_back}
     if dog.has_back:
         falls["back"] = dog.chamfer_back
     for name, fall in falls.items():
-        normal = math.cos(fall) * axis + math.sin(fall) * across
+        normal = math.cos(fall) * axis + math.sin(fall) * ridge_normal
         planes[name] = Plane(normal, float(normal @ ridge))
     planes["root"] = Plane(-axis, half)
     radial = np.array([1.0, 0.0, 0.0])
@@ -102,14 +103,16 @@ class Lines:
 
     def at(self, radius: float) -> Vertices:
         """Intersect the lines with the cylinder of ``radius`` (m), (n, 3)."""
-        p, d = self.points[:, :2], self.directions[:, :2]
-        a, b = (d * d).sum(1), (p * d).sum(1)
-        root = b * b - a * ((p * p).sum(1) - radius * radius)
-        way = (np.sqrt(np.maximum(root, 0.0)) - b) / a
-        return np.asarray(self.points + way[:, None] * self.directions)
+        p = self.points[:, :2]
+        d = self.directions[:, :2]
+        a = (d * d).sum(1)
+        b = (p * d).sum(1)
+        discriminant = b * b - a * ((p * p).sum(1) - radius * radius)
+        distance = (np.sqrt(np.maximum(discriminant, 0.0)) - b) / a
+        return np.asarray(self.points + distance[:, None] * self.directions)
 
     def turned(self, angle: float) -> Lines:
-        """Return the lines turned by ``angle`` (rad) about the axis."""
+        """Turn the lines by ``angle`` (rad) about the axis."""
         turn = rotation(angle).T
         return Lines(self.points @ turn, self.directions @ turn)
 
@@ -133,16 +136,17 @@ class Corner:
         return math.acos(float(self.first @ self.last))
 
     def normals(self, shares: NDArray[np.float64]) -> Vertices:
-        """Return the outward normals (n, 3) at ``shares`` (0 to 1) of the arc."""
-        before, after = np.sin((1.0 - shares) * self.arc), np.sin(shares * self.arc)
-        both = before[:, None] * self.first + after[:, None] * self.last
-        return np.asarray(both / math.sin(self.arc))
+        """Interpolate the outward normals (n, 3) at ``shares`` (0 to 1) of the arc."""
+        first_weight = np.sin((1.0 - shares) * self.arc)
+        last_weight = np.sin(shares * self.arc)
+        weighted_sum = first_weight[:, None] * self.first + last_weight[:, None] * self.last
+        return np.asarray(weighted_sum / math.sin(self.arc))
 
     @property
     def planes(self) -> tuple[Plane, ...]:
         """Planes that touch the cylinder between its two faces and stand out by ``DEVIATION``.
 
-        None of a sharp edge, and of one as blunt as its faces alone stand out by less.
+        Empty for a sharp edge, and for one so blunt that its two faces stand out by less.
         """
         if self.radius == 0.0:
             return ()
@@ -152,38 +156,39 @@ class Corner:
         return tuple(Plane(n, float(n @ self.axis) + self.radius) for n in normals)
 
     def lines(self, segments: int) -> Lines:
-        """Return the lines of the arc in ``segments`` steps, or the sharp edge alone."""
+        """Compute the lines of the arc in ``segments`` steps, or the line of a sharp edge."""
         steps = np.linspace(0.0, 1.0, segments + 1 if self.radius else 1)
         points = self.axis + self.radius * self.normals(steps)
         return Lines(points, np.broadcast_to(self.direction, points.shape))
 
 
 def corner_of(first: Plane, last: Plane, radius: float) -> Corner:
-    """Return the corner between two faces, rounded with a radius (m), or filled with its negative.
+    """Build the corner between two faces, rounded with a radius (m), or filled with its negative.
 
     The axis is where both faces, moved in by the radius, meet.
     """
-    along = np.cross(first.normal, last.normal)
-    along *= math.copysign(1.0, along[0]) / float(np.linalg.norm(along))
+    direction = np.cross(first.normal, last.normal)
+    direction *= math.copysign(1.0, direction[0]) / float(np.linalg.norm(direction))
     offsets = np.array([first.offset - radius, last.offset - radius, 0.0])
-    axis = np.linalg.solve(np.array([first.normal, last.normal, along]), offsets)
-    return Corner(axis, along, first.normal, last.normal, radius)
+    axis = np.linalg.solve(np.array([first.normal, last.normal, direction]), offsets)
+    return Corner(axis, direction, first.normal, last.normal, radius)
 
 
 def touching_faces(dog: Dog) -> tuple[Plane, ...]:
-    """Return the faces that can touch: traction flank, back where there is one, face, braking."""
+    """List the faces that can touch: traction flank, back if there is one, face, braking flank."""
     planes = dog_planes(dog)
-    return tuple(planes[n] for n in ("traction", "back", "face", "braking") if n in planes)
+    names = ("traction", "back", "face", "braking")
+    return tuple(planes[name] for name in names if name in planes)
 
 
 def tip_edges(dog: Dog) -> tuple[Corner, ...]:
-    """Return the edges between faces that can touch, with the edge radius, from traction on."""
+    """List the edges between faces that can touch, with the edge radius, from traction on."""
     faces = touching_faces(dog)
     return tuple(corner_of(first, last, dog.edge_radius) for first, last in pairwise(faces))
 
 
 def touching_planes(dog: Dog) -> tuple[Plane, ...]:
-    """Return the planes that can touch, from traction to braking flank.
+    """List the planes that can touch, from traction to braking flank.
 
     Those of a rounded edge stand between its two faces.
     """
@@ -205,127 +210,180 @@ Face = tuple[int, ...]
 
 
 def stacked(planes: Sequence[Plane]) -> tuple[Vertices, NDArray[np.float64]]:
-    """Return normals (n, 3) and offsets (n,) of planes."""
-    return np.array([one.normal for one in planes]), np.array([one.offset for one in planes])
+    """Stack the normals (n, 3) and offsets (n,) of planes."""
+    normals = np.array([plane.normal for plane in planes])
+    return normals, np.array([plane.offset for plane in planes])
 
 
 def meeting(*planes: Plane) -> Vertices:
-    """Return the point (3,) in which three planes meet."""
+    """Compute the point (3,) in which three planes meet."""
     return np.asarray(np.linalg.solve(*stacked(planes)), dtype=np.float64)
 
 
 def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, list[Face]]:
-    """Return vertices (n, 3) and tetrahedra of the body of a dog with rounded edges or a back.
+    """Compute vertices (n, 3) and tetrahedra of the body of a dog with rounded edges or a back.
 
     ``skin`` has the planes of its root, inner and outer end; ``apex`` (3,) is the last vertex.
     """
-    ends, edges = (skin["inner"], skin["outer"]), tip_edges(dog)
-    around = [skin["root"], *touching_planes(dog), skin["root"]]
-    lines = [[meeting(a, b, end) for end in ends] for a, b in pairwise(around)]
-    points, last = [p for line in lines for p in line], len(lines) - 1
+    ends = (skin["inner"], skin["outer"])
+    edges = tip_edges(dog)
+    profile = [skin["root"], *touching_planes(dog), skin["root"]]
+    points = [meeting(first, second, end) for first, second in pairwise(profile) for end in ends]
+    last = len(profile) - 2  # line of the braking root
     # A line has two vertices, at the inner and the outer end; an edge its first and last line, and
     # a chain of vertices from end to end along which the faces beside it meet below it.
-    spans, chains, start = list[tuple[int, int]](), list[Face](), 1
+    spans: list[tuple[int, int]] = []
+    chains: list[Face] = []
+    start = 1
     for edge in edges:
-        end, axis = start + len(edge.planes), len(points)
+        end = start + len(edge.planes)
+        axis = len(points)
         spans.append((start, end))
-        points += _axis(edge, ends) if edge.planes else []
-        chains.append(tuple(range(axis, axis + 4)) if edge.planes else (2 * end, 2 * end + 1))
+        if edge.planes:
+            points += _axis(edge, ends)
+            chains.append(tuple(range(axis, axis + 4)))
+        else:
+            chains.append((2 * end, 2 * end + 1))
         start = end + 1
-    strips = [(a[1], b[0]) for a, b in pairwise(spans)]
+    strips = [(span[1], next_span[0]) for span, next_span in pairwise(spans)]
     cells: list[Face] = []
-    left: list[Face] = [_strip(*s) for s in ((0, 1), *strips, (last - 1, last), (last, 0))]
+    strip_lines = ((0, 1), *strips, (last - 1, last), (last, 0))
+    faces: list[Face] = [_strip(*lines) for lines in strip_lines]
     for edge, span, chain in zip(edges, spans, chains, strict=True):
         if edge.planes:
             cells += _edge_cells(*span, chain[0])
-            left += [wall for line in span for wall in _walls(line, chain)]
+            faces += [wall for line in span for wall in _walls(line, chain)]
     for end in (0, 1):
-        root, floor, inner = end, 2 * last + end, [chain[-end] for chain in chains]
-        left.append((root, 2 * spans[0][0] + end, inner[0]))
-        beside = zip(strips, pairwise(chains), strict=True)
-        left += [_end(strip, between, end) for strip, between in beside]
-        left += [(inner[-1], 2 * spans[-1][1] + end, floor), (root, *inner, floor)]
-    hips, planes = list[Vertices](), dog_planes(dog)
+        faces += _end_faces(spans, strips, chains, last=last, end=end)
+    hips: list[Vertices] = []
+    planes = dog_planes(dog)
     if dog.has_back:
         closing = int(planes["back"].depth(apex) < planes["face"].depth(apex))
-        near, far = chains[closing : closing + 2]
-        sides = [[points[chain[-end]] for chain in (near, far)] for end in (0, 1)]
-        if hips := _hip(dog, closing, apex, sides):
-            more, gone, new = _hip_cells(strips[closing], (near, far), len(points))
-            cells, left = cells + more, [face for face in left if face not in gone] + new
+        first_chain, second_chain = chains[closing : closing + 2]
+        inner_ends = (points[first_chain[0]], points[second_chain[0]])
+        outer_ends = (points[first_chain[-1]], points[second_chain[-1]])
+        hips = _hip(dog, closing, apex, (inner_ends, outer_ends))
+        if hips:
+            hip_cells, closed_faces, hip_faces = _hip_cells(
+                strips[closing], (first_chain, second_chain), len(points)
+            )
+            cells = cells + hip_cells
+            faces = [face for face in faces if face not in closed_faces] + hip_faces
     points += [*hips, apex]
-    return np.array(points), cells + _joined(left, len(points) - 1)
+    return np.array(points), cells + _join(faces, len(points) - 1)
 
 
-def _joined(faces: Sequence[Face], top: int) -> list[Face]:
-    """Join faces to a vertex as tetrahedra; those that sharp edges make a line have none."""
+def _end_faces(
+    spans: Sequence[tuple[int, int]],
+    strips: Sequence[tuple[int, int]],
+    chains: Sequence[Face],
+    *,
+    last: int,
+    end: int,
+) -> list[Face]:
+    """List the faces of the inner end, 0, or the outer, 1, of a body.
+
+    ``last`` is the line of the braking root, the others as in ``body``.
+    """
+    root = end
+    floor = 2 * last + end
+    chain_ends = [chain[-end] for chain in chains]
+    first_line, _ = spans[0]
+    _, last_line = spans[-1]
+    faces: list[Face] = [(root, 2 * first_line + end, chain_ends[0])]
+    for strip, strip_chains in zip(strips, pairwise(chains), strict=True):
+        faces.append(_end(strip, strip_chains, end))
+    faces.append((chain_ends[-1], 2 * last_line + end, floor))
+    faces.append((root, *chain_ends, floor))
+    return faces
+
+
+def _join(faces: Sequence[Face], top: int) -> list[Face]:
+    """Join faces to a vertex as tetrahedra; a face that sharp edges make a line gives none."""
     distinct = [tuple(dict.fromkeys(face)) for face in faces]
-    return [(*three, top) for face in distinct for three in triangulated(face)]
+    return [(*triangle, top) for face in distinct for triangle in triangulate(face)]
 
 
-def _strip(line: int, other: int) -> Face:
-    return 2 * line, 2 * line + 1, 2 * other + 1, 2 * other
+def _strip(first: int, second: int) -> Face:
+    """Build the face between two lines."""
+    return 2 * first, 2 * first + 1, 2 * second + 1, 2 * second
 
 
 def _walls(line: int, chain: Face) -> list[Face]:
-    """Return the faces between a line of a rounded edge and its axis, across the face beside it."""
-    first, near, far, last = chain
-    ends = [(2 * line, first, near), (2 * line + 1, far, last)]
-    return [(2 * line, 2 * line + 1, far, near), *ends]
+    """List the faces between a line of a rounded edge and its axis, across the face beside it."""
+    inner, inner_stop, outer_stop, outer = chain
+    return [
+        (2 * line, 2 * line + 1, outer_stop, inner_stop),
+        (2 * line, inner, inner_stop),
+        (2 * line + 1, outer_stop, outer),
+    ]
 
 
 def _end(strip: tuple[int, int], chains: tuple[Face, Face], end: int) -> Face:
-    """Return the inner or outer end of what lies between a face and the axes beside it."""
-    (line, other), (one, two) = strip, chains
-    return one[-end], 2 * line + end, 2 * other + end, two[-end]
+    """Build the inner or outer end of the volume between a face and the axes beside it."""
+    first_line, second_line = strip
+    first_chain, second_chain = chains
+    return first_chain[-end], 2 * first_line + end, 2 * second_line + end, second_chain[-end]
 
 
 def _hip_cells(
     strip: tuple[int, int], chains: tuple[Face, Face], hip: int
 ) -> tuple[list[Face], list[Face], list[Face]]:
-    """Cut what lies between a face and its hip, ``hip`` and the next vertex, into tetrahedra.
+    """Cut the volume between a face and its hip, from ``hip`` to the next vertex, into tetrahedra.
 
-    ``chains`` are the axes beside the face, or its edges where they are sharp. Beside the cells
-    come the faces of the body that they close, and those towards the apex.
+    ``chains`` are the axes beside the face, or its sharp edges.
+
+    Returns
+    -------
+    tuple of list
+        Tetrahedra, faces of the body that they close, new faces towards the apex.
     """
-    far = hip + 1
-    one, two = (2 * line + 1 for line in strip)
-    near = [_strip(*strip), _end(strip, chains, 0)]  # joined to the inner end of the hip
-    beyond, inside = [_end(strip, chains, 1)], [(one, two, far)]
-    new: list[Face] = [(*(chain[0] for chain in chains), hip), (*(c[-1] for c in chains), far)]
+    outer_hip = hip + 1
+    first_line, second_line = strip
+    inner_faces = [_strip(*strip), _end(strip, chains, 0)]  # joined to the inner end of the hip
+    outer_faces = [_end(strip, chains, 1)]
+    dividing_faces: list[Face] = [(2 * first_line + 1, 2 * second_line + 1, outer_hip)]
+    apex_faces: list[Face] = [
+        (*(chain[0] for chain in chains), hip),
+        (*(chain[-1] for chain in chains), outer_hip),
+    ]
     for line, chain in zip(strip, chains, strict=True):
-        run = chain[:3]
-        new += [(a, b, hip) for a, b in pairwise(run)] + [(run[-1], far, hip)]
-        if len(chain) > len(run):
-            wall, inner, outer = _walls(line, chain)
-            near, beyond = [*near, wall, inner], [*beyond, outer]
-            inside.append((2 * line + 1, chain[2], far))
-            new.append((chain[2], chain[3], far))
-    return _joined([*near, *inside], hip) + _joined(beyond, far), [*near, *beyond], new
+        inner_run = chain[:3]
+        apex_faces += [(start, end, hip) for start, end in pairwise(inner_run)]
+        apex_faces.append((inner_run[-1], outer_hip, hip))
+        if len(chain) > len(inner_run):
+            wall, inner_end, outer_end = _walls(line, chain)
+            inner_faces += [wall, inner_end]
+            outer_faces.append(outer_end)
+            dividing_faces.append((2 * line + 1, chain[2], outer_hip))
+            apex_faces.append((chain[2], chain[3], outer_hip))
+    cells = _join([*inner_faces, *dividing_faces], hip) + _join(outer_faces, outer_hip)
+    return cells, [*inner_faces, *outer_faces], apex_faces
 
 
 def _hip(
     dog: Dog, closing: int, apex: Vertices, ends: Sequence[Sequence[Vertices]]
 ) -> list[Vertices]:
-    """Return the inner and outer end of the hip of a closing face; none where it is a point.
+    """Compute the inner and outer end of the hip of a closing face; empty for a hip of no length.
 
-    ``ends`` are the inner and outer ends of what lies above, two points (3,) each. An end of the
+    ``ends`` are the inner and outer ends of the volume above, two points (3,) each. An end of the
     hip lies a little inside of the plane through these and the apex, which then sees the rest.
     """
-    three = touching_faces(dog)[closing : closing + 3]
-    start, middle = (equally_deep(three, r)[0] for r in (dog.inner_radius, dog.mean_radius))
+    faces = touching_faces(dog)[closing : closing + 3]
+    start, _ = equally_deep(faces, dog.inner_radius)
+    middle, _ = equally_deep(faces, dog.mean_radius)
     hips = []
-    for one, other in ends:
-        normal = np.cross(other - one, apex - one)
-        way = normal @ (one - start) / (normal @ (middle - start))
-        hips.append(start + (way + INSIDE * (1.0 - way)) * (middle - start))
-    return hips if hips[1][0] - hips[0][0] > SHORTEST * dog.radial_width else []
+    for first, second in ends:
+        normal = np.cross(second - first, apex - first)
+        share = normal @ (first - start) / (normal @ (middle - start))
+        hips.append(start + (share + HIP_INSET * (1.0 - share)) * (middle - start))
+    return hips if hips[1][0] - hips[0][0] > MIN_HIP_SHARE * dog.radial_width else []
 
 
 def _axis(edge: Corner, ends: Sequence[Plane]) -> list[Vertices]:
-    """Return four points of an edge's axis: at the inner end, one radius within, so at the outer.
+    """Compute four points of an edge's axis: inner end, inset, inset of the outer end, outer end.
 
-    Those within are as far from the skin as the axis is below it.
+    An inset of one radius: as far from the end as the axis is below the skin.
     """
     inner, outer = ends
     stops = (inner, inner.moved(-edge.radius), outer.moved(-edge.radius), outer)
@@ -334,24 +392,25 @@ def _axis(edge: Corner, ends: Sequence[Plane]) -> list[Vertices]:
 
 
 def _edge_cells(first: int, last: int, axis: int) -> list[Face]:
-    """Cut what lies between the planes of an edge and its axis into tetrahedra.
+    """Cut the volume between the planes of an edge and its axis into tetrahedra.
 
     Between lines ``first`` and ``last``; ``axis`` is the first of its four vertices.
     """
     cells: list[Face] = []
     for line in range(first, last):
-        corner, outer, after, end = range(2 * line, 2 * line + 4)
-        walls = ((after, end, axis + 2, axis + 1), (outer, end, axis + 2))
-        cells += [(*t, corner) for wall in walls for t in triangulated(wall)]
-        cells += [(corner, after, axis, axis + 1), (outer, end, axis + 2, axis + 3)]
+        inner, outer, next_inner, next_outer = range(2 * line, 2 * line + 4)
+        walls = ((next_inner, next_outer, axis + 2, axis + 1), (outer, next_outer, axis + 2))
+        cells += [(*triangle, inner) for wall in walls for triangle in triangulate(wall)]
+        cells.append((inner, next_inner, axis, axis + 1))
+        cells.append((outer, next_outer, axis + 2, axis + 3))
     return cells
 
 
-def triangulated(face: Sequence[int]) -> list[tuple[int, int, int]]:
-    """Cut a convex face into triangles from its lowest corner, the same on both sides of it."""
+def triangulate(face: Sequence[int]) -> list[tuple[int, int, int]]:
+    """Cut a convex face into triangles from its lowest corner, whichever way it is turned."""
     start = face.index(min(face))
-    first, *others = *face[start:], *face[:start]
-    return [(first, a, b) for a, b in pairwise(others)]
+    first, *corners = *face[start:], *face[:start]
+    return [(first, second, third) for second, third in pairwise(corners)]
 
 
 Cells = NDArray[np.int64]  #: (m, 3) triangles or (m, 4) tetrahedra
@@ -374,7 +433,7 @@ class Mesh:
 
 
 def rigid_dog(dog: Dog) -> Mesh:
-    """Return traction flank, face and braking flank of one dog, normals outwards.
+    """Mesh traction flank, face and braking flank of one dog, normals outwards.
 
     The edges lie on the inner and outer radius, measured along the radial line
     of either flank, so that flanks are parallelograms. Rounded edges have surfaces between.
@@ -382,28 +441,28 @@ def rigid_dog(dog: Dog) -> Mesh:
     points = []
     if dog.edge_radius > 0.0 or dog.has_back:
         root = dog_planes(dog)["root"]
-        around = [root, *touching_planes(dog)[::-1], root]
-        ways = [flank_line(dog, -1)[0], ridge_line(dog)[0], flank_line(dog, +1)[0]]
+        profile = [root, *touching_planes(dog)[::-1], root]
+        directions = [flank_line(dog, -1)[0], ridge_line(dog)[0], flank_line(dog, +1)[0]]
         counts = [1 + len(edge.planes) for edge in tip_edges(dog)[::-1]]
         # Lines of both roots, and of each edge along the line of its flank or ridge.
         places = [0, *np.repeat([0, 1, 2] if dog.has_back else [0, 2], counts), 2]
-        for place, (first, last) in zip(places, pairwise(around), strict=True):
-            ends = [Plane(ways[place], radius) for radius in (dog.inner_radius, dog.outer_radius)]
-            points += [meeting(first, last, end) for end in ends]
+        for place, (first, last) in zip(places, pairwise(profile), strict=True):
+            for radius in (dog.inner_radius, dog.outer_radius):
+                points.append(meeting(first, last, Plane(directions[place], radius)))
     else:
         face = dog_planes(dog)["face"]
         for side, angle in ((-1, dog.braking), (+1, dog.traction)):
-            along, across = flank_line(dog, side)
-            slope = np.array([0.0, 0.0, 1.0]) - math.tan(angle) * across
+            radial, outward = flank_line(dog, side)
+            slope = np.array([0.0, 0.0, 1.0]) - math.tan(angle) * outward
             for radius in (dog.inner_radius, dog.outer_radius):
-                start = radius * along
+                start = radius * radial
                 top = (face.offset - face.normal @ start) / (face.normal @ slope)
                 points += [start - 0.5 * dog.height * slope, start + top * slope]
     return Mesh(np.array(points), _in_triangles(touching_quads(dog)))
 
 
 def touching_quads(dog: Dog) -> list[Face]:
-    """Return the corners of each surface in ``rigid_dog``, in the order of ``touching_planes``."""
+    """List the corners of each surface in ``rigid_dog``, in the order of ``touching_planes``."""
     if dog.edge_radius == 0.0 and not dog.has_back:
         return [(5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2)]
     return [(i, i + 1, i + 3, i + 2) for i in range(2 * len(touching_planes(dog)) - 2, -2, -2)]
@@ -414,7 +473,7 @@ def _in_triangles(faces: Sequence[Sequence[int]]) -> Cells:
 
 
 def dog_solid(dog: Dog) -> Mesh:
-    """Return one dog as a closed surface: the rigid side with its ends and root."""
+    """Mesh one dog as a closed surface: the rigid side with its ends and root."""
     skin = rigid_dog(dog)
     caps: list[Face] = [(1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0)]
     if dog.edge_radius > 0.0 or dog.has_back:
@@ -423,21 +482,22 @@ def dog_solid(dog: Dog) -> Mesh:
     return Mesh(skin.vertices, np.concatenate([skin.cells, _in_triangles(caps)]))
 
 
-def ring_of(dog: Dog, one: Mesh) -> Mesh:
-    """Return ``one`` repeated about the axis, once a pitch, as a single mesh."""
+def ring_of(dog: Dog, mesh: Mesh) -> Mesh:
+    """Repeat a mesh about the axis, once a pitch, as a single mesh."""
     turns = [rotation(index * dog.pitch_angle) for index in range(dog.count)]
-    cells = [one.cells + index * len(one.vertices) for index in range(dog.count)]
-    return Mesh(np.concatenate([one.vertices @ turn.T for turn in turns]), np.concatenate(cells))
+    vertices = [mesh.vertices @ turn.T for turn in turns]
+    cells = [mesh.cells + index * len(mesh.vertices) for index in range(dog.count)]
+    return Mesh(np.concatenate(vertices), np.concatenate(cells))
 
 
 def rotation(angle: float) -> NDArray[np.float64]:
-    """Return the matrix (3, 3) of a turn by ``angle`` about the axis."""
+    """Compute the matrix (3, 3) of a turn by ``angle`` in rad about the axis."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def equally_deep(planes: Sequence[Plane], radius: float) -> tuple[Vertices, float]:
-    """Return the point (3,) equally deep below three planes at x = ``radius``, and its depth, m."""
+    """Compute the point (3,) at x = ``radius`` equally deep below three planes and its depth, m."""
     normals, offsets = stacked(planes)
     matrix = np.column_stack([normals[:, 1:], np.ones(3)])
     y, z, depth = np.linalg.solve(matrix, offsets - normals[:, 0] * radius)
@@ -446,7 +506,7 @@ def equally_deep(planes: Sequence[Plane], radius: float) -> tuple[Vertices, floa
 
 @lru_cache(maxsize=64)
 def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
-    """Return the point (3,) equally deep below the flanks and a face of the tip, and its depth, m.
+    """Compute the point (3,) equally deep below the flanks and a face of the tip, and its depth, m.
 
     It lies at the mean radius, no less deep below the other face if there is one; its depth bounds
     what the contact can resolve.
@@ -454,34 +514,43 @@ def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
     planes = dog_planes(dog)
     flanks = [planes["traction"], planes["braking"]]
     faces = [planes[name] for name in ("face", "back") if name in planes]
-    found = [equally_deep([face, *flanks], dog.mean_radius) for face in faces]
-    beyond = [faces[-1 - k].depth(apex) - depth for k, (apex, depth) in enumerate(found)]
-    return found[int(np.argmax(beyond))]
+    apices = [equally_deep([face, *flanks], dog.mean_radius) for face in faces]
+    margins = [faces[-1 - k].depth(apex) - depth for k, (apex, depth) in enumerate(apices)]
+    return apices[int(np.argmax(margins))]
 
 
 def compliant_dog(dog: Dog) -> Mesh:
-    """Return one dog as twelve tetrahedra: its skin in triangles, joined to the apex.
+    """Mesh one dog as twelve tetrahedra: its skin in triangles, joined to the apex.
 
     A finer mesh has the same field, linear in each. Rounded edges and a hip add prisms.
     """
     apex, _ = pressure_apex(dog)
     reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)
-    planes, width, below = dog_planes(dog), dog.radial_width, 1.5 * reach
+    planes = dog_planes(dog)
+    width = dog.radial_width
+    root_depth = 1.5 * reach
     ends = width / 3.0 if dog.has_back else 0.25 * width
     sharp = dog.edge_radius == 0.0 and not dog.has_back
     if not sharp:
         # The apex, whose pressure gives those of edges and hip their scale, is nearest to a flank.
         deepest = max(planes[name].depth(apex) for name in ("back", "face") if name in planes)
-        below, ends = max(below, deepest), max(ends, deepest - 0.5 * width)
-    beyond = {"inner": ends, "outer": ends, "root": below - apex[2] - 0.5 * dog.height}
-    skin = {n: plane.moved(float(beyond.get(n, 0.0))) for n, plane in planes.items()}
+        root_depth = max(root_depth, deepest)
+        ends = max(ends, deepest - 0.5 * width)
+    root_distance = root_depth - apex[2] - 0.5 * dog.height
+    distances = {"inner": ends, "outer": ends, "root": root_distance}
+    skin = {name: plane.moved(float(distances.get(name, 0.0))) for name, plane in planes.items()}
     if not sharp:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
-    threes = itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer"))
-    vertices = np.array([*(meeting(*(skin[name] for name in names)) for names in threes), apex])
+    corner_planes = itertools.product(
+        (skin["braking"], skin["traction"]),
+        (skin["root"], skin["face"]),
+        (skin["inner"], skin["outer"]),
+    )
+    corners = [meeting(*meeting_planes) for meeting_planes in corner_planes]
+    vertices = np.array([*corners, apex])
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    cells = [(*triangle, 8) for face in faces for triangle in triangulated(face)]
+    cells = [(*triangle, 8) for face in faces for triangle in triangulate(face)]
     return Mesh(vertices, _oriented(vertices, cells))
 
 
@@ -493,15 +562,16 @@ def _oriented(vertices: Vertices, cells: list[tuple[int, ...]]) -> Cells:
 
 
 def to_obj(mesh: Mesh) -> str:
-    """Return a triangle mesh as Wavefront OBJ text."""
+    """Format a triangle mesh as Wavefront OBJ text."""
     lines = [f"v {x:.12g} {y:.12g} {z:.12g}" for x, y, z in mesh.vertices]
     lines += [f"f {a} {b} {c}" for a, b, c in mesh.cells + 1]
     return "\n".join(lines) + "\n"
 
 
 def to_vtk(mesh: Mesh) -> str:
-    """Return a tetrahedral mesh as legacy VTK text."""
-    n, m = len(mesh.vertices), len(mesh.cells)
+    """Format a tetrahedral mesh as legacy VTK text."""
+    n = len(mesh.vertices)
+    m = len(mesh.cells)
     points = [f"{x:.12g} {y:.12g} {z:.12g}" for x, y, z in mesh.vertices]
     cells = [f"4 {a} {b} {c} {d}" for a, b, c, d in mesh.cells]
     head = ["# vtk DataFile Version 3.0", "dog", "ASCII", "DATASET UNSTRUCTURED_GRID"]
@@ -513,7 +583,7 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 
 def to_stl(mesh: Mesh, name: str) -> bytes:
-    """Return a triangle mesh as binary STL in mm; ``name`` goes into its header."""
+    """Format a triangle mesh as binary STL in mm; ``name`` goes into its header."""
     facets = np.zeros(len(mesh.cells), dtype=_FACET)
     points = mesh.vertices[mesh.cells] * 1e3
     normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])

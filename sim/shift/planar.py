@@ -1,9 +1,9 @@
-"""The compiled engine: the same faces, pressure and friction as the Drake plant, in closed form.
+"""Compiled engine: faces, pressure and friction of the Drake plant in closed form.
 
-``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE_ERROR`` times it
-that of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone, or
-one that falls from the static to the dynamic one where the scheme is ``cenic``. A contact set with
-IMPACT has its own laws, whatever the scheme.
+``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE_ERROR_S`` times
+it that of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone,
+or one that falls from the static to the dynamic one where the scheme is ``cenic``. A contact set
+with IMPACT has its own laws, whatever the scheme.
 """
 
 from __future__ import annotations
@@ -16,10 +16,25 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from dogshape.sim import kernel
-from dogshape.sim.elementwise import Array, Mask
+from dogshape.sim.elementwise import Array
+from dogshape.sim.kernel_layout import (
+    AXIAL_SPEED,
+    CONTACT_LAW,
+    DISPLACEMENT,
+    INPUT_SIDE_SPEED,
+    OUTPUT_SIDE_SPEED,
+    OUTPUT_SPEED,
+    SLIDING_SPEED,
+    STATE_SIZE,
+    STEP_MODE,
+    StepLimits,
+    Surfaces,
+    empty_record,
+    shift_model,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import LATEST_RELEASE, Run, failure_of, states_held
+from dogshape.sim.shift.conclusion import LATEST_RELEASE_SHARE, Run, failure_of, states_held
 from dogshape.sim.shift.drive import TorqueCourse
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import (
@@ -30,37 +45,51 @@ from dogshape.sim.shift.mesh import (
     touching_quads,
 )
 
-Surfaces = tuple[Array, Array, Array, Array, float, float, float, Mask]
-PLACE_ERROR = 1e-4  #: s, error of a place over that of a speed
-FIRST_STEP = 1e-5  #: s, first step
+PLACE_ERROR_S = 1e-4  #: error of a place over that of a speed
+FIRST_STEP = 1e-5  #: s
 RECORD_SIZE = 4096  #: steps that are recorded at once
-#: A motion without contact: error of a speed in m/s and of a place in m, longest step, s, steps.
-FREE_ERROR, FREE_STEP, FREE_SIZE = np.array([1e-5, 1e-9]), 5e-3, 4000
+#: Of a motion without contact.
+FREE_LIMITS = StepLimits(speed_error=1e-5, place_error=1e-9, max_step=5e-3)
+FREE_RECORD_SIZE = 4000  #: steps of a motion without contact, at most
+FREE_TRAVEL_SHARE = 1.02  #: of the wanted displacement, to which a motion without contact goes
+FREE_REBOUND_M = 1e9  #: distance of the stop in a motion without contact
 #: Surfaces and law of dogs that never touch.
-NO_DOGS = (
-    *(np.zeros((1, 4, 3)), np.zeros((1, 3)), np.zeros(1), np.zeros(2)),
-    *(1.0, 1e9, 1e9, np.zeros(1, dtype=bool)),
+NO_DOGS = Surfaces(
+    corners=np.zeros((1, 4, 3)),
+    normals=np.zeros((1, 3)),
+    offsets=np.zeros(1),
+    traction_lean=0.0,
+    braking_lean=0.0,
+    half_backlash=0.0,
+    pitch_angle=1.0,
+    axial_gap=1e9,
+    travel=1e9,
+    is_face=np.zeros(1, dtype=bool),
 )
-NO_LAW = np.zeros(5)
-NO_LOOK = np.zeros(0)  #: no state before: a ring that stands still is simulated on
+NO_LAW = empty_record(CONTACT_LAW)
+NO_LOOK = np.zeros(0)  #: no state of a look: a ring that stands still is simulated on
 
 
 @lru_cache(maxsize=4)  # draws of what is uncertain have one dog
 def surfaces_of(dog: Dog) -> Surfaces:
-    """Compute the surfaces of a dog and its planes, as ``sim.kernel.contact`` takes them.
-
-    Corners of the rigid surfaces, m, (p, 4, 3); outward normals, (p, 3); offsets of the compliant
-    dog's planes, m, (p,); least turn by the lean of a traction and a braking flank over the
-    distance, rad/m, and by half of the backlash, rad, (3,); pitch, rad; gap and travel, m; whether
-    a plane is a face of the tip, (p,).
-    """
+    """Compute the surfaces of a dog and its planes."""
     normals, offsets = stacked(touching_planes(dog))
     corners = rigid_dog(dog).vertices[np.array(touching_quads(dog))]
     lean = np.tan([dog.traction, dog.braking])
     lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
-    least = np.append(lean, 0.5 * dog.backlash_angle)
-    ends = dog.pitch_angle, dog.axial_gap, dog.travel
-    return corners, normals, offsets, least, *ends, tip_planes(dog)
+    traction_lean, braking_lean = lean.tolist()
+    return Surfaces(
+        corners=corners,
+        normals=normals,
+        offsets=offsets,
+        traction_lean=traction_lean,
+        braking_lean=braking_lean,
+        half_backlash=float(0.5 * dog.backlash_angle),
+        pitch_angle=float(dog.pitch_angle),
+        axial_gap=float(dog.axial_gap),
+        travel=float(dog.travel),
+        is_face=tip_planes(dog),
+    )
 
 
 @dataclass(frozen=True)
@@ -71,96 +100,162 @@ class PlanarClutch:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """Surfaces of the dog, as ``surfaces_of`` has them."""
+        """Surfaces of the dog."""
         return surfaces_of(self.clutch.dog)
 
     @cached_property
-    def law(self) -> Array:
-        """Law of the contact, (5,): stiffness, dissipation, dynamic friction, stiction, static.
+    def law(self) -> np.record:
+        """Law of the contact, a record of ``sim.kernel_layout``.
 
-        With a friction of faces, (6,), that too. Or of IMPACT, (7,): stiffness, damping, the same
-        three, depth, transition velocity. As in the Drake plant static friction counts where the
-        contact set needs ``cenic``.
+        As in the Drake plant static friction counts where the contact set needs ``cenic``.
         """
         contact = self.clutch.contact
-        dynamic = contact.dynamic_friction
-        static = contact.static_friction if self.clutch.solver.scheme == "cenic" else dynamic
-        law = [contact.stiffness, contact.dissipation, dynamic, contact.stiction_velocity, static]
-        if (own := contact.impact) is not None:
-            law[0], law[1], law[4] = own.stiffness, own.damping, contact.static_friction
-            law += [own.depth, own.transition_velocity]
-        elif contact.face_friction is not None:
-            law.append(contact.face_friction)
-        return np.array(law)
+        impact = contact.impact
+        has_static = impact is not None or self.clutch.solver.scheme == "cenic"
+        static_friction = contact.static_friction if has_static else contact.dynamic_friction
+        law = empty_record(CONTACT_LAW)
+        law.stiffness = contact.stiffness
+        law.damping = contact.dissipation
+        law.dynamic_friction = contact.dynamic_friction
+        law.stiction_velocity = contact.stiction_velocity
+        law.static_friction = static_friction
+        law.has_face_friction = contact.face_friction is not None
+        law.face_friction = contact.face_dynamic_friction
+        if impact is not None:
+            law.is_impact = True
+            law.stiffness = impact.stiffness
+            law.damping = impact.damping
+            law.damping_depth = impact.depth
+            law.transition_velocity = impact.transition_velocity
+        return law
 
     def run(self, point: OperatingPoint, angle: float) -> Run:
         """Integrate from where friction lets the ring go to the end of travel or the time-out."""
-        clutch, solver = self.clutch, self.clutch.solver
-        tolerance = np.array([solver.accuracy, PLACE_ERROR * solver.accuracy])
-        held, begun = states_held(clutch, point, angle)
-        now, state, step, spent = float(held[-1]), begun[-1].copy(), FIRST_STEP, 0
-        count, why, failure = len(held), kernel.FULL, ""
-        parts, mode, before = [(held, begun)], np.zeros(2), np.full(kernel.SIZE, math.nan)
+        clutch = self.clutch
+        solver = clutch.solver
+        limits = StepLimits(
+            speed_error=float(solver.accuracy),
+            place_error=float(PLACE_ERROR_S * solver.accuracy),
+            max_step=float(solver.max_step),
+        )
+        held_times, held_states = states_held(clutch, point, angle)
+        records = [(held_times, held_states)]
+        now = float(held_times[-1])
+        state = held_states[-1].copy()
+        step = FIRST_STEP
+        step_count = len(held_times)
+        evaluations = 0
+        reason = kernel.FULL
+        failure = ""
+        mode = np.zeros(1, STEP_MODE)
+        last_look = np.full(STATE_SIZE, math.nan)
+        look_state = last_look
+        model = shift_model(clutch.numbers, point.profile.knots, self.surfaces, self.law)
+        pause = clutch.timeout
+        course = None
+        if clutch.drive.has_torques:
+            course = TorqueCourse(clutch.drive, clutch.timeout)
+            pause = now
         deadline = time.monotonic() + solver.time_limit
-        numbers, pause, look = clutch.numbers, clutch.timeout, before
-        course = TorqueCourse(clutch.drive, clutch.timeout) if clutch.drive.has_torques else None
-        if course is not None:
-            numbers, pause = numbers.copy(), now
-        while not failure and why in (kernel.FULL, kernel.PAUSED) and now < clutch.timeout:
+        while not failure and reason in (kernel.FULL, kernel.PAUSED) and now < clutch.timeout:
             if course is not None and now >= pause:
-                pause = self._drive(course, now, state, numbers)
-                look = before if course.settled(now) else NO_LOOK
-                if look is NO_LOOK:
-                    before[:] = math.nan
-            size = max(0, min(RECORD_SIZE, solver.max_steps + 1 - count))
-            times, states = np.empty(size), np.empty((size, kernel.SIZE))
-            why, now, step, made, tried = kernel.advance(
-                now, step, state, look, pause, clutch.timeout, numbers, point.profile.knots,
-                self.surfaces, self.law, tolerance, solver.max_step, mode, times, states,
-            )  # fmt: skip
-            parts.append((times[:made], states[:made]))
-            count, spent = count + made, spent + tried
-            if why == kernel.LOST:
+                pause = self._set_torques(course, now, state, model.numbers[0])
+                look_state = last_look
+                if not course.settled(now):
+                    look_state = NO_LOOK
+                    last_look[:] = math.nan
+            size = max(0, min(RECORD_SIZE, solver.max_steps + 1 - step_count))
+            times = np.empty(size)
+            states = np.empty((size, STATE_SIZE))
+            progress = kernel.advance(
+                now,
+                step,
+                state,
+                look_state=look_state,
+                pause=pause,
+                timeout=clutch.timeout,
+                model=model,
+                limits=limits,
+                mode=mode,
+                times=times,
+                states=states,
+            )
+            reason = progress.reason
+            now = progress.time
+            step = progress.step
+            records.append((times[: progress.recorded], states[: progress.recorded]))
+            step_count += progress.recorded
+            evaluations += progress.evaluations
+            if reason == kernel.UNDERFLOW:
                 state[:] = math.nan
-            failure = failure_of(clutch, now, state, count, deadline)
-        whole, there = (np.concatenate(one) for one in zip(*parts, strict=True))
+            failure = failure_of(clutch, now, state, step_count, deadline)
+        times, states = (np.concatenate(parts) for parts in zip(*records, strict=True))
         torques = None if course is None else course.knots
-        return Run(whole, there, why == kernel.HELD, failure, spent, torques)
+        return Run(times, states, reason == kernel.HELD, failure, evaluations, torques)
 
-    def _drive(self, course: TorqueCourse, now: float, state: Array, numbers: Array) -> float:
-        """Write the torques from ``now`` on into ``numbers``, and return the end of them, s."""
-        near, far = self.clutch.shafts
-        sliding = state[9] if near.far else state[5]
-        output = state[11] if far.far else state[3]
-        piece = course.piece(now, float(output - sliding))
-        numbers[kernel.TORQUE_START] = piece.start
-        numbers[kernel.SLIDING_TORQUE], numbers[kernel.OUTPUT_TORQUE] = piece.torques
-        numbers[kernel.SLIDING_SLOPE], numbers[kernel.OUTPUT_SLOPE] = piece.slopes
+    def _set_torques(
+        self, course: TorqueCourse, now: float, state: Array, numbers: np.record
+    ) -> float:
+        """Write the torques from ``now`` on into ``numbers``; return the end of the piece, s."""
+        input_shaft, output_shaft = self.clutch.shafts
+        sliding_speed = (
+            state[INPUT_SIDE_SPEED] if input_shaft.side_inertia else state[SLIDING_SPEED]
+        )
+        output_speed = (
+            state[OUTPUT_SIDE_SPEED] if output_shaft.side_inertia else state[OUTPUT_SPEED]
+        )
+        piece = course.piece(now, float(output_speed - sliding_speed))
+        # By key: an attribute of a record takes microseconds, and a control has many pieces.
+        numbers["torque_start"] = piece.start
+        numbers["sliding_torque"], numbers["output_torque"] = piece.torques
+        numbers["sliding_torque_rate"], numbers["output_torque_rate"] = piece.slopes
         return piece.end
 
 
-def free_flight(clutch: Clutch, profile: ForceProfile, way: float) -> tuple[Array, Array, float]:
-    """Integrate the motion of the ring over a way in m without dogs, to the time-out at most.
+def free_flight(
+    clutch: Clutch, profile: ForceProfile, displacement: float
+) -> tuple[Array, Array, float]:
+    """Integrate the motion of the ring over a displacement in m without dogs.
 
-    Times in s, (n,), states, (n, 12), and the time for which friction holds the ring, s: 0 where
-    it never lets go.
+    To the time-out at most.
+
+    Returns
+    -------
+    tuple
+        Times, s, (n,), states, (n, 12), and the time for which friction holds the ring, s: 0 where
+        it never lets go.
     """
-    held, begun = states_held(clutch, OperatingPoint(0.0, profile), 0.0)
-    rest, numbers = float(held[-1]), clutch.numbers.copy()
-    if rest >= LATEST_RELEASE * clutch.timeout:
-        return held, begun, 0.0
-    numbers[kernel.WAY], numbers[kernel.REBOUND] = 1.02 * way, 1e9
-    times, states = np.empty(FREE_SIZE), np.empty((FREE_SIZE, kernel.SIZE))
-    *_, made, _ = kernel.advance(
-        rest, FIRST_STEP, begun[-1].copy(), NO_LOOK, clutch.timeout, clutch.timeout, numbers,
-        profile.knots, NO_DOGS, NO_LAW, FREE_ERROR, FREE_STEP, np.zeros(2), times, states,
-    )  # fmt: skip
-    return np.append(held, times[:made]), np.concatenate([begun, states[:made]]), rest
+    held_times, held_states = states_held(clutch, OperatingPoint(0.0, profile), 0.0)
+    release_time = float(held_times[-1])
+    if release_time >= LATEST_RELEASE_SHARE * clutch.timeout:
+        return held_times, held_states, 0.0
+    numbers = clutch.numbers.copy()
+    numbers.shift_travel = FREE_TRAVEL_SHARE * displacement
+    numbers.rebound = FREE_REBOUND_M
+    times = np.empty(FREE_RECORD_SIZE)
+    states = np.empty((FREE_RECORD_SIZE, STATE_SIZE))
+    progress = kernel.advance(
+        release_time,
+        FIRST_STEP,
+        held_states[-1].copy(),
+        look_state=NO_LOOK,
+        pause=clutch.timeout,
+        timeout=clutch.timeout,
+        model=shift_model(numbers, profile.knots, NO_DOGS, NO_LAW),
+        limits=FREE_LIMITS,
+        mode=np.zeros(1, STEP_MODE),
+        times=times,
+        states=states,
+    )
+    times = np.append(held_times, times[: progress.recorded])
+    states = np.concatenate([held_states, states[: progress.recorded]])
+    return times, states, release_time
 
 
 @lru_cache(maxsize=512)  # operating points share forces
 def touch_time(clutch: Clutch, profile: ForceProfile) -> float:
-    """Compute the time until the axial gap is closed, s; the time-out where it stays open."""
-    times, states, _ = free_flight(clutch, profile, gap := clutch.dog.axial_gap)
-    found = kernel.crossing(times, states[:, 1], states[:, 4], gap)
-    return clutch.timeout if math.isnan(found) else float(found)
+    """Compute the time until the axial gap is closed, s; the time-out if it stays open."""
+    gap = clutch.dog.axial_gap
+    times, states, _ = free_flight(clutch, profile, gap)
+    gap_time = kernel.crossing(times, states[:, DISPLACEMENT], states[:, AXIAL_SPEED], gap)
+    return clutch.timeout if math.isnan(gap_time) else float(gap_time)

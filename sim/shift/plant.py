@@ -36,35 +36,68 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim import kernel
 from dogshape.sim.elementwise import Array
+from dogshape.sim.kernel_layout import (
+    ACTUATOR_DISPLACEMENT,
+    ACTUATOR_SPEED,
+    AXIAL_SPEED,
+    DISPLACEMENT,
+    INPUT_SIDE_ANGLE,
+    INPUT_SIDE_SPEED,
+    OUTPUT_ANGLE,
+    OUTPUT_SIDE_ANGLE,
+    OUTPUT_SIDE_SPEED,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+    STATE_SIZE,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, require_engine
 from dogshape.sim.shift.conclusion import Run, failure_of, states_held
 from dogshape.sim.shift.drive import TorqueCourse, TorquePiece
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
-#: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
-ACTUATOR, SHIFT, SLIDING, OUTPUT = "actuator", "shift", "sliding", "output"
-BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joints of what is behind a ring's shaft
-#: Places of displacement or angle and of its rate in a state, by joint.
+# Joints that forces act on.
+ACTUATOR = "actuator"  #: along the shaft
+SHIFT = "shift"  #: of the sliding ring along the shaft
+SLIDING = "sliding"  #: of the sliding ring about the shaft
+OUTPUT = "output"  #: of the output ring about the shaft
+BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joint of each ring's side
+#: Columns of displacement or angle and of its rate in a state, by joint.
 COLUMNS = {
-    OUTPUT: (0, 3), SHIFT: (1, 4), SLIDING: (2, 5), ACTUATOR: (6, 7), BEHIND[SLIDING]: (8, 9),
-    BEHIND[OUTPUT]: (10, 11),
-}  # fmt: skip
+    OUTPUT: (OUTPUT_ANGLE, OUTPUT_SPEED),
+    SHIFT: (DISPLACEMENT, AXIAL_SPEED),
+    SLIDING: (SLIDING_ANGLE, SLIDING_SPEED),
+    ACTUATOR: (ACTUATOR_DISPLACEMENT, ACTUATOR_SPEED),
+    BEHIND[SLIDING]: (INPUT_SIDE_ANGLE, INPUT_SIDE_SPEED),
+    BEHIND[OUTPUT]: (OUTPUT_SIDE_ANGLE, OUTPUT_SIDE_SPEED),
+}
+#: Joint that each joint moves with where the clutch has none for it.
+CARRIERS = {ACTUATOR: SHIFT, BEHIND[SLIDING]: SLIDING, BEHIND[OUTPUT]: OUTPUT}
 AXIS = np.array([0.0, 0.0, 1.0])
+STOP_WIDTH_M = 10e-3  #: of the plate behind the sliding ring
+STOP_THICKNESS_M = 5e-3  #: of plate and wall
+STOP_DISSIPATION_S_M = 100.0
 
 
 class _Forces(LeafSystem):  # type: ignore[misc]
     """Forces of the actuators from shift force, drive, state and the contact's torque."""
 
-    def __init__(self, own: ClutchPlant) -> None:
+    def __init__(self, clutch_plant: ClutchPlant) -> None:
         super().__init__()
-        plant, clutch, share = own.plant, own.clutch, own.share
-        rings, mechanism, radius = clutch.rings, clutch.mechanism, clutch.dog.mean_radius
-        self._mechanism, self._share, self._order = mechanism, share, own.order
+        plant = clutch_plant.plant
+        clutch = clutch_plant.clutch
+        rings = clutch.rings
+        mechanism = clutch.mechanism
+        radius = clutch.dog.mean_radius
+        self._mechanism = mechanism
+        self._share = clutch_plant.share
+        self._order = clutch_plant.order
         self._drive = clutch.drive if clutch.drive.has_torques else None
-        self._shafts, self._contact_set = clutch.shafts, clutch.contact
+        self._shafts = clutch.shafts
+        self._contact_set = clutch.contact
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
-        self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia)
+        self._spline_share = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia)
         self._torque = plant.GetJointByName(SLIDING).velocity_start()
         actuators = plant.GetJointActuatorIndices()
         self._joints = [plant.get_joint_actuator(i).joint().name() for i in actuators]
@@ -75,8 +108,9 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         self.torques = self.DeclareVectorInputPort("torques", BasicVector(5))
         ring = plant.GetBodyByName("sliding_ring")
         self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
-        self.contact = self.shapes = None
-        if mechanism.spline_friction > 0.0 and not self._shafts[0].far:
+        self.contact = None
+        self.shapes = None
+        if mechanism.spline_friction > 0.0 and not self._shafts[0].side_inertia:
             if clutch.solver.scheme == "cenic":
                 self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
             else:
@@ -85,47 +119,64 @@ class _Forces(LeafSystem):  # type: ignore[misc]
 
     def _calculate(self, context: Context, output: BasicVector) -> None:
         state = self.state.Eval(context)[self._order].tolist()
-        push = drive = float(self.push.Eval(context)[0])
-        mechanism, share, way, speed = self._mechanism, self._share, state[1], state[4]
-        torque = 0.0  # of the contact on one modelled sliding dog, where the spline asks for it
+        push = float(self.push.Eval(context)[0])
+        ring_push = push
+        mechanism = self._mechanism
+        share = self._share
+        displacement = state[DISPLACEMENT]
+        speed = state[AXIAL_SPEED]
+        input_shaft, output_shaft = self._shafts
+        spline_torque = self._contact_torque(context, state) * (self._spline_share * share)
+        sliding_drive, output_drive = self._drive_torques(context, state)
+        spline_torque -= (1.0 - self._spline_share) * sliding_drive
+        forces = dict.fromkeys(self._joints, 0.0)
+        for (ring, side), shaft in zip(BEHIND.items(), self._shafts, strict=True):
+            if not shaft.side_inertia:
+                continue
+            ring_angle, ring_speed = COLUMNS[ring]
+            side_angle, side_speed = COLUMNS[side]
+            lead = state[side_angle] - state[ring_angle]
+            shaft_torque = shaft.torque(lead, state[side_speed] - state[ring_speed])
+            forces[ring] += shaft_torque / share
+            forces[side] -= shaft_torque / share
+            if ring == SLIDING:
+                spline_torque = shaft_torque
+        if self._linkage is not None:
+            stretch = state[ACTUATOR_DISPLACEMENT] - displacement
+            rate = state[ACTUATOR_SPEED] - speed
+            ring_push = mechanism.pull(stretch, rate, *self._linkage) / share
+            forces[ACTUATOR] = push - ring_push
+        resistance = mechanism.resistance(displacement, speed, spline_torque)
+        forces[SHIFT] = ring_push - resistance / share
+        sliding_joint = BEHIND[SLIDING] if input_shaft.side_inertia else SLIDING
+        drag = mechanism.drag(state[INPUT_SIDE_SPEED])
+        forces[sliding_joint] -= (drag - sliding_drive) / share
+        if self._drive:
+            output_joint = BEHIND[OUTPUT] if output_shaft.side_inertia else OUTPUT
+            forces[output_joint] += output_drive / share
+        output.SetFromVector([forces[name] for name in self._joints])
+
+    def _contact_torque(self, context: Context, state: list[float]) -> float:
+        """Compute the contact's torque on one modelled dog, N m; 0 where the spline has no use."""
         if self.shapes is not None:
             surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
                 geo.HydroelasticContactRepresentation.kTriangle
             )
-            turn = state[5] - state[3]
-            torque = ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
-        elif self.contact is not None:
-            torque = float(self.contact.Eval(context)[self._torque])
-        torque *= self._spline * share
-        drives = self._driven(context, state) if self._drive else (0.0, 0.0)
-        torque -= (1.0 - self._spline) * drives[0]
-        forces = dict.fromkeys(self._joints, 0.0)
-        for (ring, behind), shaft in zip(BEHIND.items(), self._shafts, strict=True):
-            if shaft.far:
-                (near, rate), (far, far_rate) = COLUMNS[ring], COLUMNS[behind]
-                twist = shaft.torque(state[far] - state[near], state[far_rate] - state[rate])
-                forces[ring] += twist / share
-                forces[behind] -= twist / share
-                torque = twist if ring == SLIDING else torque
-        if self._linkage is not None:
-            drive = mechanism.pull(state[6] - way, state[7] - speed, *self._linkage) / share
-            forces[ACTUATOR] = push - drive
-        forces[SHIFT] = drive - mechanism.resistance(way, speed, torque) / share
-        dragged = BEHIND[SLIDING] if self._shafts[0].far else SLIDING
-        forces[dragged] -= (mechanism.drag(state[9]) - drives[0]) / share
-        if self._drive:
-            driven = BEHIND[OUTPUT] if self._shafts[1].far else OUTPUT
-            forces[driven] += drives[1] / share
-        output.SetFromVector([forces[name] for name in self._joints])
+            turn = state[SLIDING_SPEED] - state[OUTPUT_SPEED]
+            return ring_torque(surfaces, self._dogs, turn, state[AXIAL_SPEED], self._contact_set)
+        if self.contact is not None:
+            return float(self.contact.Eval(context)[self._torque])
+        return 0.0
 
-    def _driven(self, context: Context, state: list[float]) -> tuple[float, float]:
+    def _drive_torques(self, context: Context, state: list[float]) -> tuple[float, float]:
         """Compute the torques of the drive on sliding and output side, N m."""
-        assert self._drive is not None
+        if self._drive is None:
+            return 0.0, 0.0
         start, sliding, output, *slopes = self.torques.Eval(context).tolist()
         piece = TorquePiece(start, start, (sliding, output), (slopes[0], slopes[1]))
-        given = piece.at(context.get_time())
-        partner = self._drive.partner_torques(state[9], state[11])
-        return given[0] + partner[0], given[1] + partner[1]
+        table = piece.at(context.get_time())
+        partner = self._drive.partner_torques(state[INPUT_SIDE_SPEED], state[OUTPUT_SIDE_SPEED])
+        return table[0] + partner[0], table[1] + partner[1]
 
 
 def ring_torque(
@@ -140,32 +191,36 @@ def ring_torque(
     ``surfaces``, in triangles, are of the dogs and of the stop, ``dogs`` the geometries of the
     sliding ring; ``turn`` is sliding less output speed, rad/s, ``speed`` along the shaft, m/s.
     """
-    torque, stiction = 0.0, contact.stiction_velocity
-    static, dynamic = contact.static_friction, contact.dynamic_friction
+    torque = 0.0
+    stiction = contact.stiction_velocity
+    static = contact.static_friction
+    dynamic = contact.dynamic_friction
     for surface in surfaces:
         if surface.id_M() not in dogs and surface.id_N() not in dogs:
             continue  # the stop behind the ring
-        mesh, field = surface.tri_mesh_W(), surface.tri_e_MN()
+        mesh = surface.tri_mesh_W()
+        field = surface.tri_e_MN()
         faces = range(mesh.num_elements())
         x, y, _ = np.array([mesh.element_centroid(face) for face in faces]).T
-        into = 1.0 if surface.id_M() in dogs else -1.0
-        normal = into * np.array([mesh.face_normal(face) for face in faces])
-        load = np.array([mesh.area(f) * field.Evaluate(f, _MIDDLE) for f in faces])
+        sense = 1.0 if surface.id_M() in dogs else -1.0
+        normal = sense * np.array([mesh.face_normal(face) for face in faces])
+        load = np.array([mesh.area(f) * field.Evaluate(f, _CENTROID) for f in faces])
         velocity = np.column_stack([-turn * y, turn * x, np.full(len(x), -speed)])
-        parting = np.sum(velocity * normal, axis=1)
-        across = velocity - parting[:, None] * normal
-        load *= np.maximum(1.0 - contact.dissipation * parting, 0.0)
-        ratio = np.linalg.norm(across, axis=1) / stiction
-        late = ratio - 10.0
-        fall = late / np.sqrt(1.0 + late * late) * math.hypot(1.0, 10.0) / 10.0
+        opening_speed = np.sum(velocity * normal, axis=1)
+        slip = velocity - opening_speed[:, None] * normal
+        load *= np.maximum(1.0 - contact.dissipation * opening_speed, 0.0)
+        ratio = np.linalg.norm(slip, axis=1) / stiction
+        beyond_fall = ratio - 10.0
+        fall = beyond_fall / np.sqrt(1.0 + beyond_fall * beyond_fall)
+        fall = fall * math.hypot(1.0, 10.0) / 10.0
         coefficient = dynamic + 0.5 * (static - dynamic) * (1.0 - fall)
-        rub = coefficient / (stiction * np.sqrt(1.0 + ratio * ratio))
-        force = load[:, None] * (normal - rub[:, None] * across)
+        friction = coefficient / (stiction * np.sqrt(1.0 + ratio * ratio))
+        force = load[:, None] * (normal - friction[:, None] * slip)
         torque += float(np.sum(x * force[:, 1] - y * force[:, 0]))
     return torque
 
 
-_MIDDLE = np.full(3, 1.0 / 3.0)  # of a triangle, in barycentric coordinates
+_CENTROID = np.full(3, 1.0 / 3.0)  # of a triangle, in barycentric coordinates
 
 
 class ClutchPlant:
@@ -185,24 +240,29 @@ class ClutchPlant:
         if clutch.mechanism.has_linkage:
             mass = clutch.mechanism.actuator_mass(clutch.rings.mass) / self.share
             shape = tree.UnitInertia.SolidSphere(0.01)
-            self._add_apart(ACTUATOR, mass, shape, tree.PrismaticJoint, "actuator_force")
+            self._add_body(ACTUATOR, mass, shape, tree.PrismaticJoint, actuator="actuator_force")
         for name, shaft in zip(BEHIND.values(), clutch.shafts, strict=True):
-            if shaft.far:
-                far, shape = shaft.far / self.share, tree.UnitInertia(0.5, 0.5, 1.0)
-                self._add_apart(name, far, shape, tree.RevoluteJoint, f"{name}_torque")
+            if shaft.side_inertia:
+                inertia = shaft.side_inertia / self.share
+                shape = tree.UnitInertia(0.5, 0.5, 1.0)
+                self._add_body(name, inertia, shape, tree.RevoluteJoint, actuator=f"{name}_torque")
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
-        # Where Drake's state has each column of ours: what does not move apart moves as its ring.
-        self._columns, rates = dict[int, int](), self.plant.num_positions()
+        # Places in Drake's state of each of our columns, and of those that move by themselves.
+        self._columns: dict[int, int] = {}
+        order = np.zeros(STATE_SIZE, dtype=int)
+        rates = self.plant.num_positions()
         for name, (place, rate) in COLUMNS.items():
-            if self.plant.HasJointNamed(name):
-                joint = self.plant.GetJointByName(name)
+            moves = self.plant.HasJointNamed(name)
+            joint = self.plant.GetJointByName(name if moves else CARRIERS[name])
+            order[place] = joint.position_start()
+            order[rate] = rates + joint.velocity_start()
+            if moves:
                 self._columns[place] = joint.position_start()
                 self._columns[rate] = rates + joint.velocity_start()
-        same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
-        self.order = [self._columns.get(k, self._columns[same.get(k, k)]) for k in range(12)]
+        self.order = order.tolist()
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         self._forces: _Forces | None = None
         if clutch.has_forces:
@@ -220,13 +280,15 @@ class ClutchPlant:
         ``relative_angle`` (rad) is the output ring's lead over the position in
         which dogs face dogs; it grows with the mismatch. The integrator is
         configured again, or its step size would carry over. Where friction alone holds the
-        sliding ring at first, the run begins when it lets go; ``held`` has what was before.
+        sliding ring at first, the run begins when it lets go, after the states ``held``.
         """
         solver = self.clutch.solver
         config = SimulatorConfig(
-            integration_scheme=solver.scheme, accuracy=solver.accuracy,
-            max_step_size=solver.max_step, use_error_control=True,
-        )  # fmt: skip
+            integration_scheme=solver.scheme,
+            accuracy=solver.accuracy,
+            max_step_size=solver.max_step,
+            use_error_control=True,
+        )
         ApplySimulatorConfig(config, self.simulator)
         self._force.UpdateTrajectory(_trajectory(point.profile, self.share))
         self.held = states_held(self.clutch, point, relative_angle)
@@ -241,39 +303,57 @@ class ClutchPlant:
 
     def run(self, point: OperatingPoint, angle: float) -> Run:
         """Integrate up to the end of the travel or the time-out; the monitor records every step."""
-        simulator, clutch = self.start(point, angle), self.clutch
+        simulator = self.start(point, angle)
+        clutch = self.clutch
         course = TorqueCourse(clutch.drive, clutch.timeout) if clutch.drive.has_torques else None
-        # Places in the state of what has not made its travel: ring, actuator.
-        under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
-        # Beside where the run begins: the time in which the ring was held.
-        times, states = self.held[0][:-1].tolist(), [*self.held[1][:-1]]
-        blocked, failure, last, check_at = False, "", np.full(12, np.nan), kernel.STILL_WINDOW
+        # Columns of ring and actuator, until they have made the travel.
+        under_way = {DISPLACEMENT}
+        if clutch.mechanism.has_linkage:
+            under_way.add(ACTUATOR_DISPLACEMENT)
+        held_times, held_states = self.held
+        times = held_times[:-1].tolist()
+        states = [*held_states[:-1]]
+        blocked = False
+        failure = ""
+        look_state = np.full(STATE_SIZE, np.nan)
+        next_look = kernel.STILL_WINDOW_S
         deadline = time.monotonic() + clutch.solver.time_limit
 
         def record(context: Context) -> EventStatus | None:
-            """Keep a step, and stop the run where it has ended."""
-            nonlocal blocked, failure, last, check_at
-            now, state = context.get_time(), self.state()
-            times.append(now)
+            """Record a step; end the run at the end of the travel, held rings or a failure."""
+            nonlocal blocked, failure, look_state, next_look
+            step_time = context.get_time()
+            state = self.state()
+            times.append(step_time)
             states.append(state)
-            under_way.difference_update([i for i in under_way if state[i] >= clutch.shift_travel])
+            arrived = {column for column in under_way if state[column] >= clutch.shift_travel}
+            under_way.difference_update(arrived)
             if under_way and len(times) > 1:
-                failure = failure_of(clutch, now, state, len(times), deadline)
-            if course is not None and not course.settled(now):
-                last, check_at = np.full(12, np.nan), now + kernel.STILL_WINDOW
-            if under_way and not failure and now >= check_at:
-                left, knots = clutch.timeout - now, point.profile.knots
-                blocked = kernel.stands_still(now, last, state, left, clutch.numbers, knots)
-                last, check_at = state, now + kernel.STILL_WINDOW
-            ended = blocked or failure or not under_way
-            return EventStatus.ReachedTermination(self.plant, "ended") if ended else None
+                failure = failure_of(clutch, step_time, state, len(times), deadline)
+            if course is not None and not course.settled(step_time):
+                look_state = np.full(STATE_SIZE, np.nan)
+                next_look = step_time + kernel.STILL_WINDOW_S
+            if under_way and not failure and step_time >= next_look:
+                blocked = kernel.stands_still(
+                    step_time,
+                    look_state,
+                    state,
+                    remaining=clutch.timeout - step_time,
+                    numbers=clutch.numbers,
+                    knots=point.profile.knots,
+                )
+                look_state = state
+                next_look = step_time + kernel.STILL_WINDOW_S
+            if blocked or failure or not under_way:
+                return EventStatus.ReachedTermination(self.plant, "ended")
+            return None
 
         simulator.set_monitor(record)
         try:
             record(self.context)
             pause = self.context.get_time()
             while pause < clutch.timeout and under_way and not blocked and not failure:
-                pause = clutch.timeout if course is None else self._drive(course, pause)
+                pause = clutch.timeout if course is None else self._set_torques(course, pause)
                 simulator.AdvanceTo(pause)
         except RuntimeError as error:
             if len(times) < 2:
@@ -281,30 +361,33 @@ class ClutchPlant:
             failure = str(error).split("\n")[0]
         finally:
             simulator.clear_monitor()
-        spent = simulator.get_integrator().get_num_derivative_evaluations()
-        grown = np.diff(times, prepend=-1.0) > 0.0
-        torques = None if course is None else course.knots
+        is_later = np.diff(times, prepend=-1.0) > 0.0
         return Run(
-            np.array(times)[grown], np.array(states)[grown], blocked, failure, spent, torques
+            np.array(times)[is_later],
+            np.array(states)[is_later],
+            blocked,
+            failure=failure,
+            evaluations=simulator.get_integrator().get_num_derivative_evaluations(),
+            torques=None if course is None else course.knots,
         )
 
-    def _drive(self, course: TorqueCourse, now: float) -> float:
-        """Set the torques of the drive from ``now`` on, and return the end of them, s."""
+    def _set_torques(self, course: TorqueCourse, start: float) -> float:
+        """Set the torques of the drive from ``start`` on; return the end of the piece, s."""
         assert self._forces is not None
         state = self.state()
-        piece = course.piece(now, float(state[11] - state[9]))
+        piece = course.piece(start, float(state[OUTPUT_SIDE_SPEED] - state[INPUT_SIDE_SPEED]))
         context = self._forces.GetMyMutableContextFromRoot(self.context)
         self._forces.torques.FixValue(context, [piece.start, *piece.torques, *piece.slopes])
         return piece.end
 
     def state(self) -> Array:
-        """Return the state as ``sim.shift.conclusion.Run`` has it, (12,)."""
+        """Read the state in the columns of ``sim.kernel_layout``, (12,)."""
         return self.plant.GetPositionsAndVelocities(self.plant_context)[self.order]
 
-    def _add_apart(
-        self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str
-    ) -> None:
-        plant, axis = self.plant, -AXIS if name == ACTUATOR else AXIS
+    def _add_body(self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str) -> None:
+        """Add a body of a mass in kg, or an inertia in kg m2, on a joint with an actuator."""
+        plant = self.plant
+        axis = -AXIS if name == ACTUATOR else AXIS
         body = plant.AddRigidBody(name, tree.SpatialInertia(mass, np.zeros(3), shape))
         joint = joint_type(name, plant.world_frame(), body.body_frame(), axis, damping=0.0)
         plant.AddJointActuator(actuator, plant.AddJoint(joint))
@@ -323,13 +406,15 @@ class ClutchPlant:
         return forces
 
     def _add_output_ring(self) -> None:
-        clutch, plant, (_, shaft) = self.clutch, self.plant, self.clutch.shafts
-        inertia = shaft.near / self.share
+        clutch = self.clutch
+        plant = self.plant
+        _, shaft = clutch.shafts
+        inertia = shaft.ring_inertia / self.share
         body = plant.AddRigidBody("output_ring", _ring_inertia(1.0 / self.share, inertia))
         joint = plant.AddJoint(
             tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), AXIS, damping=0.0)
         )
-        if shaft.far or clutch.drive.has_torques:
+        if shaft.side_inertia or clutch.drive.has_torques:
             plant.AddJointActuator("output_torque", joint)
         properties = geo.ProximityProperties()
         geo.AddRigidHydroelasticProperties(properties)
@@ -344,45 +429,62 @@ class ClutchPlant:
         dissipation that leaves next to no restitution. The plates see only each
         other, wherever they stand.
         """
-        dog, plant = self.clutch.dog, self.plant
-        side, thick = 10e-3, 5e-3
-        faces = dog.count * dog.tip_width * dog.radial_width / self.share
-        plate, fixed = geo.ProximityProperties(), geo.ProximityProperties()
-        modulus = self.clutch.contact.stiffness * faces / side**2 * (0.5 * thick)
-        geo.AddCompliantHydroelasticProperties(side, modulus, plate)
-        geo.AddRigidHydroelasticProperties(side, fixed)
-        for one in (plate, fixed):
-            geo.AddContactMaterial(dissipation=100.0, friction=CoulombFriction(), properties=one)
-        middle = 10.0 * dog.height + 0.5 * thick  # behind the dogs
-        far = middle + thick + self.clutch.rebound
-        shape, wall = geo.Box(side, side, thick), geo.Box(2 * side, 2 * side, thick)
-        rings = [plant.GetBodyByName(name) for name in ("output_ring", "sliding_ring")]
-        dogs = [one for ring in rings for one in plant.GetCollisionGeometriesForBody(ring)]
-        plates = [
-            plant.RegisterCollisionGeometry(body, RigidTransform([0, 0, z]), box, name, properties)
-            for body, z, box, name, properties in (
-                (carriage, middle, shape, "plate", plate),
-                (plant.world_body(), far, wall, "stop", fixed),
+        dog = self.clutch.dog
+        plant = self.plant
+        width = STOP_WIDTH_M
+        thickness = STOP_THICKNESS_M
+        face_area = dog.count * dog.tip_width * dog.radial_width / self.share
+        modulus = self.clutch.contact.stiffness * face_area / width**2 * (0.5 * thickness)
+        plate_properties = geo.ProximityProperties()
+        wall_properties = geo.ProximityProperties()
+        geo.AddCompliantHydroelasticProperties(width, modulus, plate_properties)
+        geo.AddRigidHydroelasticProperties(width, wall_properties)
+        for properties in (plate_properties, wall_properties):
+            geo.AddContactMaterial(
+                dissipation=STOP_DISSIPATION_S_M,
+                friction=CoulombFriction(),
+                properties=properties,
             )
+        plate_z = 10.0 * dog.height + 0.5 * thickness  # behind the dogs
+        wall_z = plate_z + thickness + self.clutch.rebound
+        dogs = [
+            *plant.GetCollisionGeometriesForBody(plant.GetBodyByName("output_ring")),
+            *plant.GetCollisionGeometriesForBody(plant.GetBodyByName("sliding_ring")),
         ]
-        apart = geo.CollisionFilterDeclaration().ExcludeBetween(
-            geo.GeometrySet(dogs), geo.GeometrySet(plates)
+        plate = plant.RegisterCollisionGeometry(
+            carriage,
+            RigidTransform([0, 0, plate_z]),
+            geo.Box(width, width, thickness),
+            "plate",
+            plate_properties,
         )
-        self._scene_graph.collision_filter_manager().Apply(apart)
+        wall = plant.RegisterCollisionGeometry(
+            plant.world_body(),
+            RigidTransform([0, 0, wall_z]),
+            geo.Box(2 * width, 2 * width, thickness),
+            "stop",
+            wall_properties,
+        )
+        collision_filter = geo.CollisionFilterDeclaration().ExcludeBetween(
+            geo.GeometrySet(dogs), geo.GeometrySet([plate, wall])
+        )
+        self._scene_graph.collision_filter_manager().Apply(collision_filter)
 
     def _add_sliding_ring(self) -> tree.RigidBody:
         """Add both bodies of the sliding ring and return the one that does not turn.
 
         Its frame starts at the origin of the world, one travel from its dogs.
         """
-        clutch, plant = self.clutch, self.plant
+        clutch = self.clutch
+        plant = self.plant
         # Only the sum of both masses acts; Drake wants one at either joint.
         mass = 0.5 * clutch.mechanism.sleeve_mass(clutch.rings.mass) / self.share
-        inertia = clutch.shafts[0].near / self.share
+        inertia = clutch.shafts[0].ring_inertia / self.share
         carriage = plant.AddRigidBody("carriage", _ring_inertia(mass, inertia))
         body = plant.AddRigidBody("sliding_ring", _ring_inertia(mass, inertia))
         damping = clutch.mechanism.damping / self.share
-        world, frame = plant.world_frame(), carriage.body_frame()
+        world = plant.world_frame()
+        frame = carriage.body_frame()
         joint = plant.AddJoint(tree.PrismaticJoint(SHIFT, world, frame, -AXIS, damping=damping))
         turning = plant.AddJoint(
             tree.RevoluteJoint(SLIDING, frame, body.body_frame(), AXIS, damping=0.0)
@@ -404,9 +506,12 @@ class ClutchPlant:
         return carriage
 
     def _add_contact(self, properties: geo.ProximityProperties) -> None:
-        own = self.clutch.contact
-        both = CoulombFriction(own.static_friction, own.dynamic_friction)
-        geo.AddContactMaterial(dissipation=own.dissipation, friction=both, properties=properties)
+        """Add dissipation and friction of the dogs to the properties of a geometry."""
+        contact = self.clutch.contact
+        friction = CoulombFriction(contact.static_friction, contact.dynamic_friction)
+        geo.AddContactMaterial(
+            dissipation=contact.dissipation, friction=friction, properties=properties
+        )
 
 
 def _in_memory(text: str, extension: str) -> geo.Mesh:
@@ -414,7 +519,7 @@ def _in_memory(text: str, extension: str) -> geo.Mesh:
 
 
 def _ring_inertia(mass: float, polar: float) -> tree.SpatialInertia:
-    """Return the inertia of a thin ring; only mass and polar inertia act here."""
+    """Build the inertia of a thin ring; only mass and polar inertia act here."""
     unit = polar / mass
     return tree.SpatialInertia(mass, np.zeros(3), tree.UnitInertia(0.5 * unit, 0.5 * unit, unit))
 

@@ -37,18 +37,18 @@ from typing import NamedTuple
 import numpy as np
 
 from dogshape.sim.elementwise import Array, bisect
-from dogshape.sim.errors import ranges_of
+from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import Clutch, ContactSet
 from dogshape.sim.shift.mechanism import Shaft
 
 LOSS_LIMIT = 0.02  #: share of the axial power from which a study is told (judged)
-START = 0.25  #: of a face, where the reference slide starts from rest
-PART = (0.35, 0.9)  #: of a face, over which the loss is averaged
+START_SHARE = 0.25  #: of a face, where the reference slide starts from rest
+AVERAGED_SHARES = (0.35, 0.9)  #: of a face, over which the loss is averaged
 SAMPLES = 64  #: intervals of the slide in the mean over its way
 
 
 class SlidingFace(NamedTuple):
-    """A face of the tip as it slides down the face of the other ring, ridge ahead."""
+    """Face of a tip that slides down a face of the opposite ring, ridge ahead."""
 
     slope: float  #: rad
     width: float  #: from the ridge along the circumference, m
@@ -57,11 +57,14 @@ class SlidingFace(NamedTuple):
 
 
 def sliding_faces(clutch: Clutch) -> list[SlidingFace]:
-    """List the sloped faces of a tip; none for a flat one."""
-    dog, right = clutch.dog, 0.5 * math.pi
-    inner = dog.chamfer + dog.chamfer_back
-    front_turn = inner if dog.has_back else right - dog.traction + dog.chamfer
-    back_turn = inner if dog.has_back else right - dog.braking + dog.chamfer_back
+    """List the sloped faces of a tip; empty for a flat one."""
+    dog = clutch.dog
+    right_angle = 0.5 * math.pi
+    front_turn = right_angle - dog.traction + dog.chamfer
+    back_turn = right_angle - dog.braking + dog.chamfer_back
+    if dog.has_back:
+        front_turn = dog.chamfer + dog.chamfer_back
+        back_turn = front_turn
     front = SlidingFace(dog.chamfer, dog.face_width, front_turn, dog.crest_overlap)
     back = SlidingFace(dog.chamfer_back, dog.back_width, back_turn, -dog.crest_overlap)
     faces = [front] if dog.crest > 0.0 else []
@@ -86,12 +89,16 @@ def wedge_depth(load: float, layer: Array, wedge: Array, width: float) -> Array:
 
 
 def inertia_moved(shaft: Shaft, duration: float) -> float:
-    """Compute what turns with a ring over a ``duration`` in s, kg m2: its side, or the ring."""
-    near, far = shaft.near, shaft.far
-    if far == 0.0:
-        return near
-    period = 2.0 * math.pi * math.sqrt(near * far / ((near + far) * shaft.stiffness))
-    return near + far if duration > period else near
+    """Compute the inertia that turns with a ring over a ``duration`` in s, kg m2.
+
+    That of the whole side where the duration exceeds a swing of its shaft, else that of the ring.
+    """
+    ring = shaft.ring_inertia
+    side = shaft.side_inertia
+    if side == 0.0:
+        return ring
+    period = 2.0 * math.pi * math.sqrt(ring * side / ((ring + side) * shaft.stiffness))
+    return ring + side if duration > period else ring
 
 
 def _turning_mass(inertias: Iterable[float], arm: float) -> float:
@@ -108,12 +115,15 @@ def slide_loss(clutch: Clutch, force: float, face: SlidingFace) -> float:
     force : shift force, N.
     face : of ``sliding_faces``.
     """
-    dog, contact, slope = clutch.dog, clutch.contact, face.slope
-    mass, arm = clutch.rings.mass + clutch.mechanism.added_mass, dog.mean_radius * math.tan(slope)
-    overlap = np.linspace(*PART, SAMPLES + 1) * face.width
-    way = (overlap - START * face.width) * math.tan(slope)
-    alone = _turning_mass((shaft.near for shaft in clutch.shafts), arm)
-    duration = math.sqrt(2.0 * float(way[-1]) * (mass + alone) / force)
+    dog = clutch.dog
+    contact = clutch.contact
+    slope = face.slope
+    mass = clutch.rings.mass + clutch.mechanism.added_mass
+    arm = dog.mean_radius * math.tan(slope)
+    overlap = np.linspace(*AVERAGED_SHARES, SAMPLES + 1) * face.width
+    way = (overlap - START_SHARE * face.width) * math.tan(slope)
+    ring_mass = _turning_mass((shaft.ring_inertia for shaft in clutch.shafts), arm)
+    duration = math.sqrt(2.0 * float(way[-1]) * (mass + ring_mass) / force)
     turning = _turning_mass((inertia_moved(shaft, duration) for shaft in clutch.shafts), arm)
     speed = np.sqrt(2.0 * force * way / (mass + turning)) / math.sin(slope)
     length = overlap / math.cos(slope)
@@ -135,8 +145,9 @@ def stiffness_for_loss(clutch: Clutch, force: float, face: SlidingFace, loss: fl
         contact = replace(clutch.contact, stiffness=10.0**exponent)
         return slide_loss(replace(clutch, contact=contact), force, face) > loss
 
-    ends = ranges_of(ContactSet)["stiffness"]
-    softest, stiffest = math.log10(ends.low), math.log10(ends.high)
+    stiffness_range = quantities_of(ContactSet)["stiffness"]
+    softest = math.log10(stiffness_range.low)
+    stiffest = math.log10(stiffness_range.high)
     if loses_more(stiffest):
         return math.nan
     return 10.0 ** bisect(loses_more, softest, stiffest, width=1e-3)[1]

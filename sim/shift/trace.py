@@ -25,6 +25,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.elementwise import Array, Mask
+from dogshape.sim.kernel_layout import (
+    ACTUATOR_DISPLACEMENT,
+    ACTUATOR_SPEED,
+    AXIAL_SPEED,
+    DISPLACEMENT,
+    OUTPUT_ANGLE,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.geometry import crest_loss, crest_setback
@@ -49,9 +59,10 @@ class Events:
     """Events of a shift."""
 
     face_contacts: int  #: how often a dog came down on the face of another
-    slots_skipped: int  #: that the dogs could have reached and were carried past
+    slots_skipped: int  #: number of slots within reach that the dogs were carried past
     rebound_travel: float  #: farthest way back from a depth once reached, m
-    time_blocked: float  #: with face on face at a slip below ``sim.kernel.STILL``, s
+    #: with face on face at a slip below ``sim.kernel.motion.STILL_SLIP_M_S``, s
+    time_blocked: float
     face_slide: float  #: way that faces slid on each other, m
 
 
@@ -88,14 +99,15 @@ def crests_cross(clutch: Clutch, relative_angle: Array, displacement: Array) -> 
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
-    dog, radius = clutch.dog, clutch.dog.edge_radius
-    back = 2.0 * crest_setback(dog, radius)
-    crossing = abs(2.0 * dog.ridge_offset - back) / dog.mean_radius
+    dog = clutch.dog
+    radius = dog.edge_radius
+    setback = 2.0 * crest_setback(dog, radius)
+    crossing_angle = abs(2.0 * dog.ridge_offset - setback) / dog.mean_radius
     slope = math.sin(math.atan(clutch.contact.static_friction))
-    beyond = 0.5 * crossing * dog.radial_width + 2.0 * radius * slope
+    reach = 0.5 * crossing_angle * dog.radial_width + 2.0 * radius * slope
     overlap = kernel.face_overlap(relative_angle, clutch.numbers)
     depth = displacement - dog.axial_gap - 2.0 * crest_loss(dog, radius)
-    return (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - back) <= beyond)
+    return (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - setback) <= reach)
 
 
 @dataclass(frozen=True)
@@ -120,30 +132,34 @@ class Trace:
         return self.output_speed - self.sliding_speed
 
 
-_COLUMNS = {"displacement": 1, "axial_speed": 4, "sliding_speed": 5, "output_speed": 3}
-
-
 def trace_of(
-    clutch: Clutch, profile: ForceProfile, time: Array, state: Array, driven: Array
+    clutch: Clutch, profile: ForceProfile, times: Array, states: Array, driven: Array
 ) -> Trace:
-    """Return the trace of a run, times and states as ``sim.shift.conclusion.Run`` has them.
+    """Compute the trace of a run, times and states as ``sim.shift.conclusion.Run`` has them.
 
     ``driven`` are integrals of the drive's torques, N m s, (2, n), or (2, 0) without a drive.
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
-    push, given = kernel.shift_force(time, profile.knots)
-    force, torque = kernel.contact_means(time, state, given, driven, clutch.numbers)
-    far = state[:, 6:8] if clutch.mechanism.has_linkage else state[:, [1, 4]]
+    pushes, impulses = kernel.shift_force(times, profile.knots)
+    forces, torques = kernel.contact_means(
+        times, states, impulses, driven=driven, numbers=clutch.numbers
+    )
+    has_linkage = clutch.mechanism.has_linkage
+    actuator_column = ACTUATOR_DISPLACEMENT if has_linkage else DISPLACEMENT
+    actuator_speed_column = ACTUATOR_SPEED if has_linkage else AXIAL_SPEED
     return Trace(
-        time=time,
-        **{name: state[:, column] for name, column in _COLUMNS.items()},
-        relative_angle=state[:, 0] - state[:, 2],
-        shift_force=push,
-        contact_force=force,
-        tangential_force=torque / clutch.dog.mean_radius,
-        actuator_displacement=far[:, 0],
-        actuator_speed=far[:, 1],
+        time=times,
+        displacement=states[:, DISPLACEMENT],
+        axial_speed=states[:, AXIAL_SPEED],
+        sliding_speed=states[:, SLIDING_SPEED],
+        output_speed=states[:, OUTPUT_SPEED],
+        relative_angle=states[:, OUTPUT_ANGLE] - states[:, SLIDING_ANGLE],
+        shift_force=pushes,
+        contact_force=forces,
+        tangential_force=torques / clutch.dog.mean_radius,
+        actuator_displacement=states[:, actuator_column],
+        actuator_speed=states[:, actuator_speed_column],
     )
 
 
@@ -153,16 +169,18 @@ def torque_peak(clutch: Clutch, trace: Trace, stiffness: float) -> float:
     rate = math.sqrt(stiffness / inertia)
     torque = trace.tangential_force[1:] * clutch.dog.mean_radius
     turns = rate * (trace.time - trace.time[0])
-    back = np.exp(-1j * turns)
-    pushes = torque * (back[:-1] - back[1:]) / 1j
-    # T is the imaginary part of the state and its rate over that of the swing the real one.
-    state = np.concatenate([[0.0], np.cumsum(pushes)]) / back
-    ahead, swing = state.imag[:-1] - torque, np.hypot(state.imag[:-1] - torque, state.real[:-1])
-    crest = np.arctan2(state.real[:-1], ahead) % (2.0 * math.pi)
-    trough = (crest + math.pi) % (2.0 * math.pi)
-    within = np.diff(turns)
-    turning = ((crest, torque + swing), (trough, torque - swing))
-    largest = [np.abs(np.where(place <= within, value, 0.0)) for place, value in turning]
+    phasor = np.exp(-1j * turns)
+    pushes = torque * (phasor[:-1] - phasor[1:]) / 1j
+    # T is the imaginary part of the state, the real one its rate over that of the swing.
+    state = np.concatenate([[0.0], np.cumsum(pushes)]) / phasor
+    excess = state.imag[:-1] - torque
+    swing = np.hypot(excess, state.real[:-1])
+    crest_turn = np.arctan2(state.real[:-1], excess) % (2.0 * math.pi)
+    trough_turn = (crest_turn + math.pi) % (2.0 * math.pi)
+    step_turns = np.diff(turns)
+    crests = np.abs(np.where(crest_turn <= step_turns, torque + swing, 0.0))
+    troughs = np.abs(np.where(trough_turn <= step_turns, torque - swing, 0.0))
     engaged = bool((trace.displacement >= clutch.shift_travel).any())
-    last = inertia * float(trace.relative_speed[-1]) * rate if engaged else 0.0
-    return float(max(np.abs(state.imag).max(), *map(np.max, largest), abs(state[-1] + last)))
+    last_strike = inertia * float(trace.relative_speed[-1]) * rate if engaged else 0.0
+    peaks = (np.abs(state.imag).max(), crests.max(), troughs.max(), abs(state[-1] + last_strike))
+    return float(max(peaks))

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from dogshape.sim.errors import ranged_record
+from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.geometry import Dog
@@ -40,7 +40,7 @@ def clutch_record(clutch: Clutch) -> Record:
     contact = clutch.contact
     solver = clutch.solver
     dog_record = {
-        key: value for key, value in ranged_record(dog).items() if value != DEFAULTS.get(key)
+        key: value for key, value in record_quantities(dog).items() if value != DEFAULTS.get(key)
     }
     return {
         **dog_record,
@@ -50,7 +50,7 @@ def clutch_record(clutch: Clutch) -> Record:
         **({} if clutch.drive.turns else {"initial_speed_rpm": 0.0}),
         "contact_set": contact.name,
         **contact.record,
-        **(ranged_record(contact.impact) if contact.impact else {}),
+        **(record_quantities(contact.impact) if contact.impact else {}),
         "timeout_s": clutch.timeout,
         "seated_tolerance_mm": clutch.seated_tolerance / MM,
         "rebound_mm": clutch.rebound / MM,

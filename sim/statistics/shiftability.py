@@ -6,8 +6,8 @@ r"""Entry into the first window: direct entries in closed form, and limits of sp
    w = \varphi + \frac{h (\tan\beta + \tan\gamma)}{r},
 
 the window *w* at the end of the dogs where it is smallest, the axial speed *v* at the gap and the
-overlap *x* from which a touch is one of flanks (``sim.kernel.FACE_DEPTH`` of the height). A flank
-that throws the ring back out of its slot makes the share smaller.
+overlap *x* from which a touch is one of flanks (``sim.kernel.FACE_DEPTH_SHARE`` of the height). A
+flank that throws the ring back out of its slot makes the share smaller.
 
 *Limit engagement speed*. The largest mismatch at which at least a stated share of the relative
 angles engages in the first window, carried past no slot. The number of such shifts at each tested
@@ -34,6 +34,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dogshape.sim.elementwise import Array
+from dogshape.sim.kernel_layout import AXIAL_SPEED, DISPLACEMENT
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.expectation import PointExpectation
 
@@ -84,14 +85,14 @@ def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
     if dog.chamfer > 0.0 or dog.chamfer_back > 0.0:
         return None
     _, states, _ = free_flight(clutch, point.profile, dog.axial_gap)
-    travel = states[:, 1]
-    speed = states[:, 4]
+    travel = states[:, DISPLACEMENT]
+    speed = states[:, AXIAL_SPEED]
     if travel[-1] < dog.axial_gap or speed[-1] <= 0.0:
         return None
     gap_speed = float(np.interp(dog.axial_gap, travel, speed))
     radius = dog.outer_radius if dog.lean > 0.0 else dog.inner_radius
     window = dog.backlash_angle + dog.height * dog.lean / radius
-    overlap = kernel.FACE_DEPTH * dog.height
+    overlap = kernel.FACE_DEPTH_SHARE * dog.height
     share = (window - abs(point.mismatch) * overlap / gap_speed) / dog.pitch_angle
     return min(max(share, 0.0), 1.0)
 

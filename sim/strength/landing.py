@@ -40,7 +40,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dogshape.sim.elementwise import Array, empirical_distribution, sqrt
-from dogshape.sim.errors import InputError, refusal, require_ranges, within
+from dogshape.sim.errors import InputError, Refusal
+from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import RULES, Check, checks_of
@@ -286,9 +287,9 @@ class Wear:
     ``rate`` in m3/(N m), ``crest_loss`` and ``edge_radius`` in m; None leaves edges as they are.
     """
 
-    rate: float | None = within("rate_mm3_Nm", 0.0, 1e-2, None, remedy=RATE_REMEDY)
-    crest_loss: float | None = within("crest_loss_mm", 0.0, 2.0, None, remedy=HEIGHT_REMEDY)
-    edge_radius: float | None = within("edge_radius_mm", SHARPEST / MM, 10.0, None)
+    rate: float | None = quantity("rate_mm3_Nm", 0.0, 1e-2, None, remedy=RATE_REMEDY)
+    crest_loss: float | None = quantity("crest_loss_mm", 0.0, 2.0, None, remedy=HEIGHT_REMEDY)
+    edge_radius: float | None = quantity("edge_radius_mm", SHARPEST / MM, 10.0, None)
 
     def __post_init__(self) -> None:
         face_values = [value for value in (self.rate, self.crest_loss) if value is not None]
@@ -321,7 +322,7 @@ class Wear:
             return dog.edge_radius
         if self.edge_radius < dog.edge_radius:
             new_radius = f"dog.edge_radius_mm = {dog.edge_radius / MM:.6g}"
-            sentence = refusal(
+            sentence = Refusal(
                 "wear.edge_radius_mm",
                 self.edge_radius / MM,
                 "mm",

@@ -20,7 +20,8 @@ from functools import lru_cache
 import numpy as np
 
 from dogshape.sim.elementwise import ARRAY, Array, largest, map_elements, where
-from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
+from dogshape.sim.errors import InputError, Refusal, require_between
+from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.units import DEG, MM
@@ -154,37 +155,37 @@ class LoadCase:
     faces a coefficient of their own. A ``spline_friction`` of 0 is a ring without a toothing.
     """
 
-    torque: float = within("torque_Nm", 1e-3, 1e5, 200.0)
-    application_factor: float = within("application_factor", 0.5, 10.0, 1.5)
-    load_sharing: float = within("load_sharing", 0.01, 1.0, 0.5)
-    load_height: float = within("load_height", 0.5, 1.0, 0.9)
-    safety: float = within("safety", 1.0, 10.0, 1.2)
-    safety_fatigue: float = within("safety_fatigue", 1.0, 10.0, 1.2)
-    shifts: float = within("shifts", 1.0, 1e12, 1e5)
-    reversal: float = within("reversal", 0.1, 1.0, 0.7)
-    friction_release: float = within("friction_release", 0.0, 1.0, 0.12)
-    friction_hold: float = within("friction_hold", 0.0, 1.0, 0.05)
-    separating_force_limit: float | None = within("separating_force_limit_N", 1.0, 1e6, None)
-    wear_angle: float = within("wear_angle_deg", 0.0, 10.0, 1.0 * DEG)
+    torque: float = quantity("torque_Nm", 1e-3, 1e5, 200.0)
+    application_factor: float = quantity("application_factor", 0.5, 10.0, 1.5)
+    load_sharing: float = quantity("load_sharing", 0.01, 1.0, 0.5)
+    load_height: float = quantity("load_height", 0.5, 1.0, 0.9)
+    safety: float = quantity("safety", 1.0, 10.0, 1.2)
+    safety_fatigue: float = quantity("safety_fatigue", 1.0, 10.0, 1.2)
+    shifts: float = quantity("shifts", 1.0, 1e12, 1e5)
+    reversal: float = quantity("reversal", 0.1, 1.0, 0.7)
+    friction_release: float = quantity("friction_release", 0.0, 1.0, 0.12)
+    friction_hold: float = quantity("friction_hold", 0.0, 1.0, 0.05)
+    separating_force_limit: float | None = quantity("separating_force_limit_N", 1.0, 1e6, None)
+    wear_angle: float = quantity("wear_angle_deg", 0.0, 10.0, 1.0 * DEG, late=True)
     vibration_force: float = 0.0  #: inertia of the ring in gearbox vibration, N
-    coast_share: float = within("coast_share", 0.0, 1.0, 1.0)
-    pull_out_force_limit: float | None = within("pull_out_force_limit_N", 1.0, 1e6, None)
+    coast_share: float = quantity("coast_share", 0.0, 1.0, 1.0, late=True)
+    pull_out_force_limit: float | None = quantity("pull_out_force_limit_N", 1.0, 1e6, None)
     release_by_itself: bool = True
     faces_release: bool = True
-    pull_out_share: float = within("pull_out_share", 0.0, 1.0, 1.0)
+    pull_out_share: float = quantity("pull_out_share", 0.0, 1.0, 1.0, late=True)
     spectrum: tuple[tuple[float, float], ...] = ()
-    abuse_torque: float | None = within("abuse_torque_Nm", 1e-3, 1e6, None)
-    accuracy: int | None = within("accuracy", 1, 11, None)
-    pitch_sd: float | None = within("pitch_sd_um", 0.0, 1000.0, None)
-    run_out: float = within("run_out_um", 0.0, 1000.0, 0.0)
-    tilt: float = within("tilt_mrad", 0.0, 50.0, 0.0)
+    abuse_torque: float | None = quantity("abuse_torque_Nm", 1e-3, 1e6, None)
+    accuracy: int | None = quantity("accuracy", 1, 11, None)
+    pitch_sd: float | None = quantity("pitch_sd_um", 0.0, 1000.0, None)
+    run_out: float = quantity("run_out_um", 0.0, 1000.0, 0.0, late=True)
+    tilt: float = quantity("tilt_mrad", 0.0, 50.0, 0.0, late=True)
     contact_stiffness: float = STIFFNESS  #: of the shifts, Pa/m
     face_friction: float | None = None  #: of faces on faces in the shifts; None: that of flanks
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
-    spline_friction_release: float | None = within("spline_friction_release", 0.0, 1.5, None)
-    spline_friction_hold: float | None = within("spline_friction_hold", 0.0, 1.5, None)
-    landing_share: float | None = within("landing_share", 1e-4, 0.5, None)
+    spline_friction_release: float | None = quantity("spline_friction_release", 0.0, 1.5, None)
+    spline_friction_hold: float | None = quantity("spline_friction_hold", 0.0, 1.5, None)
+    landing_share: float | None = quantity("landing_share", 1e-4, 0.5, None)
 
     def __post_init__(self) -> None:
         require_ranges(self, "load", "correct the load case")
@@ -201,7 +202,7 @@ class LoadCase:
         if self.friction_hold > self.friction_release:
             rule = f"it must not exceed load.friction_release = {self.friction_release:.6g}"
             remedy = "holding is judged with the lower coefficient; exchange or correct them"
-            sentence = refusal(
+            sentence = Refusal(
                 "load.friction_hold", self.friction_hold, "", rule=rule, remedy=remedy
             )
             raise InputError(sentence)
@@ -221,7 +222,7 @@ class LoadCase:
                 bound = "at most" if sign < 0.0 else "at least"
                 rule = f"it must be {bound} {key} = {nominal:.6g}, which shifts are simulated with"
                 remedy = "correct one of them"
-                raise InputError(refusal(f"load.{name}", end, "", rule=rule, remedy=remedy))
+                raise InputError(Refusal(f"load.{name}", end, "", rule=rule, remedy=remedy))
 
     @property
     def face_release_friction(self) -> float:

@@ -20,7 +20,8 @@ from typing import Any, Literal
 import numpy as np
 
 from dogshape.sim.elementwise import hashable, hypot, largest, smallest, where
-from dogshape.sim.errors import DogshapeError, GeometryError, refusal, require_ranges, within
+from dogshape.sim.errors import DogshapeError, GeometryError, Refusal
+from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import RULES, Check, checks_of
 from dogshape.sim.units import DEG, MM
@@ -30,17 +31,17 @@ from dogshape.sim.units import DEG, MM
 class ManufacturingLimits:
     """Limits of manufacture, lengths in m; ``RULES`` has their meaning and source."""
 
-    tip_width: float = within("tip_width_mm", 0.05, 100.0, 1.5e-3)
-    slot_width: float = within("slot_width_mm", 0.05, 100.0, 1.5e-3)
-    cutter_reach: float = within("cutter_reach", 0.1, 100.0, 3.0)
-    flank_height: float = within("flank_height_mm", 0.05, 100.0, 1.5e-3)
+    tip_width: float = quantity("tip_width_mm", 0.05, 100.0, 1.5e-3)
+    slot_width: float = quantity("slot_width_mm", 0.05, 100.0, 1.5e-3)
+    cutter_reach: float = quantity("cutter_reach", 0.1, 100.0, 3.0)
+    flank_height: float = quantity("flank_height_mm", 0.05, 100.0, 1.5e-3)
     #: of the roots, and of tip edges if the dog has no edge radius
-    root_radius: float = within("root_radius_mm", 0.02, 10.0, 0.3e-3)
-    tip_core: float = within("tip_core_mm", 0.0, 100.0, 0.5e-3)
-    chamfer_share: float = within("chamfer_share", 0.0, 0.5, 0.35)
-    module: float = within("module_mm", 0.05, 100.0, 1.25e-3)
+    root_radius: float = quantity("root_radius_mm", 0.02, 10.0, 0.3e-3)
+    tip_core: float = quantity("tip_core_mm", 0.0, 100.0, 0.5e-3)
+    chamfer_share: float = quantity("chamfer_share", 0.0, 0.5, 0.35)
+    module: float = quantity("module_mm", 0.05, 100.0, 1.25e-3)
     #: thickness of the ring behind the roots; None for a thick ring
-    rim: float | None = within("rim_mm", 0.1, 1000.0, None, remedy="give the thickness in mm")
+    rim: float | None = quantity("rim_mm", 0.1, 1000.0, None, remedy="give the thickness in mm")
 
     def __post_init__(self) -> None:
         require_ranges(self, "manufacturing", "correct the limit")
@@ -77,7 +78,7 @@ def require_fillets(dog: Dog, radius: float) -> None:
         return
     rule = f"the largest that fits into slot and tip is {room / MM:.4g} mm"
     remedy = "use a smaller radius, fewer dogs, or a smaller chamfer"
-    sentence = refusal("manufacturing.root_radius_mm", radius / MM, "mm", rule=rule, remedy=remedy)
+    sentence = Refusal("manufacturing.root_radius_mm", radius / MM, "mm", rule=rule, remedy=remedy)
     raise GeometryError(sentence)
 
 
@@ -94,20 +95,22 @@ class Tolerances:
     is that of a normal deviate beyond 3 standard deviations on one side, of each check.
     """
 
-    chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
-    traction: float = within("traction_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
-    braking: float = within("braking_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
-    height: float = within("height_mm", 0.0, 2.0, 0.05 * MM)
-    outer_diameter: float = within("outer_diameter_mm", 0.0, 2.0, 0.15 * MM)
-    inner_diameter: float = within("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
-    axial_gap: float = within("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
-    root_radius: float = within("root_radius_mm", 0.0, 2.0, 0.05 * MM)
-    contact_ratio: float = within("contact_ratio", 0.0, 1.0, 0.5, remedy=SHARE_REMEDY)
-    clearance: float = within("clearance_mm", 0.0, 2.0, 0.3 * MM)
-    chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
-    backlash: float = within("backlash_mm", 0.0, 2.0, 0.05 * MM)
-    reject_rate: float = within("reject_rate", 1e-9, 0.5, 0.00135)
-    capability: float = within("capability", 0.3, 3.0, 1.0)
+    chamfer: float = quantity("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
+    traction: float = quantity("traction_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
+    braking: float = quantity("braking_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
+    height: float = quantity("height_mm", 0.0, 2.0, 0.05 * MM)
+    outer_diameter: float = quantity("outer_diameter_mm", 0.0, 2.0, 0.15 * MM)
+    inner_diameter: float = quantity("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
+    axial_gap: float = quantity("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
+    root_radius: float = quantity("root_radius_mm", 0.0, 2.0, 0.05 * MM)
+    contact_ratio: float = quantity("contact_ratio", 0.0, 1.0, 0.5, remedy=SHARE_REMEDY)
+    clearance: float = quantity("clearance_mm", 0.0, 2.0, 0.3 * MM)
+    chamfer_back: float = quantity(
+        "chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, late=True, remedy=ANGLE_REMEDY
+    )
+    backlash: float = quantity("backlash_mm", 0.0, 2.0, 0.05 * MM, late=True)
+    reject_rate: float = quantity("reject_rate", 1e-9, 0.5, 0.00135, late=True)
+    capability: float = quantity("capability", 0.3, 3.0, 1.0, late=True)
 
     def __post_init__(self) -> None:
         require_ranges(self, "tolerance", "give a length in mm")

@@ -16,7 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dogshape.sim.elementwise import bisect
-from dogshape.sim.errors import require_known, require_ranges, within
+from dogshape.sim.errors import require_known
+from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.units import MM, MPA
 
 STRESS_CORRECTION = 2.0  #: Y_ST of ISO 6336-3
@@ -40,12 +41,12 @@ class Material:
 
     name: str
     source: str
-    proof_stress: float = within("proof_stress_MPa", 10.0, 5000.0)
-    bending_endurance: float = within("bending_endurance_MPa", 10.0, 2000.0)
-    static_factor: float = within("static_factor", 1.0, 5.0)
-    allowable_pressure: float = within("allowable_pressure_MPa", 1.0, 5000.0)
-    surface_hardness: float = within("surface_hardness_HV", 80.0, 1500.0)
-    case_depth: float = within("case_depth_mm", 0.0, 10.0)
+    proof_stress: float = quantity("proof_stress_MPa", 10.0, 5000.0)
+    bending_endurance: float = quantity("bending_endurance_MPa", 10.0, 2000.0)
+    static_factor: float = quantity("static_factor", 1.0, 5.0)
+    allowable_pressure: float = quantity("allowable_pressure_MPa", 1.0, 5000.0)
+    surface_hardness: float = quantity("surface_hardness_HV", 80.0, 1500.0)
+    case_depth: float = quantity("case_depth_mm", 0.0, 10.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "material", "correct the material")

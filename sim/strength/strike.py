@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.elementwise import bisect
-from dogshape.sim.errors import require_between, require_parts, require_ranges, within
+from dogshape.sim.errors import require_between, require_parts
+from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, Flank
 from dogshape.sim.units import RPM
 
@@ -35,17 +36,17 @@ class Strike:
     ``mismatch`` strikes traction flanks, negative braking ones.
     """
 
-    ring_inertia: float = within("ring_inertia_kgm2", 1e-7, 100.0)
-    sliding_inertia: float = within("sliding_inertia_kgm2", 1e-7, 100.0)
-    input_stiffness: float = within("input_stiffness_Nm_rad", 1e-3, 1e9)
-    wheel_inertia: float = within("wheel_inertia_kgm2", 1e-7, 1e4)
-    output_inertia: float = within("output_inertia_kgm2", 1e-7, 1e4)
-    output_stiffness: float | None = within("output_stiffness_Nm_rad", 1e-3, 1e9, None)
-    backlash: float = within("backlash_deg", 0.0, 30.0, 0.0)
-    restitution: float = within("restitution", 0.0, 0.5, RESTITUTION)
+    ring_inertia: float = quantity("ring_inertia_kgm2", 1e-7, 100.0, late=True)
+    sliding_inertia: float = quantity("sliding_inertia_kgm2", 1e-7, 100.0)
+    input_stiffness: float = quantity("input_stiffness_Nm_rad", 1e-3, 1e9, late=True)
+    wheel_inertia: float = quantity("wheel_inertia_kgm2", 1e-7, 1e4, late=True)
+    output_inertia: float = quantity("output_inertia_kgm2", 1e-7, 1e4)
+    output_stiffness: float | None = quantity("output_stiffness_Nm_rad", 1e-3, 1e9, None)
+    backlash: float = quantity("backlash_deg", 0.0, 30.0, 0.0)
+    restitution: float = quantity("restitution", 0.0, 0.5, RESTITUTION)
     mismatch: tuple[float, ...] = ()
     #: number over the life; None for the static limit alone
-    strikes: float | None = within("strikes", 1.0, 1e12, None)
+    strikes: float | None = quantity("strikes", 1.0, 1e12, None)
     ends: str = ""  #: ends of the ranges of the study file, in words
 
     def __post_init__(self) -> None:

@@ -51,7 +51,7 @@ def _needs_retention(dog: Dog, limits: Limits) -> bool:
     return blocking_force(dog, limits.load) > 0.0 or limits.load.vibration_force > 0.0
 
 
-SIMULATION = "a simulation (dogshape check, without --surrogate)"
+SIMULATION = "a simulation, as by check without a surrogate"
 STANDARD = (
     Standard(
         "flank_strike",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, bundled_studies, load_study
 from dogshape.pipeline.search.confirmation import new_angles
-from dogshape.pipeline.search.result_schema import StudyRecord
+from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate import evaluation
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -33,7 +34,8 @@ def kept(request: pytest.FixtureRequest) -> Kept:
 
 def test_kept_result_is_of_the_study_as_it_is(kept: Kept) -> None:
     study, result, row = kept
-    validate(StudyRecord, result, study.name)
+    record = validate(StudyRecord, result, study.name)
+    assert json.dumps(record.to_dict()) == json.dumps(result)  # as the file is written
     assert result["config_hash"] == study.config_hash
     assert result["physics_hash"] == study.search_setup.physics_hash
     assert result["objectives"] == list(study.file.search.objectives)

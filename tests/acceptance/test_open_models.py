@@ -15,6 +15,13 @@ import pytest
 
 from dogshape.sim import kernel
 from dogshape.sim.elementwise import Array
+from dogshape.sim.kernel_layout import (
+    AXIAL_SPEED,
+    OUTPUT_ANGLE,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, Rings, solver_for
 from dogshape.sim.shift.conclusion import Engagement, engage
@@ -154,8 +161,9 @@ def test_pointed_teeth_slide_as_a_wedge(force: float, engine: str) -> None:
     plant = (ClutchPlant if engine == "drake" else PlanarClutch)(clutch)
     run = engage(plant, OperatingPoint(0.0, ForceProfile(force, RISE)), start).run
     times, states = run.times, run.states
-    lead = states[:, 0] - states[:, 2]
-    ended = kernel.crossing(times, lead, states[:, 3] - states[:, 5], end)
+    lead = states[:, OUTPUT_ANGLE] - states[:, SLIDING_ANGLE]
+    speeds = states[:, OUTPUT_SPEED] - states[:, SLIDING_SPEED]
+    ended = kernel.crossing(times, lead, speeds, end)
     assert ended - sleeve.fall_time(start) == pytest.approx(sleeve.slide_time(start, end), rel=0.02)
     first, last = np.searchsorted(lead, (1.2 * DEG, 6.4 * DEG))
     assert lever_between(sleeve, times, states, first, last) == pytest.approx(
@@ -165,6 +173,7 @@ def test_pointed_teeth_slide_as_a_wedge(force: float, engine: str) -> None:
 
 def lever_between(sleeve: Sleeve, times: Array, states: Array, first: int, last: int) -> float:
     """Compute the impulse of the torque over that of the axial force between two steps, m."""
-    turned = sleeve.inertia * abs(states[last, 5] - states[first, 5])
+    turned = sleeve.inertia * abs(states[last, SLIDING_SPEED] - states[first, SLIDING_SPEED])
     pushed = sleeve.force * (times[last] - times[first])
-    return float(turned / (pushed - sleeve.mass * (states[last, 4] - states[first, 4])))
+    gained = states[last, AXIAL_SPEED] - states[first, AXIAL_SPEED]
+    return float(turned / (pushed - sleeve.mass * gained))

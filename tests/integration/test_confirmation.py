@@ -13,8 +13,8 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.reports.designs import designs_frame, out_at_new_angles
 from dogshape.pipeline.reports.study_summary import headline
 from dogshape.pipeline.search.confirmation import HANG_ANGLES, contested_designs, deciding_points
-from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.search.state import PointTimes, SearchState, Trial, under_priors
+from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate.design import CheckInputs, Design
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Evaluation
 from dogshape.pipeline.store.folder import StudyFolder
@@ -28,6 +28,7 @@ from dogshape.sim.statistics.hangs import HangPrior, pool
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.landing import Demand
 from tests.conftest import SMALL
+from tests.search_results import record_of
 
 SETTINGS = [
     *SMALL,
@@ -83,7 +84,7 @@ def searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Searched:
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)
         study = load_study("mq200_paper", [*SETTINGS, f"search.confirm_designs={budget}"])
         place = tmp_path / f"out{len(list(tmp_path.iterdir()))}"
-        return run_study(study, StudyOptions(StudyFolder(place), 1, report=report))
+        return run_study(study, StudyOptions(StudyFolder(place), 1, report=report)).to_dict()
 
     return search
 
@@ -145,8 +146,8 @@ def test_designs_that_were_lucky_or_fail_later_leave_the_front(searched: Searche
     errors = one["searched"]["standard_error"] ** 2 + one["standard_error_s"] ** 2
     assert one["errors_apart"] == pytest.approx(off / errors**0.5)
     assert one["agrees"] == (abs(one["errors_apart"]) <= 3.0)
-    assert [*out_at_new_angles(fails)] == [number]
-    frame = designs_frame(fails, ["chamfer_deg"]).set_index("trial")
+    assert [*out_at_new_angles(record_of(fails))] == [number]
+    frame = designs_frame(record_of(fails), ["chamfer_deg"]).set_index("trial")
     assert frame.index[frame["failed_at_fresh_angles"]].tolist() == [number]
     every = searched(hard={_chamfer(row) for row in plain["trials"]})
     assert every["front"] == []
@@ -217,7 +218,7 @@ def test_hangs_that_decide_between_designs_are_looked_at_more_closely() -> None:
     priors = pool([trial.counts for trial in state.trials])
     found = {number: one.under(priors) for number, one in found.items()}
     trials = tuple(under_priors(study, trial, priors) for trial in state.trials)
-    passing = {number: Design(study.prototype, study.clutch.dog, (), "") for number in found}
+    passing = {number: Design(study, study.prototype, study.clutch.dog, (), "") for number in found}
     renewed = SearchState(study, trials, passing)
     # The last is as fast while it engages: its hang alone tells it from the best.
     assert contested_designs(renewed, found) == [0, 1]
@@ -240,6 +241,8 @@ def test_the_own_dog_is_confirmed_and_chosen_where_it_is_the_fastest(searched: S
     assert result["best"]["prototype"]
     assert confirmation["chosen"] == 0
     assert confirmation["gain_s"] is None
-    assert headline(result).startswith("Your own dog is the fastest: expected shift time")
-    assert headline(result).endswith("Not judged: flank strike.")
+    assert headline(record_of(result)).startswith(
+        "Your own dog is the fastest: expected shift time"
+    )
+    assert headline(record_of(result)).endswith("Not judged: flank strike.")
     assert 0 in [row["trial"] for row in result["front"]]

@@ -79,7 +79,9 @@ def test_a_full_disk_is_said_and_costs_nothing(tmp_path: Path, in_drake: Finishe
     kept = lines_of(tmp_path)
     assert len(kept) >= 3
     assert all(line.endswith(b"\n") and json.loads(line) for line in kept)
-    again = run_study(load_study("mq200_paper", DRAKE), search_run(tmp_path, 1, resume=True))
+    again = run_study(
+        load_study("mq200_paper", DRAKE), search_run(tmp_path, 1, resume=True)
+    ).to_dict()
     assert designs_of(again) == designs_of(in_drake.result)
 
 

@@ -16,7 +16,7 @@ from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.schema import QUANTILE
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.reports.study_page import write_report
-from dogshape.pipeline.search.confirmation import Executors, _resimulated
+from dogshape.pipeline.search.confirmation import Executors, _simulate_anew
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -44,7 +44,7 @@ def _tiny(name: str, *more: str) -> Setup:
 
 
 def _run(study: Setup, folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    result = run_study(study, search_run(folder, jobs=1))
+    result = run_study(study, search_run(folder, jobs=1)).to_dict()
     return result, [json.loads(line) for line in lines_of(folder, "shifts.jsonl")]
 
 
@@ -66,7 +66,7 @@ def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
     before, after = (confirmed[k]["estimates"][QUANTILE_S]["value"] for k in ("prototype", "best"))
     assert confirmed["gains"][QUANTILE_S]["value"] == pytest.approx(before - after)
     assert write_report(StudyFolder(tmp_path)).stat().st_size > 0
-    resumed = run_study(study, search_run(tmp_path, jobs=1, resume=True))
+    resumed = run_study(study, search_run(tmp_path, jobs=1, resume=True)).to_dict()
     assert resumed["trials"] == result["trials"]
     assert resumed["n_simulated_shifts"] == result["n_simulated_shifts"]
 
@@ -91,7 +91,7 @@ def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -
         assert not row["feasible"]
     executors = Executors(scratch_executor(1), scratch_executor(1))
     with pytest.raises(InputError, match="every shift of design 0 at new angles failed"):
-        _resimulated(study, {"design 0": study.prototype}, executors)
+        _simulate_anew(study, {"design 0": study.prototype}, executors)
 
 
 SETTINGS = {
@@ -120,8 +120,8 @@ SETTINGS = {
 def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     out, study = tmp_path / "r", ds.Study("mq200_paper", SETTINGS)
     found = study.search(out, jobs=1)
-    best, record = found.best, found.record
-    confirmed = record["confirmation"]
+    record = found.record.to_dict()
+    best, confirmed = record["best"], record["confirmation"]
     assert best is not None
     assert confirmed is not None
     assert all({*OPERATED} <= row.keys() for row in record["trials"])
@@ -213,7 +213,7 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
     """The chosen design keeps its limit at the new angles; designs that fail it are not chosen."""
     limit = 0.080
     study = study_with("expectation.angles=24", f"search.limits.worst_shift_time_s={limit}")
-    result = run_study(study, search_run(tmp_path / "out", jobs=1))
+    result = run_study(study, search_run(tmp_path / "out", jobs=1)).to_dict()
     judged = [row for row in result["trials"] if "worst_shift_time_s" in row["margins"]]
     failed = [row for row in judged if row["margins"]["worst_shift_time_s"] < 0.0]
     assert failed

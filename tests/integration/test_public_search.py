@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.pipeline.search.result_schema import StudyRecord
+from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.sim.clutch_tables import validate
 from tests.conftest import SMALL, Call, set_options
 from tests.integration.studies import SETTINGS, Finished
@@ -28,7 +28,7 @@ def found(finished: Finished, tmp_path_factory: pytest.TempPathFactory) -> ds.St
 @pytest.fixture
 def record(found: ds.StudyResult) -> dict[str, Any]:
     """A copy of the record of the finished study, to be spoilt."""
-    copied: dict[str, Any] = json.loads(json.dumps(found.record))
+    copied: dict[str, Any] = json.loads(json.dumps(found.record.to_dict()))
     return copied
 
 
@@ -46,21 +46,21 @@ def test_a_search_is_what_the_command_line_prints(found: ds.StudyResult, dogshap
 
 def test_a_result_is_read_from_its_folder(found: ds.StudyResult) -> None:
     again = ds.load_result(found.folder)
-    assert again.record == json.loads(found.folder.joinpath("result.json").read_text())
+    assert again.record.to_dict() == json.loads(found.folder.joinpath("result.json").read_text())
     assert again.to_dict() == json.loads(json.dumps(found.to_dict())) | {"seconds_cpu": None}
     assert again.config.config_hash == found.config.config_hash
 
 
 def test_front_and_trials_are_tables_and_a_figure(found: ds.StudyResult) -> None:
     front, trials = found.front, found.to_frame()
-    assert list(front["trial"]) == [row["trial"] for row in found.record["front"]]
+    assert list(front["trial"]) == [row.trial for row in found.record.front]
     assert front[TIME].is_monotonic_increasing
     assert (front[f"standard_error_of_{TIME}"] > 0.0).all()
-    assert f"standard_error_of_{found.record['objectives'][1]}" not in front
+    assert f"standard_error_of_{found.record.objectives[1]}" not in front
     assert list(trials["trial"]) == list(range(12))
     assert set(trials.loc[trials["on_front"], "trial"]) == set(front["trial"])
     assert found.best is not None
-    assert trials.loc[trials["chosen"], "trial"].tolist() == [found.best["trial"]]
+    assert trials.loc[trials["chosen"], "trial"].tolist() == [found.best.trial]
 
     (border,) = [one for one in found.plot().data if one.mode == "lines"]
     assert list(border.x) == pytest.approx(list(1e3 * found.front[TIME]))

@@ -45,7 +45,7 @@ def test_ridge_backlash_and_mechanism_are_in_every_part_of_a_search(tmp_path: Pa
     own = {"mechanism.spline_friction": 0.1, "mechanism.delay_s": 0.05, "effects.drag_torque": 0.2}
     small = {**dict(map(pair_of, SMALL)), **keys, **searched, "solver.engine": "planar"}
     study, plain = (load_study("mq200_paper", small | more) for more in (own, {}))
-    result = run_study(study, search_run(tmp_path, jobs=1))
+    result = run_study(study, search_run(tmp_path, jobs=1)).to_dict()
     assert result["physics_hash"] == study.physics_hash
     assert result["trials"][0]["backlash_mm"] == 0.0
     for row in result["trials"][1:]:
@@ -93,7 +93,7 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
 
 
 def test_a_seed_gives_the_same_trials_on_more_workers(finished: Finished, tmp_path: Path) -> None:
-    again = run_study(load_study("mq200_paper", SMALL), search_run(tmp_path, jobs=2))
+    again = run_study(load_study("mq200_paper", SMALL), search_run(tmp_path, jobs=2)).to_dict()
     assert designs_of(again) == designs_of(finished.result)
     assert json.loads((tmp_path / "result.json").read_text()) == again
 
@@ -106,7 +106,9 @@ def test_a_journal_of_trials_is_mended_or_refused(
     torn = short.copy(tmp_path / "torn")
     with (torn / "trials.log").open("ab") as file:
         file.write(b'{"op_code": 4, "worker')
-    longer = run_study(load_study("mq200_paper", SMALL), search_run(torn, jobs=1, resume=True))
+    longer = run_study(
+        load_study("mq200_paper", SMALL), search_run(torn, jobs=1, resume=True)
+    ).to_dict()
     assert designs_of(longer) == designs_of(finished.result)
     tmp_path = short.copy(tmp_path / "broken")
     log = tmp_path / "trials.log"
@@ -115,7 +117,7 @@ def test_a_journal_of_trials_is_mended_or_refused(
     with pytest.raises(StorageError, match=r"trials\.log is damaged; remove the file"):
         run_study(study, search_run(tmp_path, jobs=1, resume=True))
     log.unlink()
-    again = run_study(study, search_run(tmp_path, jobs=1, resume=True))
+    again = run_study(study, search_run(tmp_path, jobs=1, resume=True)).to_dict()
     assert designs_of(again) == designs_of(short.result)
     assert (tmp_path / "shifts.jsonl").read_bytes() == shifts
 
@@ -165,7 +167,7 @@ def test_a_search_in_which_no_design_can_pass_ends_with_a_page(tmp_path: Path) -
     keys = ["material.allowable_pressure_MPa=2", "search.trials=8", "solver.engine=planar"]
     study, said = load_study("mq200_paper", [*SMALL, *keys]), list[str]()
     run = replace(search_run(tmp_path, jobs=1, progress=Listener(said)), report=True)
-    result = run_study(study, run)
+    result = run_study(study, run).to_dict()
     assert any("passes every check. Of those" in line for line in said)
     assert (result["best"], result["confirmation"], len(result["trials"])) == (None, None, 8)
     assert not any(row["feasible"] or row["expected_shift_time_s"] for row in result["trials"])
@@ -182,7 +184,7 @@ def test_a_search_in_which_no_design_can_pass_ends_with_a_page(tmp_path: Path) -
         assert words in page
     found = ds.load_result(tmp_path)
     assert (found.best, found.verdict, found.to_dict()["feasible"]) == (None, None, False)
-    again = run_study(study, replace(run, resume=True))
+    again = run_study(study, replace(run, resume=True)).to_dict()
     assert again["nearest"] == result["nearest"]
 
 
@@ -207,10 +209,10 @@ def test_a_search_ends_where_every_design_was_tried(tmp_path: Path) -> None:
     allowed = [n for n in range(13, 21) if worth_simulating(study, {"count": n})]
     assert 1 < len(allowed) < 10
     how = search_run(tmp_path, jobs=1, resume=True)
-    result = run_study(study, how)
+    result = run_study(study, how).to_dict()
     assert sorted(row["count"] for row in result["trials"]) == allowed
     assert result["best"] is not None
-    again = run_study(study, how)
+    again = run_study(study, how).to_dict()
     assert [row["count"] for row in again["trials"]] == [row["count"] for row in result["trials"]]
 
 

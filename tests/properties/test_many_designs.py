@@ -99,7 +99,7 @@ def test_verdicts_are_those_of_each_design(settings: dict[str, Any]) -> None:
         try:
             design = design_of(study, study.params_of(row))
         except DogshapeError as error:  # values that no dog can have
-            design = Design({}, None, (), str(error))
+            design = Design(study, {}, None, (), str(error))
         assert found["real"][place] == (design.dog is not None)
         assert found["feasible"][place] == design.feasible
         broken = [c.name for c in design.checks if c.name in MAKEABLE and not c.passed]

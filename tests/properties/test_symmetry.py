@@ -47,7 +47,7 @@ def test_mirrored_rings_and_mismatch_give_the_mirrored_motion(
 
     Mirrored meshes are no dogs of the clutch, in whose sections steps are looked at.
     """
-    monkeypatch.setattr("dogshape.sim.shift.conclusion.PASSED_OVER", np.inf)
+    monkeypatch.setattr("dogshape.sim.shift.conclusion.MAX_MISSED_OVERLAP_M", np.inf)
     here = engage(ClutchPlant(clutch), point(mismatch, 469.0), angle * DEG)
     for name in ("rigid_dog", "compliant_dog"):
         mirrored = _mirrored(getattr(dogshape.sim.shift.mesh, name))

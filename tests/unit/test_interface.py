@@ -84,7 +84,9 @@ WORDS: list[tuple[Callable[[], str], str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("write", "option", "python"), WORDS, ids=lambda word: str(word)[:30])
+@pytest.mark.parametrize(
+    ("write", "option", "python"), WORDS, ids=[option for _, option, _ in WORDS]
+)
 def test_words_of_both_interfaces(write: Callable[[], str], option: str, python: str) -> None:
     assert write() == python
     with command_line():

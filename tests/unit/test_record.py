@@ -12,7 +12,7 @@ from rich.console import Console
 from benchmarks.figures import key_table
 from dogshape.cli.options import emit
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.record import Bad, Record, Table, frame_of, key, tabulate
+from dogshape.pipeline.record import Bad, FileRecord, Record, Table, frame_of, key, tabulate
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import validate
@@ -29,6 +29,10 @@ class Point(Record):
     spare: int | None = key("count; absent in earlier versions", "", None)
 
 
+class StoredPoint(FileRecord, Point):
+    """A point in a file."""
+
+
 class Whole(Record):
     """The whole."""
 
@@ -43,6 +47,16 @@ def test_record_and_frame_have_the_keys_that_were_given() -> None:
     assert POINTS[0].to_dict() == {"speed_rpm": -50.0, "time_s": 0.0123, "passed": True}
     assert Whole(points=POINTS).to_dict()["points"][1]["spare"] == 3
     assert frame_of(POINTS)["time_s"].tolist()[0] == 0.0123
+
+
+def test_a_record_of_a_file_has_the_order_of_the_file() -> None:
+    """Also where a value was replaced; a frame has the order of the declaration."""
+    values = {"passed": True, "spare": 3, "speed_rpm": 50.0, "time_s": None}
+    point = StoredPoint(**values)
+    assert list(point.to_dict()) == list(values)
+    assert list(point.model_copy(update={"spare": 4}).to_dict().values()) == [True, 4, 50.0, None]
+    assert list(StoredPoint.model_validate(values).to_dict()) == list(values)
+    assert list(frame_of([point])) == list(Point.model_fields)
 
 
 def test_console_and_page_print_the_cells_that_are_declared(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from dogshape.pipeline.reports.charts import (
     front_figure,
     shiftability_figure,
 )
-from dogshape.pipeline.reports.data_sheet import command_of, searched_record, words_of
+from dogshape.pipeline.reports.data_sheet import command_of, searched_sheet, words_of
 from dogshape.pipeline.reports.designs import designs_frame, goals_of
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study_page import point_parts
@@ -32,26 +32,53 @@ from dogshape.pipeline.reports.study_summary import (
 from dogshape.pipeline.reports.surrogate_findings import (
     FACTORS,
     TOLERANCES,
+    Effects,
+    LimitPrice,
     learn_effects,
     prices,
     prices_table,
     stored_effects,
 )
 from dogshape.pipeline.reports.text import minus, with_error
+from dogshape.pipeline.search.study_record import Confirmation, DesignRow
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.result_records import HingeRow
+from dogshape.pipeline.store.result_records import HingeRow, PointRow
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.strength.locking import locking_checks, locking_friction
 from dogshape.study import Study
 from dogshape.surrogate.store import save
-from tests.search_results import LENGTH, TIME, VARIABLES, Row, bundled_result, shift
+from tests.search_results import (
+    LENGTH,
+    TIME,
+    VARIABLES,
+    Row,
+    bundled_result,
+    check,
+    design,
+    point,
+    record_of,
+    shift,
+)
+
+
+def _headline(result: Row) -> str:
+    return headline(record_of(result))
+
+
+def _facts(study: Setup, result: Row) -> dict[str, str]:
+    return dict(facts_of(study, record_of(result)))
 
 
 def test_every_simulated_design_is_in_the_table(result: Row) -> None:
-    result["trials"][2]["time_within_tolerances"] = {"worst_case_s": 0.002, "by_dimension_s": {}}
-    table = designs_frame(result, VARIABLES, result["trials"][:5])
+    result["trials"][2]["time_within_tolerances"] = {
+        "worst_case_s": 0.002,
+        "root_sum_square_s": 0.001,
+        "by_dimension_s": {},
+    }
+    record = record_of(result)
+    table = designs_frame(record, VARIABLES, record.trials[:5])
     assert table["trial"].tolist() == [0, 1, 2, 3, 4]
     assert table["on_front"].tolist() == [False, True, True, False, False]
     assert table["chosen"].tolist() == [False, False, True, False, False]
@@ -70,7 +97,7 @@ def few(study: Setup) -> Setup:
 def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: Row) -> None:
     c = result["confirmation"]
     c["designs"][0] |= {"agrees": False, "errors_apart": 8.6}
-    found = dict(facts_of(few, result))
+    found = _facts(few, result)
     assert found["gain in the expected shift time"] == "20.0 ± 1.0 ms (20 %)"
     assert found["engaged at the first try"] == "32 of 32 shifts; prototype 24 of 32"
     assert found["operating points slower than the prototype"].startswith("1 of 2 (1 clearly)")
@@ -80,17 +107,17 @@ def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: 
         "search and new angles of design 2",
     ]  # fmt: skip
     result["best"] |= {"chamfer_deg": 0.0}
-    assert "chamfer" in dict(facts_of(few, result))["at the end of the search range"]
+    assert "chamfer" in _facts(few, result)["at the end of the search range"]
 
 
 def test_headline_is_the_time_of_the_chosen_design_and_the_prototype(result: Row) -> None:
-    assert headline(result) == (
+    assert _headline(result) == (
         "Design 2: expected shift time 80.0 ± 0.6 ms instead of 100.0 ± 0.6 ms of your own dog."
     )
-    assert "not confirmed" in headline(result | {"confirmation": None})
+    assert "not confirmed" in headline(record_of(result, confirmation=None))
     for row in result["trials"]:
         row["margins"]["smallest_margin_worst"] = -0.02
-    said = headline(result | {"best": None})
+    said = headline(record_of(result, best=None))
     assert "6 of 6 fail root fatigue at worst-case tolerances, the nearest of them by 2" in said
     name = "shift_time_quantile_s"
     result |= {"objectives": [TIME, name], "leading": name, "quantile": 0.9}
@@ -98,15 +125,17 @@ def test_headline_is_the_time_of_the_chosen_design_and_the_prototype(result: Row
     for key, value in (("prototype", 0.2), ("best", 0.15)):
         c[key]["estimates"][name] = {"value": value, "standard_error": 0.002}
     c["gains"][name] = {"value": 0.05, "standard_error": 0.003}
-    assert "90 % quantile of the shift time 150.0 ± 2.0 ms instead of 200.0" in headline(result)
+    assert "90 % quantile of the shift time 150.0 ± 2.0 ms instead of 200.0" in headline(
+        record_of(result)
+    )
     c["gains"][name]["standard_error"] = 0.03
-    assert "150.0 ± 2.0 ms, not clearly better than 200.0" in headline(result)
+    assert "150.0 ± 2.0 ms, not clearly better than 200.0" in _headline(result)
 
 
 def test_headline_says_by_what_a_faster_own_dog_fails(result: Row) -> None:
     c = result["confirmation"]
-    c["prototype"]["checks"] = [{"name": "pull_out_force", "margin": -1.13, "passed": False}]
-    assert headline(result) == (
+    c["prototype"]["checks"] = [check("pull_out_force", -1.13)]
+    assert _headline(result) == (
         "Design 2: expected shift time 80.0 ± 0.6 ms; your own dog has 100.0 ± 0.6 ms, but fails "
         "pull out force (\N{MINUS SIGN}113 %)."
     )
@@ -115,37 +144,36 @@ def test_headline_says_by_what_a_faster_own_dog_fails(result: Row) -> None:
 def test_headline_has_the_state_of_the_verdict(few: Setup, result: Row) -> None:
     """A margin whose interval holds zero is not clear on the page, in the table and the figure."""
     c = result["confirmation"]
-    unclear = {"name": "face_pressure_impact", "margin": -0.02, "passed": False,
-               "margin_interval": [-0.08, 0.04]}  # fmt: skip
+    unclear = check("face_pressure_impact", -0.02, margin_interval=[-0.08, 0.04])
     words = minus("not clear: face pressure impact (-2.0 %, 95 %: -8 % to 4.0 %)")
     c["prototype"]["checks"] = [unclear]
-    assert headline(result) == (
+    assert _headline(result) == (
         "Design 2: expected shift time 80.0 ± 0.6 ms; your own dog has 100.0 ± 0.6 ms and is "
         f"{words}."
     )
     c["prototype"]["checks"], c["best"]["checks"] = [], [unclear]
-    assert headline(result) == (
+    assert _headline(result) == (
         "Design 2: expected shift time 80.0 ± 0.6 ms instead of 100.0 ± 0.6 ms of your own dog. "
         f"Design 2 is {words}."
     )
     missing = [{"check": "flank_strike", "key": "strike.ring_inertia_kgm2"}]
     verdict = {"state": "not_judged", "line": "", "failed": [], "not_clear": [], "hangs_on": []}
     c["best"]["verdict"] = {**verdict, "not_judged": missing}
-    assert headline(result).endswith("of your own dog. Not judged: flank strike.")
+    assert _headline(result).endswith("of your own dog. Not judged: flank strike.")
     own = next(row for row in result["trials"] if row["prototype"])
-    assert headline(result | {"best": own}) == (
+    assert headline(record_of(result, best=own)) == (
         "Your own dog is the fastest: expected shift time 80.0 ± 0.6 ms. Not judged: flank strike."
     )
     (record,) = c["designs"]
     c["designs"] = [{"trial": 1, **c["best"], "checks": [unclear], "verdict": None}, record]
-    assert dict(facts_of(few, result))["designs out at the new angles"] == f"design 1 is {words}"
-    figure = front_figure(result, VARIABLES)
+    assert _facts(few, result)["designs out at the new angles"] == f"design 1 is {words}"
+    figure = front_figure(record_of(result), VARIABLES)
     assert [one.name for one in figure.data if "not clear" in (one.name or "")] == ["not clear"]
     assert not any("fails face" in text for one in figure.data for text in one.hovertext or ())
 
 
 def test_a_share_has_an_interval_and_nothing_an_error_of_zero(result: Row) -> None:
-    (goal,) = goals_of(result | {"objectives": ["first_try_share"], "leading": "first_try_share"})
+    (goal,) = goals_of(record_of(result, objectives=["first_try_share"], leading="first_try_share"))
     assert goal.words(99.9, 0.1) == "99.9 (95 %: 99.63 to 100) %"
     assert goal.words(100.0, 0.0) == "100.0 %"
     assert with_error(12.0, 0.0) == "12.0"
@@ -155,11 +183,10 @@ def test_a_share_has_an_interval_and_nothing_an_error_of_zero(result: Row) -> No
 def test_headline_of_an_own_dog_that_is_the_fastest(result: Row) -> None:
     own = next(row for row in result["trials"] if row["prototype"])
     result["confirmation"]["best"] = result["confirmation"]["prototype"]
-    said = headline(result | {"best": own})
+    said = headline(record_of(result, best=own))
     assert said == ("Your own dog is the fastest that passes: expected shift time 100.0 ± 0.6 ms.")
-    failed = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
-    result["confirmation"]["best"]["checks"] = [failed]
-    assert "Your own dog fails edge pressure impact" in headline(result | {"best": own})
+    result["confirmation"]["best"]["checks"] = [check("edge_pressure_impact", -0.1)]
+    assert "Your own dog fails edge pressure impact" in headline(record_of(result, best=own))
 
 
 def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
@@ -169,16 +196,16 @@ def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
         row["margins"] = {"module": 0.5, "root_stress": -0.1 * (1 + row["trial"])}
     result["trials"][5]["margins"] = {"module": -0.2, "root_stress": 0.3}
     hangs = {"hang_probability": 0.01, "hang_probability_low": 0.001, "hang_probability_high": 0.03}
-    unclear = {"name": "root_stress", "margin": -0.02, "margin_interval": [-0.08, 0.04]}
+    unclear = check("root_stress", -0.02, margin_interval=[-0.08, 0.04])
     again = {**result["confirmation"]["best"], "checks": [unclear], **hangs, "retries_s": None}
     result |= {"best": None, "front": [], "confirmation": None, "nearest": [{"trial": 2, **again}]}
-    nearest, barriers, facts = summary_tables(few, result)
+    nearest, barriers, facts = summary_tables(few, record_of(result))
     verdict = nearest.heads.index("verdict")
     assert [row[0] for row in nearest.rows][-1] == "your own dog"
     assert nearest.rows[0][verdict] == "fails root stress (\N{MINUS SIGN}20 %)"
     words = minus("not clear: root stress (-2.0 %, 95 %: -8 % to 4.0 %)")
     assert {row[0]: row[verdict] for row in nearest.rows}["2"] == words
-    assert headline(result).endswith(f" Design 2 is {words}.")
+    assert _headline(result).endswith(f" Design 2 is {words}.")
     assert [row[0] for row in facts.rows] == ["hangs, design 2", "shafts"]
     assert {row[0]: row[1:4] for row in barriers.rows} == {
         "root stress": ["5 of 6", "5", "\N{MINUS SIGN}2.0 %"],
@@ -190,26 +217,26 @@ def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
 def test_what_does_not_engage_has_no_time_and_no_gain(
     few: Setup, result: Row, share: float, keys: tuple[str, ...]
 ) -> None:
-    for point in (point for key in keys for point in result["confirmation"][key]["points"]):
-        point["engaged"] = share
+    for row in (row for key in keys for row in result["confirmation"][key]["points"]):
+        row["engaged"] = share
     result["confirmation"] |= {key: result["confirmation"][key] | {TIME: None} for key in keys}
-    assert headline(result) == f"Design 2 engages in {32 * share:.0f} of 32 shifts."
-    assert not any("gain" in name or "slower" in name for name in dict(facts_of(few, result)))
+    assert _headline(result) == f"Design 2 engages in {32 * share:.0f} of 32 shifts."
+    assert not any("gain" in name or "slower" in name for name in _facts(few, result))
 
 
 def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -> None:
-    check = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
+    failing = check("edge_pressure_impact", -0.1)
     c = result["confirmation"]
     (own,) = c["designs"]
-    c["designs"] = [{"trial": 1, **c["best"], "checks": [check]}, own]
+    c["designs"] = [{"trial": 1, **c["best"], "checks": [failing]}, own]
     said = "designs out at the new angles"
-    assert dict(facts_of(few, result))[said].startswith("design 1 fails edge pressure impact")
-    c["best"]["checks"] = own["checks"] = [check]
-    found = dict(facts_of(few, result))
+    assert _facts(few, result)[said].startswith("design 1 fails edge pressure impact")
+    c["best"]["checks"] = own["checks"] = [failing]
+    found = _facts(few, result)
     assert found["verdict on design 2"].startswith("fails: edge pressure impact")
     said = "smallest margin of a landing, 95 % interval"
     assert found[said].startswith("\N{MINUS SIGN}10 % edge")
-    assert "Design 2 fails edge pressure impact" in headline(result)
+    assert "Design 2 fails edge pressure impact" in _headline(result)
 
 
 def test_fastest_and_slowest_shift_of_a_design(
@@ -227,7 +254,7 @@ def test_fastest_and_slowest_shift_of_a_design(
     folder = StudyFolder(tmp_path)
     lines = [json.dumps(one | {"landing_loads_N_mm": [0.0]}) + "\n" for one in shifts]
     folder.shifts.write_text("".join(lines))
-    rows = [{**own, "trial": 0, "prototype": True}]
+    rows = [DesignRow(**design(0, 0.1, 8.0, **own))]
     fast, slow = replays_of(folder, study, rows)
     assert (fast.words, slow.words) == ("50.0 ms at 50 1/min, 469 N", "blocked at 50 1/min, 469 N")
     assert fast.path.startswith("shifts/prototype-fastest-")
@@ -284,13 +311,17 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     folder.open(study, resume=False)
     stored, _ = stored_surrogate(study, None)
     save(folder.surrogate, stored)
-    known: Row = {"effects": {"designs": 3}, "prices": []}
-    monkeypatch.setattr(surrogate_findings, "effects_record", lambda *_: known["effects"])
+    effects = Effects(
+        designs=3, outside_trained_range=0.0, mean_expected_shift_time_s=0.1, variables=[]
+    )
+    monkeypatch.setattr(surrogate_findings, "effects_of", lambda *_: effects)
     monkeypatch.setattr(surrogate_findings, "prices", lambda *_: [])
     learn_effects(folder, calls.append)
     learn_effects(folder, calls.append)
     assert len(calls) == 1
-    assert stored_effects(folder) == known
+    stored_findings = stored_effects(folder)
+    assert stored_findings is not None
+    assert (stored_findings.effects, stored_findings.prices) == (effects, [])
     few = stored.validation.model_copy(update={"n": 7})
     save(folder.surrogate, replace(stored, validation=few))
     assert stored_effects(folder) is None
@@ -299,7 +330,7 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
 def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) -> None:
     own, result["trials"][0][TIME] = {"value": 0.101, "standard_error": 0.002}, None
     result["confirmation"]["prototype"] |= {TIME: 0.101, "estimates": {TIME: own}}
-    figure = front_figure(result, VARIABLES, LENGTH)
+    figure = front_figure(record_of(result), VARIABLES, LENGTH)
     found = {trace.name: trace for trace in figure.data}
     places = {k: list(zip(found[k].x, found[k].y, strict=True)) for k in found if k}
     assert places["chosen"] == [(pytest.approx(70.0), 7.0)]
@@ -318,7 +349,7 @@ def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) ->
 
 def test_numbers_of_near_designs_stand_apart(result: Row) -> None:
     near = [{**result["front"][1], "trial": 10 + n, TIME: 0.08 + 1e-5 * n} for n in range(4)]
-    found = result | {"trials": [*result["trials"], *near], "front": [*result["front"], *near]}
+    found = record_of(result, trials=[*result["trials"], *near], front=[*result["front"], *near])
     places = [(n.ax, n.ay) for n in front_figure(found, VARIABLES, LENGTH).layout.annotations]
     assert len(set(places[1:])) == 5
 
@@ -349,9 +380,15 @@ def _by_trial(result: Row) -> dict[int, Row]:
     return {one["trial"]: one for one in result["confirmation"]["designs"]}
 
 
+def _alternatives(study: Setup, result: Row) -> Table:
+    record = record_of(result)
+    assert record.best is not None
+    return alternatives_table(study, record, record.best)
+
+
 def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
     result = bundled_result()
-    table, confirmed = alternatives_table(study, result), result["confirmation"]
+    table, confirmed = _alternatives(study, result), result["confirmation"]
     first, *others = sorted(
         (row["trial"] for row in result["front"]),
         key=lambda trial: (trial != confirmed["chosen"], _by_trial(result)[trial][TIME]),
@@ -359,11 +396,14 @@ def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
     assert [row[0] for row in table.rows] == [*map(str, (first, *others)), "prototype"]
     chosen, *_, prototype = table.rows
     row = dict(zip(table.heads, chosen, strict=True))
-    known = searched_record(study, result, result["best"])
-    worst = 1e3 * known["worst_against_prototype"]["difference_s"]
-    assert row["worst point minus prototype, ms"].startswith(f"{worst:+.1f} ± ")
-    words = words_of(known)
-    assert words["locks above friction"].startswith(f"{known['locking_friction']:.3f} (")
+    record = record_of(result)
+    assert record.best is not None
+    sheet = searched_sheet(study, record, record.best)
+    worst = sheet.simulated.worst_against_prototype
+    assert worst is not None
+    assert row["worst point minus prototype, ms"].startswith(f"{1e3 * worst.difference_s:+.1f} ± ")
+    words = words_of(sheet)
+    assert words["locks above friction"].startswith(f"{sheet.locking_friction:.3f} (")
     assert prototype[-1].startswith(f"+{1e3 * confirmed['gain_s']:.1f} ± ")
     assert (table.looks[0], table.looks[len(others) + 1]) == ("best", "prototype")
 
@@ -376,7 +416,7 @@ def test_what_fails_or_does_not_engage_is_no_alternative(study: Setup) -> None:
     points = _by_trial(record)[stuck]["points"]
     points[0]["engaged"] = 0.0
     _by_trial(record)[stuck][TIME] = None
-    rows = {row[0]: row for row in alternatives_table(study, record).rows}
+    rows = {row[0]: row for row in _alternatives(study, record).rows}
     assert str(fails) not in rows
     count = sum(p["n"] for p in points)
     engaged = sum(round(p["engaged"] * p["n"]) for p in points)
@@ -390,11 +430,13 @@ def test_worst_points_are_those_of_the_record(study: Setup) -> None:
     points = result["confirmation"]["prototype"]["points"]
     own = _by_trial(result)[trial]["points"]
     losses = [q["mean_s"] - p["mean_s"] for p, q in zip(points, own, strict=True)]
-    worst = searched_record(study, result, rows[trial])["worst_against_prototype"]
-    assert worst["difference_s"] == pytest.approx(max(losses))
+    record = record_of(result)
+    worst = searched_sheet(study, record, record.trials[trial]).simulated.worst_against_prototype
+    assert worst is not None
+    assert worst.difference_s == pytest.approx(max(losses))
     other = next(t for t in rows if t and t not in _by_trial(result) and rows[t][TIME])
-    searched = searched_record(study, result, rows[other])
-    assert (searched["confirmed"], searched["worst_against_prototype"]) == (False, None)
+    searched = searched_sheet(study, record, record.trials[other])
+    assert (searched.confirmed, searched.simulated.worst_against_prototype) == (False, None)
 
 
 COUNTS = range(6, 37)
@@ -417,18 +459,18 @@ def test_prices_are_those_of_every_design() -> None:
     study = counted()
     every = {n: design_of(study, {"count": n}).checks for n in COUNTS}
     known = 0
-    for row in (row for row in prices(study, Fewer()) if row["name"] != TOLERANCES):
-        for key, factor in FACTORS.items():
-            limit = factor * row["limit"]
+    for row in (row for row in prices(study, Fewer()) if row.name != TOLERANCES):
+        for time, factor in zip((row.less_s, row.now_s, row.more_s), FACTORS, strict=True):
+            limit = factor * row.limit
             kept = [
                 n for n, checks in every.items()
                 if checks and all(
-                    c.passed if c.name != row["name"]
+                    c.passed if c.name != row.name
                     else c.value <= limit if c.rule.at_most else c.value >= limit
                     for c in checks
                 )
             ]  # fmt: skip
-            assert row[key] == (pytest.approx(1.0 / max(kept)) if kept else None)
+            assert time == (pytest.approx(1.0 / max(kept)) if kept else None)
             known += bool(kept)
     assert known > 40
 
@@ -451,19 +493,19 @@ def test_tolerances_at_their_worst_are_a_limit_with_a_price(
     def fastest(one: Setup) -> float:
         return 1.0 / max(n for n in COUNTS if design_of(one, {"count": n}).feasible)
 
-    rows = {row["name"]: row for row in prices(study, Fewer())}
+    rows = {row.name: row for row in prices(study, Fewer())}
     row = rows[TOLERANCES]
-    assert row["now_s"] == pytest.approx(fastest(study))
-    assert row["without_s"] == pytest.approx(fastest(replace(study, limits=exact)))
+    assert row.now_s == pytest.approx(fastest(study))
+    assert row.without_s == pytest.approx(fastest(replace(study, limits=exact)))
     assert prices_table([row]).rows[0][0].startswith("no limit") != cost
-    assert all(one["now_s"] == row["now_s"] for one in rows.values())
+    assert all(price.now_s == row.now_s for price in rows.values())
 
 
 def test_limits_without_a_source_come_first() -> None:
     times = {"less_s": 0.05, "now_s": 0.06, "more_s": 0.07, "without_s": 0.01}
     dear = {name: 1e-3 * price for name, price in times.items()}
     rows = [
-        {"name": name, "key": "k", "unit": "", "limit": 1.0, "at_most": False, **cost}
+        LimitPrice(name=name, key="k", unit="", limit=1.0, at_most=False, **cost)
         for name, cost in (
             ("root_fatigue", times), ("slot_width", dear), ("contact_ratio", times),
             ("slower_than_reference_s", times),
@@ -476,28 +518,35 @@ def test_limits_without_a_source_come_first() -> None:
     assert table.looks == {0: "group", 2: "group"}
 
 
-def test_entries_of_both_designs_stand_beside_their_closed_form() -> None:
+def test_entries_of_both_designs_stand_beside_their_closed_form(result: Row) -> None:
     """And limit engagement speeds; of an earlier result, without either, there is no table."""
     study = load_study("motorcycle")
-    own = Study("motorcycle").expect(angles=3, jobs=1).to_dict()
-    result: Row = {
-        "confirmation": {"prototype": own, "best": own}, "best": {"prototype": False, "count": 6}
-    }  # fmt: skip
-    notes = [part.note for part in point_parts(study, result) if isinstance(part, Table)]
+    own = Study("motorcycle").expect(angles=3, jobs=1).record.to_dict()
+    best = DesignRow(**design(1, 0.1, 8.0, count=6))
+
+    def parts() -> list[Any]:
+        confirmed = {**own, "estimates": {}, "checks": []}
+        confirmation = Confirmation(
+            **{**result["confirmation"], "prototype": confirmed, "best": confirmed}
+        )
+        return point_parts(study, best, confirmation)
+
+    notes = [part.note for part in parts() if isinstance(part, Table)]
     assert len(notes) == 4
     assert {note.split(",")[0] for note in notes} == {"Direct entry", "Limit engagement speed"}
-    for point in own["points"]:
-        del point["shiftability"]["direct_closed_form"], point["shiftability"]["first_window"]
+    for row in own["points"]:
+        del row["shiftability"]["direct_closed_form"], row["shiftability"]["first_window"]
     del own["engagement_limits"]
-    assert not any(isinstance(part, Table) for part in point_parts(study, result))
+    assert not any(isinstance(part, Table) for part in parts())
 
 
 def test_points_with_more_angles_share_a_map_with_the_others() -> None:
     """Bins of a point with twice as many are added in pairs."""
-    few = {"direct": 0.5, "by_angle": [[1, 0, 0], [0, 1, 0]]}
-    many = {"direct": 0.5, "by_angle": [[1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 0, 0]]}
+    intervals = {"engaged_interval": [0.0, 1.0], "direct_interval": [0.0, 1.0]}
+    few = {"direct": 0.5, "by_angle": [[1, 0, 0], [0, 1, 0]], **intervals}
+    many = {"direct": 0.5, "by_angle": [[1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 0, 0]], **intervals}
     rows = [
-        {"mismatch_rpm": speed, "force_N": 300.0, "engaged": 1.0, "shiftability": entries}
+        PointRow(**point(speed, 300.0, 0.1, 0.001), shiftability=entries)
         for speed, entries in ((50.0, few), (100.0, many))
     ]
     figure = shiftability_figure({"prototype": (rows, 15)})

@@ -12,11 +12,11 @@ from optuna.trial import FrozenTrial, TrialState
 from scipy.special import ndtr
 
 from dogshape.pipeline.search.sampler import (
-    NEAR,
+    NEAR_DEVIATION,
     Params,
     Space,
     SurrogateSampler,
-    added,
+    added_volume,
     chance_below_zero,
     directions,
     fit_response,
@@ -93,10 +93,10 @@ def test_directions_measure_the_volume(objectives: int) -> None:
     reference = np.ones(objectives)
 
     both = np.array([[reference - sides, reference - sides[::-1]]])
-    (one,) = added(both[:, :1], both[:, :0], reference, ways)
+    (one,) = added_volume(both[:, :1], both[:, :0], reference, ways)
     assert one == pytest.approx(np.prod(sides), rel=0.01)
     shared = np.prod(np.minimum(sides, sides[::-1]))
-    (more,) = added(both[:, 1:], both[:, :1], reference, ways)
+    (more,) = added_volume(both[:, 1:], both[:, :1], reference, ways)
     assert one + more == pytest.approx(2 * np.prod(sides) - shared, rel=0.01)
     assert more == pytest.approx(np.prod(sides) - shared, abs=0.01 * one)
 
@@ -114,7 +114,7 @@ def test_a_space_draws_what_it_holds_evenly_or_near_a_design() -> None:
     centre = {"height_mm": 3.0, "count": 20}
     near = space.coordinates([space.draw(rng, centre) for _ in range(300)])
     off = near - space.coordinates([centre])
-    assert off.std(axis=0) == pytest.approx([NEAR, NEAR], rel=0.2)
+    assert off.std(axis=0) == pytest.approx([NEAR_DEVIATION, NEAR_DEVIATION], rel=0.2)
 
 
 def test_a_chance_from_few_values_is_unsure() -> None:
@@ -124,7 +124,7 @@ def test_a_chance_from_few_values_is_unsure() -> None:
     for count in (1, 2, 5, 10):
         x = rng.random((count, 5))
         for value in (-0.4, -1e-3, 1e-3, 0.4):
-            known = fit_response(x, np.full(count, value), least=0.2)
+            known = fit_response(x, np.full(count, value), min_deviation=0.2)
             chance = chance_below_zero(known, asked)
             assert ((chance > 0.5) == (value < 0.0)).all()
             assert ((chance > 0.0) & (chance < 1.0)).all()
@@ -133,7 +133,7 @@ def test_a_chance_from_few_values_is_unsure() -> None:
             if abs(value) < 0.01:
                 assert chance == pytest.approx(0.5, abs=0.05)
     x = rng.random((60, 5))
-    chance = chance_below_zero(fit_response(x, x[:, 0] - 0.5, least=0.2), asked)
+    chance = chance_below_zero(fit_response(x, x[:, 0] - 0.5, min_deviation=0.2), asked)
     assert (chance[asked[:, 0] < 0.4] > 0.95).all()
     assert (chance[asked[:, 0] > 0.6] < 0.05).all()
 

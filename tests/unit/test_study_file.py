@@ -17,7 +17,8 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.sim.clutch_tables import RULES, DriveSection, broken_rule
-from dogshape.sim.errors import DogshapeError, InputError, ranged_record
+from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, SpeedControl
 from dogshape.sim.units import DEG, RPM
 
@@ -87,7 +88,7 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("wear.crest_loss_mm=9", "wear.crest_loss_mm is 9 mm, but it must lie between 0 and 2 mm"),
     ("solver.scheme=rk4", "solver.scheme is 'rk4', which is not a scheme"),
     ("format=2", "format is 2, but this version reads format 1"),
-    ("dog.count", "--set dog.count is not KEY=VALUE"),
+    ("dog.count", "settings dog.count is not KEY=VALUE"),
     ("name.x=1", "name.x cannot be set: name is a value and not a table"),
     ("name=", "'name' is missing"),
     ("name=a b", "name is 'a b', but it must be letters, digits"),
@@ -111,7 +112,8 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ([f"{DRAWN}'normal', mean=9, sd=1}}", "operating.force_weight=[1]"], "beside a distribution"),
     ("operating={set='ampt'}", "operating.set is 'ampt', which is not a set of points; did"),
     ("operating={set='amt', force_N=[300]}", "operating.force_N cannot stand beside operating.set"),
-    (f"operating={{points=[{POINT}}}], seed=1}}", "(--set operating.points=), or set operating."),
+    (f"operating={{points=[{POINT}}}], seed=1}}",
+     '(settings={"operating.points": None}), or set operating.'),
     ("operating={force_N=[300]}", "'operating.mismatch_rpm' is missing"),
     (f"operating={{points=[{POINT}, wight=1}}]}}", "did you mean 'operating.points.0.weight'?"),
     (f"operating={{points=[{POINT}}}, {POINT}}}]}}", "has 5 1/min with 300 N 2 times"),
@@ -298,9 +300,10 @@ def test_one_value_is_a_list_of_it_and_an_own_key_replaces_its_other_unit() -> N
          "mq200_paper: 3 mistakes",
          ["shift.timeout_s is 0", "load.torque_Nm is ", "dog.traction_deg is 80"]),
         (["load.torque_Nm=x", "dog.backlash_deg=x", "dog.cont=3"],
-         "with --set: 2 mistakes", ["dog.backlash_deg is 'x', but", "load.torque_Nm is "]),
+         "with settings: 2 mistakes", ["dog.backlash_deg is 'x', but", "load.torque_Nm is "]),
         (["dog.height_mm=x", "dog.cuont=3", "search.trials=0", "name=a b"],
-         "with --set: 4 mistakes", ["'dog.cuont' ", "name ", "dog.height_mm ", "search.trials "]),
+         "with settings: 4 mistakes",
+         ["'dog.cuont' ", "name ", "dog.height_mm ", "search.trials "]),
     ],
 )  # fmt: skip
 def test_all_mistakes_of_a_study_are_told_at_once(
@@ -329,8 +332,8 @@ def test_a_drive_is_read_with_its_units_and_its_faults() -> None:
     )  # fmt: skip
     written = tomllib.loads(toml_text({"drive": study.clutch.drive.table}, {}))
     again = DriveSection.model_validate(written["drive"]).value
-    assert ranged_record(again) == pytest.approx(ranged_record(study.clutch.drive))
-    assert ranged_record(again.control) == pytest.approx(ranged_record(control))
+    assert record_quantities(again) == pytest.approx(record_quantities(study.clutch.drive))
+    assert record_quantities(again.control) == pytest.approx(record_quantities(control))
     assert (again.engine_side, again.sliding_torque, again.output_torque, again.times) == (
         "output", (0.0, 4.0), (-30.0,), (0.0, 0.1),
     )  # fmt: skip

@@ -150,7 +150,7 @@ class Ridges:
     ) -> float:
         """Compute the width of overlap in which creep stays for a time, m.
 
-        Regularised friction (``sim.kernel.friction_at``) holds the load across at the slip
+        Regularised friction (``sim.kernel.contact``) holds the load across at the slip
         ``stiction tan(pi ratio / (2 friction))``, m/s; ``time`` in s.
         """
         width = 0.0

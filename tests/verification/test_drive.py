@@ -13,6 +13,16 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
+from dogshape.sim.kernel_layout import (
+    INPUT_SIDE_ANGLE,
+    INPUT_SIDE_SPEED,
+    OUTPUT_ANGLE,
+    OUTPUT_SIDE_ANGLE,
+    OUTPUT_SIDE_SPEED,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+)
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
@@ -46,7 +56,8 @@ def _free(
     assert np.abs(result.trace.tangential_force).max() < 1e-3
     if result.loads.input_torque_peak is None:  # a shaft stores some
         first, last = result.run.states[[0, -1]]
-        given = 0.5 * NEAR * (last[5] - first[5]) ** 2 + 0.5 * FAR * (last[3] - first[3]) ** 2
+        given = 0.5 * NEAR * (last[SLIDING_SPEED] - first[SLIDING_SPEED]) ** 2
+        given += 0.5 * FAR * (last[OUTPUT_SPEED] - first[OUTPUT_SPEED]) ** 2
         assert result.loads.energy_dissipated == pytest.approx(0.0, abs=2e-3 + 1e-4 * given)
     return result
 
@@ -218,13 +229,15 @@ def test_a_drive_turns_what_is_behind_a_shaft(clutch: Clutch, engine: str) -> No
              "wheel_inertia": 0.008, "output_stiffness": 2e3}  # fmt: skip
     drive = Drive(shaft_speed=1000 * RPM, sliding_torque=(20.0,), output_torque=(50.0,))
     states = _free(clutch, engine, 0.01, 50.0, drive, **shaft).run.states
-    for ring, rest, near, whole, torque in (
-        (5, 9, 0.0005, NEAR, 20.0), (3, 11, 0.008, FAR, 50.0),
-    ):  # fmt: skip
+    sides = (
+        (SLIDING_SPEED, INPUT_SIDE_SPEED, 0.0005, NEAR, 20.0),
+        (OUTPUT_SPEED, OUTPUT_SIDE_SPEED, 0.008, FAR, 50.0),
+    )
+    for ring, rest, near, whole, torque in sides:
         speeds = (near * states[:, ring] + (whole - near) * states[:, rest]) / whole
         assert speeds[-1] - speeds[0] == pytest.approx(-torque * 0.01 / whole, rel=1e-6)
-        lead = states[:, rest - 1] - states[:, 2 if ring == 5 else 0]
-        assert lead[-1] < 0.0
+    assert states[-1, INPUT_SIDE_ANGLE] < states[-1, SLIDING_ANGLE]
+    assert states[-1, OUTPUT_SIDE_ANGLE] < states[-1, OUTPUT_ANGLE]
 
 
 DRIVES = {

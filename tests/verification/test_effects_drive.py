@@ -11,11 +11,12 @@ from scipy.special import ive
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.sim.effects import load
+from dogshape.sim.kernel_layout import INPUT_SIDE_SPEED
 from dogshape.sim.setting import Setting, angle_weights
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
+from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK_MASS_SHARE
 from dogshape.sim.statistics.blocks import engage, run_block
 from dogshape.sim.units import DEG, RPM
 from tests.conftest import Point
@@ -70,7 +71,7 @@ def test_sliding_inertia_takes_the_mismatch(setting: Setting, factor: float, sha
     heavy = EFFECTS["sliding_inertia"].apply(setting, {"inertia_factor": factor})
     found, rings = _shifted(heavy), setting.clutch.rings
     trace, ring = found.trace, 3e-4 if shaft else 0.0
-    behind = found.run.states[:, 9] if shaft else trace.sliding_speed
+    behind = found.run.states[:, INPUT_SIDE_SPEED] if shaft else trace.sliding_speed
     gained = ring * trace.sliding_speed + (factor * rings.sliding_inertia - ring) * behind
     lost = rings.output_inertia * (50.0 * RPM - trace.output_speed)
     most = float(np.abs(gained).max())
@@ -84,7 +85,11 @@ def test_a_linkage_swings_as_two_masses_on_a_spring(setting: Setting) -> None:
     pushed = _free(setting).with_point(profile=ForceProfile(force, step))
     values = {"compliance_mm_kN": 20.0, "mass_behind_kg": behind}
     trace = _shifted(EFFECTS["linkage_compliance"].apply(pushed, values)).trace
-    stiffness, far, near = 1.0 / 20e-6, FORK * MASS + behind, (1.0 - FORK) * MASS
+    stiffness, far, near = (
+        1.0 / 20e-6,
+        FORK_MASS_SHARE * MASS + behind,
+        (1.0 - FORK_MASS_SHARE) * MASS,
+    )
     rate = math.sqrt(stiffness * (far + near) / (far * near))
     damped = rate * math.sqrt(1.0 - DAMPING_RATIO**2)
     t = np.maximum(trace.time - 0.5 * step, 0.0)

@@ -14,7 +14,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, engage
 from dogshape.sim.shift.drive import Drive
-from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK, Mechanism
+from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK_MASS_SHARE, Mechanism
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics import blocks
@@ -77,7 +77,7 @@ def test_the_velocity_that_smooths_friction_does_not_matter(
     """Twice and half of it move a slow shift, dog on dog, by less than 1 %."""
     slow = ClutchPlant(replace(clutch, mechanism=Mechanism(friction=50.0)))
     usual = engage(slow, point(10, 235.2), 0.0).shift_time
-    monkeypatch.setattr("dogshape.sim.shift.mechanism.SLIP", regularised)
+    monkeypatch.setattr("dogshape.sim.shift.mechanism.SMOOTH_SPEED_M_S", regularised)
     assert engage(slow, point(10, 235.2), 0.0).shift_time == pytest.approx(usual, rel=0.01)
 
 
@@ -149,7 +149,7 @@ def test_play_closes_in_free_flight_and_hands_on_the_momentum(flight: Flight, po
     """The actuator alone flies through the play; then both masses share what the force gave."""
     profile, play, added = point(50, 235.2).profile, 0.5e-3, 0.27
     trace = flight(profile, 0.05, free_play=play, added_mass=added)
-    far, near = FORK * 0.3 + added, (1.0 - FORK) * 0.3
+    far, near = FORK_MASS_SHARE * 0.3 + added, (1.0 - FORK_MASS_SHARE) * 0.3
     closing = profile.free_flight_time(play, far)
     alone = trace.time < closing
     exact = profile.free_flight(trace.time[alone], far)

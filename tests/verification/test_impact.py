@@ -11,6 +11,14 @@ from pydrake.systems.framework import Context
 from scipy.special import beta
 
 from dogshape.sim import kernel
+from dogshape.sim.kernel_layout import (
+    AXIAL_SPEED,
+    DISPLACEMENT,
+    STATE_SIZE,
+    STEP_MODE,
+    StepLimits,
+    shift_model,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import (
     CONTACT_SETS,
@@ -22,7 +30,7 @@ from dogshape.sim.shift.clutch import (
     contact_set,
 )
 from dogshape.sim.shift.mesh import rigid_dog
-from dogshape.sim.shift.planar import PlanarClutch
+from dogshape.sim.shift.planar import NO_LOOK, PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
@@ -109,17 +117,29 @@ def _bounced(clutch: Clutch, law: ImpactLaw, speed: float) -> Impact:
     """Throw the compiled ring at the other, flat face on flat face, until it flies back."""
     flat = flat_dogs(clutch, replace(ADAMS, impact=law)).with_engine("planar")
     plant, gap = PlanarClutch(flat), flat.dog.axial_gap
-    state, record = np.zeros(kernel.SIZE), (np.empty(30_000), np.empty((30_000, kernel.SIZE)))
-    state[[1, 4]] = gap, speed
-    _, _, _, count, _ = kernel.advance(
-        0.0, 1e-7, state, np.empty(0), 0.02, 0.02, flat.numbers, ForceProfile(1.0, 10.0).knots,
-        plant.surfaces, plant.law, np.array([1e-6, 1e-12]), 1e-6, np.zeros(2), *record,
-    )  # fmt: skip
-    time, depth = record[0][:count], record[1][:count, 1] - gap
+    state = np.zeros(STATE_SIZE)
+    times, states = np.empty(30_000), np.empty((30_000, STATE_SIZE))
+    state[DISPLACEMENT], state[AXIAL_SPEED] = gap, speed
+    knots = ForceProfile(1.0, 10.0).knots
+    progress = kernel.advance(
+        0.0,
+        1e-7,
+        state,
+        look_state=NO_LOOK,
+        pause=0.02,
+        timeout=0.02,
+        model=shift_model(flat.numbers, knots, plant.surfaces, plant.law),
+        limits=StepLimits(speed_error=1e-6, place_error=1e-12, max_step=1e-6),
+        mode=np.zeros(1, STEP_MODE),
+        times=times,
+        states=states,
+    )
+    time = times[: progress.recorded]
+    depth = states[: progress.recorded, DISPLACEMENT] - gap
     out = int(np.argmax(depth < 0.0))
     share = depth[out - 1] / (depth[out - 1] - depth[out])
     end = float(time[out - 1] + share * (time[out] - time[out - 1]))
-    return Impact(float(depth.max()), -float(record[1][out, 4]) / speed, end)
+    return Impact(float(depth.max()), -float(states[out, AXIAL_SPEED]) / speed, end)
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.4])

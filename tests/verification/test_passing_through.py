@@ -8,11 +8,12 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim import kernel
 from dogshape.sim.errors import InputError
+from dogshape.sim.kernel_layout import DISPLACEMENT, OUTPUT_ANGLE, OUTPUT_SPEED, STATE_SIZE
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import (
     COVERED_DEPTH,
-    FINER,
+    STEP_REFINEMENT,
     Engagement,
     Outcome,
     engage,
@@ -79,7 +80,7 @@ def test_a_ring_beyond_its_travel_is_refused() -> None:
 def test_a_shift_whose_dogs_pass_through_is_simulated_with_finer_steps(pitches: float) -> None:
     result = _shift(-1000.0, 3000.0, 0.05, pitches)
     clutch = _fine()
-    solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
+    solver = replace(clutch.solver, max_step=clutch.solver.max_step / STEP_REFINEMENT)
     finer = ClutchPlant(replace(clutch, solver=solver))
     again = engage(finer, result.point, result.relative_angle)
     assert result.outcome is Outcome.ENGAGED
@@ -92,7 +93,7 @@ def test_a_shift_whose_dogs_pass_through_is_simulated_with_finer_steps(pitches: 
 def test_a_shift_that_passes_through_again_has_diverged(
     pitches: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dogshape.sim.shift.conclusion.FINER", 1.0)
+    monkeypatch.setattr("dogshape.sim.shift.conclusion.STEP_REFINEMENT", 1.0)
     result = _shift(-1000.0, 3000.0, 0.05, pitches)
     assert result.outcome is Outcome.DIVERGED
     assert result.shift_time is None
@@ -109,8 +110,10 @@ def test_a_contact_too_soft_for_its_force_is_refused() -> None:
 
 def test_dogs_that_pass_within_a_step_are_found() -> None:
     """Seated in one slot before and in the next after a step: face to face in its middle."""
-    pitch, states = _DOG.pitch_angle, np.zeros((2, kernel.SIZE))
-    states[:, 0], states[:, 1], states[:, 3] = [0.5 * pitch, 1.5 * pitch], _DOG.travel, pitch / 1e-3
+    pitch, states = _DOG.pitch_angle, np.zeros((2, STATE_SIZE))
+    states[:, OUTPUT_ANGLE] = [0.5 * pitch, 1.5 * pitch]
+    states[:, DISPLACEMENT] = _DOG.travel
+    states[:, OUTPUT_SPEED] = pitch / 1e-3
     times, numbers = np.array([0.0, 1e-3]), _fine().numbers
     deepest, farthest = kernel.extremes(times, states, section_planes(_DOG), numbers)
     assert farthest == pytest.approx(_DOG.travel)

@@ -73,8 +73,8 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -
 
 def force_of(plant: PlanarClutch, *state: float) -> tuple[float, float]:
     """Compute force and torque at angle, distance and both speeds."""
-    work = kernel.workspace(len(plant.surfaces[1]))
-    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, work)
+    room = kernel.clip_room(len(plant.surfaces.normals))
+    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, room)
     return found
 
 
@@ -252,7 +252,7 @@ def test_flanks_lie_on_each_other_once_the_play_is_turned(clutch: Clutch, angle:
 def test_no_overlap_is_passed_over(clutch: Clutch, name: str) -> None:
     """The force at random places is the same where every dog is looked at."""
     plant = PlanarClutch(_clutch(clutch, name))
-    every = (*plant.surfaces[:3], np.array([-1e9, -1e9, 0.0]), *plant.surfaces[4:])
+    every = plant.surfaces._replace(traction_lean=-1e9, braking_lean=-1e9, half_backlash=0.0)
     everything: Any = SimpleNamespace(surfaces=every, law=plant.law)
     dog, rng, touched = plant.clutch.dog, np.random.default_rng(5), 0
     for _ in range(3000):

@@ -105,7 +105,7 @@ def test_a_design_of_undercut_holds_and_one_that_pushes_fails(motorcycle: Setup)
     assert forces["out"].flank_friction == pytest.approx(647, abs=1)
     force = OBJECTIVES["retention_force_N"].exact
     assert force is not None
-    values = {n: force(motorcycle, one, one.dog) for n, one in found.items() if one.dog}
+    values = {n: force(one, one.dog) for n, one in found.items() if one.dog}
     assert values["in"] > 0.0 > values["out"]
 
 

@@ -13,11 +13,25 @@ from scipy.integrate import solve_ivp
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim import kernel
+from dogshape.sim.kernel_layout import (
+    INPUT_SIDE_ANGLE,
+    INPUT_SIDE_SPEED,
+    OUTPUT_ANGLE,
+    OUTPUT_SIDE_ANGLE,
+    OUTPUT_SIDE_SPEED,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+    STATE_SIZE,
+    STEP_MODE,
+    StepLimits,
+    shift_model,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
-from dogshape.sim.shift.mechanism import DEEP_TWIST, SHAFT_DAMPING, Mechanism, Shaft
-from dogshape.sim.shift.planar import PlanarClutch
+from dogshape.sim.shift.mechanism import SHAFT_DAMPING, STOP_TWIST_RAD, Mechanism, Shaft
+from dogshape.sim.shift.planar import NO_LOOK, PlanarClutch
 from dogshape.sim.shift.trace import Trace, torque_peak
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.strength.strike import Strike, two_mass_torque
@@ -26,6 +40,11 @@ from tests.conftest import Point, dog_of
 
 RING, WHEEL = 5e-4, 1e-2  #: kg m2
 INPUT, OUTPUT = 15e3, 8e3  #: N m/rad
+#: Angles and speeds of a side and its ring, by shaft.
+SHAFT_COLUMNS = (
+    (INPUT_SIDE_ANGLE, SLIDING_ANGLE, INPUT_SIDE_SPEED, SLIDING_SPEED),
+    (OUTPUT_SIDE_ANGLE, OUTPUT_ANGLE, OUTPUT_SIDE_SPEED, OUTPUT_SPEED),
+)
 GIVING = Mechanism(
     ring_inertia=RING, input_stiffness=INPUT, wheel_inertia=WHEEL, output_stiffness=OUTPUT
 )
@@ -46,22 +65,33 @@ def _shift(mechanism: Mechanism, mismatch: float, engine: str = "planar") -> Eng
 def _free(mechanism: Mechanism, start: dict[int, float], until: float) -> np.ndarray:
     """Integrate rings that touch nothing from a state, and return the last one, (12,)."""
     plant = PlanarClutch(_clutch(mechanism))
-    state = np.zeros(kernel.SIZE)
+    state = np.zeros(STATE_SIZE)
     for column, value in start.items():
         state[column] = value
     knots = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
-    room, states = np.empty(200_000), np.empty((200_000, kernel.SIZE))
-    why, *_ = kernel.advance(
-        0.0, 1e-6, state, np.zeros(0), until, until, plant.clutch.numbers, knots,
-        plant.surfaces, plant.law, np.array([1e-7, 1e-11]), 1e-4, np.zeros(2), room, states,
-    )  # fmt: skip
-    assert why == kernel.PAUSED
+    progress = kernel.advance(
+        0.0,
+        1e-6,
+        state,
+        look_state=NO_LOOK,
+        pause=until,
+        timeout=until,
+        model=shift_model(plant.clutch.numbers, knots, plant.surfaces, plant.law),
+        limits=StepLimits(speed_error=1e-7, place_error=1e-11, max_step=1e-4),
+        mode=np.zeros(1, STEP_MODE),
+        times=np.empty(200_000),
+        states=np.empty((200_000, STATE_SIZE)),
+    )
+    assert progress.reason == kernel.PAUSED
     return state
 
 
 @pytest.mark.parametrize(
     ("near", "whole", "stiffness", "columns"),
-    [(RING, 0.01, INPUT, (2, 8)), (WHEEL, 0.6048, OUTPUT, (0, 10))],
+    [
+        (RING, 0.01, INPUT, (SLIDING_ANGLE, INPUT_SIDE_ANGLE)),
+        (WHEEL, 0.6048, OUTPUT, (OUTPUT_ANGLE, OUTPUT_SIDE_ANGLE)),
+    ],
 )
 def test_a_twisted_shaft_swings_as_two_inertias_on_a_spring(
     near: float, whole: float, stiffness: float, columns: tuple[int, int]
@@ -88,15 +118,17 @@ def test_flanks_of_a_play_push_and_never_pull() -> None:
     assert torques == pytest.approx([-INPUT * 2e-3, 0.0, 0.0, 0.0, INPUT * 2e-3])
     parting = float(shaft.torque(1.1e-3, -100.0))
     assert parting == 0.0
-    pressed = float(shaft.torque(1e-3 + DEEP_TWIST, 2.0))
-    assert pressed == pytest.approx(INPUT * DEEP_TWIST + 0.5 * 5.0 * 2.0)
+    pressed = float(shaft.torque(1e-3 + STOP_TWIST_RAD, 2.0))
+    assert pressed == pytest.approx(INPUT * STOP_TWIST_RAD + 0.5 * 5.0 * 2.0)
 
 
 @pytest.mark.parametrize("engine", ["planar", "drake"])
 @pytest.mark.parametrize("mechanism", [GIVING, PLAY], ids=["tight", "play"])
 def test_angular_momentum_stays(mechanism: Mechanism, engine: str) -> None:
     states = _shift(mechanism, 149.0, engine).run.states
-    output, sliding, behind, ahead = states[:, [3, 5, 9, 11]].T
+    output, sliding, behind, ahead = states[
+        :, [OUTPUT_SPEED, SLIDING_SPEED, INPUT_SIDE_SPEED, OUTPUT_SIDE_SPEED]
+    ].T
     total = RING * sliding + (0.01 - RING) * behind + WHEEL * output + (0.6048 - WHEEL) * ahead
     assert total == pytest.approx(np.full(len(total), 0.6048 * 149.0 * RPM), rel=1e-9)
 
@@ -116,7 +148,7 @@ def test_engines_agree_on_shafts(mismatch: float) -> None:
     assert planar.shift_time == pytest.approx(drake.shift_time, rel=5e-3)
     # Torque still rises where a shift ends, and an engine ends its trace up to a step later.
     times = np.linspace(0.0, min(e.trace.time[-1] for e in (drake, planar)), 10_001)
-    for shaft, places in zip(drake.clutch.shafts, ((8, 2, 9, 5), (10, 0, 11, 3)), strict=True):
+    for shaft, places in zip(drake.clutch.shafts, SHAFT_COLUMNS, strict=True):
         found = []
         for e in (drake, planar):
             far, near, far_rate, rate = e.run.states[:, places].T

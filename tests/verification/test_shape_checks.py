@@ -14,7 +14,7 @@ from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_c
 from dogshape.sim.strength.landing import Wear, wear_crests
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import blocking_force, locking_checks, locking_friction
-from dogshape.sim.strength.manufacture import Tolerances, losses, moved, tolerance_checks
+from dogshape.sim.strength.manufacture import Tolerances, add_deviations, losses, tolerance_checks
 from dogshape.sim.units import DEG, MM
 from tests.conftest import dog_of, named_checks
 
@@ -117,7 +117,7 @@ def test_worst_case_agrees_with_all_corners(prototype: Dog, values: tuple[float,
     sizes = {n: limits.tolerances.dimensions[n] for n in spreads["tip_width"].by_dimension}
     for signs in itertools.product((-1.0, 1.0), repeat=len(sizes)):
         deviations = {n: s * t for s, (n, t) in zip(signs, sizes.items(), strict=True)}
-        shape, radius = moved(dog, limits.root_radius, deviations)
+        shape, radius = add_deviations(dog, limits.root_radius, deviations)
         for check in strength_checks(shape, limits.with_root_radius(radius))[:-2]:
             worst[check.name] = min(worst[check.name], check.margin)
     for name, spread in spreads.items():

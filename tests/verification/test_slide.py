@@ -9,6 +9,16 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from dogshape.sim.kernel_layout import (
+    AXIAL_SPEED,
+    DISPLACEMENT,
+    INPUT_SIDE_ANGLE,
+    INPUT_SIDE_SPEED,
+    OUTPUT_ANGLE,
+    OUTPUT_SPEED,
+    SLIDING_ANGLE,
+    SLIDING_SPEED,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.conclusion import engage
@@ -17,9 +27,9 @@ from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.slide import (
+    AVERAGED_SHARES,
     LOSS_LIMIT,
-    PART,
-    START,
+    START_SHARE,
     slide_loss,
     sliding_faces,
     stiffness_for_loss,
@@ -60,22 +70,24 @@ class Slide(NamedTuple):
 def lost_share(clutch: Clutch, force: float = FORCE) -> float:
     """Simulate a slide; give the axial power that the turning ring does not get, as a share."""
     face, dog, rings = sliding_faces(clutch)[0], clutch.dog, clutch.rings
-    start = (START * face.width - dog.crest_overlap) / dog.mean_radius
+    start = (START_SHARE * face.width - dog.crest_overlap) / dog.mean_radius
     engine = ClutchPlant if clutch.solver.engine == "drake" else PlanarClutch
     point = OperatingPoint(0.0, ForceProfile(force, 1e-4))
     states = engage(engine(clutch), point, start).run.states
-    turned = np.abs(states[:, 0] - states[:, 2] - start) * dog.mean_radius
-    first, last = np.searchsorted(turned, (np.array(PART) - START) * face.width)
+    turned = np.abs(states[:, OUTPUT_ANGLE] - states[:, SLIDING_ANGLE] - start) * dog.mean_radius
+    first, last = np.searchsorted(turned, (np.array(AVERAGED_SHARES) - START_SHARE) * face.width)
     before, after = states[first], states[last]
     near = clutch.shafts[0]
-    turning = 0.5 * near.near * (after[5] ** 2 - before[5] ** 2)
-    turning += 0.5 * rings.output_inertia * (after[3] ** 2 - before[3] ** 2)
-    if near.far:
-        turning += 0.5 * near.far * (after[9] ** 2 - before[9] ** 2)
-        twists = (state[2] - state[8] for state in (after, before))
+    turning = 0.5 * near.ring_inertia * (after[SLIDING_SPEED] ** 2 - before[SLIDING_SPEED] ** 2)
+    output_squares = after[OUTPUT_SPEED] ** 2 - before[OUTPUT_SPEED] ** 2
+    turning += 0.5 * rings.output_inertia * output_squares
+    if near.side_inertia:
+        side_squares = after[INPUT_SIDE_SPEED] ** 2 - before[INPUT_SIDE_SPEED] ** 2
+        turning += 0.5 * near.side_inertia * side_squares
+        twists = (state[SLIDING_ANGLE] - state[INPUT_SIDE_ANGLE] for state in (after, before))
         turning += 0.5 * near.stiffness * np.subtract(*(twist**2 for twist in twists))
-    moving = 0.5 * rings.mass * (after[4] ** 2 - before[4] ** 2)
-    return float(1.0 - turning / (force * (after[1] - before[1]) - moving))
+    moving = 0.5 * rings.mass * (after[AXIAL_SPEED] ** 2 - before[AXIAL_SPEED] ** 2)
+    return float(1.0 - turning / (force * (after[DISPLACEMENT] - before[DISPLACEMENT]) - moving))
 
 
 def bounded(clutch: Clutch, force: float) -> Clutch:
@@ -106,7 +118,10 @@ def test_a_shaft_takes_its_side_along_in_a_long_slide(periods: float) -> None:
     """Periods of ring against side in a slide of the ring alone; a stiff shaft is one piece."""
     ring, whole = 3.51e-4, 3.51e-3
     face = sliding_faces(Slide().clutch)[0]
-    way, arm = (PART[1] - START) * face.width * math.tan(face.slope), 28.0 * MM * math.tan(34 * DEG)
+    way, arm = (
+        (AVERAGED_SHARES[1] - START_SHARE) * face.width * math.tan(face.slope),
+        28.0 * MM * math.tan(34 * DEG),
+    )
     period = math.sqrt(2.0 * way * (0.05 + ring / arm**2) / FORCE) / periods
     reduced = ring * (whole - ring) / whole
     shaft = Mechanism(ring_inertia=ring, input_stiffness=reduced * (2.0 * math.pi / period) ** 2)

@@ -15,7 +15,7 @@ from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import section_planes
-from dogshape.sim.shift.mechanism import SLIP, Mechanism, smooth_sign
+from dogshape.sim.shift.mechanism import SMOOTH_SPEED_M_S, Mechanism, smooth_sign
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import SHIFT, ClutchPlant
 from dogshape.sim.statistics.blocks import engage
@@ -57,7 +57,7 @@ class _Spline:
         push = float(self._forces.push.Eval(context)[0])
         force = float(self._forces.get_output_port().Eval(context)[self._shift])
         held, mechanism = (push - force) * plant.share, self.clutch.mechanism
-        pressed = held / float(smooth_sign(speed, SLIP))
+        pressed = held / float(smooth_sign(speed, SMOOTH_SPEED_M_S))
         return pressed * mechanism.spline_radius / mechanism.spline_friction
 
     def axial(self) -> float:
@@ -93,7 +93,7 @@ def test_engines_press_a_spline_alike(clutch: Clutch, contact: ContactSet, chamf
     """Ten random states in touch, faces and flanks, about and beyond the fall of the friction."""
     own = _with(replace(clutch, dog=replace(clutch.dog, chamfer=chamfer * DEG)), contact)
     spline, mine, dog = _Spline(own), PlanarClutch(own.with_engine("planar")), own.dog
-    rng, work, seen = np.random.default_rng(4), kernel.workspace(3), 0
+    rng, room, seen = np.random.default_rng(4), kernel.clip_room(3), 0
     scale = 0.003 * contact.stiffness * dog.radial_width**2 * 1e-5 * dog.mean_radius
     while seen < 10:
         angle, way = rng.uniform(0, dog.pitch_angle), rng.uniform(0.98 * dog.axial_gap, dog.travel)
@@ -101,7 +101,7 @@ def test_engines_press_a_spline_alike(clutch: Clutch, contact: ContactSet, chamf
             continue
         turn, speed = float(rng.normal(0.0, 15.0)), float(rng.uniform(0.02, 0.3))
         _, torque = kernel.contact(
-            angle, dog.travel - way, turn, speed, mine.surfaces, mine.law, work
+            angle, dog.travel - way, turn, speed, mine.surfaces, mine.law, room
         )
         if abs(torque) * dog.count > scale:
             expected = abs(torque) * dog.count * _share(own)

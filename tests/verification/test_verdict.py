@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.design import design_of, judged_design
+from dogshape.pipeline.simulate.design import design_of, judge_design
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.elementwise import Array
@@ -169,7 +169,7 @@ def test_a_strike_of_the_mechanism_moves_by_its_keys() -> None:
     for study, key, ends in (
         (alone, ring, (2.5e-4, 1e-3)), (ranged, "strike.ring_inertia_kgm2", (2e-4, 1e-3)),
     ):  # fmt: skip
-        _, verdict = judged_design(study, design_of(study, {}))
+        _, verdict = judge_design(design_of(study, {}))
         found = _hinge(verdict.hangs_on, key)
         assert (found.value, found.low, found.high) == pytest.approx((5e-4, *ends))
         assert "strike.input_stiffness_Nm_rad" not in {one.key for one in verdict.hangs_on}
@@ -278,7 +278,7 @@ def test_a_study_names_what_its_verdict_lacks() -> None:
     struck = load_study("mq200_paper", [*keys, "expectation.angles=4"]).in_engine("planar")
     for study, missing in ((bare, ["flank_strike"]), (struck, [])):
         (found,) = evaluate(study, [{}], scratch_executor(1), 4, 1)
-        design, verdict = judged_design(study, design_of(study, {}, found.measured))
+        design, verdict = judge_design(design_of(study, {}, found.measured))
         assert [one.check for one in verdict.not_judged] == missing
         intervals = [check for check in design.checks if check.interval is not None]
         assert {check.rule.group for check in intervals} == {"impact"}

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from dogshape.sim.errors import GeometryError, refusal, require_between
+from dogshape.sim.errors import GeometryError, Refusal, require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
 from dogshape.sim.units import MM
 
@@ -63,12 +63,12 @@ class RootShape:
         if floor < min_floor:
             rule = f"half a fillet and a little floor need {min_floor * 1e3:.4g} mm"
             name = "half the slot's floor at the inner radius"
-            raise GeometryError(refusal(name, floor * 1e3, "mm", rule=rule, remedy=remedy))
+            raise GeometryError(Refusal(name, floor * 1e3, "mm", rule=rule, remedy=remedy))
         height = self.top(flank, self.dog.outer_radius) + 0.5 * self.dog.height
         if height < 1.5 * self.fillet_height(flank):
             rule = "the fillet may take at most two thirds of it"
             name = f"{flank} flank"
-            raise GeometryError(refusal(name, height * 1e3, "mm high", rule=rule, remedy=remedy))
+            raise GeometryError(Refusal(name, height * 1e3, "mm high", rule=rule, remedy=remedy))
 
     def sweep(self, flank: Flank) -> float:
         """Compute the angle of the fillet, rad."""

@@ -1,20 +1,22 @@
-"""Schema of ``result.json``: every key with its type, unit and meaning; unknown keys are refused.
+"""Record of a study: every key of ``result.json`` with its type, unit and meaning.
 
+Search and confirmation make these records, pages and tables read them. Unknown keys are refused.
 ``docs/api/result.md`` shows the same declarations (``benchmarks.figures.key_table``).
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
 from pydantic import create_model
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import SHAPE
-from dogshape.pipeline.record import SHARE, Record, key
-from dogshape.pipeline.search.confirmation import OtherShape
+from dogshape.pipeline.record import SHARE, FileRecord, Record, key
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
+from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.result_records import (
     CheckRow,
     EngineAgreement,
@@ -23,17 +25,32 @@ from dogshape.pipeline.store.result_records import (
     HangPriorRow,
     VerdictRow,
 )
+from dogshape.sim.clutch_tables import validate
+from dogshape.sim.strength.manufacture import Kind
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
-OPTIONAL = {n: f"value of `variables.{n}`, where it is searched" for n in (*SHAPE, *OPERATED)}
-OPTIONAL |= {n: f"{one.label}, where it is an objective" for n, one in OBJECTIVES.items()}
-_FIELDS: Any = {n: (float | None, key(words, unit_of(n), None)) for n, words in OPTIONAL.items()}
-DesignKeys = create_model("DesignKeys", __base__=Record, **_FIELDS)
+OPTIONAL = {
+    name: f"value of `variables.{name}`, where it is searched" for name in (*SHAPE, *OPERATED)
+}
+OPTIONAL |= {
+    name: f"{objective.label}, where it is an objective" for name, objective in OBJECTIVES.items()
+}
+
+if TYPE_CHECKING:
+
+    class DesignKeys(FileRecord):
+        """Searched keys and objectives; ``DesignRow.value`` reads them by their names."""
+else:
+    _FIELDS: Any = {
+        name: (int | float | None, key(meaning, unit_of(name), None))
+        for name, meaning in OPTIONAL.items()
+    }
+    DesignKeys = create_model("DesignKeys", __base__=FileRecord, **_FIELDS)
 
 
-class DesignRow(DesignKeys, HangKeys):  # type: ignore[misc, valid-type]
+class DesignRow(DesignKeys, HangKeys):
     """A design of the search; its searched keys have the units that their names end in.
 
     In `trials` values and margins are those of the search, in `best` and `front` those of the new
@@ -64,30 +81,61 @@ class DesignRow(DesignKeys, HangKeys):  # type: ignore[misc, valid-type]
         "change of the expected shift time within tolerances; null without a surrogate"
     )
 
+    def value(self, name: str) -> float | None:
+        """Return a searched key or an objective by its name; None where the design has none."""
+        value: float | None = getattr(self, name)
+        return value
 
-class Estimate(Record):
+    def params(self, names: Iterable[str]) -> dict[str, float]:
+        """Return searched keys by their names, edge units."""
+        return {name: getattr(self, name) for name in names}
+
+    def margin_within(self, kind: Kind) -> float | None:
+        """Return the smallest margin within the tolerances, effects added as by ``kind``."""
+        return self.margin_worst_case if kind == "worst_case" else self.margin_root_sum_square
+
+    def weakest_within(self, kind: Kind) -> str | None:
+        """Return the check with that margin; None in earlier versions."""
+        if kind == "worst_case":
+            return self.weakest_check_worst_case
+        return self.weakest_check_root_sum_square
+
+
+class ObjectiveEstimate(Record):
     """A simulated objective of a confirmed design."""
 
     value: float = key("value, in the unit of the objective")
     standard_error: float = key("standard error, in the same unit")
 
 
-class ConfirmedDesign(ExpectedTime):
+class ConfirmedDesign(FileRecord, ExpectedTime):
     """A design re-simulated at every operating point and at angles that the search did not use."""
 
     trial: int | None = key("number of the trial; in `designs` alone", "", None)
-    estimates: dict[str, Estimate] = key("simulated objectives, by name")
+    estimates: dict[str, ObjectiveEstimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
     verdict: VerdictRow | None = key("verdict on the design", late=True)
     drake: EngineAgreement | None = key("agreement of Drake; null where one engine ran", "", None)
-    searched: Estimate | None = key("leading objective by the search; in `designs` alone", "", None)
+    searched: ObjectiveEstimate | None = key(
+        "leading objective by the search; in `designs` alone", "", None
+    )
     errors_apart: float | None = key(
         "new angles less search, over their combined standard error; in `designs` alone", "", None
     )
     agrees: bool | None = key("whether `errors_apart` is at most 3; in `designs` alone", "", None)
 
 
-class Confirmation(Record):
+class OtherShape(Record):
+    """The chosen design with a feature of shape that it has not, at the same new angles."""
+
+    shape: str = key("what differs")
+    expected_shift_time_s: float | None = key("mean shift time; null where too few engage", "s")
+    standard_error_s: float | None = key("its standard error", "s")
+    feasible: bool = key("whether no check has a negative margin")
+    verdict: VerdictRow | None = key("verdict on it, without assumptions", late=True)
+
+
+class Confirmation(FileRecord):
     """Re-simulation of the prototype and of designs of the front at new angles."""
 
     angles: int = key("relative angles at each operating point")
@@ -107,10 +155,10 @@ class Confirmation(Record):
     )
     gain_standard_error_s: float | None = key("standard error of `gain_s`", "s")
     gain_share: float | None = key("gain over the time of the prototype", SHARE)
-    gains: dict[str, Estimate] = key("gain in each simulated objective, in its unit")
+    gains: dict[str, ObjectiveEstimate] = key("gain in each simulated objective, in its unit")
 
 
-class StudyRecord(Record):
+class StudyRecord(FileRecord):
     """The whole record, ``result.json``."""
 
     study: str = key("name of the study")
@@ -145,3 +193,17 @@ class StudyRecord(Record):
     versions: dict[str, str] = key("versions of the programs that the result depends on")
     config_hash: str = key("hash of the study file as it was run")
     physics_hash: str = key("hash of what the simulation of a shift depends on")
+
+
+def read_study_record(folder: StudyFolder) -> StudyRecord:
+    """Read ``result.json`` of a study.
+
+    StorageError if the file is missing or damaged; InputError for keys that ``StudyRecord`` lacks,
+    or that the file lacks.
+    """
+    return study_record_of(folder.stored_result(), str(folder.result))
+
+
+def study_record_of(values: dict[str, Any], source: str) -> StudyRecord:
+    """Read the values of a ``result.json``; InputError with its ``source`` for wrong keys."""
+    return validate(StudyRecord, values, source)

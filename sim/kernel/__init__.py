@@ -1,0 +1,73 @@
+"""Compiled engine: contact, motion, and the summary of a run; values in ``sim.kernel_layout``."""
+
+from __future__ import annotations
+
+from dogshape.sim.kernel.compiler import compiled
+from dogshape.sim.kernel.contact import (
+    FACE_DEPTH_SHARE,
+    clip_room,
+    contact,
+    face_overlap,
+    faces_meet,
+    facing,
+    impact_friction_at,
+)
+from dogshape.sim.kernel.motion import (
+    ENGAGED,
+    FULL,
+    HELD,
+    PAUSED,
+    STILL_WINDOW_S,
+    UNDERFLOW,
+    Progress,
+    advance,
+    rates,
+    stands_still,
+    stays_held,
+)
+from dogshape.sim.kernel.summary import (
+    ShiftSummary,
+    contact_means,
+    crossing,
+    drive_work,
+    energy_lost,
+    extremes,
+    passed_over,
+    penetration,
+    shift_force,
+    summarize,
+    touching,
+)
+
+__all__ = [
+    "ENGAGED",
+    "FACE_DEPTH_SHARE",
+    "FULL",
+    "HELD",
+    "PAUSED",
+    "STILL_WINDOW_S",
+    "UNDERFLOW",
+    "Progress",
+    "ShiftSummary",
+    "advance",
+    "clip_room",
+    "compiled",
+    "contact",
+    "contact_means",
+    "crossing",
+    "drive_work",
+    "energy_lost",
+    "extremes",
+    "face_overlap",
+    "faces_meet",
+    "facing",
+    "impact_friction_at",
+    "passed_over",
+    "penetration",
+    "rates",
+    "shift_force",
+    "stands_still",
+    "stays_held",
+    "summarize",
+    "touching",
+]
