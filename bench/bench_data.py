@@ -20,6 +20,7 @@ from dogshape.bench.table import Sheet, load_sheet
 from dogshape.bench.traces import BenchTrace, bad_cell
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError
+from dogshape.sim.interface import verb
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -190,7 +191,7 @@ def require_shifts(bench: Bench, *, times: bool) -> None:
     if times and not timed:
         raise DataError(
             f"{bench.name} has no shift with a time ({engaged} of {attempts} tried ones engaged), "
-            "but a diagnosis needs times; 'dogshape validate' compares the shares that engaged"
+            f"but a diagnosis needs times; {verb('validate')} compares the shares that engaged"
         )
 
 
