@@ -15,7 +15,7 @@ from pandas import DataFrame
 
 from dogshape.bench.decoding import TableLimits
 from dogshape.bench.draft_arguments import no_column
-from dogshape.bench.foreign_readings import Report, TableReader
+from dogshape.bench.foreign_readings import ReadingReport, TableReader
 from dogshape.bench.foreign_table import ForeignTable, read_foreign, read_sheet, table_of
 from dogshape.bench.quantities import SHIFTS, TRACE
 from dogshape.bench.raw_sheet import OTHER_BOOKS, file_of, is_workbook
@@ -115,7 +115,7 @@ def guess_readings(draft: BenchDraft) -> dict[str, Any]:
 
     ``empty`` counts the rows with neither a time nor an outcome.
     """
-    report = Report()
+    report = ReadingReport()
     empty = int(_silent(read_tables(draft, report)).sum())
     return {
         "columns": report.readings,
@@ -129,7 +129,7 @@ def explain_reading(draft: BenchDraft) -> dict[str, Any]:
     """Read the tables of a draft step by step: lines of each finished step, and faults."""
     _require_readable(draft)
     steps: list[dict[str, str]] = []
-    report = Report()
+    report = ReadingReport()
     for path in draft.paths:
         try:
             sheet, stated = read_sheet(path, draft.limits, draft.ranges, quoted=draft.quoted)
@@ -153,7 +153,7 @@ def explain_reading(draft: BenchDraft) -> dict[str, Any]:
     }
 
 
-def read_tables(draft: BenchDraft, report: Report) -> DataFrame:
+def read_tables(draft: BenchDraft, report: ReadingReport) -> DataFrame:
     """Read the rows of all tables, with their file and row beside the columns of ``shifts.csv``."""
     _require_readable(draft)
     frames = [pd.DataFrame(columns=["file", "row", *COLUMNS])]
@@ -188,7 +188,7 @@ def _require_readable(draft: BenchDraft) -> None:
 
 
 def _read_rows(
-    table: ForeignTable, draft: BenchDraft, report: Report
+    table: ForeignTable, draft: BenchDraft, report: ReadingReport
 ) -> tuple[TableReader, DataFrame]:
     """Read the rows of a table, with its file and their numbers, and complete them."""
     columns = {k: v for k, v in draft.columns.items() if not k.startswith(OF_TRACES)}
@@ -252,7 +252,9 @@ def row_numbers(rows: DataFrame) -> str:
     return ", ".join(map(str, rows["row"]))
 
 
-def copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path, traces: Traces) -> str:
+def copy_trace(
+    row: Any, draft: BenchDraft, report: ReadingReport, folder: Path, traces: Traces
+) -> str:
     """Write the trace of a row: CSV in the project's units, a recorder's file unchanged.
 
     Returns its path in the folder, and enters it in ``traces``.
@@ -274,7 +276,7 @@ def copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path, traces
     columns_of_trace = {
         k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if k.startswith(OF_TRACES)
     }
-    trace_report = Report()
+    trace_report = ReadingReport()
     try:
         table = read_foreign(path, sums=False, limits=draft.limits, quoted=draft.quoted)
         reader = TableReader(table, TRACE, columns_of_trace, draft.decimal, trace_report)

@@ -227,16 +227,24 @@ def split_head(text: str, below: str = "") -> tuple[str, Unit | None, str | None
         unit = unit_named(last)
         name = bare_name if unit else text
     unit = unit or unit_named(unit_text)
-    return (
-        name,
-        unit,
-        None if unit else strange or (unit_text if re.search(r"\w", unit_text) else None),
-    )
+    if unit:
+        return name, unit, None
+    if not strange and re.search(r"\w", unit_text):
+        strange = unit_text
+    return name, unit, strange or None
 
 
 #: Dates and clocks that are read without a statement; Python's directives, or pandas' ISO 8601.
-FORMS = ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d.%m.%Y",
-         "%H:%M:%S.%f", "%H:%M:%S", "%H:%M")  # fmt: skip
+FORMS = (
+    "ISO8601",
+    "%d.%m.%Y %H:%M:%S.%f",
+    "%d.%m.%Y %H:%M:%S",
+    "%d.%m.%Y %H:%M",
+    "%d.%m.%Y",
+    "%H:%M:%S.%f",
+    "%H:%M:%S",
+    "%H:%M",
+)
 _DATED = re.compile(r"\d[./-]\d{1,2}[./-]\d|\d-[A-Za-z]{3}-\d|\b\d{1,2}:\d{2}")
 _DURATION = re.compile(r"(?:0{1,2}:)?0{1,2}:(\d{1,2}[.,]\d{1,6})")
 
@@ -293,8 +301,11 @@ YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engage
        "kyllä")  # fmt: skip
 NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
       "non", "ne", "nie", "✗", "✘", "faux", "não", "nem", "nu", "ei", "nej", "nee")  # fmt: skip
-ANSWERS = {**dict.fromkeys((*NOTHING, "empty", "unknown")), **dict.fromkeys(YES, True),
-           **dict.fromkeys(NO, False)}  # fmt: skip
+ANSWERS = {
+    **dict.fromkeys((*NOTHING, "empty", "unknown")),
+    **dict.fromkeys(YES, True),
+    **dict.fromkeys(NO, False),
+}
 
 
 def answer_of(cell: str) -> str:

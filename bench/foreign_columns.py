@@ -35,7 +35,7 @@ from dogshape.bench.quantities import (
     LOOSE,
     SHIFTS,
     WORD,
-    Quantity,
+    TableQuantity,
     counts_up,
     grows,
     has_word,
@@ -93,7 +93,7 @@ class Match:
     unit. ``option`` stands behind the colon of an option; ``stated`` says that the user gave it.
     """
 
-    quantity: Quantity
+    quantity: TableQuantity
     terms: tuple[tuple[Column, Unit | None], ...]
     why: str
     formula: str = "c0"
@@ -130,7 +130,7 @@ class Matching:
 
 
 def matched(
-    columns: Sequence[Column], quantities: Sequence[Quantity], options: Mapping[str, str]
+    columns: Sequence[Column], quantities: Sequence[TableQuantity], options: Mapping[str, str]
 ) -> Matching:
     """Match columns with quantities, best first, and ask about undecided ones.
 
@@ -139,7 +139,7 @@ def matched(
     """
     matches: list[Match] = []
     questions: list[str] = []
-    missing: list[Quantity] = []
+    missing: list[TableQuantity] = []
     for name, text in options.items():
         try:
             matches += [stated_match(columns, quantities, name, text)] if text != NONE else []
@@ -186,7 +186,7 @@ def _is_factor(match: Match, column: Column) -> bool:
 
 
 def _candidates(
-    quantity: Quantity, scores: Mapping[Column, float], free: Sequence[Column]
+    quantity: TableQuantity, scores: Mapping[Column, float], free: Sequence[Column]
 ) -> list[Column]:
     best = max((scores[column] for column in free), default=0.0)
     loose = quantity.name in UNDECIDED and best < WORD
@@ -202,7 +202,7 @@ def _ask_about_numbers(head: str) -> str:
     )
 
 
-def _ask_for_names(missing: Sequence[Quantity], columns: Sequence[Column]) -> str:
+def _ask_for_names(missing: Sequence[TableQuantity], columns: Sequence[Column]) -> str:
     names = ", ".join(quantity.name for quantity in missing)
     heads = ", ".join(repr(column.head) for column in columns)
     answer = column_argument(missing[0].name, f"{columns[0].head}:UNIT")
@@ -251,7 +251,7 @@ def _repeats_question(candidates: Sequence[Column]) -> str:
     )
 
 
-def _missing(quantity: Quantity, free: Sequence[Column]) -> str:
+def _missing(quantity: TableQuantity, free: Sequence[Column]) -> str:
     """Ask for the column of a quantity that is needed."""
     special = {
         "mismatch_rpm": _missing_speed,
@@ -337,7 +337,7 @@ def _missing_time(free: Sequence[Column]) -> str:
 
 
 def stated_match(
-    columns: Sequence[Column], quantities: Sequence[Quantity], name: str, text: str
+    columns: Sequence[Column], quantities: Sequence[TableQuantity], name: str, text: str
 ) -> Match:
     """Read a column option: ``COLUMN``, ``COLUMN:UNIT``, a formula, or a value for all rows.
 
@@ -375,7 +375,7 @@ def column_labels(columns: Sequence[Column]) -> dict[str, Column]:
     return labels
 
 
-def _require_unit(quantity: Quantity, option: str, unit: Unit | None) -> None:
+def _require_unit(quantity: TableQuantity, option: str, unit: Unit | None) -> None:
     if (option and not unit) or (unit and unit.dimension != quantity.dimension):
         raise InputError(
             f"the unit of {quantity.name} is '{option or (unit.text if unit else '')}', but it must"
@@ -394,7 +394,7 @@ def _reason(text: str, terms: Sequence[tuple[Column, Unit | None]]) -> str:
     return "; ".join([option, *(signed if len(terms) > 1 else []), *heads])
 
 
-def _constant(quantity: Quantity, text: str) -> Match | None:
+def _constant(quantity: TableQuantity, text: str) -> Match | None:
     """Read a number with its unit that holds for all rows."""
     cell, unit = split_quantity(text.strip())
     if not is_number(cell) or quantity.name in WORDED:
@@ -407,7 +407,7 @@ def _constant(quantity: Quantity, text: str) -> Match | None:
 
 
 def _formula_match(
-    quantity: Quantity,
+    quantity: TableQuantity,
     text: str,
     labels: Mapping[str, Column],
     pattern: str,
@@ -709,13 +709,11 @@ def _uncounted_means(matches: Sequence[Match], options: Mapping[str, str]) -> li
     means = [column for column, _ in time.terms if has_word(MEAN, plain_words(column.name))]
     if not means and spread is None:
         return []
-    reason = (
-        f"'{means[0].head}' is a mean"
-        if means
-        else f"'{spread.head}' is a spread"
-        if spread
-        else ""
-    )
+    reason = ""
+    if means:
+        reason = f"'{means[0].head}' is a mean"
+    elif spread:
+        reason = f"'{spread.head}' is a spread"
     return [
         f"{reason}, so that each row is a mean of shifts, but no column counts them; say "
         f"{column_placeholder('n_shifts')}, or a number for all rows, such as "

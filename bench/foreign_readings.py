@@ -50,7 +50,7 @@ from dogshape.bench.foreign_table import (
 from dogshape.bench.quantities import (
     SHIFTS,
     WORD,
-    Quantity,
+    TableQuantity,
     counts_up,
     grows,
     plain_words,
@@ -77,7 +77,7 @@ Values = list[Any]  #: a value for each row, None where there is none
 
 
 @dataclass
-class Report:
+class ReadingReport:
     """Record of a reading: faults, assumptions, readings, excluded rows and columns."""
 
     faults: list[str] = field(default_factory=list)
@@ -98,10 +98,10 @@ class TableReader:
     def __init__(
         self,
         table: ForeignTable,
-        quantities: Sequence[Quantity],
+        quantities: Sequence[TableQuantity],
         options: Mapping[str, str],
         decimal: str | None,
-        report: Report,
+        report: ReadingReport,
         *,
         choice: RowChoice | None = None,
     ) -> None:

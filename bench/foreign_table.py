@@ -167,7 +167,7 @@ class ForeignTable:
         )
 
 
-class _Grid:
+class _CellGrid:
     """Rows as cells, equally many in each, and which of them are numbers.
 
     ``loose`` takes a number with a unit behind it as a number.
@@ -292,17 +292,17 @@ def table_of(
 ) -> ForeignTable:
     """Find the layout of a sheet and its columns; raises as ``read_foreign``."""
     path = sheet.path
-    grid = _Grid(sheet)
+    grid = _CellGrid(sheet)
     signs = _comment_signs(grid) if sums else frozenset()
     if signs:
         sheet = _with_remarks(sheet, signs)
-        grid = _Grid(sheet)
+        grid = _CellGrid(sheet)
     if not grid.data.any():
-        grid = _Grid(sheet, loose=True)
+        grid = _CellGrid(sheet, loose=True)
     name = PLAIN
     if sums and _is_transposed(grid):
         sheet, name = _transposed(sheet), TRANSPOSED
-        grid = _Grid(sheet)
+        grid = _CellGrid(sheet)
     if not grid.data.any():
         _require_no_blocks(path, grid, range(len(grid.rows)))
         raise DataError(
@@ -344,7 +344,7 @@ def table_of(
     return table
 
 
-def _comment_signs(grid: _Grid) -> frozenset[str]:
+def _comment_signs(grid: _CellGrid) -> frozenset[str]:
     """Find the signs of comments above the numbers; none where most rows begin with one."""
     places = np.flatnonzero(grid.data)
     if not places.size:
@@ -395,7 +395,7 @@ def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[C
     return tuple(columns)
 
 
-def _require_width(path: Path, grid: _Grid, body: Sequence[int], width: int) -> None:
+def _require_width(path: Path, grid: _CellGrid, body: Sequence[int], width: int) -> None:
     """Raise DataError for numbers beyond the last name; words there are a column without one."""
     is_wide = grid.numeric[body, width:].any(axis=1)
     if is_wide.any():
@@ -408,7 +408,7 @@ def _require_width(path: Path, grid: _Grid, body: Sequence[int], width: int) -> 
 
 def _divided(
     path: Path,
-    grid: _Grid,
+    grid: _CellGrid,
     chosen: Sequence[range],
     signs: Collection[str] = (),
     *,
@@ -417,7 +417,9 @@ def _divided(
     """Divide rows into names, units, shifts, and excluded rows with their reasons."""
     is_chosen = [any(number in span for span in chosen) for number in grid.rows]
     heads = [k for k in range([*is_chosen, True].index(True)) if grid.is_head(k)]
-    head_place = heads[-1 if chosen else 0] if heads else -1
+    head_place = -1
+    if heads:
+        head_place = heads[-1] if chosen else heads[0]
     first = head_place + 1 + int(np.argmax(grid.data[head_place + 1 :]))
     first += _is_numbered_head(grid, first)
     names, units, head_places = _head(grid, first)
@@ -457,12 +459,12 @@ def _divided(
     return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows), tuple(questions))
 
 
-def _first(grid: _Grid, k: int) -> str:
+def _first(grid: _CellGrid, k: int) -> str:
     return next(filter(None, grid.cells[k]))
 
 
 def _word_questions(
-    grid: _Grid, body: Sequence[int], words: Sequence[int], head_rows: Sequence[int]
+    grid: _CellGrid, body: Sequence[int], words: Sequence[int], head_rows: Sequence[int]
 ) -> list[str]:
     """Ask about rows of words between the shifts, and about those that reject shifts."""
     inner_words = [k for k in words if body and k < body[-1]]
@@ -482,7 +484,7 @@ def _word_questions(
     ]
 
 
-def _is_numbered_head(grid: _Grid, first: int) -> bool:
+def _is_numbered_head(grid: _CellGrid, first: int) -> bool:
     """Test that the first row of numbers names columns: words above numbers, beside 1, 2, 3."""
     if first + 1 >= len(grid.rows) or not grid.data[first + 1]:
         return False
@@ -500,7 +502,7 @@ def _is_numbered_head(grid: _Grid, first: int) -> bool:
     return counted and _named_needs(_head(grid, first)[0]) < 2
 
 
-def _head(grid: _Grid, first: int) -> tuple[list[str], list[str], list[int]]:
+def _head(grid: _CellGrid, first: int) -> tuple[list[str], list[str], list[int]]:
     """Read names and units above the first row of numbers, with the places of their rows.
 
     Comments are names where nothing else is. A name that is empty, only a number, or the end of a
@@ -556,7 +558,7 @@ def _are_units(row: Cells, upper_row: Cells) -> bool:
 # ---- rows that summarise others
 
 
-def _summaries(grid: _Grid, body: list[int], questions: Reasons) -> Reasons:
+def _summaries(grid: _CellGrid, body: list[int], questions: Reasons) -> Reasons:
     """Find rows that summarise those above them, and ask about words in place of numbers."""
     firsts = {k: _first(grid, k) for k in body}
     statistic_rows = [k for k, word in firsts.items() if _STATISTIC.fullmatch(word)]
@@ -573,7 +575,7 @@ def _summaries(grid: _Grid, body: list[int], questions: Reasons) -> Reasons:
     return reasons + _foot_words(grid, body, questions)
 
 
-def _foot_words(grid: _Grid, body: Sequence[int], questions: Reasons) -> Reasons:
+def _foot_words(grid: _CellGrid, body: Sequence[int], questions: Reasons) -> Reasons:
     """Find rows at the foot with a word in a column of numbers; ask about those before."""
     reasons: Reasons = []
     place = int(grid.filled[body].any(axis=0).argmax()) if body else 0
@@ -625,7 +627,7 @@ def _named_needs(names: Cells) -> int:
     return len(set().union(*map(_needs_of, columns))) if columns else 0
 
 
-def _is_transposed(grid: _Grid) -> bool:
+def _is_transposed(grid: _CellGrid) -> bool:
     """Test that the first cells of rows name quantities, with two numbers or more behind each."""
     heads = {
         cells[0]
@@ -653,7 +655,7 @@ def _transposed(sheet: RawSheet) -> RawSheet:
     return replace(sheet, rows=tuple(columns))
 
 
-def _require_no_blocks(path: Path, grid: _Grid, places: Iterable[int]) -> None:
+def _require_no_blocks(path: Path, grid: _CellGrid, places: Iterable[int]) -> None:
     """Raise DataError for blocks whose titles among these rows hold the operating point.
 
     A title is such as ``dn = 50 1/min``.
@@ -668,7 +670,7 @@ def _require_no_blocks(path: Path, grid: _Grid, places: Iterable[int]) -> None:
         )
 
 
-def _require_rows_of_shifts(table: ForeignTable, grid: _Grid) -> None:
+def _require_rows_of_shifts(table: ForeignTable, grid: _CellGrid) -> None:
     """Raise DataError for a matrix and for blocks with titles."""
     path, columns = table.path, table.columns
     needs = [_needs_of(column) for column in columns]
@@ -697,7 +699,7 @@ def side_question(columns: Sequence[Column]) -> str:
     )
 
 
-def _is_matrix(table: ForeignTable, grid: _Grid) -> bool:
+def _is_matrix(table: ForeignTable, grid: _CellGrid) -> bool:
     """Test that numbers stand as names above numbers, or names share a word beside a number."""
     heads = [column.head for column in table.columns]
     lettered = [re.sub(r"[\d.,\s]+", "#", head) for head in heads[1:] if re.search(r"\d", head)]

@@ -29,7 +29,7 @@ UNIT, LOOSE, WORD, NAME, FITS = 1.0, 2.0, 3.0, 4.0, 0.5
 
 
 @dataclass(frozen=True)
-class Quantity:
+class TableQuantity:
     """A quantity that is looked for: name, dimension of its units, and patterns of whole words.
 
     ``words`` name it, ``loose`` ones may also mean something else, and with those ``against`` a
@@ -74,66 +74,116 @@ SHAFTS = (
     r"|pignon|manchon|ingranaggio|ozubeni"
 )
 SHIFTS = (
-    Quantity("mismatch_rpm", SPEED,
-             r"\w*mismatch|(\w*differenz|relativ|schlupf)drehzahl|drehzahldifferenz|d n|dn"
-             r"|delta (n|omega|w|rpm|speed|drehzahl|rev\w*|regime|v)|n diff|diff n|n rel|dn \w+"
-             r"|(speed|rpm) difference|relative speed|domega|domega \w+|delta",
-             rf"{_DIFFERENCE}|delta \w+",
-             rf"{_SPREAD}|{_EXTREME}",
-             needed=True, filled=True, by_unit=False),
-    Quantity("force_N", FORCE, _FORCE,
-             r"\w*force|\w*kraft|f|effort|forza|fuerza|forca|sila|kracht|voima|ero",
-             rf"time|\w*zeit|{_RISE}|{_SPREAD}|{_EXTREME}|(feder|spring|reib|friction|vorspann"
-             r"|preload|brems|rueckstell|rast|detent)\w*",
-             needed=True, filled=True),
-    Quantity("force_rise_s", TIME,
-             r"(force )?rise( time)?|anstiegszeit|kraftanstieg|t (rise|anstieg|ramp|an|anst)",
-             _RISE, _SPREAD),
-    Quantity("n_shifts", None,
-             "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen|no of shifts"
-             "|number of shifts|stueckzahl|nombre( d essais)?|numero|liczba|pocet|antal|aantal",
-             r"shifts|count|anzahl|number|schaltungen|samples|n",
-             r"ok|nok|io|nio|engaged|eingelegt|\w*fail\w*|\w*fehl\w*|ungueltig|invalid|rel|diff"
-             rf"|{SHAFTS}"),
-    Quantity("shift_time_s", TIME, r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)"
-             r"|shifting time|temps de (passage|changement)|tempo di (cambio|innesto)"
-             r"|tiempo de cambio|cas razeni|czas zmiany|schakeltijd|vaxlingstid",
-             r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+|temps|duree|tempo|tiempo|duracion|cas|czas"
-             r"|tijd|tid|aika",
-             rf"\w*stamp|\w*zeitstempel|timeout|datum|date|delay|verzoegerung|\w*totzeit|dead|start\w*"
-             rf"|beginn?|ende?|stop|uhrzeit|clock|heure|ora|{_RISE}|{_SPREAD}|{_EXTREME}",
-             needed=True),
-    Quantity("engaged", None,
-             "engaged|eingelegt|geschaltet|eingerueckt|eingespurt|eingerastet|drin|im eingriff"
-             "|engage|enclenche|innestato|engranado|zarazeno",
-             "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status|bewertung|beurteilung"
-             "|urteil",
-             r"not|nicht|no|n|fail\w*|fehler|error|non|nicht"),
-    Quantity("trace", None, "trace( file)?|messdatei|measurement file",
-             "file|datei|dateiname|filename|fichier"),
-    Quantity("shift_time_sd_s", TIME, _SPREAD,
-             against=r"f|force|\w*kraft|n|mismatch|\w*drehzahl|rise|anstieg|regime"),
-    Quantity("order", None,
-             r"(run )?order|reihenfolge|lfd( nr)?|laufende nummer|laufnummer|sequence|sequenz"
-             "|run (number|no)|versuchsnummer|shift number"),
-    Quantity("timestamp", TIME,
-             "time ?stamp|zeitstempel|(datum|date|date time|datum uhrzeit)",
-             against=r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)"),
-)  # fmt: skip
+    TableQuantity(
+        "mismatch_rpm",
+        SPEED,
+        r"\w*mismatch|(\w*differenz|relativ|schlupf)drehzahl|drehzahldifferenz|d n|dn"
+        r"|delta (n|omega|w|rpm|speed|drehzahl|rev\w*|regime|v)|n diff|diff n|n rel|dn \w+"
+        r"|(speed|rpm) difference|relative speed|domega|domega \w+|delta",
+        rf"{_DIFFERENCE}|delta \w+",
+        rf"{_SPREAD}|{_EXTREME}",
+        needed=True,
+        filled=True,
+        by_unit=False,
+    ),
+    TableQuantity(
+        "force_N",
+        FORCE,
+        _FORCE,
+        r"\w*force|\w*kraft|f|effort|forza|fuerza|forca|sila|kracht|voima|ero",
+        rf"time|\w*zeit|{_RISE}|{_SPREAD}|{_EXTREME}|(feder|spring|reib|friction|vorspann"
+        r"|preload|brems|rueckstell|rast|detent)\w*",
+        needed=True,
+        filled=True,
+    ),
+    TableQuantity(
+        "force_rise_s",
+        TIME,
+        r"(force )?rise( time)?|anstiegszeit|kraftanstieg|t (rise|anstieg|ramp|an|anst)",
+        _RISE,
+        _SPREAD,
+    ),
+    TableQuantity(
+        "n_shifts",
+        None,
+        "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen|no of shifts"
+        "|number of shifts|stueckzahl|nombre( d essais)?|numero|liczba|pocet|antal|aantal",
+        r"shifts|count|anzahl|number|schaltungen|samples|n",
+        r"ok|nok|io|nio|engaged|eingelegt|\w*fail\w*|\w*fehl\w*|ungueltig|invalid|rel|diff"
+        rf"|{SHAFTS}",
+    ),
+    TableQuantity(
+        "shift_time_s",
+        TIME,
+        r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)"
+        r"|shifting time|temps de (passage|changement)|tempo di (cambio|innesto)"
+        r"|tiempo de cambio|cas razeni|czas zmiany|schakeltijd|vaxlingstid",
+        r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+|temps|duree|tempo|tiempo|duracion|cas|czas"
+        r"|tijd|tid|aika",
+        rf"\w*stamp|\w*zeitstempel|timeout|datum|date|delay|verzoegerung|\w*totzeit|dead|start\w*"
+        rf"|beginn?|ende?|stop|uhrzeit|clock|heure|ora|{_RISE}|{_SPREAD}|{_EXTREME}",
+        needed=True,
+    ),
+    TableQuantity(
+        "engaged",
+        None,
+        "engaged|eingelegt|geschaltet|eingerueckt|eingespurt|eingerastet|drin|im eingriff"
+        "|engage|enclenche|innestato|engranado|zarazeno",
+        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status|bewertung|beurteilung|urteil",
+        r"not|nicht|no|n|fail\w*|fehler|error|non|nicht",
+    ),
+    TableQuantity(
+        "trace",
+        None,
+        "trace( file)?|messdatei|measurement file",
+        "file|datei|dateiname|filename|fichier",
+    ),
+    TableQuantity(
+        "shift_time_sd_s",
+        TIME,
+        _SPREAD,
+        against=r"f|force|\w*kraft|n|mismatch|\w*drehzahl|rise|anstieg|regime",
+    ),
+    TableQuantity(
+        "order",
+        None,
+        r"(run )?order|reihenfolge|lfd( nr)?|laufende nummer|laufnummer|sequence|sequenz"
+        "|run (number|no)|versuchsnummer|shift number",
+    ),
+    TableQuantity(
+        "timestamp",
+        TIME,
+        "time ?stamp|zeitstempel|(datum|date|date time|datum uhrzeit)",
+        against=r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
+    ),
+)
 TRACE = (
-    Quantity("t_s", TIME, "-", "t|time|zeit", needed=True),
-    Quantity("displacement_mm", LENGTH, "displacement|(schalt|muffen)weg|s sleeve|sleeve position",
-             r"\w*weg|travel|position|x|s", needed=True),
-    Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f", needed=True),
-    Quantity("sliding_speed_rpm", SPEED,
-             r"speed sliding|(sliding|sleeve) speed|n (sleeve|muffe|sliding)"
-             "|drehzahl muffe|muffendrehzahl",
-             "n antrieb|antriebsdrehzahl|input speed|n in", needed=True),
-    Quantity("output_speed_rpm", SPEED,
-             r"speed output|(output|gear) speed|n (rad|gear|output|abtrieb)"
-             "|drehzahl rad|(rad|abtriebs)drehzahl",
-             "n out", needed=True),
-)  # fmt: skip
+    TableQuantity("t_s", TIME, "-", "t|time|zeit", needed=True),
+    TableQuantity(
+        "displacement_mm",
+        LENGTH,
+        "displacement|(schalt|muffen)weg|s sleeve|sleeve position",
+        r"\w*weg|travel|position|x|s",
+        needed=True,
+    ),
+    TableQuantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f", needed=True),
+    TableQuantity(
+        "sliding_speed_rpm",
+        SPEED,
+        r"speed sliding|(sliding|sleeve) speed|n (sleeve|muffe|sliding)"
+        "|drehzahl muffe|muffendrehzahl",
+        "n antrieb|antriebsdrehzahl|input speed|n in",
+        needed=True,
+    ),
+    TableQuantity(
+        "output_speed_rpm",
+        SPEED,
+        r"speed output|(output|gear) speed|n (rad|gear|output|abtrieb)"
+        "|drehzahl rad|(rad|abtriebs)drehzahl",
+        "n out",
+        needed=True,
+    ),
+)
 #: Words of columns that divide shifts into kinds, such as gear or direction.
 SPLITTING = (
     r"gear|gang|gaenge|stufe|direction|richtung|sens|vorgang|vorgaenge|operation|mode|modus|type|typ"
@@ -151,10 +201,20 @@ def plain_words(name: str) -> str:
     """Write a name in lower case, its words parted by blanks, without accents and signs."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     words = re.sub(r"^\s*(±|\+/?-)", "plus minus ", words)
-    for letter, spelling in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("ß", "ss"), ("Δ", "delta "),
-                             ("\N{INCREMENT}", "delta "), ("ω", "omega"), ("Ø", "mean "),
-                             ("\N{GREEK SMALL LETTER SIGMA}", " sigma "), ("ł", "l"),
-                             ("ø", "oe"), ("æ", "ae")):  # fmt: skip
+    for letter, spelling in (
+        ("ä", "ae"),
+        ("ö", "oe"),
+        ("ü", "ue"),
+        ("ß", "ss"),
+        ("Δ", "delta "),
+        ("\N{INCREMENT}", "delta "),
+        ("ω", "omega"),
+        ("Ø", "mean "),
+        ("\N{GREEK SMALL LETTER SIGMA}", " sigma "),
+        ("ł", "l"),
+        ("ø", "oe"),
+        ("æ", "ae"),
+    ):
         words = words.replace(letter, spelling).replace(letter.upper(), spelling)
     ascii_text = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode()
     return " ".join(re.sub(r"[^a-z0-9]+", " ", ascii_text.lower()).split())
@@ -165,7 +225,7 @@ def has_word(pattern: str, name: str) -> bool:
     return bool(re.search(rf"\b({pattern})\b", name))
 
 
-def score(quantity: Quantity, column: Column) -> float:
+def score(quantity: TableQuantity, column: Column) -> float:
     """Score a column for a quantity; zero where its unit, a word or its cells speak against it."""
     name = plain_words(column.name)
     if _is_other(quantity, column, name):
@@ -182,11 +242,11 @@ def score(quantity: Quantity, column: Column) -> float:
     return UNIT + fits if fits and quantity.needed and quantity.by_unit else 0.0
 
 
-def _is_stamp(quantity: Quantity, column: Column) -> bool:
+def _is_stamp(quantity: TableQuantity, column: Column) -> bool:
     return quantity.name == "timestamp" and column.is_dated
 
 
-def _is_other(quantity: Quantity, column: Column, name: str) -> bool:
+def _is_other(quantity: TableQuantity, column: Column, name: str) -> bool:
     """Test that a column cannot be a quantity."""
     if column.hidden or has_word(quantity.against, name):
         return True

@@ -72,8 +72,11 @@ def require_no_slip(where: str, findings: Sequence[Finding], remedy: str | None 
 
     ``where`` is the file, ``remedy`` what to do where nothing can be corrected on the way.
     """
-    certain = [finding.with_remedy(remedy) if remedy else finding.sentence for finding in findings
-               if finding.certain]  # fmt: skip
+    certain = [
+        finding.with_remedy(remedy) if remedy else finding.sentence
+        for finding in findings
+        if finding.certain
+    ]
     if certain:
         raise DataError(f"{where}: " + ". Also: ".join(certain))
 
@@ -126,8 +129,10 @@ def _span(values: Array) -> str:
 
 def axes_by_rise(_: Stand, sheet: Sheet) -> Findings:
     """Find swapped axes where the rise time goes with the mismatch instead of the force."""
-    rises = [Counter(value for value, _ in {(getattr(row, name), row.rise) for row in sheet.rows})
-             for name in ("force", "mismatch")]  # fmt: skip
+    rises = [
+        Counter(value for value, _ in {(getattr(row, name), row.rise) for row in sheet.rows})
+        for name in ("force", "mismatch")
+    ]
     mixed, several = (sum(n > 1 for n in by.values()) for by in rises)
     if mixed >= 2 and not several:
         text = (
@@ -167,8 +172,13 @@ def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
 
 def force_by_calibration(stand: Stand, sheet: Sheet) -> Findings:
     """Find forces that are the arm's of the calibration and not the sleeve's."""
-    force_pairs = np.array([(c.arm_force_N, c.sleeve_force_N) for c in stand.calibration
-                     if c.arm_force_N and c.sleeve_force_N]).reshape(-1, 2)  # fmt: skip
+    force_pairs = np.array(
+        [
+            (c.arm_force_N, c.sleeve_force_N)
+            for c in stand.calibration
+            if c.arm_force_N and c.sleeve_force_N
+        ]
+    ).reshape(-1, 2)
     forces, factor = _column(sheet, "force"), stand.sensor.force_factor
     is_close = abs(forces[:, None, None] / force_pairs - 1.0) < CLOSE
     if is_close.any(axis=1).all(axis=0).tolist() == [True, False]:
@@ -204,8 +214,9 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
         for row, numbers_of_row in zip(timed, numbers, strict=True)
     ]
     first = {key: row.row for key, row in zip(keys[::-1], timed[::-1], strict=True)}
-    copies = [(row, first[key]) for key, row in zip(keys, timed, strict=True)
-              if first[key] != row.row]  # fmt: skip
+    copies = [
+        (row, first[key]) for key, row in zip(keys, timed, strict=True) if first[key] != row.row
+    ]
     lone = {row.row for row in timed if row.n == 1 and row.trace is None}
     if 2 * sum(row.row in lone for row, _ in copies) < max(4, len(lone)):
         copies = [copy for copy in copies if copy[0].row not in lone]

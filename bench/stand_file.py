@@ -120,8 +120,12 @@ class Tolerance(Section):
     @property
     def sizes(self) -> tuple[float, float, float, float]:
         """Uncertainty of the force as a share and in N, of the mismatch as a share and in rad/s."""
-        return (0.01 * self.force_percent, self.force_N,
-                0.01 * self.mismatch_percent, RPM * self.mismatch_rpm)  # fmt: skip
+        return (
+            0.01 * self.force_percent,
+            self.force_N,
+            0.01 * self.mismatch_percent,
+            RPM * self.mismatch_rpm,
+        )
 
 
 class NominalErrors(Section):
@@ -159,7 +163,7 @@ class _BenchFile(Section):
 
 
 @dataclass(frozen=True)
-class Margin:
+class RelativeMargin:
     """Gap of a mean shift time below which nothing needs doing: a share of it, and least s."""
 
     share: float = 0.05
@@ -187,7 +191,7 @@ class Stand:
     corrections: tuple[str, ...] = ()
     record: BenchRecord = field(default_factory=BenchRecord)
     tests: tuple[TestTerms, ...] = ()
-    margin: Margin = Margin()
+    margin: RelativeMargin = RelativeMargin()
     errors: NominalErrors = field(default_factory=NominalErrors)
     measured: tuple[Measured, ...] = ()
     clock_step: float | None = 0.0
@@ -217,7 +221,7 @@ def load_stand(path: Path) -> Stand:
         clutch=_clutch(file),
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
         calibration=tuple(file.actuator_calibration),
-        margin=Margin(0.01 * file.margin_percent, 1e-3 * file.margin_ms),
+        margin=RelativeMargin(0.01 * file.margin_percent, 1e-3 * file.margin_ms),
         clock_step=None if step is None else MS * step,
     )
 

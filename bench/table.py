@@ -73,11 +73,14 @@ def load_sheet(path: Path) -> Sheet:
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
     rows, nothing = [row for row, _ in table.rows], [""] * len(table.rows)
-    cells = {name: np.array(table.column(name) if name in table.head else nothing)
-             for name in COLUMNS}  # fmt: skip
+    cells = {
+        name: np.array(table.column(name) if name in table.head else nothing) for name in COLUMNS
+    }
     cells["engaged"] = np.char.lower(cells["engaged"])
-    values = {name: np.array([float(c) if is_plain(c) else np.nan for c in cells[name]])
-              for name in NUMERIC}  # fmt: skip
+    values = {
+        name: np.array([float(c) if is_plain(c) else np.nan for c in cells[name]])
+        for name in NUMERIC
+    }
     values["timestamp"] = np.array([_seconds(cell) for cell in cells["timestamp"]])
     for column, bad, rule in _faults(cells, values):
         if (wrong := np.asarray(bad, dtype=bool)).any():
@@ -116,23 +119,43 @@ def _faults(
     # So large is a spread where one shift took all the time and the others none.
     is_wide = spread & ~((sd >= 0.0) & (sd <= time * count**0.5))
     yield from (
-        ("n_shifts", ~((count >= 1) & (count % 1 == 0)), "a whole number of at least 1, the shifts "
-         "that its time is the mean of: 1 for a single shift"),
-        ("n_shifts", count > MAX_SHIFTS,
-         f"at most {MAX_SHIFTS}: shifts that a stand has made, not a count of samples"),
+        (
+            "n_shifts",
+            ~((count >= 1) & (count % 1 == 0)),
+            "a whole number of at least 1, the shifts "
+            "that its time is the mean of: 1 for a single shift",
+        ),
+        (
+            "n_shifts",
+            count > MAX_SHIFTS,
+            f"at most {MAX_SHIFTS}: shifts that a stand has made, not a count of samples",
+        ),
         ("engaged", ~np.isin(cells["engaged"], [*ENGAGED]), "true, false or empty"),
-        ("engaged", timed & (cells["engaged"] == "false"),
-         "true where shift_time_s has a time, or else that cell must be empty"),
-        ("shift_time_sd_s", spread & ((count < 2) | ~timed),
-         "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"),
-        ("shift_time_sd_s", is_wide, "between 0 and the mean times the root of n_shifts: times "
-         "above 0 of this mean cannot scatter by more"),
-        ("timestamp", stamped & ~np.isfinite(stamps),
-         "a date and time such as 2024-05-31T14:05:09, or seconds"),
+        (
+            "engaged",
+            timed & (cells["engaged"] == "false"),
+            "true where shift_time_s has a time, or else that cell must be empty",
+        ),
+        (
+            "shift_time_sd_s",
+            spread & ((count < 2) | ~timed),
+            "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)",
+        ),
+        (
+            "shift_time_sd_s",
+            is_wide,
+            "between 0 and the mean times the root of n_shifts: times "
+            "above 0 of this mean cannot scatter by more",
+        ),
+        (
+            "timestamp",
+            stamped & ~np.isfinite(stamps),
+            "a date and time such as 2024-05-31T14:05:09, or seconds",
+        ),
         ("timestamp", plain & (stamped & ~plain).any(), "a date and time as in the other rows"),
         ("trace", traced & (count != 1), "empty where n_shifts is not 1: it is one shift's"),
         ("trace", is_outside, "a path inside the folder of the data set"),
-    )  # fmt: skip
+    )
     for name in ("order", "timestamp"):
         empty = timed & (cells[name] == "")
         rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"

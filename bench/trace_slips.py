@@ -346,12 +346,18 @@ def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
         yield Finding("displacement", text, "records that begin after the force")
         return
     gap = REST * stand.clutch.dog.axial_gap
-    way = [row.rest / MM for row in rows
-           if abs(row.rest) > max(gap, noise * scatter(row.trace.displacement))]  # fmt: skip
+    way = [
+        row.rest / MM
+        for row in rows
+        if abs(row.rest) > max(gap, noise * scatter(row.trace.displacement))
+    ]
     force = [
-        row.start.force for row in rows if row.start and row.start.time >= row.trace.time[0]
+        row.start.force
+        for row in rows
+        if row.start
+        and row.start.time >= row.trace.time[0]
         and abs(row.start.force) > max(REST * row.row.force, noise * scatter(row.trace.force))
-    ]  # fmt: skip
+    ]
     looks, when = "a sensor that is not set to zero", "(median) before the force begins"
     of_all = f"of {len(rows)} traces is"
     if way:

@@ -129,8 +129,14 @@ def _notes(channels: Mapping[str, Channel], time: Array, margin: float) -> list[
         for name, channel in channels.items()
         if abs(channel.step - lead.step) > margin or _distance(time, channel.time) > margin
     ]
-    notes = [f"{', '.join(interpolated)} interpolated on the times of {LEAD} (every "
-             f"{number(lead.step / MS)} ms)"] if interpolated else []  # fmt: skip
+    notes = (
+        [
+            f"{', '.join(interpolated)} interpolated on the times of {LEAD} (every "
+            f"{number(lead.step / MS)} ms)"
+        ]
+        if interpolated
+        else []
+    )
     if time.size < lead.time.size:
         notes.append(
             f"{lead.time.size - time.size} of {lead.time.size} samples of {LEAD} cut, as not all "
@@ -370,8 +376,10 @@ def _read_mdf(path: Path) -> dict[str, Channel]:
             text = f"{total - count} of {total} samples of {name} are marked invalid and left out"
             faults = (Fault(text, "a sensor or bus without a signal"),) if count < total else ()
             if total > count == 0:
-                raise DataError(f"{path}: all {total} samples of {name} are marked invalid; "
-                                "measure the shift again")  # fmt: skip
+                raise DataError(
+                    f"{path}: all {total} samples of {name} are marked invalid; "
+                    "measure the shift again"
+                )
             time = np.asarray(signal.timestamps, dtype=float)
             values = _as_numbers(path, name, signal.samples)
             channels[name] = Channel(time, values, range(time.size), faults)

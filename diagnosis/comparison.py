@@ -147,10 +147,14 @@ def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[fl
         ends = []
         for by in (1.0 - STEP, 1.0 + STEP):
             moved_blocks = [
-                replace(block, point=replace(p, profile=replace(p.profile, force=by * value))
-                        if name == "force" else replace(p, mismatch=by * value))
+                replace(
+                    block,
+                    point=replace(p, profile=replace(p.profile, force=by * value))
+                    if name == "force"
+                    else replace(p, mismatch=by * value),
+                )
                 for block, p, value in zip(blocks, points, values.tolist(), strict=True)
-            ]  # fmt: skip
+            ]
             means: list[float] = []
             for rows in run(moved_blocks):
                 results = [result_of(row).shift_time for row in rows]

@@ -26,9 +26,9 @@ from dogshape.diagnosis.inference.static_readings import (
     measured_facts,
 )
 from dogshape.diagnosis.inference.verdict import (
+    CauseVerdict,
     MarginProbabilities,
     Probabilities,
-    Verdict,
     decide,
     fold_invisible,
     inclusion,
@@ -67,7 +67,7 @@ class RecordMeaning:
     key: str
     value: str
     probability: float
-    verdict: Verdict
+    verdict: CauseVerdict
     posterior: Mapping[Hypothesis, float]
 
 
@@ -82,7 +82,7 @@ class Diagnosis:
     posterior: Mapping[Hypothesis, float]  #: the largest first, without invisible effects
     evidence: Mapping[Hypothesis, float]  #: the same with invisible effects
     fits: Mapping[Hypothesis, Fit]  #: of none, and of every plausible known hypothesis
-    verdict: Verdict
+    verdict: CauseVerdict
     within_margin: float  #: probability that the gap is below the margin
     held_out: HeldOut
     record_meanings: tuple[RecordMeaning, ...]  #: of keys of the record that nobody noted
@@ -335,7 +335,7 @@ class _Conclusion:
     log_total: float  #: of prior times evidence
     posterior: Probabilities
     within_margin: float
-    verdict: Verdict
+    verdict: CauseVerdict
 
 
 def _fit_ranking(answers: Sequence[_Answer], evidence: Probabilities) -> _FittedRanking:

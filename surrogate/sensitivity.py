@@ -25,7 +25,7 @@ MAX_INTERVALS = 12  #: of each variable
 
 
 @dataclass(frozen=True)
-class Effect:
+class MainEffect:
     """Main effect of a variable on the expected time, s, with mean zero over the designs."""
 
     variable: str
@@ -35,7 +35,7 @@ class Effect:
     high: Array
 
 
-def main_effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
+def main_effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[MainEffect]:
     """Compute the main effect of each variable that varies over designs (n, d) in edge units."""
     effects = []
     for column in np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist():
@@ -45,7 +45,7 @@ def main_effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> li
         variances = np.diag(form @ covariance @ form.T)
         half_width = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))
         effects.append(
-            Effect(
+            MainEffect(
                 variable=variables[column],
                 values=values,
                 effect=effect,

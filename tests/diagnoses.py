@@ -15,7 +15,7 @@ from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
-from dogshape.diagnosis.inference.verdict import Verdict, inclusion
+from dogshape.diagnosis.inference.verdict import CauseVerdict, inclusion
 from dogshape.diagnosis.next_test import rank_tests
 from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.model import build_models
@@ -79,13 +79,13 @@ def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
     return Fit(space, values, predicted, p)
 
 
-def verdict_of(posterior: Mapping[Hypothesis, float]) -> Verdict:
+def verdict_of(posterior: Mapping[Hypothesis, float]) -> CauseVerdict:
     """Name effects above 0.95, a hypothesis above 0.8, or unknown."""
     top = max(posterior, key=lambda h: posterior[h])
     causes = tuple(sorted(name for name, p in inclusion(posterior).items() if p > 0.95))
     kinds = {NONE: "none", UNKNOWN: "unknown"}
     kind = kinds.get(top, "effect") if posterior[top] > 0.8 else "ambiguous"
-    return Verdict(kind, causes, tuple(posterior))
+    return CauseVerdict(kind, causes, tuple(posterior))
 
 
 @cache

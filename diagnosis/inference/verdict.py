@@ -36,7 +36,7 @@ SHARE_ERROR = 0.02  #: of a predicted share that engages
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CauseVerdict:
     """Decision of a diagnosis: named effects, and hypotheses that have 0.9 together."""
 
     kind: Kind
@@ -88,7 +88,7 @@ def decide(
     fits: Mapping[Hypothesis, Fit],
     margin: MarginProbabilities,
     settings: Settings,
-) -> Verdict:
+) -> CauseVerdict:
     """Decide on a verdict.
 
     *None* where the gap is within its margin, or nothing acts and its effect on the gap would show.
@@ -101,14 +101,14 @@ def decide(
     credible = tuple(h for h, p in zip(order, cumulative, strict=True) if p < settings.credible)
     inadequate = [h for h in order if not _is_adequate(h, fits, settings)]
     if max(margin.gap, min(posterior[NONE], margin.none)) > settings.named:
-        return Verdict("none", (), credible)
+        return CauseVerdict("none", (), credible)
     if posterior[UNKNOWN] + sum(posterior[h] for h in inadequate) > settings.named:
-        return Verdict("unknown", (), credible)
+        return CauseVerdict("unknown", (), credible)
     if order[0] not in inadequate and _is_named(order[0], posterior, settings):
-        return Verdict("effect", order[0], credible)
+        return CauseVerdict("effect", order[0], credible)
     inclusions = inclusion(posterior).items()
     causes = tuple(sorted(name for name, p in inclusions if p > settings.part))
-    return Verdict("ambiguous", causes, credible)
+    return CauseVerdict("ambiguous", causes, credible)
 
 
 def _is_named(top: Hypothesis, posterior: Probabilities, settings: Settings) -> bool:

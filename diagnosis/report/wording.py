@@ -9,7 +9,7 @@ from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import gap_decrease
-from dogshape.diagnosis.inference.verdict import Verdict
+from dogshape.diagnosis.inference.verdict import CauseVerdict
 from dogshape.diagnosis.terms import UNKNOWN, hypothesis_name, join_words
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.units import short, suffix_of, unit_of
@@ -75,7 +75,7 @@ def ms(seconds: float) -> str:
     return f"{1e3 * seconds:.3g} ms"
 
 
-def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
+def headline_of(verdict: CauseVerdict, effects: Mapping[str, Effect]) -> str:
     """Write a verdict in a line."""
     names = join_words([effects[name].plain for name in verdict.causes])
     if verdict.kind == "effect":

@@ -26,7 +26,7 @@ from dogshape.bench.stand_file import load_stand
 from dogshape.bench.table import COLUMNS, NUMERIC, Sheet
 from dogshape.bench.texts import read_table
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.inference.verdict import Verdict
+from dogshape.diagnosis.inference.verdict import CauseVerdict
 from dogshape.diagnosis.report.wording import chance, headline_of
 from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, hypothesis_name
 from dogshape.sim.effect import Effect
@@ -301,7 +301,7 @@ def _state(record: Record, effects: Mapping[str, Effect]) -> Record:
     """Summarise the record of a diagnosis: verdict, causes and probable hypotheses."""
     kind = record["verdict"]
     causes = record["causes"]
-    verdict = Verdict(kind, causes, [*map(tuple, record["credible_set"])])
+    verdict = CauseVerdict(kind, causes, [*map(tuple, record["credible_set"])])
     probabilities = {}
     for hypothesis, probability in _probabilities(record).items():
         if probability >= MIN_PROBABILITY:

@@ -37,14 +37,14 @@ _AMBIGUOUS = re.compile(r"[1-9]\d{0,2},\d{3}")
 
 
 @dataclass(frozen=True)
-class Answer:
+class TypedAnswer:
     """Numbers of an answer."""
 
     numbers: tuple[float, ...]  #: in the unit of the question
     ranged: bool = False  #: whether they are the two ends of a range
 
 
-def read_numbers(text: str, unit: str, factors: Mapping[str, float] | None = None) -> Answer:
+def read_numbers(text: str, unit: str, factors: Mapping[str, float] | None = None) -> TypedAnswer:
     """Read an answer to a question in ``unit``.
 
     ``factors`` to that unit are those of further units, by their spelling without blanks. Raises
@@ -65,7 +65,7 @@ def read_numbers(text: str, unit: str, factors: Mapping[str, float] | None = Non
     numbers = tuple(number * _factor(word, unit, factors or {}) for number, word in pairs)
     if ranged and not numbers[0] < numbers[1]:
         raise InputError(f"the range {text.strip()} has its larger end first; exchange the ends")
-    return Answer(numbers, ranged=ranged)
+    return TypedAnswer(numbers, ranged=ranged)
 
 
 def number_of(text: str) -> float:

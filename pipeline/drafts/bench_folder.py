@@ -20,7 +20,7 @@ from pandas import DataFrame
 
 from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.bench.bench_draft import BenchDraft, Traces, copy_trace, read_tables, row_numbers
-from dogshape.bench.foreign_readings import Report
+from dogshape.bench.foreign_readings import ReadingReport
 from dogshape.bench.raw_sheet import file_of
 from dogshape.bench.table import COLUMNS
 from dogshape.bench.texts import text_of
@@ -115,7 +115,7 @@ def _fill_folder(
     Returns the record of the reading and the data set. ``name_correction`` writes the option of a
     correction.
     """
-    source, report = source_of(draft.origin), Report()
+    source, report = source_of(draft.origin), ReadingReport()
     where = ", ".join(map(str, draft.paths)) or str(out)
     if draft.paths:
         rows = read_tables(draft, report)
@@ -197,7 +197,9 @@ def _fault_of(
     return text.replace(str(folder), str(out))
 
 
-def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> Data:
+def _group_set_points(
+    rows: DataFrame, draft: BenchDraft, source: Source, report: ReadingReport
+) -> Data:
     """Give measured values the set values of the origin, and their scatter as errors.
 
     Measured values hardly recur, are not round, and lie around few set values.
@@ -234,7 +236,9 @@ def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report
     return errors
 
 
-def _mark_time_outs(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> None:
+def _mark_time_outs(
+    rows: DataFrame, draft: BenchDraft, source: Source, report: ReadingReport
+) -> None:
     """Take times at the stated time-out as shifts that did not engage; ask where none is stated."""
     times = rows["shift_time_s"][rows["engaged"].isna()].dropna()
     stated = draft.values.get("timeout_s")
@@ -258,30 +262,32 @@ def _mark_time_outs(rows: DataFrame, draft: BenchDraft, source: Source, report: 
         )
 
 
-def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> None:
+def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: ReadingReport) -> None:
     lacks_rise = rows["force_rise_s"].isna()
     if not lacks_rise.any():
         return
     rises = rows["force_N"].map(lambda force: round(source.table.rise(force), 6))
     rows.loc[lacks_rise, "force_rise_s"] = rises if draft.rise_s is None else draft.rise_s
-    low, high, low_force, high_force = (
-        number(end(values))
-        for values in (rows["force_rise_s"][lacks_rise], source.table.forces)
-        for end in (min, max)
-    )
+    filled = rows["force_rise_s"][lacks_rise]
+    low = number(min(filled))
+    if draft.rise_s is not None:
+        report.assumed.append(f"the force rises in {low} s where no row says it")
+        return
+    low_force, high_force = number(min(source.table.forces)), number(max(source.table.forces))
     outer_forces = sorted({f for f in rows["force_N"][lacks_rise] if not source.table.covers(f)})
-    outer_text = ", ".join(map(number, outer_forces))
-    remark = f"; {outer_text} N lie beyond and have the rise time of the nearest "
-    answer = argument("rise_s")
+    remark = ""
+    if outer_forces:
+        outer_text = ", ".join(map(number, outer_forces))
+        remark = f"; {outer_text} N lie beyond and have the rise time of the nearest force"
     report.assumed.append(
-        f"the force rises in {low} to {high} s, by its size as in '{source.name}' ({low_force} to "
-        f"{high_force} N){f'{remark}force' if outer_forces else ''}; {answer} says another time"
-        if draft.rise_s is None
-        else f"the force rises in {low} s where no row says it"
+        f"the force rises in {low} to {number(max(filled))} s, by its size as in '{source.name}' "
+        f"({low_force} to {high_force} N){remark}; {argument('rise_s')} says another time"
     )
 
 
-def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: Report) -> Data:
+def _values(
+    draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: ReadingReport
+) -> Data:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
     clutch, settings, assumptions = source.clutch, dict(draft.values), report.assumed
     drive = clutch.drive

@@ -176,7 +176,7 @@ class Guide:
         """Mark designs that pass every check that needs no simulation, (m,)."""
         return mark_worthy(self.study, params)
 
-    def predict(self, trials: Trials) -> Prediction:
+    def predict(self, trials: Trials) -> GoalPrediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
         study = self.study
         constraints = self.constraints(trials)
@@ -207,7 +207,7 @@ class Guide:
                 time_column = column, fit(with_rows(study, rows), effort, NO_EFFORT)
             elif objective.simulated:
                 responses[column] = fit_response(x, losses[:, column], errors[:, column])
-        return Prediction(self, time_column, responses, (landing, *limits))
+        return GoalPrediction(self, time_column, responses, (landing, *limits))
 
     def constraints(self, trials: Trials) -> dict[int, dict[str, float]]:
         """Return the constraints of trials by number, limits on times with pooled hangs."""
@@ -242,7 +242,7 @@ class Guide:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class GoalPrediction:
     """Surrogate of the expected time, and processes of other objectives and of limits."""
 
     guide: Guide
@@ -341,7 +341,7 @@ class SurrogateSampler:
         self._seed = seed
         self._startup = startup
         self._pool = Pool(guide, seed, SPACE_CANDIDATES)
-        self._prediction: Prediction | None = None
+        self._prediction: GoalPrediction | None = None
         self._predicted_trials: list[int] = []  # numbers of those that the prediction is fitted to
 
     @property
@@ -371,7 +371,7 @@ class SurrogateSampler:
         distances = np.linalg.norm(differences, axis=2).min(axis=1)
         return designs[int(np.argmax(distances))]  # farthest from all that were proposed
 
-    def _predict(self, finished: Trials) -> Prediction | None:
+    def _predict(self, finished: Trials) -> GoalPrediction | None:
         """Fit a prediction to finished trials, once a round; None for fewer than ``startup``."""
         if len(finished) < self._startup:
             return None
@@ -385,7 +385,7 @@ class SurrogateSampler:
         return self._prediction
 
     def _best_candidate(
-        self, designs: list[Params], proposed: Trials, finished: Trials, prediction: Prediction
+        self, designs: list[Params], proposed: Trials, finished: Trials, prediction: GoalPrediction
     ) -> Params:
         """Select the candidate that adds most to the front.
 

@@ -78,7 +78,7 @@ TRIAL = 5  #: state of a stage, at last of the end
 STAGE_ROWS = 6
 
 
-class Progress(NamedTuple):
+class StepProgress(NamedTuple):
     """End of a call of ``advance``."""
 
     reason: int  #: ENGAGED, PAUSED, FULL, UNDERFLOW or HELD
@@ -598,7 +598,7 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
 
     Returns
     -------
-    Progress
+    StepProgress
         Why it ended, and what the next call begins with.
     """
     numbers = model.numbers[0]
@@ -616,7 +616,7 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
     last_error = 1.0
     while time < pause:
         if recorded >= times.shape[0]:
-            return Progress(FULL, time, step, recorded, evaluations)
+            return StepProgress(FULL, time, step, recorded, evaluations)
         look = _next_look(time, look_state, timeout)
         stop = min(look, pause)
         to_stop = time + step >= stop
@@ -647,9 +647,9 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
                 at_look, time, state, look_state, timeout, numbers, model.knots
             )
             if reason != PAUSED:
-                return Progress(reason, time, step, recorded, evaluations)
+                return StepProgress(reason, time, step, recorded, evaluations)
         elif length < MIN_STEP_S:
-            return Progress(UNDERFLOW, time, step, recorded, evaluations)
+            return StepProgress(UNDERFLOW, time, step, recorded, evaluations)
         else:
             jacobian_age = MAX_JACOBIAN_AGE if jacobian_age > 0 else 0
         factor, max_growth, last_error = _control_step(error, max_growth, last_error)
@@ -658,7 +658,7 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
         if not implicit:
             jacobian_age = MAX_JACOBIAN_AGE
         _switch_mode(implicit, touching, step, mode_row)
-    return Progress(PAUSED, time, step, recorded, evaluations)
+    return StepProgress(PAUSED, time, step, recorded, evaluations)
 
 
 @making

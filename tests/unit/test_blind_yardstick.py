@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
-from dogshape.bench.stand_file import Margin, NominalErrors
+from dogshape.bench.stand_file import NominalErrors, RelativeMargin
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import Observations
 from dogshape.diagnosis.prediction.model import LateDelay, Prediction
@@ -62,7 +62,7 @@ def _yardstick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float =
         count, zeros, SPEEDS.ravel(), FORCES.ravel(), None, (),
     )  # fmt: skip
     bench: Any = SimpleNamespace(
-        measured=(), errors=NominalErrors(), margin=Margin(), clock_step=0.0
+        measured=(), errors=NominalErrors(), margin=RelativeMargin(), clock_step=0.0
     )
     model: Any = _Model()
     likelihood = Likelihood(bench, seen, model, replace(USUAL, discrepancy=discrepancy))
