@@ -147,7 +147,7 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, live_page: Liv
     page.ask(
         f"dash_clientside.set_props('front', {{clickData: {{points: [{{customdata: {trial}}}]}}}})"
     )
-    chamfer = f"{design['chamfer_deg']:.6g}"
+    chamfer = f"{design.value('chamfer_deg'):.6g}"
     page.wait(f"{FIELD}.value === '{chamfer}'")
     assert page.ask("document.documentElement.scrollWidth <= window.innerWidth")
     loads = "performance.getEntriesByType('resource').map(one => new URL(one.name).hostname)"

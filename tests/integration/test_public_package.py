@@ -147,7 +147,7 @@ def test_a_comparison_is_what_the_command_line_prints(folder: Path, dogshape: Ca
         (lambda: ds.Study(PAPER).expect(precision="2%"), "precision is '2%', but it must be"),
         (lambda: ds.Study(PAPER).expect(angles="24"), "angles is '24', but it must be a number"),
         (lambda: ds.Study(PAPER).expect(angles=0), "angles is 0, but it must lie between 1 and"),
-        (lambda: ds.update_diagnosis("no", "new.csv"), 'ds.diagnose(BENCH, out="no")'),
+        (lambda: ds.update_diagnosis("no", "new.csv"), 'ds.diagnose("BENCH", out="no")'),
         (lambda: ds.validate("mq200_adams", [0.0, 8.0]), "at least three"),
         (lambda: ds.validate("mq200_adams", [0.0, float("nan"), 5.0]), "must be a finite angle"),
         (

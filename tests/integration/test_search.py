@@ -125,7 +125,7 @@ def test_a_journal_of_trials_is_mended_or_refused(
 def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Path) -> None:
     folder = finished.copy(tmp_path)
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-    with pytest.raises(StorageError, match="holds a study already; add --resume"):
+    with pytest.raises(StorageError, match="holds a study already; add resume=True"):
         run_study(load_study("mq200_paper", SMALL), search_run(folder))
     other = load_study("mq200_paper", [*SMALL, "sliding.mass_kg=0.4"])
     words = r"another configuration \(sliding\.mass_kg was 0\.3 and is now 0\.4\); give the one"

@@ -88,8 +88,8 @@ def test_two_machines_share_a_search_and_one_is_killed(server: Server, tmp_path:
     [
         ("postgresql://u:secret@127.0.0.1:{free}/db", "cannot be opened (connection"),
         ("{server}_missing", 'database "postgres_missing" does not exist'),
-        ("mysql://u:secret@127.0.0.1/db", "--storage is of 'mysql', but a study is kept in"),
-        ("rubbish", "--storage is 'rubbish', which is not the address of a database"),
+        ("mysql://u:secret@127.0.0.1/db", "storage is of 'mysql', but a study is kept in"),
+        ("rubbish", "storage is 'rubbish', which is not the address of a database"),
     ],
 )
 def test_wrong_addresses_are_said(server: Server, tmp_path: Path, url: str, words: str) -> None:

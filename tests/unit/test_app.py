@@ -79,9 +79,9 @@ def test_designs_of_a_search_are_offered_where_its_physics_are_the_studys(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert live_page.result is not None
-    trial = live_page.result["front"][0]["trial"]
-    shape = live_page.shape(str(trial))
-    assert shape["dog.count"] == str(live_page.result["front"][0]["count"])
+    design = live_page.result.front[0]
+    shape = live_page.shape(str(design.trial))
+    assert shape["dog.count"] == str(design.value("count"))
     assert shape["dog.axial_gap_mm"] == "1"  # the rest of the dog as it was
     other = open_live_page(ds.Study("mq200_paper", {"shift.timeout_s": 1.1}))
     assert (other.result, other.surrogate) == (None, None)

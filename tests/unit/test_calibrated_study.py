@@ -246,7 +246,8 @@ def test_a_folder_of_results_is_a_study(tmp_path: Path, monkeypatch: pytest.Monk
     folder.root.mkdir(parents=True)
     folder.open(own, resume=False)
     with pytest.raises(
-        DataError, match=r"no result of the study truck in runs/first; run .*--resume"
+        DataError,
+        match=r"no result of the study truck in runs/first; run study.search\(resume=True",
     ):
         load_candidates(folder.root)
     shutil.copy(bundled_root() / "mq200_paper" / "result.json", folder.result)

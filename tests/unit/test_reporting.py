@@ -293,7 +293,7 @@ def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Setup) -> None:
 )
 def test_command_runs_the_same_study_again(changes: list[str]) -> None:
     study = load_study("mq200_paper", changes)
-    command = command_of(study, "study")
+    command = command_of(study, "search")
     assert command is not None
     assert command.startswith("dogshape search mq200_paper")
     overrides = [word for word in shlex.split(command)[3:] if word != "--set"]
