@@ -50,7 +50,7 @@ from dogshape.sim.strength.manufacture import Kind, manufacturing_checks
 from dogshape.sim.strength.verdict import OPTIONAL, SPANS, Hinge, Verdict, landing_by_stiffness
 from dogshape.sim.units import MPA, RPM
 from dogshape.surrogate.dataset import Mix
-from dogshape.surrogate.model import Expected, interval
+from dogshape.surrogate.model import NORMAL_95, Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.store import Validation
 
@@ -255,7 +255,6 @@ def _retention_text(retention: Retention) -> str:
 #: Relative standard error of the compiled engine's expected time against Drake's. Medians are
 #: 0.01 % with the design set and up to 0.8 % with the published one (docs/evidence/engines.txt).
 ENGINE_ERROR = 0.01
-NORMAL_95 = 1.96  #: standard deviations of a two-sided 95 % interval
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ from dogshape.pipeline.simulate.design import OBJECTIVES, SUMMARIES, Objective
 from dogshape.pipeline.store.result_records import CheckRow, VerdictRow
 from dogshape.sim.statistics.hangs import interval
 from dogshape.sim.strength.verdict import WORDS, Margin, judge
+from dogshape.surrogate.model import NORMAL_95
 
 MARGIN = "smallest_margin"
 QUANTILE_TIME = "shift_time_quantile_s"
 FIRST_TRY = "first_try_share"
-NORMAL_95 = 1.96  #: standard errors to the end of a 95 % interval
 #: Printed units that differ from the stored ones, by objective.
 PRINTED_UNITS = {
     "peak_impact_force_N": "kN",

@@ -9,6 +9,7 @@ import plotly.graph_objects as go
 
 from dogshape.pipeline.reports.charts import BLUE, GREY, INK, ORANGE, styled
 from dogshape.pipeline.reports.text import check_name
+from dogshape.surrogate.model import NORMAL_95
 
 BAR_HEIGHT = 26  #: px, of a horizontal bar with its gap
 FRAME_HEIGHT = 130  #: px, of axes and margins around the bars
@@ -54,7 +55,9 @@ def times_figure(
         go.Scatter(
             x=labels,
             y=[None if time is None else 1e3 * time for time in times],
-            error_y={"array": [0.0 if error is None else 1.96e3 * error for error in errors]},
+            error_y={
+                "array": [0.0 if error is None else 1e3 * NORMAL_95 * error for error in errors]
+            },
             mode="markers",
             marker={"color": BLUE, "size": 11, "symbol": "diamond"},
         )
