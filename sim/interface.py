@@ -56,7 +56,9 @@ def argument(name: str, value: object = None) -> str:
     """
     if _ON_COMMAND_LINE.get():
         option = "--" + OPTIONS.get(name, name).replace("_", "-")
-        return option if value in (None, True) else f"{option} {shlex.quote(str(value))}"
+        if value is None or value is True:
+            return option
+        return f"{option} {shlex.quote(str(value))}"
     return name if value is None else f"{name}={_literal(value)}"
 
 

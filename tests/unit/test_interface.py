@@ -20,6 +20,7 @@ WORDS: list[tuple[Callable[[], str], str, str]] = [
     (lambda: argument("force_rise_s"), "--force-rise-s", "force_rise_s"),
     (lambda: argument("rise_s", 0.1), "--rise-s 0.1", "rise_s=0.1"),
     (lambda: argument("resume", value=True), "--resume", "resume=True"),
+    (lambda: argument("jobs", 1), "--jobs 1", "jobs=1"),
     (lambda: argument("origin", "mq 200"), "--from 'mq 200'", 'origin="mq 200"'),
     (lambda: listed_argument("drop", "gear=*"), "--drop 'gear=*'", 'drop=["gear=*"]'),
     (lambda: listed_argument("keep", "row=2", quoted=True), "--keep 'row=2'", 'keep=["row=2"]'),

@@ -30,6 +30,7 @@ from dogshape.cli.options import (
     show,
 )
 from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.interface import argument
 
 Bank = Annotated[
     Path | None, Option(help="folder of simulations that diagnoses share; default: user's cache")
@@ -139,14 +140,13 @@ def _table_draft(bench: str, **options: Any) -> ds.BenchDraft | None:
     from dogshape.bench.bench_draft import guess_readings, is_table  # noqa: PLC0415
 
     if not is_table(bench):
-        names = {"origin": "--from", "rise_s": "--rise-s", "fill_down": "--fill-down"}
-        names["set_"] = "--set"
-        given = [names.get(name, f"--{name}") for name, value in options.items() if value]
-        if given:
-            raise InputError(
-                f"{given[0]} says how a table is read, but {bench} is no table; give the table, "
-                "such as measured.csv, or change bench.toml of the data set"
-            )
+        for name, value in options.items():
+            if value:
+                option = argument("settings" if name == "set_" else name)
+                raise InputError(
+                    f"{option} says how a table is read, but {bench} is no table; give the table, "
+                    "such as measured.csv, or change bench.toml of the data set"
+                )
         return None
     draft = bench_draft([bench], **options)
     if dialogue.may_ask():
