@@ -248,7 +248,7 @@ def _silent(rows: DataFrame) -> Any:
 
 
 def row_numbers(rows: DataFrame) -> str:
-    """Join the numbers of rows in their files."""
+    """List the row numbers in the files, separated by commas."""
     return ", ".join(map(str, rows["row"]))
 
 

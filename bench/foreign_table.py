@@ -154,7 +154,7 @@ class ForeignTable:
         return replace(self, sheet=sheet)
 
     def taking(self, places: Sequence[int], reasons: Reasons) -> ForeignTable:
-        """Select the rows at these places; ``reasons`` are those of the excluded rows."""
+        """Select the rows at ``places``; ``reasons`` has row and reason of each excluded row."""
         columns = tuple(
             replace(column, cells=tuple(column.cells[k] for k in places)) for column in self.columns
         )

@@ -461,7 +461,7 @@ def check_design(
 
 
 def _guess(config: Setup, mix: Mix, surrogate: str | Path | None) -> Guess | None:
-    """Predict the prototype by a surrogate of the same physics; None without a surrogate."""
+    """Predict the prototype's shift time by a surrogate; None without one of the same physics."""
     match = matching_surrogate(config, surrogate)
     if match is None:
         return None

@@ -167,7 +167,10 @@ def _bank_options(
 def _data_of(
     bench: str | Path | BenchDraft, correct: Sequence[str], listener: Progress
 ) -> Iterator[tuple[Bench, dict[str, Any] | None]]:
-    """Yield a data set, and the record of the reading of a table, with its assumptions told."""
+    """Yield the data set and the record of its reading, None for a folder.
+
+    Assumptions of the reading of a table go to ``listener``.
+    """
     if not isinstance(bench, BenchDraft):
         if not is_table(bench):
             yield load_bench(bench, correct), None

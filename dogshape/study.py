@@ -277,7 +277,7 @@ class Study:
         return Study.from_config(replace_keys(self.config, keys))
 
     def _config_in(self, engine: str | None) -> Setup:
-        """Give the values of the study with another engine, or as they are for None."""
+        """Return the values of the study with another engine, unchanged for None."""
         if engine is None:
             return self.config
         return replace_keys(self.config, {"solver.engine": engine})

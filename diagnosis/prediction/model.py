@@ -463,7 +463,7 @@ class Model:
         return None if model is None else replace(self, reversed_model=model)
 
     def _add_benches(self, names: Hypothesis, benches: tuple[FurtherBench, ...]) -> Model:
-        """Add benches of one or two effects, and fit again what they change."""
+        """Add benches of one or two effects and refit the emulators that depend on them."""
         further = {**self.further_benches, names: (*self.further_benches.get(names, ()), *benches)}
         if len(names) == 2:
             model = replace(self, further_benches=further)
@@ -842,7 +842,10 @@ def _build_reversed(
     *,
     only_reading: bool,
 ) -> Model:
-    """Build the model of the reversed sense, with all effects or those of the reading."""
+    """Build the model of the reversed sense of rotation.
+
+    ``only_reading`` keeps the effects that change the reading alone.
+    """
     reversed_effects = dict(effects)
     if only_reading:
         ends = extremes(baseline)

@@ -60,7 +60,7 @@ def ask(
 
 
 def print_reading(reading: Mapping[str, Any]) -> None:
-    """Print columns as read, and what is left out, on standard error."""
+    """Print the columns as read and the excluded rows and columns on standard error."""
     from dogshape.pipeline.drafts.reading_table import reading_parts  # noqa: PLC0415
 
     width = None if sys.stderr.isatty() else PIPE_WIDTH
@@ -112,7 +112,7 @@ def add_answer(draft: BenchDraft, answer: str) -> BenchDraft:
 
 
 def _sheet_of(answer: str, draft: BenchDraft) -> str:
-    """Read the sheet of an answer such as ``FILE.xlsx#SHEET``, empty for another answer."""
+    """Extract the sheet from an answer ``FILE.xlsx#SHEET``; empty for another answer."""
     for path in draft.paths:
         for name in (str(path), path.name):
             if answer.strip("'").startswith(f"{name}#"):

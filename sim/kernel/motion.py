@@ -433,8 +433,8 @@ def _solve(factors, right, size):
 def _implicit_step(time, step, renew, state, stages, jacobian, factors, model, room):
     """Make an implicit step into the stages TRIAL and ERROR.
 
-    With ``renew`` the Jacobian, (13, 12), is measured first; its factors (12, 12) are made anew.
-    Returns whether dogs touch at the end.
+    ``renew`` estimates the Jacobian, (13, 12), by differences; ``factors``, (12, 12), are computed
+    in each step. Returns whether dogs touch at the end.
     """
     k1 = stages[K1]
     k2 = stages[K2]
