@@ -7,7 +7,7 @@ import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
@@ -17,7 +17,7 @@ from dogshape.bench.stand_file import EmptyCells
 from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, predict_held_out
 from dogshape.diagnosis.inference.outcome import NextTest
-from dogshape.diagnosis.inference.ranking import Ranking, rank
+from dogshape.diagnosis.inference.ranking import Ranking, Search, rank
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
     facts_of,
@@ -271,10 +271,11 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
     begin = time.process_time()
     has_empty_rows = any(cell.unknown for cell in bench.cells)
     meanings: tuple[EmptyCells, ...] = ("not_made", "failed") if has_empty_rows else ("unknown",)
+    readings = [_Reading(place, empty) for place in models for empty in meanings]
+    searches = [_search_of(bench, models[r.place], r, settings) for r in readings]
     answers_by_ranking = []
-    for place, model in models.items():
-        for empty in meanings:
-            answers_by_ranking.append(_rank_meanings(bench, place, empty, model, settings))
+    for reading, ranking in zip(readings, rank(searches), strict=True):
+        answers_by_ranking.append(_answers_of(bench, reading, ranking))
     all_answers = list(itertools.chain.from_iterable(answers_by_ranking))
     evidence = _mix_answers(all_answers, settings)
     fitted = [_fit_ranking(answers, evidence) for answers in answers_by_ranking]
@@ -348,7 +349,8 @@ def _fit_ranking(answers: Sequence[_Answer], evidence: Probabilities) -> _Fitted
         if probability > MIN_FITTED_PROBABILITY and h in ranking.samples and h != NONE:
             hypotheses.append(h)
     fits = {
-        h: fit(likelihood, ranking.samples[h], flights, ranking.side_likelihood) for h in hypotheses
+        h: fit(likelihood, ranking.samples[h], flights, ranking.emulation_error[h])
+        for h in hypotheses
     }
     return _FittedRanking(
         answers=answers,
@@ -412,16 +414,17 @@ def _conclude(
     return _Conclusion(best, log_total, posterior, within_margin, verdict)
 
 
-def _rank_meanings(
-    bench: Bench, place: str, empty: EmptyCells, model: Model, settings: Settings
-) -> list[_Answer]:
-    """Rank the hypotheses under each meaning that the record may have.
+class _Reading(NamedTuple):
+    """Meaning of a record that changes what is simulated or counted."""
 
-    ``place`` is where displacement is read, ``empty`` the meaning of rows without a time.
-    """
-    bench = replace(bench, cells=tuple(cell.with_empty(empty) for cell in bench.cells))
+    place: str  #: where displacement is read
+    empty: EmptyCells  #: meaning of rows without a time
+
+
+def _search_of(bench: Bench, model: Model, reading: _Reading, settings: Settings) -> Search:
+    """Begin the ranking of hypotheses under one reading of the record."""
+    bench = replace(bench, cells=tuple(cell.with_empty(reading.empty) for cell in bench.cells))
     observed = observe(bench, model)
-    likelihood = Likelihood(bench, observed, model, settings)
     flights = Flights(model.effects, model.settings)
     facts = measured_facts(bench, model.effects)
 
@@ -437,8 +440,20 @@ def _rank_meanings(
     reversed_prior = settings.reversed_unknown
     if bench.record.sense == "known":
         reversed_prior = settings.reversed_known
-    ranking = rank(likelihood, side_likelihood, reversed_prior, log_side_unknown)
-    priors = _meaning_priors(bench, place, empty, model, settings)
+    priors = _reading_priors(bench, reading, settings)
+    log_meaning = sum(np.log(prior) for values in priors.values() for prior in values.values())
+    return Search(
+        likelihood=Likelihood(bench, observed, model, settings),
+        side_likelihood=side_likelihood,
+        reversed_prior=reversed_prior,
+        log_side_unknown=log_side_unknown,
+        log_meaning=float(log_meaning),
+    )
+
+
+def _answers_of(bench: Bench, reading: _Reading, ranking: Ranking) -> list[_Answer]:
+    """List the answers of a ranking under each meaning that the record may have."""
+    priors = _meaning_priors(bench, reading, ranking.likelihood)
     answers = []
     for values in itertools.product(*priors.values()):
         meaning = dict(zip(priors, values, strict=True))
@@ -449,20 +464,30 @@ def _rank_meanings(
     return answers
 
 
+def _reading_priors(
+    bench: Bench, reading: _Reading, settings: Settings
+) -> dict[str, dict[str, float]]:
+    """List the prior probability of a reading by each open key of the record that it answers."""
+    priors: dict[str, dict[str, float]] = {}
+    if bench.record.displacement_at == "unknown":
+        priors["displacement_at"] = {reading.place: 0.5}
+    if reading.empty != "unknown":
+        left_out = settings.left_out if reading.empty == "not_made" else 1.0
+        priors["empty_cells"] = {reading.empty: left_out}
+    return priors
+
+
 def _meaning_priors(
-    bench: Bench, place: str, empty: EmptyCells, model: Model, settings: Settings
+    bench: Bench, reading: _Reading, likelihood: Likelihood
 ) -> dict[str, dict[str, float]]:
     """List the values of each open key of the record with their prior probabilities."""
     record = bench.record
-    priors: dict[str, dict[str, float]] = {}
-    if record.displacement_at == "unknown":
-        priors["displacement_at"] = {place: 0.5}
-    if empty != "unknown":
-        priors["empty_cells"] = {empty: settings.left_out if empty == "not_made" else 1.0}
-    if record.time_zero == "unknown" and DELAY in model.effects:
+    settings = likelihood.settings
+    priors = _reading_priors(bench, reading, settings)
+    if record.time_zero == "unknown" and DELAY in likelihood.model.effects:
         at_force = settings.zero_at_force
         priors["time_zero"] = {"command": 1.0 - at_force, "force": at_force}
-    if record.sense == "unknown" and model.reversed_model is not None:
+    if record.sense == "unknown" and likelihood.model.reversed_model is not None:
         reversed_prior = settings.reversed_unknown
         priors["sense"] = {"as_noted": 1.0 - reversed_prior, "reversed": reversed_prior}
     return priors

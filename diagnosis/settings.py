@@ -116,18 +116,18 @@ class Settings:
     seed: int = constant(
         1, "", "seed of all random draws of an inference", "judged",
         "another seed repeats the inference independently")
-    plausible_nats: float = constant(
-        5.0, "nats behind the best hypothesis", "within which a hypothesis is simulated", "judged",
-        "beyond it has less than 1 % of the probability of the best")
-    uncertain: float = constant(
-        0.01, "of the predicted mean", "error of emulation from which likely draws are simulated",
-        "judged",
-        "0.02 left a hypothesis of the published stand unsimulated that has 6 % with benches")
+    emulated_nats: float = constant(
+        2.0, "nats", "error of a log evidence by emulated times, before any further bench",
+        "measured", "changes by the first benches on the published stand and opened cases")
+    emulated_decay: float = constant(
+        1.5, "", "power of 1 + rounds of benches by which that error falls", "measured",
+        "changes by the second to tenth round on the same data")
+    converged: float = constant(
+        0.01, "probability", "that the error of an evidence may move, without further benches",
+        "judged", "a tenth of what anybody reads from a probability")
     simulations_each: int = constant(
         10, "rounds of four benches", "for one hypothesis at most", "judged",
         "20 move no probability of the published stand by more than its stated error")
-    max_simulations: int = constant(
-        100, "rounds of four benches", "for all hypotheses of one size at most", "judged", "")
     # limits of the answer
     named: float = constant(
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",

@@ -335,32 +335,11 @@ class Fit:
         return {parameter.name: Interval.of(column) for parameter, column in columns}
 
 
-JACKKNIFE_GROUPS = 4  #: of benches, each dropped in turn
+def fit(likelihood: Likelihood, sample: Sample, flights: Flights, emulation_error: float) -> Fit:
+    """Draw the posterior of a hypothesis from its weighted sample.
 
-
-def emulation_error(
-    likelihood: Likelihood, sample: Sample, side_likelihood: SideLikelihood
-) -> float:
-    """Estimate the standard error of a log evidence that stems from the choice of benches.
-
-    A delete-a-group jackknife (Kott 2001, J. Official Statistics 17) over the further benches of
-    the hypothesis' effects. 0 where there are none.
+    ``emulation_error`` is the standard error of the log evidence by interpolated times.
     """
-    model = likelihood.model
-    if not model.has_further_benches(sample.hypothesis):
-        return 0.0
-    logs = []
-    for group in range(JACKKNIFE_GROUPS):
-        reduced_model = model.drop_group(sample.hypothesis, group, JACKKNIFE_GROUPS)
-        reduced = replace(likelihood, model=reduced_model)
-        logs.append(reweight(reduced, sample, side_likelihood).log_evidence)
-    return float(np.sqrt((JACKKNIFE_GROUPS - 1) * np.var(logs)))
-
-
-def fit(
-    likelihood: Likelihood, sample: Sample, flights: Flights, side_likelihood: SideLikelihood
-) -> Fit:
-    """Draw the posterior of a hypothesis from its weighted sample."""
     generator = generator_of(likelihood.settings.seed, sample.hypothesis)
     draws = systematic_draws(sample.weights, POSTERIOR_DRAWS, float(generator.random()))
     predicted = sample.predicted.select(draws)
@@ -371,7 +350,6 @@ def fit(
     values = space.values(shares[checked])
     marks = flight_scores(likelihood.observed.flights, flights, space.hypothesis, values)
     p = predictive_p(likelihood, predicted.select(checked), errors.amplitude[checked], marks)
-    bench_error = emulation_error(likelihood, sample, side_likelihood)
     return Fit(
         hypothesis=sample.hypothesis,
         space=space,
@@ -381,7 +359,7 @@ def fit(
         offset=errors.offset,
         nuisance=errors.nuisance,
         log_evidence=sample.log_evidence,
-        error=float(np.hypot(sample.error, bench_error)),
+        error=float(np.hypot(sample.error, emulation_error)),
         p=p,
     )
 

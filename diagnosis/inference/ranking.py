@@ -16,7 +16,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp
 
 from dogshape.diagnosis.inference.fit import (
     Sample,
@@ -60,7 +60,8 @@ MAX_DEVIATE = 4.0  #: standard errors, by which a mean counts at most in the scr
 TRIPLE_NATS = 8.0  #: within which a pair promises a set of three
 MAX_TRIPLES = 192  #: sets of three that are sampled
 LIKELY_DISTANCE = 12.0  #: squared distance beyond the smallest, of draws that are simulated
-REPLACE_NATS = 9.0  #: below the plausible hypotheses, within which predictions are replaced
+REPLACE_NATS = 14.0  #: below the best, within which predictions are replaced
+STAKE_DIGITS = 4  #: of a stake, so that no last digit of a processor sets the order
 UNLISTED_DRAWS = 256  #: draws of a hypothesis to which an unlisted gap is added
 UNLISTED_POWER = 0.2  #: of the likelihood by which these are drawn
 STRETCHES = (1.0, 2.0)  #: of all spreads, where an unlisted cause acts
@@ -75,6 +76,7 @@ class Ranking:
     likelihood: Likelihood
     side_likelihood: SideLikelihood  #: log likelihood of observations beside the shifts
     samples: Mapping[Hypothesis, Sample]
+    emulation_error: Mapping[Hypothesis, float]  #: of the log evidence, by interpolated times
     log_prior: Mapping[Hypothesis, float]
     log_unknown: float
 
@@ -119,14 +121,18 @@ def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
 
 
 @dataclass
-class _Search:
-    """Samples while hypotheses are ranked."""
+class Search:
+    """Samples while the hypotheses are ranked on a data set, under one meaning of its record."""
 
     likelihood: Likelihood
-    side_likelihood: SideLikelihood
-    reversed_prior: float
+    side_likelihood: SideLikelihood  #: log likelihood of observations beside the shifts
+    reversed_prior: float  #: probability of the reversed sense of rotation
+    log_side_unknown: float  #: log likelihood of these observations if nothing listed is the cause
+    log_meaning: float  #: log prior probability of the meaning
     samples: dict[Hypothesis, Sample] = field(default_factory=dict)
     priors: dict[Hypothesis, float] = field(default_factory=dict)
+    rounds: dict[Hypothesis, int] = field(default_factory=dict)  #: of simulated benches
+    exhausted: set[Hypothesis] = field(default_factory=set)  #: without a further bench to simulate
 
     def store(self, samples: Iterable[Sample]) -> None:
         """Store samples with their log prior probabilities."""
@@ -181,45 +187,43 @@ class _Search:
         for h in [h for h in order if scores[h] > threshold][:max_hypotheses]:
             self.samples[h] = refine(self.likelihood, self.samples[h], self.side_likelihood, rounds)
 
-    def simulate_plausible(self, candidates: Sequence[Hypothesis]) -> None:
-        """Simulate plausible hypotheses until their likely draws are predicted well.
+    def screen(self) -> None:
+        """Sample none, all single effects and all pairs by draws of their priors."""
+        likelihood = self.likelihood
+        for size in range(min(3, likelihood.settings.most + 1)):
+            hypotheses = hypotheses_of(likelihood.model, size)
+            self.store(screen(likelihood, hypotheses, self.side_likelihood, self.distance))
+        self.refine(0)
+        self.refine(1)
 
-        Fewer effects come first, and each hypothesis once before any other one twice, even where
-        the benches of a rival have put it behind. The first benches do not wait for an error: one
-        that is just below the limit leaves the evidence wrong by nats.
-        """
+    def simulate(self, hypothesis: Hypothesis) -> None:
+        """Simulate benches at likely draws of a hypothesis, and weigh the samples again."""
+        self.rounds[hypothesis] = self.rounds.get(hypothesis, 0) + 1
+        shares = self.samples[hypothesis].shares[self.uncertain_draws(hypothesis)]
+        model = self.likelihood.model.simulate(hypothesis, shares)
+        if model is None:
+            self.exhausted.add(hypothesis)
+        else:
+            self._replace_model(model, hypothesis)
+
+    def is_open(self, h: Hypothesis) -> bool:
+        """Check that further benches of a hypothesis may be simulated."""
+        rounds = self.rounds.get(h, 0)
+        return rounds < self.likelihood.settings.simulations_each and h not in self.exhausted
+
+    def emulation_error(self, h: Hypothesis) -> float:
+        """Estimate the standard error of a log evidence that interpolated times cause."""
         settings = self.likelihood.settings
-        remaining = dict[Hypothesis, int]()  # simulations that a hypothesis may still get
-        for _ in range(settings.max_simulations):
-            threshold = max(map(self.value, self.samples)) - settings.plausible_nats
-            plausible = {h for h in candidates if self.value(h) > threshold}
-            remaining = dict.fromkeys(sorted(plausible), settings.simulations_each) | remaining
-            uncertain_draws = dict[Hypothesis, np.ndarray]()
-            for h, count in remaining.items():
-                is_untried = count == settings.simulations_each
-                if not is_untried and (count == 0 or h not in plausible):
-                    continue
-                min_error = 0.0 if is_untried else settings.uncertain
-                draws = self.uncertain_draws(h, min_error)
-                if len(draws):
-                    uncertain_draws[h] = draws
-            if not uncertain_draws:
-                return
-            hypothesis = max(
-                uncertain_draws, key=lambda h: (-len(strip_sense(h)), remaining[h], self.value(h))
-            )
-            shares = self.samples[hypothesis].shares[uncertain_draws[hypothesis]]
-            model = self.likelihood.model.simulate(hypothesis, shares)
-            if model is None:  # no further bench can be simulated
-                remaining[hypothesis] = 0
-                continue
-            remaining[hypothesis] -= 1
-            self._replace_model(model, hypothesis, threshold - REPLACE_NATS)
+        if {*strip_sense(h)} <= self.likelihood.model.reading_effects:
+            return 0.0
+        rounds = self.rounds.get(h, 0)
+        return float(settings.emulated_nats * (1.0 + rounds) ** -settings.emulated_decay)
 
-    def _replace_model(self, model: Model, simulated: Hypothesis, threshold: float) -> None:
-        """Weigh the samples again whose predictions the benches of a hypothesis change."""
-        changed_effects = {*simulated} - model.reading_effects
+    def _replace_model(self, model: Model, simulated: Hypothesis) -> None:
+        """Weigh the samples again whose predictions further benches change."""
+        changed_effects = model.new_effects(self.likelihood.model)
         self.likelihood = replace(self.likelihood, model=model)
+        threshold = max(map(self.value, self.samples)) - REPLACE_NATS
         for h, sample in self.samples.items():
             if changed_effects <= {*h} and self.bound_value(h) > threshold:
                 self.samples[h] = reweight(self.likelihood, sample, self.side_likelihood)
@@ -230,10 +234,10 @@ class _Search:
             rounds=SIMULATION_ROUNDS,
         )
 
-    def uncertain_draws(self, h: Hypothesis, min_error: float) -> np.ndarray:
-        """List likely draws that may be predicted wrong, between levels or by two effects.
+    def uncertain_draws(self, h: Hypothesis) -> np.ndarray:
+        """List the likely draws: the best one, then those that may be predicted worst.
 
-        The best one first, the others by their errors, above ``min_error`` of the predicted mean.
+        The error is that between levels of one effect, or of two effects together.
         """
         sample = self.samples[h]
         is_possible = np.isfinite(sample.log_likelihood)
@@ -246,7 +250,7 @@ class _Search:
         error = p.emulation_error if is_single else p.common_error
         relative_error = ((error / p.mean) ** 2).mean(axis=1) ** 0.5
         order = np.append(0, 1 + (-relative_error[1:]).argsort())
-        return np.asarray(draws[order][relative_error[order] > min_error])
+        return np.asarray(draws[order])
 
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that include a plausible pair, and list them."""
@@ -300,37 +304,63 @@ def _flattened_draws(sample: Sample) -> tuple[np.ndarray, Array]:
     return draws, sample.log_density[draws] + np.log(UNLISTED_DRAWS * weights[draws])
 
 
-def rank(
-    likelihood: Likelihood,
-    side_likelihood: SideLikelihood,
-    reversed_prior: float,
-    log_side_unknown: float,
-) -> Ranking:
-    """Rank all hypotheses on a data set.
+def rank(searches: Sequence[Search]) -> list[Ranking]:
+    """Rank all hypotheses on a data set, under each meaning of its record."""
+    for search in searches:
+        search.screen()
+    _simulate_plausible(searches)
+    if searches[0].likelihood.settings.most > 2:
+        for search in searches:
+            triples = search.widen()
+            search.refine(0, triples)
+            search.refine(1, triples)
+        _simulate_plausible(searches)
+    for search in searches:
+        search.refine(2)
+    return [_ranking_of(search) for search in searches]
 
-    Parameters
-    ----------
-    side_likelihood : log likelihood of observations beside the shifts
-    reversed_prior : probability of the reversed sense of rotation
-    log_side_unknown : log likelihood of these observations if nothing listed is the cause
+
+def _simulate_plausible(searches: Sequence[Search]) -> None:
+    """Simulate hypotheses until no error of an evidence moves a probability.
+
+    The hypothesis with the most at stake comes first.
     """
-    search = _Search(likelihood, side_likelihood, reversed_prior)
-    for size in range(min(3, likelihood.settings.most + 1)):
-        hypotheses = hypotheses_of(likelihood.model, size)
-        search.store(screen(likelihood, hypotheses, side_likelihood, search.distance))
-    search.refine(0)
-    search.refine(1)
-    search.simulate_plausible([*search.samples])
-    if likelihood.settings.most > 2:
-        triples = search.widen()
-        search.refine(0, triples)
-        search.refine(1, triples)
-        search.simulate_plausible(triples)
-    search.refine(2)
+    while stakes := _list_stakes(searches):
+        stake = max(stakes, key=lambda stake: stake.change)
+        stake.search.simulate(stake.hypothesis)
+
+
+class _Stake(NamedTuple):
+    """Change of a probability by the error of its log evidence."""
+
+    search: Search
+    hypothesis: Hypothesis
+    change: float
+
+
+def _list_stakes(searches: Sequence[Search]) -> list[_Stake]:
+    """List how far emulated times may move probabilities, by more than ``converged``."""
+    pairs = [(search, h) for search in searches for h in search.samples]
+    logs = np.array([search.value(h) + search.log_meaning for search, h in pairs])
+    errors = np.array([search.emulation_error(h) for search, h in pairs])
+    log_probability = np.minimum(logs - logsumexp(logs), -1e-9)
+    log_odds = log_probability - np.log(-np.expm1(log_probability))
+    change = 0.5 * (expit(log_odds + errors) - expit(log_odds - errors))
+    converged = searches[0].likelihood.settings.converged
+    stakes = []
+    for (search, h), value in zip(pairs, change.round(STAKE_DIGITS).tolist(), strict=True):
+        if value > converged and search.is_open(h):
+            stakes.append(_Stake(search, h, value))
+    return stakes
+
+
+def _ranking_of(search: Search) -> Ranking:
+    """Build the ranking of a finished search."""
     return Ranking(
         likelihood=search.likelihood,
-        side_likelihood=side_likelihood,
+        side_likelihood=search.side_likelihood,
         samples=search.samples,
+        emulation_error={h: search.emulation_error(h) for h in search.samples},
         log_prior={**search.priors, UNKNOWN: search.prior(UNKNOWN)},
-        log_unknown=search.log_unlisted() + log_side_unknown,
+        log_unknown=search.log_unlisted() + search.log_side_unknown,
     )

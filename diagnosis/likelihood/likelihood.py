@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.special import betaln, expit, gammaln, logit, logsumexp
@@ -389,14 +389,16 @@ class Likelihood:
         points = self.measured_points
         options = np.flatnonzero(self.observed.freedom[points][choices.point] > 0.0)
         point = choices.point[options]
-        kurtosis = np.where(
-            choices.is_main[options], self.model.kurtosis[points][point], q.kurtosis[:, point]
-        )
-        freedom = self._spread_freedom(kurtosis, q.log_sd_error[:, point], point)
         ratio = self.observed.variance[points][point] / variance[:, options]
-        error = self._spread_variance(q, blur_share=0.5)[:, point]
-        log_usual = log_f_density(ratio, freedom, freedom_of(error))
-        log_odd = log_f_density(ratio, freedom, freedom_of(error + 1.0))
+        kurtosis = np.stack(np.broadcast_arrays(q.kurtosis, self.model.kurtosis[points]))
+        freedom = self._spread_freedom(kurtosis, q.log_sd_error)
+        error = self._spread_variance(q, blur_share=0.5)
+        logs = []
+        for spread_error in (error, error + 1.0):
+            density = SpreadDensity.of(freedom, freedom_of(spread_error))
+            of_options = [choices.by_mode(values)[:, options] for values in density]
+            logs.append(SpreadDensity(*of_options).log(ratio))
+        log_usual, log_odd = logs
         odd_share = self.settings.odd_spread
         log[:, options] = np.logaddexp(
             np.log1p(-odd_share) + log_usual, np.log(odd_share) + log_odd
@@ -413,12 +415,9 @@ class Likelihood:
         blur = blur_share * q.log_sd_error**2
         return np.asarray(self.settings.spread_share**2 + further_error**2 + blur)
 
-    def _spread_freedom(self, kurtosis: Array, blur: Array | float, point: Any = ...) -> Array:
-        """Compute degrees of freedom of observed variances, less by half of a blur, (m, n).
-
-        ``point`` are the indices (n,) of the measured points, all by default.
-        """
-        observed_freedom = self.observed.freedom[self.measured_points][point]
+    def _spread_freedom(self, kurtosis: Array, blur: Array | float) -> Array:
+        """Compute degrees of freedom of observed variances, less by half of a blur, (..., c)."""
+        observed_freedom = self.observed.freedom[self.measured_points]
         n = np.maximum(observed_freedom + 1.0, 2.0)
         spread = 2.0 / (n - 1.0) + kurtosis / n + 2.0 * blur**2
         freedom = np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5)
@@ -507,13 +506,27 @@ def _late_numbers(count: Array, max_count: int) -> tuple[Array, Array]:
     return numbers, np.where(k > small, large_width, 1.0)
 
 
-def log_f_density(ratio: Array, freedom: Array, other_freedom: Array) -> Array:
-    """Compute the log density of ln ``ratio`` by Fisher's F with two degrees of freedom."""
-    x = freedom * ratio / other_freedom
-    half_sum = 0.5 * (freedom + other_freedom)
-    log = gammaln(half_sum) - gammaln(0.5 * other_freedom) - gammaln(0.5 * freedom)
-    log = log + 0.5 * freedom * np.log(np.maximum(x, 1e-300)) - half_sum * np.log1p(x)
-    return np.asarray(log)
+class SpreadDensity(NamedTuple):
+    """Density of ln of a ratio of variances by Fisher's F with two degrees of freedom."""
+
+    freedom: Array
+    other_freedom: Array
+    log_constant: Array
+
+    @classmethod
+    def of(cls, freedom: Array, other_freedom: Array) -> Self:
+        """Build the density of degrees of freedom that broadcast together."""
+        freedom, other_freedom = np.broadcast_arrays(freedom, other_freedom)
+        half_sum = 0.5 * (freedom + other_freedom)
+        log = gammaln(half_sum) - gammaln(0.5 * other_freedom) - gammaln(0.5 * freedom)
+        return cls(freedom, other_freedom, np.asarray(log))
+
+    def log(self, ratio: Array) -> Array:
+        """Compute the log density of ln ``ratio``."""
+        x = self.freedom * ratio / self.other_freedom
+        half_sum = 0.5 * (self.freedom + self.other_freedom)
+        log = self.log_constant + 0.5 * self.freedom * np.log(np.maximum(x, 1e-300))
+        return np.asarray(log - half_sum * np.log1p(x))
 
 
 def _log_count(share: Array, count: Array, total: Array, share_shifts: float) -> Array:

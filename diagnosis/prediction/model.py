@@ -218,6 +218,7 @@ class Model:
     _curves: dict[str, Curve] = field(default_factory=dict)
     _limiting_settings: dict[str, list[Setting]] = field(default_factory=dict)
     _cached_changes: dict[object, Changes] = field(default_factory=dict)
+    _cached_readings: dict[tuple[object, ...], ReadingChange] = field(default_factory=dict)
     _bench_exists: dict[tuple[object, ...], bool] = field(default_factory=dict)
 
     @property
@@ -427,25 +428,22 @@ class Model:
         cubes = [self._curve(name).coordinates(values[:, space.columns(name)]) for name in names]
         return np.hstack(cubes)
 
-    def has_further_benches(self, hypothesis: Hypothesis) -> bool:
-        """Check for benches beside the levels that predict a hypothesis."""
-        if REVERSED in hypothesis:
-            model = self.reversed_model
-            return model is not None and model.has_further_benches(strip_sense(hypothesis))
-        return any({*names} <= {*hypothesis} for names in self.further_benches)
-
     def simulate(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
         """Simulate one or two effects near the first of shares (m, p), for all predictions.
 
         Benches lie on a grid of shares, so that draws which differ a little lead to the same ones,
         and have all angles of the baseline. None where nothing remains to simulate: every bench is
-        there already or does not exist, or none or three effects are no reading of a shift.
+        there already or does not exist, or all effects are of the reading of a shift. Of three
+        effects, the two with the fewest benches are simulated.
         """
         if REVERSED in hypothesis:
             return self._simulate_reversed(strip_sense(hypothesis), shares)
         names = tuple(name for name in hypothesis if name not in self.reading_effects)
-        if self.runner is None or len(names) not in GRID_STEPS:
+        if self.runner is None or not names:
             return None
+        if len(names) > 2:
+            pairs = itertools.combinations(names, 2)
+            names = min(pairs, key=lambda pair: len(self.further_benches.get(pair, ())))
         space = self.space(hypothesis)
         effect_shares = np.hstack([shares[:, space.columns(name)] for name in names])
         settings_by_level = self._new_levels(names, effect_shares)
@@ -481,18 +479,15 @@ class Model:
         curves = {name: curve for name, curve in self._curves.items() if name not in names}
         return replace(self, further_benches=further, _curves=curves, _cached_changes={})
 
-    def drop_group(self, hypothesis: Hypothesis, group: int, groups: int) -> Model:
-        """Drop one further bench in ``groups`` of a hypothesis' effects and pairs."""
-        if REVERSED in hypothesis:
-            model = self._reversed().drop_group(strip_sense(hypothesis), group, groups)
-            return replace(self, reversed_model=model)
-        further = dict(self.further_benches)
-        for names, benches in self.further_benches.items():
-            if {*names} <= {*hypothesis}:
-                further[names] = tuple(b for k, b in enumerate(benches) if k % groups != group)
-        model = replace(self._with_benches(further, hypothesis), pair_emulators={})
-        pairs = [p for p in self.pair_emulators if {*p} <= {*hypothesis} and further[p]]
-        return replace(model, pair_emulators={pair: model._fit_pair(pair) for pair in pairs})
+    def new_effects(self, older: Model) -> set[str]:
+        """Collect the effects with benches that an ``older`` model does not have."""
+        names = set[str]()
+        for effects, benches in self.further_benches.items():
+            if len(benches) > len(older.further_benches.get(effects, ())):
+                names.update(effects)
+        if self.reversed_model is not None and older.reversed_model is not None:
+            names |= self.reversed_model.new_effects(older.reversed_model)
+        return names
 
     def _new_levels(self, names: Hypothesis, shares: Array) -> dict[Level, list[Setting]]:
         """Find the first levels on the grid near shares (m, p) without a bench, with settings."""
@@ -685,7 +680,12 @@ class Model:
 
     def _reading_changes(self, effect: Effect, values: Array) -> Changes:
         """Compute the changes by an effect of the reading: dead time, uneven angles."""
-        rows = [_reading_change(effect, row, self.setting) for row in values.tolist()]
+        rows = []
+        for row in values.tolist():
+            key = (effect.name, *row)
+            if key not in self._cached_readings:
+                self._cached_readings[key] = _reading_change(effect, row, self.setting)
+            rows.append(self._cached_readings[key])
         delay, concentration, centre = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
         none = np.zeros((len(values), self.cell_count))
         angles = None

@@ -9,7 +9,7 @@ than the usual ones of the priors wherever such a bench exists.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,27 +87,29 @@ def settings_of(bench: Bench, sensor: Sensor) -> tuple[Setting, ...]:
 
 
 def widen_ranges(effect: Effect, setting: Setting) -> Effect:
-    """Widen the range of each parameter at its upper end, or else its lower end.
-
-    By as much as a bench exists at the new end; a range stays where none does.
-    """
-    for parameter in effect.parameters:
-        name = parameter.name
-        for wider, end in _wider_ranges(parameter, setting):
-            if effect.possible(setting, {**effect.neutral(setting), name: end}):
-                parameters = tuple(wider if p.name == name else p for p in effect.parameters)
-                effect = replace(effect, parameters=parameters)
-                break
+    """Widen the range of each parameter at both ends, as far as a bench exists at the new end."""
+    for name in [parameter.name for parameter in effect.parameters]:
+        for upper in (True, False):
+            effect = _widen_range(effect, name, setting, upper=upper)
     return effect
 
 
-def _wider_ranges(parameter: Parameter, setting: Setting) -> Iterator[tuple[Parameter, float]]:
-    """Yield a parameter with wider ranges to try, and the end that moves."""
-    for upper, share in itertools.product((True, False), (1.0, 0.6, 0.3)):
+def _widen_range(effect: Effect, name: str, setting: Setting, *, upper: bool) -> Effect:
+    """Widen one end of the range of the parameter ``name``.
+
+    It stays where no bench exists beyond it, and the lower end where no effect lies above it.
+    """
+    (parameter,) = (p for p in effect.parameters if p.name == name)
+    if not upper and parameter.neutral_of(setting) <= parameter.low:
+        return effect
+    for share in (1.0, 0.6, 0.3):
         wider = parameter.widened(RANGE_EXTENSION * share, upper=upper)
-        is_bounded = not upper and parameter.neutral_of(setting) <= parameter.low
-        if wider != parameter and not is_bounded:
-            yield wider, wider.high if upper else wider.low
+        end = wider.high if upper else wider.low
+        is_possible = effect.possible(setting, {**effect.neutral(setting), name: end})
+        if wider != parameter and is_possible:
+            parameters = tuple(wider if p.name == name else p for p in effect.parameters)
+            return replace(effect, parameters=parameters)
+    return effect
 
 
 def coordinate(parameter: Parameter, values: Array, setting: Setting) -> Array:
