@@ -122,6 +122,15 @@ class Settings:
     emulated_decay: float = constant(
         1.5, "", "power of 1 + rounds of benches by which that error falls", "measured",
         "changes by the second to tenth round on the same data")
+    rule_nats: float = constant(
+        25.0, "nats", "that the rule for two effects may cost a hypothesis at its true sizes",
+        "measured", "10 to 25 at the truth of three of six opened pairs of a foreign engine")
+    prospect_reach: float = constant(
+        2.0, "standard errors", "by which emulated means may be wrong in favour of a hypothesis",
+        "judged", "stated errors of two effects together are too small by up to 2")
+    prospect_share: float = constant(
+        0.5, "of the gain by such means", "that counts as an error of the log evidence", "judged",
+        "hardly any gain is found wholly")
     converged: float = constant(
         0.01, "probability", "that the error of an evidence may move, without further benches",
         "judged", "a tenth of what anybody reads from a probability")

@@ -261,14 +261,18 @@ def reweight(likelihood: Likelihood, sample: Sample, side_likelihood: SideLikeli
 
 
 def refine(
-    likelihood: Likelihood, sample: Sample, side_likelihood: SideLikelihood, rounds: int
+    likelihood: Likelihood,
+    sample: Sample,
+    side_likelihood: SideLikelihood,
+    rounds: int,
+    enough: float = ENOUGH_DRAWS,
 ) -> Sample:
-    """Add rounds of draws around the weighted ones, until enough count."""
+    """Add rounds of draws around the weighted ones, until ``enough`` effective ones count."""
     size = sample.shares.shape[1]
     if size == 0:
         return sample
     for _ in range(rounds):
-        if not np.isfinite(sample.log_evidence) or sample.effective_count > ENOUGH_DRAWS:
+        if not np.isfinite(sample.log_evidence) or sample.effective_count > enough:
             break
         proposal = Proposal.from_sample(sample)
         seed = likelihood.settings.seed

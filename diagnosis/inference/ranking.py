@@ -21,6 +21,7 @@ from scipy.special import expit, logsumexp
 from dogshape.diagnosis.inference.fit import (
     Sample,
     SideLikelihood,
+    prior_shares,
     refine,
     reweight,
     screen,
@@ -54,12 +55,17 @@ STEPS = (
     RefinementStep(nats=14.0, max_hypotheses=32, rounds=2),
     RefinementStep(nats=8.0, max_hypotheses=24, rounds=8),
 )
-SIMULATION_ROUNDS = 3  #: of draws after a simulation
+SIMULATION_ROUNDS = 8  #: of draws after a simulation, at most
+SIMULATION_DRAWS = 150.0  #: effective draws after a simulation, from which no round is added
 EMULATION_TOLERANCE = 0.05  #: of the predicted time, gap without penalty in the screening
 MAX_DEVIATE = 4.0  #: standard errors, by which a mean counts at most in the screening
 TRIPLE_NATS = 8.0  #: within which a pair promises a set of three
 MAX_TRIPLES = 192  #: sets of three that are sampled
 LIKELY_DISTANCE = 12.0  #: squared distance beyond the smallest, of draws that are simulated
+OCCAM_NATS = 1.5  #: of the prior for each parameter, at a draw of much likelihood
+PROSPECT_DRAWS = 128  #: prior draws among which a prospect is sought
+PROSPECT_LIKELIHOODS = 16  #: of these, that get a likelihood
+MIN_TIME_SHARE = 0.1  #: of the predicted time, that errors may leave of it
 REPLACE_NATS = 14.0  #: below the best, within which predictions are replaced
 STAKE_DIGITS = 4  #: of a stake, so that no last digit of a processor sets the order
 UNLISTED_DRAWS = 256  #: draws of a hypothesis to which an unlisted gap is added
@@ -120,6 +126,13 @@ def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
     return hypotheses + [reverse_sense(h) for h in hypotheses if set(h) <= reversible]
 
 
+class _Prospect(NamedTuple):
+    """What a hypothesis may gain if it is simulated where it is most promising."""
+
+    gain: float  #: of the log evidence, nats
+    shares: Array  #: of the ranges, (p,)
+
+
 @dataclass
 class Search:
     """Samples while the hypotheses are ranked on a data set, under one meaning of its record."""
@@ -132,6 +145,7 @@ class Search:
     samples: dict[Hypothesis, Sample] = field(default_factory=dict)
     priors: dict[Hypothesis, float] = field(default_factory=dict)
     rounds: dict[Hypothesis, int] = field(default_factory=dict)  #: of simulated benches
+    prospects: dict[Hypothesis, _Prospect] = field(default_factory=dict)
     exhausted: set[Hypothesis] = field(default_factory=set)  #: without a further bench to simulate
 
     def store(self, samples: Iterable[Sample]) -> None:
@@ -172,7 +186,7 @@ class Search:
         """Bound log evidence plus log prior from the best draw."""
         sample = self.samples[h]
         max_log = float(sample.log_likelihood.max())
-        bound = max_log - 1.5 * sample.shares.shape[1] + self.priors[h]
+        bound = max_log - OCCAM_NATS * sample.shares.shape[1] + self.priors[h]
         return max(self.value(h), bound)
 
     def refine(self, step: int, candidates: Sequence[Hypothesis] | None = None) -> None:
@@ -195,12 +209,65 @@ class Search:
             self.store(screen(likelihood, hypotheses, self.side_likelihood, self.distance))
         self.refine(0)
         self.refine(1)
+        self.find_prospects()
+
+    def find_prospects(self) -> None:
+        """Find the prospects of plausible hypotheses with two effects or more on the shift.
+
+        The rule for two effects may cost ``rule_nats`` at their true sizes.
+        """
+        reading_effects = self.likelihood.model.reading_effects
+        threshold = max(map(self.value, self.samples)) - self.likelihood.settings.rule_nats
+        for h in self.samples:
+            is_alone = len(set(strip_sense(h)) - reading_effects) < 2
+            if not is_alone and h not in self.prospects and self.bound_value(h) > threshold:
+                self.prospects[h] = self._prospect(h)
+
+    def _prospect(self, h: Hypothesis) -> _Prospect:
+        """Compute what a hypothesis may gain by simulation, and its most promising draw.
+
+        The gain is that of the best draw with all means as near to the data as their stated errors
+        allow.
+        """
+        likelihood = self.likelihood
+        sample = self.samples[h]
+        size = sample.shares.shape[1]
+        prior_draws = prior_shares(size, likelihood.settings.seed)[:PROSPECT_DRAWS]
+        shares = np.vstack([prior_draws, sample.shares])
+        p = self._optimistic(likelihood.model.predict(h, shares))
+        order = np.argsort(self.distance(p))[:PROSPECT_LIKELIHOODS]
+        log = likelihood.terms(p.select(order)).log_likelihood
+        log = log + self.side_likelihood(h, shares[order])
+        log = np.where(likelihood.model.possible(h, shares[order]), log, -np.inf)
+        best = int(log.round(2).argmax())
+        optimistic_value = float(log[best]) - OCCAM_NATS * size + self.prior(h)
+        gain = min(max(0.0, optimistic_value - self.value(h)), likelihood.settings.rule_nats)
+        return _Prospect(gain=round(gain, 2), shares=shares[order[best]])
+
+    def _optimistic(self, p: Prediction) -> Prediction:
+        """Move predicted means towards the data as far as their errors by emulation allow."""
+        reach = self.likelihood.settings.prospect_reach * np.hypot(
+            p.common_error, p.emulation_error
+        )
+        gap = np.nan_to_num(self.likelihood.observed.mean - p.mean)
+        error = np.sqrt(np.maximum(p.error**2 - p.common_error**2, (0.01 * p.mean) ** 2))
+        shortest = p.delay + MIN_TIME_SHARE * (p.mean - p.delay)
+        return replace(
+            p,
+            mean=np.maximum(p.mean + np.clip(gap, -reach, reach), shortest),
+            error=error,
+            common_error=0.0 * p.common_error,
+            emulation_error=0.0 * p.emulation_error,
+        )
 
     def simulate(self, hypothesis: Hypothesis) -> None:
         """Simulate benches at likely draws of a hypothesis, and weigh the samples again."""
         self.rounds[hypothesis] = self.rounds.get(hypothesis, 0) + 1
         shares = self.samples[hypothesis].shares[self.uncertain_draws(hypothesis)]
-        model = self.likelihood.model.simulate(hypothesis, shares)
+        is_look = hypothesis in self.prospects and self.rounds[hypothesis] == 1
+        if is_look:
+            shares = np.insert(shares, 1, self.prospects[hypothesis].shares, axis=0)
+        model = self.likelihood.model.simulate(hypothesis, shares, is_dense=not is_look)
         if model is None:
             self.exhausted.add(hypothesis)
         else:
@@ -216,8 +283,11 @@ class Search:
         settings = self.likelihood.settings
         if {*strip_sense(h)} <= self.likelihood.model.reading_effects:
             return 0.0
+        nats = settings.emulated_nats
+        if h in self.prospects:
+            nats = max(nats, settings.prospect_share * self.prospects[h].gain)
         rounds = self.rounds.get(h, 0)
-        return float(settings.emulated_nats * (1.0 + rounds) ** -settings.emulated_decay)
+        return float(nats * (1.0 + rounds) ** -settings.emulated_decay)
 
     def _replace_model(self, model: Model, simulated: Hypothesis) -> None:
         """Weigh the samples again whose predictions further benches change."""
@@ -232,6 +302,7 @@ class Search:
             self.samples[simulated],
             self.side_likelihood,
             rounds=SIMULATION_ROUNDS,
+            enough=SIMULATION_DRAWS,
         )
 
     def uncertain_draws(self, h: Hypothesis) -> np.ndarray:
@@ -314,6 +385,7 @@ def rank(searches: Sequence[Search]) -> list[Ranking]:
             triples = search.widen()
             search.refine(0, triples)
             search.refine(1, triples)
+            search.find_prospects()
         _simulate_plausible(searches)
     for search in searches:
         search.refine(2)

@@ -88,6 +88,7 @@ UNEVEN_SD_ERROR = 1.2  #: error of ln deviation by uneven angles, over 1 / numbe
 UNEVEN_MEAN_ERROR = 0.2  #: the same of the mean, of which it is a share
 GRID_STEPS = {1: 32, 2: 16}  #: steps of a range between further benches, by number of effects
 BENCHES_PER_ROUND = 4  #: further benches that are simulated at once
+BENCHES_PER_LOOK = 2  #: the same at the angles of levels, for a first look
 DENSE_ERROR = DENSE_FACTOR**-0.8  #: error of a moment by all angles over a level's (measured)
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
 #: the share of late shifts over the binomial one, of the logit of those that engage, ln kurtosis.
@@ -159,7 +160,8 @@ class FurtherBench(NamedTuple):
     """Bench of one or two effects beside the levels."""
 
     level: Level
-    times: Array  #: s, (C, DENSE_FACTOR * ANGLES)
+    times: Array  #: s, (C, DENSE_FACTOR * ANGLES), NaN where not simulated
+    is_dense: bool  #: whether all angles of the baseline are simulated
 
 
 class OrderedBaseline(NamedTuple):
@@ -428,16 +430,19 @@ class Model:
         cubes = [self._curve(name).coordinates(values[:, space.columns(name)]) for name in names]
         return np.hstack(cubes)
 
-    def simulate(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
+    def simulate(
+        self, hypothesis: Hypothesis, shares: Array, *, is_dense: bool = True
+    ) -> Model | None:
         """Simulate one or two effects near the first of shares (m, p), for all predictions.
 
-        Benches lie on a grid of shares, so that draws which differ a little lead to the same ones,
-        and have all angles of the baseline. None where nothing remains to simulate: every bench is
-        there already or does not exist, or all effects are of the reading of a shift. Of three
-        effects, the two with the fewest benches are simulated.
+        Benches lie on a grid of shares, so that draws which differ a little lead to the same ones.
+        They have all angles of the baseline, or those of the levels where not ``is_dense``. None
+        where nothing remains to simulate: every bench is there already or does not exist, or all
+        effects are of the reading of a shift. Of three effects, the two with the fewest benches
+        are simulated.
         """
         if REVERSED in hypothesis:
-            return self._simulate_reversed(strip_sense(hypothesis), shares)
+            return self._simulate_reversed(strip_sense(hypothesis), shares, is_dense=is_dense)
         names = tuple(name for name in hypothesis if name not in self.reading_effects)
         if self.runner is None or not names:
             return None
@@ -446,18 +451,28 @@ class Model:
             names = min(pairs, key=lambda pair: len(self.further_benches.get(pair, ())))
         space = self.space(hypothesis)
         effect_shares = np.hstack([shares[:, space.columns(name)] for name in names])
-        settings_by_level = self._new_levels(names, effect_shares)
+        settings_by_level = self._new_levels(names, effect_shares, is_dense=is_dense)
         if not settings_by_level:
             return None
-        times = simulate_benches([*settings_by_level.values()], self.settings, self.runner)
-        benches = itertools.starmap(FurtherBench, zip(settings_by_level, times, strict=True))
-        return self._add_benches(names, tuple(benches))
+        times = simulate_benches(
+            [*settings_by_level.values()],
+            self.settings,
+            self.runner,
+            density=DENSE_FACTOR if is_dense else 1,
+        )
+        if not is_dense:
+            times = self.simulated.spread_times(times)
+        pairs_of_bench = zip(settings_by_level, times, strict=True)
+        benches = tuple(FurtherBench(level, row, is_dense) for level, row in pairs_of_bench)
+        return self._add_benches(names, benches)
 
-    def _simulate_reversed(self, hypothesis: Hypothesis, shares: Array) -> Model | None:
+    def _simulate_reversed(
+        self, hypothesis: Hypothesis, shares: Array, *, is_dense: bool
+    ) -> Model | None:
         """Simulate effects with the reversed sense near the first of shares (m, p)."""
         if self.reversed_model is None:
             return None
-        model = self.reversed_model.simulate(hypothesis, shares)
+        model = self.reversed_model.simulate(hypothesis, shares, is_dense=is_dense)
         return None if model is None else replace(self, reversed_model=model)
 
     def _add_benches(self, names: Hypothesis, benches: tuple[FurtherBench, ...]) -> Model:
@@ -489,11 +504,18 @@ class Model:
             names |= self.reversed_model.new_effects(older.reversed_model)
         return names
 
-    def _new_levels(self, names: Hypothesis, shares: Array) -> dict[Level, list[Setting]]:
-        """Find the first levels on the grid near shares (m, p) without a bench, with settings."""
+    def _new_levels(
+        self, names: Hypothesis, shares: Array, *, is_dense: bool
+    ) -> dict[Level, list[Setting]]:
+        """Find the first levels on the grid near shares (m, p) without a bench, with settings.
+
+        Where ``is_dense``, without one at all angles.
+        """
         steps = GRID_STEPS[len(names)]
         grid_shares = (shares * steps).round() / steps
-        tried_levels = {bench.level for bench in self.further_benches.get(names, ())}
+        benches = self.further_benches.get(names, ())
+        tried_levels = {bench.level for bench in benches if bench.is_dense or not is_dense}
+        max_count = BENCHES_PER_ROUND if is_dense else BENCHES_PER_LOOK
         settings_by_level = dict[Level, list[Setting]]()
         for values in self.space(names).values(grid_shares).tolist():
             # Rounded, a bench is the same whatever the last digits of a processor's logarithms.
@@ -503,7 +525,7 @@ class Model:
             tried_levels.add(level)
             with suppress(DogshapeError):  # there is no such bench
                 settings_by_level[level] = [level.setting(self.effects, s) for s in self.settings]
-            if len(settings_by_level) == BENCHES_PER_ROUND:
+            if len(settings_by_level) == max_count:
                 break
         return settings_by_level
 
@@ -516,9 +538,11 @@ class Model:
         rule = np.stack([np.log(p.mean - p.delay), np.log(p.sd)], axis=-1)
         level_angles = (self._moments(self._angles.times[1:]) - self.base_moments)[..., :2]
         # All angles lack the error that the levels' angles have in common.
-        misses = np.vstack([self._moments(times)[..., :2] - rule + level_angles, level_angles])
+        is_dense = np.array([bench.is_dense for bench in benches])
+        misses = np.vstack([self._moments(times)[..., :2] - rule, level_angles])
+        misses[:-1][is_dense] += level_angles
         level_error, common_error = (error[:, :2].ravel() for error in self._moment_errors)
-        factors = np.append(np.full(len(times), DENSE_ERROR), 1.0)
+        factors = np.append(np.where(is_dense, DENSE_ERROR, 1.0), 1.0)
         return Emulator.fit(
             x=self._pair_coordinates(names, self.space(names), values),
             neutral=tuple(self._curve(name).emulator.kernel.neutral[0] for name in names),
@@ -591,7 +615,7 @@ class Model:
         indices = self.simulated.level_indices((effect.name,))
         further = self.further_benches.get((effect.name,), ())
         levels = [self.simulated.levels[k] for k in indices] + [bench.level for bench in further]
-        is_dense = np.arange(len(levels)) >= len(indices)
+        is_dense = np.array([False] * len(indices) + [bench.is_dense for bench in further])
         level_times = self.simulated.spread_times(self.simulated.times[indices])
         rows = [*level_times, *(bench.times for bench in further)]
         times = np.array(rows).reshape(len(levels), *self.simulated.angles.shape)

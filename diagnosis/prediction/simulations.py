@@ -204,19 +204,24 @@ def simulate(
 
 
 def simulate_benches(
-    benches: Sequence[Sequence[Setting]], settings: Sequence[Setting], runner: Runner
+    benches: Sequence[Sequence[Setting]],
+    settings: Sequence[Setting],
+    runner: Runner,
+    *,
+    density: int = DENSE_FACTOR,
 ) -> Array:
-    """Simulate n benches at all angles of their baselines, s, (n, C, DENSE_FACTOR * ANGLES).
+    """Simulate n benches at the angles of their baselines, s, (n, C, density * ANGLES).
 
-    ``benches`` are the settings of each bench at the C operating points.
+    ``benches`` are the settings of each bench at the C operating points; ``density`` is 1 for the
+    angles of levels, DENSE_FACTOR for all.
     """
     pairs = [pair for bench in benches for pair in zip(bench, settings, strict=True)]
-    records = runner([_block(setting, baseline, DENSE_FACTOR) for setting, baseline in pairs])
+    records = runner([_block(setting, baseline, density) for setting, baseline in pairs])
     times = [
         read_times(replace(setting, delay=0.0), rows)
         for (setting, _), rows in zip(pairs, records, strict=True)
     ]
-    return np.array(times).reshape(len(benches), len(settings), DENSE_FACTOR * ANGLES)
+    return np.array(times).reshape(len(benches), len(settings), density * ANGLES)
 
 
 def _block(setting: Setting, baseline: Setting, density: int = 1) -> Block:

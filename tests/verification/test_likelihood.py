@@ -16,8 +16,8 @@ from dogshape.diagnosis.likelihood.likelihood import (
     NODES,
     WEIGHTS,
     Likelihood,
+    SpreadDensity,
     integrate_common_errors,
-    log_f_density,
 )
 from dogshape.diagnosis.likelihood.observed import Observations, observe
 from dogshape.diagnosis.prediction.model import Model, Prediction
@@ -100,7 +100,8 @@ def test_the_density_of_a_mean_integrates_to_one(count: float, late: float, hidd
 def test_a_ratio_of_variances_has_the_density_of_f() -> None:
     ratio = np.array([0.2, 1.0, 3.0])
     exact = stats.f(7.0, 4.5).logpdf(ratio) + np.log(ratio)  # of the logarithm
-    assert log_f_density(ratio, np.array(7.0), np.array(4.5)) == pytest.approx(exact, rel=1e-9)
+    density = SpreadDensity.of(np.array(7.0), np.array(4.5))
+    assert density.log(ratio) == pytest.approx(exact, rel=1e-9)
 
 
 def test_an_error_of_interpolation_makes_a_spread_as_likely_too_large_as_too_small() -> None:

@@ -18,7 +18,7 @@ from dogshape.diagnosis.inference import ranking
 from dogshape.diagnosis.inference.fit import Sample, cross_validate, fit, refine, screen, widen
 from dogshape.diagnosis.inference.ranking import (
     Ranking,
-    _Search,
+    Search,
     log_prior,
     rank,
 )
@@ -52,9 +52,14 @@ def likelihood_with(share: float, *, scatter: float = 1.0) -> Likelihood:
     return Likelihood(bench, seen, model, USUAL)
 
 
+def search_of(likelihood: Likelihood) -> Search:
+    """Begin a ranking with nothing beside the shifts."""
+    return Search(likelihood, nothing, 0.0, log_side_unknown=0.0, log_meaning=0.0)
+
+
 def sample_of(likelihood: Likelihood, hypothesis: Hypothesis) -> Sample:
     """Sample a hypothesis as the ranking does."""
-    search = _Search(likelihood, nothing, 0.0)
+    search = search_of(likelihood)
     (one,) = screen(likelihood, [hypothesis], nothing, search.distance)
     return refine(likelihood, one, nothing, 4)
 
@@ -128,7 +133,7 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     """Without an effect: a Gaussian of each amplitude, all amplitudes summed."""
     likelihood = likelihood_with(0.1)
     flights = Flights(likelihood.model.effects, likelihood.model.settings)
-    one = fit(likelihood, sample_of(likelihood, NONE), flights, nothing)
+    one = fit(likelihood, sample_of(likelihood, NONE), flights, emulation_error=0.0)
     mean, sd, gap, _ = cross_validate(likelihood, one)
     p = one.predicted.select([0])
     found = likelihood.terms(p)
@@ -166,7 +171,7 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
 def test_evidence_of_something_unlisted_is_that_of_quadrature() -> None:
     """On top of no effect and of one, each by its prior."""
     likelihood = likelihood_with(0.75, scatter=3.0)
-    search = _Search(likelihood, nothing, 0.0)
+    search = search_of(likelihood)
     logs = []
     for h in (NONE, MASS):
         search.samples[h] = sample_of(likelihood, h)
@@ -211,7 +216,7 @@ def test_a_plausible_pair_is_simulated_together() -> None:
     exact = np.array([mean_time(one.clutch, one.point) for one in benches])
     seen = replace(observe(bench, model), mean=exact, freedom=flat, hides_late=flat.astype(bool))
     alone, both = (
-        rank(Likelihood(bench, seen, one, USUAL), nothing, 0.0, 0.0)
+        rank([search_of(Likelihood(bench, seen, one, USUAL))])[0]
         for one in (replace(model, runner=None), model)
     )
     error, less = (
@@ -223,47 +228,94 @@ def test_a_plausible_pair_is_simulated_together() -> None:
     assert both.samples[BOTH].log_evidence > alone.samples[BOTH].log_evidence + 1.0
 
 
-def test_a_rival_is_simulated_before_it_falls_behind(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first bench of the leading pair is worth 10 nats, the others nothing."""
-    asked = list[Hypothesis]()
+class FakeModel:
+    """Model whose further benches change nothing but what ``gains`` says."""
 
-    class Asked:
-        reading_effects = frozenset[str]()
+    reading_effects = frozenset({"delay"})
 
-        def simulate(self, hypothesis: Hypothesis, _: Array) -> Asked:
-            asked.append(hypothesis)
-            return self
+    def __init__(self) -> None:
+        self.simulated: list[Hypothesis] = []
 
-    def refined(_: Any, one: SimpleNamespace, *__: Any, rounds: int) -> SimpleNamespace:
-        gain = 10.0 if len(asked) == 1 else 0.0
-        return SimpleNamespace(**{**vars(one), "log_evidence": one.log_evidence + gain})
+    def simulate(self, hypothesis: Hypothesis, *_: Any, **__: Any) -> FakeModel:
+        """Note what is simulated."""
+        self.simulated.append(hypothesis)
+        return self
+
+    def new_effects(self, _: object) -> set[str]:
+        """Say that no other hypothesis is changed."""
+        return {"nothing"}
+
+
+def fake_search(
+    monkeypatch: pytest.MonkeyPatch, log_evidence: dict[Hypothesis, float], gain: float
+) -> Search:
+    """Begin a search with samples of known evidence, whose first simulation gains some nats."""
+    model = FakeModel()
+
+    def refined(_: Any, sample: SimpleNamespace, *__: Any, **___: Any) -> SimpleNamespace:
+        rise = gain if len(model.simulated) == 1 else 0.0
+        return SimpleNamespace(**{**vars(sample), "log_evidence": sample.log_evidence + rise})
 
     monkeypatch.setattr(ranking, "refine", refined)
-    monkeypatch.setattr(ranking, "reweight", lambda _, one, __: one)
-    monkeypatch.setattr(_Search, "uncertain_draws", lambda *_: np.zeros(1, dtype=int))
-    likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, Asked()))
-    search = _Search(likelihood, nothing, 0.0)
-    first, second, far, few = ("a", "b"), ("a", "c"), ("b", "c"), np.zeros((1, 2))
-    for h, log in {first: 0.0, second: -4.0, far: -6.0}.items():
-        one: Any = SimpleNamespace(hypothesis=h, log_evidence=log, shares=few, log_likelihood=few)
-        search.samples[h], search.priors[h] = one, 0.0
-    search.simulate_plausible([*search.samples])
-    assert asked == [first, second, *[first] * (USUAL.simulations_each - 1)]
+    monkeypatch.setattr(Search, "uncertain_draws", lambda *_: np.zeros(1, dtype=int))
+    likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, model))
+    search = search_of(likelihood)
+    shares = np.zeros((1, 2))
+    for h, log in log_evidence.items():
+        sample = SimpleNamespace(log_evidence=log, shares=shares, log_likelihood=shares)
+        search.samples[h] = cast(Any, sample)
+        search.priors[h] = 0.0
+    return search
+
+
+def simulated_by(search: Search) -> list[Hypothesis]:
+    """Simulate what is plausible, and return it in order."""
+    ranking._simulate_plausible([search])
+    return cast(Any, search.likelihood.model).simulated
+
+
+def test_what_is_at_stake_is_simulated_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first bench of the leading pair is worth 10 nats: its rival is out of the question."""
+    first, second, far = ("a", "b"), ("a", "c"), ("b", "c")
+    search = fake_search(monkeypatch, {first: 0.0, second: -1.0, far: -9.0}, gain=10.0)
+    simulated = simulated_by(search)
+    assert simulated[0] == first
+    assert second not in simulated[1:]
+    assert far not in simulated
+
+
+def test_two_equal_hypotheses_are_simulated_until_the_error_of_half_is_small(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The probability of one half moves by a quarter of a small error of the log evidence."""
+    first, second = ("a",), ("b",)
+    search = fake_search(monkeypatch, {first: 0.0, second: 0.0}, gain=0.0)
+    search.likelihood = replace(
+        search.likelihood, settings=replace(USUAL, converged=0.03, simulations_each=50)
+    )
+    simulated_by(search)
+    rounds = (USUAL.emulated_nats / (4.0 * 0.03)) ** (1.0 / USUAL.emulated_decay) - 1.0
+    for h in (first, second):
+        assert search.rounds[h] == pytest.approx(rounds, abs=1.0)
+
+
+def test_a_dead_time_is_never_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = fake_search(monkeypatch, {("delay",): 0.0, ("a",): -20.0}, gain=0.0)
+    assert simulated_by(search) == []
 
 
 def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
     """A small mass moves no mean beyond its error; traces that lose by its absence show it."""
     likelihood = likelihood_with(0.02)
-    one = fit(
-        likelihood, sample_of(likelihood, MASS), Flights({}, likelihood.model.settings), nothing
-    )
+    flights = Flights({}, likelihood.model.settings)
+    one = fit(likelihood, sample_of(likelihood, MASS), flights, emulation_error=0.0)
     one = replace(one, shares=0.0 * one.shares + 0.02)
     one = replace(one, predicted=likelihood.model.predict(MASS, one.shares))
 
     def traces(h: Hypothesis, shares: Array) -> Array:
         return np.full(len(shares), 0.0 if MASS[0] in h else -10.0)
 
-    unshown = Ranking(likelihood, nothing, {}, {}, 0.0)
+    unshown = Ranking(likelihood, nothing, {}, {}, {}, 0.0)
     assert invisible_shares(unshown, one, {NONE}) == {NONE: 1.0}
     assert invisible_shares(replace(unshown, side_likelihood=traces), one, {NONE}) == {}
 
