@@ -63,6 +63,7 @@ TRIPLE_NATS = 8.0  #: within which a pair promises a set of three
 MAX_TRIPLES = 192  #: sets of three that are sampled
 LIKELY_DISTANCE = 12.0  #: squared distance beyond the smallest, of draws that are simulated
 OCCAM_NATS = 1.5  #: of the prior for each parameter, at a draw of much likelihood
+PROSPECT_ROUNDS = 2  #: of simulations, after which a prospect has come true or not
 PROSPECT_DRAWS = 128  #: prior draws among which a prospect is sought
 PROSPECT_LIKELIHOODS = 16  #: of these, that get a likelihood
 MIN_TIME_SHARE = 0.1  #: of the predicted time, that errors may leave of it
@@ -284,9 +285,9 @@ class Search:
         if {*strip_sense(h)} <= self.likelihood.model.reading_effects:
             return 0.0
         nats = settings.emulated_nats
-        if h in self.prospects:
-            nats = max(nats, settings.prospect_share * self.prospects[h].gain)
         rounds = self.rounds.get(h, 0)
+        if h in self.prospects and rounds < PROSPECT_ROUNDS:
+            nats = max(nats, settings.prospect_share * self.prospects[h].gain)
         return float(nats * (1.0 + rounds) ** -settings.emulated_decay)
 
     def _replace_model(self, model: Model, simulated: Hypothesis) -> None:
