@@ -24,7 +24,7 @@ from scipy.special import logsumexp
 from dogshape.diagnosis.terms import Array
 
 LENGTHS = (0.25, 0.5, 1.0, 2.0)  #: of the kernel, over the range of an effect
-AMPLITUDES = (0.3, 1.0, 3.0, 10.0, 30.0)  #: of the changes over the error of one level
+AMPLITUDES = (0.3, 0.95, 3.0, 9.5, 30.0)  #: of the changes over the error of one level
 MISSING_VARIANCE = 1e6  #: of a moment that was not simulated
 JITTER = 1e-9  #: variance that keeps a covariance invertible
 
@@ -108,20 +108,22 @@ class Emulator:
         targets = np.where(is_known, changes, 0.0)[..., None]
         level_variance = level_error**2 + np.where(is_known, 0.0, MISSING_VARIANCE)
         noise = common_error[:, None, None] ** 2 + level_variance[..., None] * np.eye(len(x) + 1)
-        amplitudes = np.multiply.outer(AMPLITUDES, level_error[:, -1]) ** 2
-        max_evidence = -np.inf
-        for length in LENGTHS:
-            candidate = Kernel(neutral, length)
-            correlation = np.pad(candidate.covariance(x, x), (0, 1))
-            covariance = correlation * amplitudes[..., None, None] + noise
-            log_density = _log_density(covariance, targets)
-            evidence = float(logsumexp(log_density, axis=0).sum())
-            if evidence > max_evidence:
-                max_evidence = evidence
-                kernel = candidate
-                best = (log_density.argmax(axis=0), np.arange(len(level_error)))
-                amplitude = amplitudes[best]
-                inverse = np.linalg.inv(covariance[best])
+        units = level_error[:, -1]
+
+        def covariance_of(length: float, amplitudes: Array) -> Array:
+            """Compute covariances with amplitudes (a, K) over the errors, (a, K, n + 1, n + 1)."""
+            correlation = np.pad(Kernel(neutral, length).covariance(x, x), (0, 1))
+            return correlation * ((amplitudes * units) ** 2)[..., None, None] + noise
+
+        grid = np.repeat(np.array(AMPLITUDES)[:, None], len(units), axis=1)
+        log_densities = [_log_density(covariance_of(length, grid), targets) for length in LENGTHS]
+        evidence = np.array([logsumexp(log, axis=0).sum() for log in log_densities])
+        length = float(np.exp(_peak(np.log(LENGTHS), evidence[:, None])[0]))
+        log_density = _log_density(covariance_of(length, grid), targets)
+        peak = np.exp(_peak(np.log(AMPLITUDES), log_density))
+        kernel = Kernel(neutral, length)
+        amplitude = (peak * units) ** 2
+        inverse = np.linalg.inv(covariance_of(length, peak[None])[0])
         weights = (inverse @ targets)[..., 0]
         deviates = weights / np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
         count = np.maximum(is_known.sum(axis=1), 1)
@@ -175,6 +177,20 @@ class Emulator:
         misfit = self.misfit[has_error][:, nearest].T
         errors = np.sqrt(np.maximum(variance, 0.0) * misfit)
         return correlation @ self.level_weights.T, errors
+
+
+def _peak(x: Array, values: Array) -> Array:
+    """Find the places (K,) of the peaks of values (n, K) on an even grid ``x`` (n,).
+
+    By the parabola through the largest value and its neighbours; an end of the grid is a peak.
+    """
+    columns = np.arange(values.shape[1])
+    largest = values.argmax(axis=0)
+    middle = np.clip(largest, 1, len(x) - 2)
+    below, peak, above = (values[middle + step, columns] for step in (-1, 0, 1))
+    curvature = np.minimum(below - 2.0 * peak + above, -1e-12)
+    offset = np.clip(0.5 * (below - above) / curvature, -1.0, 1.0)
+    return np.where(largest == middle, x[middle] + offset * (x[1] - x[0]), x[largest])
 
 
 def _log_density(covariance: Array, targets: Array) -> Array:
