@@ -281,6 +281,16 @@ class Search:
 
     def emulation_error(self, h: Hypothesis) -> float:
         """Estimate the standard error of a log evidence that interpolated times cause."""
+        reducible_error = self.reducible_error(h)
+        if reducible_error == 0.0:
+            return 0.0
+        return math.hypot(reducible_error, self.likelihood.settings.emulated_floor)
+
+    def reducible_error(self, h: Hypothesis) -> float:
+        """Estimate the part of that error which further benches of the hypothesis would remove.
+
+        0 where all effects are of the reading of a shift: nothing is interpolated.
+        """
         settings = self.likelihood.settings
         if {*strip_sense(h)} <= self.likelihood.model.reading_effects:
             return 0.0
@@ -415,7 +425,7 @@ def _list_stakes(searches: Sequence[Search]) -> list[_Stake]:
     """List how far emulated times may move probabilities, by more than ``converged``."""
     pairs = [(search, h) for search in searches for h in search.samples]
     logs = np.array([search.value(h) + search.log_meaning for search, h in pairs])
-    errors = np.array([search.emulation_error(h) for search, h in pairs])
+    errors = np.array([search.reducible_error(h) for search, h in pairs])
     log_probability = np.minimum(logs - logsumexp(logs), -1e-9)
     log_odds = log_probability - np.log(-np.expm1(log_probability))
     change = 0.5 * (expit(log_odds + errors) - expit(log_odds - errors))
