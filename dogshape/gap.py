@@ -29,7 +29,11 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
 from dogshape.pipeline.diagnose.consequence import Consequence, compute_consequence, load_candidates
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.drafts.bench_folder import draft_bench
-from dogshape.pipeline.drafts.reading_table import assumption_lines, count_text, left_out_lines
+from dogshape.pipeline.drafts.reading_table import (
+    BenchReading,
+    assumption_lines,
+    left_out_lines,
+)
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of
 from dogshape.pipeline.reports import gap_page
@@ -53,14 +57,14 @@ class Diagnosis(Result):
     """Causes of a gap with their probabilities, the residuals, and the next test.
 
     ``consequence`` is the effect of the cause on the best designs of a study, ``folder`` has the
-    written report, record and table, ``reading`` the record of a table's reading (``write_bench``);
+    written report, record and table, ``reading`` is that of a table (``write_bench``);
     None without a study, a folder or a table.
     """
 
     inference: Inference
     consequence: Consequence | None = None
     folder: Path | None = None
-    reading: dict[str, Any] | None = None
+    reading: BenchReading | None = None
 
     @property
     def verdict(self) -> str:
@@ -97,8 +101,9 @@ class Diagnosis(Result):
             parts.append(f"report: {record['report']}")
         parts += gap_page.examined_lines(inference.bench)
         if self.reading:
-            parts += [f"read: {count_text(self.reading)}", *left_out_lines(self.reading)]
-            parts += assumption_lines(self.reading)
+            parts.append(f"read: {self.reading.count_text}")
+            parts += left_out_lines(self.reading.report.left_out)
+            parts += assumption_lines(self.reading.assumed)
         return parts
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,7 +114,7 @@ class Diagnosis(Result):
             **findings_record(self.inference.bench),
             "so_what": self.consequence.record if self.consequence else None,
             "report": str(self.folder / "report.html") if self.folder else None,
-            "reading": self.reading,
+            "reading": self.reading.to_dict() if self.reading else None,
         }
 
     def to_frame(self) -> Frame:
@@ -166,8 +171,8 @@ def _bank_options(
 @contextmanager
 def _data_of(
     bench: str | Path | BenchDraft, correct: Sequence[str], listener: Progress
-) -> Iterator[tuple[Bench, dict[str, Any] | None]]:
-    """Yield the data set and the record of its reading, None for a folder.
+) -> Iterator[tuple[Bench, BenchReading | None]]:
+    """Yield the data set and its reading, None for a folder.
 
     Assumptions of the reading of a table go to ``listener``.
     """
@@ -177,7 +182,7 @@ def _data_of(
             return
         bench = BenchDraft(bench)
     with draft_bench(bench, correct) as (data, reading):
-        for line in assumption_lines(reading):
+        for line in assumption_lines(reading.assumed):
             listener.say(line)
         yield data, reading
 

@@ -26,6 +26,7 @@ from dogshape.bench.table import COLUMNS
 from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
+from dogshape.pipeline.drafts.reading_table import BenchFolder, BenchReading
 from dogshape.pipeline.drafts.study_folder import Source, draft_folder, source_of
 from dogshape.sim.errors import DogshapeError, InputError, number
 from dogshape.sim.interface import argument, key_argument, listed_argument
@@ -38,7 +39,7 @@ SCATTER = 0.2  #: of a set value, up to which measured values lie off it
 TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
 
 
-def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> Data:
+def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> BenchFolder:
     """Write a bench folder for ``validate`` and ``diagnose``.
 
     Example: ``ds.write_bench("my_bench", ds.BenchDraft("measured.csv", rise_s=0.18))``
@@ -51,9 +52,9 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> D
 
     Returns
     -------
-    dict
-        ``folder``; numbers of ``rows``, ``shifts`` and shifts ``with_time``; readings of
-        ``columns``; rows and columns ``left_out``; ``assumed`` values; ``warnings``.
+    BenchFolder
+        ``folder``, and the ``reading``: numbers of ``rows``, ``shifts`` and ``timed_shifts``, the
+        ``report`` on columns and exclusions, ``assumed`` values and ``warnings``.
 
     Raises
     ------
@@ -65,16 +66,18 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> D
     """
     target = Path(out)
     with draft_folder(target, force) as folder:
-        record, _ = _fill_folder(folder, target, draft, _name_setting)
+        reading, _ = _fill_folder(folder, target, draft, _name_setting)
         for path in map(file_of, draft.paths):
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
-    return {"folder": str(target), **record}
+    return BenchFolder(target, reading)
 
 
 @contextmanager
-def draft_bench(draft: BenchDraft, corrections: Sequence[str] = ()) -> Iterator[tuple[Bench, Data]]:
-    """Yield the data set of a draft and the record of its reading; raises as ``write_bench``.
+def draft_bench(
+    draft: BenchDraft, corrections: Sequence[str] = ()
+) -> Iterator[tuple[Bench, BenchReading]]:
+    """Yield the data set of a draft and its reading; raises as ``write_bench``.
 
     Its folder is a temporary one, for as long as the context lasts. ``corrections`` are made beside
     those of the draft.
@@ -91,12 +94,12 @@ def draft_bench(draft: BenchDraft, corrections: Sequence[str] = ()) -> Iterator[
         folder = Path(place) / name
         folder.mkdir()
         try:
-            record, bench = _fill_folder(folder, name, draft, _name_correction)
+            reading, bench = _fill_folder(folder, name, draft, _name_correction)
         except DogshapeError as error:
             tables = ", ".join(map(str, draft.paths))
             text = str(error).replace(str(name / "bench.toml"), tables)
             raise type(error)(text) from error
-        yield bench, record
+        yield bench, reading
 
 
 def _name_setting(correction: str) -> str:
@@ -109,10 +112,10 @@ def _name_correction(correction: str) -> str:
 
 def _fill_folder(
     folder: Path, out: Path, draft: BenchDraft, name_correction: Callable[[str], str]
-) -> tuple[Data, Bench]:
+) -> tuple[BenchReading, Bench]:
     """Write ``bench.toml``, ``shifts.csv`` and traces into a folder that messages call ``out``.
 
-    Returns the record of the reading and the data set. ``name_correction`` writes the option of a
+    Returns the reading and the data set. ``name_correction`` writes the option of a
     correction.
     """
     source, report = source_of(draft.origin), ReadingReport()
@@ -146,16 +149,15 @@ def _fill_folder(
         text = _with_given_traces(str(error), folder, traces)
         text = _fault_of(text, folder, out, rows, name_correction)
         raise type(error)(text.replace(str(out / "shifts.csv"), where)) from error
-    record = {
-        "rows": len(rows),
-        "shifts": int(rows["n_shifts"].sum()),
-        "with_time": int(rows["n_shifts"][rows["shift_time_s"].notna()].sum()),
-        "columns": report.readings,
-        "left_out": report.left_out,
-        "assumed": list(dict.fromkeys(report.assumed)),
-        "warnings": [finding.sentence for finding in bench.warnings],
-    }
-    return record, bench
+    counts = rows["n_shifts"]
+    reading = BenchReading(
+        rows=len(rows),
+        shifts=int(counts.sum()),
+        timed_shifts=int(counts[rows["shift_time_s"].notna()].sum()),
+        report=report,
+        warnings=[finding.sentence for finding in bench.warnings],
+    )
+    return reading, bench
 
 
 def _with_given_traces(text: str, folder: Path, traces: Traces) -> str:
