@@ -185,28 +185,49 @@ class MissingError(DataError):
     """No file where a surrogate was looked for."""
 
 
+class _Content(NamedTuple):
+    """Content of a surrogate's file, by its keys."""
+
+    format: int
+    physics: dict[str, Any]  #: everything else that a shift depends on
+    engine: str
+    variables: list[str]
+    low: list[float]  #: of the range of each variable, in the units of the study
+    high: list[float]
+    points: list[list[float]]  #: as those of ``Mix``, as the next two
+    weights: list[float]
+    retry: float
+    grid: dict[str, list[list[float | None]]]  #: fields of ``Grid``
+    time: list[float]  #: ``theta`` of the covariance of expected times
+    each_point: list[float]  #: ``theta`` of the covariance at single points
+    share: Any  #: length of the share that engages, None for an infinite one, and its strength
+    validation: dict[str, Any]  #: fields of ``Validation``
+    versions: dict[str, str]
+
+
 def save(path: Path, stored: Stored) -> None:
     """Write a surrogate; the file holds all that ``load`` needs."""
     surrogate = stored.surrogate
     data = surrogate.data
-    content = {
-        "format": FORMAT,
-        "physics": data.physics,
-        "engine": data.engine,
-        "variables": list(data.variables),
-        "low": data.low.tolist(),
-        "high": data.high.tolist(),
-        "points": data.mix.points.tolist(),
-        "weights": data.mix.weights.tolist(),
-        "retry": data.mix.retry,
-        "grid": {field.name: _round(getattr(data.grid, field.name)) for field in fields(Grid)},
-        "time": surrogate.time.covariance.theta.tolist(),
-        "each_point": surrogate.points.covariance.theta.tolist(),
-        "share": [_finite_or_none(surrogate.share.length), surrogate.share.strength],
-        "validation": stored.validation.model_dump(),
-        "versions": versions(),
-    }
-    content["hash"] = _hash(content)
+    file_content = _Content(
+        format=FORMAT,
+        physics=data.physics,
+        engine=data.engine,
+        variables=list(data.variables),
+        low=data.low.tolist(),
+        high=data.high.tolist(),
+        points=data.mix.points.tolist(),
+        weights=data.mix.weights.tolist(),
+        retry=data.mix.retry,
+        grid={field.name: _round(getattr(data.grid, field.name)) for field in fields(Grid)},
+        time=surrogate.time.covariance.theta.tolist(),
+        each_point=surrogate.points.covariance.theta.tolist(),
+        share=[_finite_or_none(surrogate.share.length), surrogate.share.strength],
+        validation=stored.validation.model_dump(),
+        versions=versions(),
+    )
+    values = file_content._asdict()
+    content = {**values, "hash": _hash(values)}
     lines = [
         f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items()
     ]
@@ -243,31 +264,32 @@ def _stored(path: Path, text: str) -> Stored:
         fault = "was changed or damaged: it does not match its hash"
         raise DataError(f"{path} {fault}; {_fit_again()}")
     try:
-        return Stored(_surrogate(content), Validation(**content["validation"]))
+        file_content = _Content(*(content[name] for name in _Content._fields))
+        return Stored(_surrogate(file_content), Validation(**file_content.validation))
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{path} is incomplete ({error}); {_fit_again()}") from error
 
 
-def _surrogate(content: dict[str, Any]) -> Surrogate:
+def _surrogate(content: _Content) -> Surrogate:
     """Build the surrogate from the content of its file."""
     mix = Mix(
-        points=_array(content["points"]),
-        weights=_array(content["weights"]),
-        retry=float(content["retry"]),
+        points=_array(content.points),
+        weights=_array(content.weights),
+        retry=float(content.retry),
     )
     data = Dataset(
-        variables=tuple(content["variables"]),
-        low=_array(content["low"]),
-        high=_array(content["high"]),
-        physics=content["physics"],
-        engine=content["engine"],
+        variables=tuple(content.variables),
+        low=_array(content.low),
+        high=_array(content.high),
+        physics=content.physics,
+        engine=content.engine,
         mix=mix,
-        grid=Grid(**{name: _array(values) for name, values in content["grid"].items()}),
+        grid=Grid(**{name: _array(values) for name, values in content.grid.items()}),
     )
-    length, strength = content["share"]
+    length, strength = content.share
     parameters = Parameters(
-        time=_array(content["time"]),
-        points=_array(content["each_point"]),
+        time=_array(content.time),
+        points=_array(content.each_point),
         share_length=np.inf if length is None else float(length),
         share_strength=float(strength),
     )
