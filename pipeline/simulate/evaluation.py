@@ -49,10 +49,12 @@ from dogshape.sim.statistics.expectation import (
 from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import (
+    ShiftLoads,
     diverged,
     entries_by_angle,
     first_windows,
     landing_of,
+    loads_of,
     result_of,
 )
 from dogshape.sim.statistics.shiftability import direct_share
@@ -81,12 +83,17 @@ class DesignShifts:
     expectation: Expectation
     rows: Rows
 
-    def mean(self, value: Callable[[Shift], float]) -> Estimate:
-        """Compute the mean of a value over the mix, without shifts whose integration failed."""
+    def mean_load(self, value: Callable[[ShiftLoads], float]) -> Estimate:
+        """Compute the mean of a load over the mix, without shifts whose integration failed."""
         values = []
         for shifts in self.rows:
-            values.append([value(shift) for shift in shifts if not diverged(shift)])
+            values.append([value(loads_of(shift)) for shift in shifts if not diverged(shift)])
         return mean_over([point.point.weight for point in self.expectation.points], values)
+
+    @property
+    def impact_energy(self) -> Estimate:
+        """Mean energy that a shift dissipates in the contact, J."""
+        return self.mean_load(lambda loads: loads.energy_dissipated_J)
 
 
 LOSS_SIGMAS = 2.0  #: standard errors by which a loss of time is reduced, in a design's favour
@@ -115,7 +122,7 @@ def _first_try_share(shifts: DesignShifts) -> Estimate:
     counts = []
     for rows in shifts.rows:
         sound_rows = [row for row in rows if not diverged(row)]
-        late_count = sum((row["shift_time_s"] or math.inf) > limit for row in sound_rows)
+        late_count = sum((result_of(row).shift_time or math.inf) > limit for row in sound_rows)
         counts.append((late_count, len(sound_rows)))
     weights = [point.point.weight for point in shifts.expectation.points]
     return share_over(weights, counts)
@@ -140,14 +147,14 @@ ESTIMATORS: dict[str, Callable[[DesignShifts], Estimate]] = {
         shifts.study.file.search.quantile
     ],
     "first_try_share": _first_try_share,
-    "peak_axial_force_N": lambda shifts: shifts.mean(lambda row: row["peak_axial_force_N"]),
-    "strike_torque_Nm": lambda shifts: shifts.mean(
-        lambda row: shifts.dog.mean_radius * row["peak_tangential_force_N"]
+    "peak_axial_force_N": lambda shifts: shifts.mean_load(lambda loads: loads.peak_axial_force_N),
+    "strike_torque_Nm": lambda shifts: shifts.mean_load(
+        lambda loads: shifts.dog.mean_radius * loads.peak_tangential_force_N
     ),
-    "impact_impulse_Ns": lambda shifts: shifts.mean(lambda row: row["impact_impulse_Ns"]),
-    "impact_energy_J": lambda shifts: shifts.mean(lambda row: row["energy_dissipated_J"]),
-    "peak_impact_force_N": lambda shifts: shifts.mean(
-        lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
+    "impact_impulse_Ns": lambda shifts: shifts.mean_load(lambda loads: loads.impact_impulse_Ns),
+    "impact_energy_J": lambda shifts: shifts.impact_energy,
+    "peak_impact_force_N": lambda shifts: shifts.mean_load(
+        lambda loads: math.hypot(loads.peak_axial_force_N, loads.peak_tangential_force_N)
     ),
     "smallest_margin": lambda shifts: Estimate(smallest_margin(shifts.checks).margin, 0.0),
 }
@@ -491,7 +498,7 @@ def life_of(
         )
         weakest = smallest_margin(checks)
         design_shifts = DesignShifts(design_study, dog, checks, expectation, rows)
-        energy = ESTIMATORS["impact_energy_J"](design_shifts)
+        energy = design_shifts.impact_energy
         stages.append(
             LifeStage(
                 life=life,

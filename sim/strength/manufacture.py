@@ -64,9 +64,11 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
         "root_radius": root_radius_room(dog),
     }
     if dog.edge_radius != 0.0:
-        values["edge_clearance"] = dog.edge_radius
-    values["chamfer_share"] = largest(*dog.drops_at(dog.mean_radius)) / dog.height
-    values["module"] = 2.0 * dog.mean_radius / dog.count
+        values |= {"edge_clearance": dog.edge_radius}
+    values |= {
+        "chamfer_share": largest(*dog.drops_at(dog.mean_radius)) / dog.height,
+        "module": 2.0 * dog.mean_radius / dog.count,
+    }
     bounds = vars(limits) | {"edge_clearance": limits.root_radius}
     return checks_of((name, value, bounds[name]) for name, value in values.items())
 
