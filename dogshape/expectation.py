@@ -201,17 +201,18 @@ class Expectation(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Convert mean, errors and operating points to values of JSON."""
-        record: dict[str, Any] = {
-            "engine": self.config.clutch.solver.engine,
-            **self.record.to_dict(),
-        }
-        if self.config.mechanism:
-            record["mechanism"] = self.config.mechanism
+        mechanism = self.config.mechanism
+        precision: dict[str, Any] = {}
         if self.precision is not None:
             error = number_or_none(self.mean.relative_error)
-            record["precision"] = {"wanted": self.precision, "reached": error}
-        record["shafts"] = self.config.clutch.drive.text
-        return record
+            precision = {"precision": {"wanted": self.precision, "reached": error}}
+        return {
+            "engine": self.config.clutch.solver.engine,
+            **self.record.to_dict(),
+            **({"mechanism": mechanism} if mechanism else {}),
+            **precision,
+            "shafts": self.config.clutch.drive.text,
+        }
 
     def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""
