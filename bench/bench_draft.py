@@ -213,17 +213,17 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     path, report = reader.table.path, reader.report
     numbers = [name for name in NUMERIC if name not in ("n_shifts", "timestamp")]
     rows[numbers] = rows[numbers].astype(float)
-    rows["n_shifts"] = rows["n_shifts"].astype(float).fillna(1.0).astype(int)
-    failed = rows["engaged"].eq(False)
-    is_late = failed & rows["shift_time_s"].notna()
+    rows["n_shifts"] = rows.n_shifts.astype(float).fillna(1.0).astype(int)
+    failed = rows.engaged.eq(False)
+    is_late = failed & rows.shift_time_s.notna()
     rows.loc[failed, "shift_time_s"] = np.nan
-    rows.loc[(rows["n_shifts"] < 2) | rows["shift_time_s"].isna(), "shift_time_sd_s"] = np.nan
-    if rows["order"][rows["shift_time_s"].notna()].dropna().duplicated().any():
+    rows.loc[(rows.n_shifts < 2) | rows.shift_time_s.isna(), "shift_time_sd_s"] = np.nan
+    if rows.order[rows.shift_time_s.notna()].dropna().duplicated().any():
         report.faults.append(
             f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "
             f"the whole series; {no_column('order')} leaves it out"
         )
-    silent = int((rows["shift_time_s"].isna() & rows["engaged"].isna()).sum())
+    silent = int((rows.shift_time_s.isna() & rows.engaged.isna()).sum())
     report.empty_rows += silent
     report.assumed += [
         f"{path}: {sentence}"
@@ -256,7 +256,7 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
 
 def row_numbers(rows: DataFrame) -> str:
     """List the row numbers in the files, separated by commas."""
-    return ", ".join(map(str, rows["row"]))
+    return ", ".join(map(str, rows.row))
 
 
 def copy_trace(
@@ -266,7 +266,7 @@ def copy_trace(
 
     Returns its path in the folder, and enters it in ``traces``.
     """
-    path, target = Path(row["file"]).parent / row["trace"].replace("\\", "/"), folder / "traces"
+    path, target = Path(row.file).parent / row.trace.replace("\\", "/"), folder / "traces"
     if not path.is_file():
         report.faults.append(
             f"{row['file']}, row {row['row']}: there is no trace {path}; add the file, or empty "

@@ -197,9 +197,9 @@ def join_readings(folder: Path, new: Path, request: Request) -> tuple[Bench, She
     traces = Path("traces") / f"update-{len(request.joined) + 1}"
     bench_table = _read_frame(data / "shifts.csv")
     new_table = _read_frame(new)
-    for name in filter(None, new_table["trace"]):
+    for name in filter(None, new_table.trace):
         _copy(new.parent / name, target / traces / name)
-    new_table["trace"] = [name and (traces / name).as_posix() for name in new_table["trace"]]
+    new_table["trace"] = [name and (traces / name).as_posix() for name in new_table.trace]
     write_whole(target / "shifts.csv", _joint_text(bench_table, new_table))
     replace(request, joined=(*request.joined, digest)).write(target)
     return load_bench(target, request.corrections), sheet
@@ -233,13 +233,13 @@ def _joint_text(bench_table: pd.DataFrame, new_table: pd.DataFrame) -> str:
 
     An order or timestamp that some timed rows lack is left out of all rows.
     """
-    last_order = max(map(float, filter(None, bench_table["order"])), default=0.0)
+    last_order = max(map(float, filter(None, bench_table.order)), default=0.0)
     if last_order:
         new_table = new_table.assign(
-            order=[order and f"{last_order + float(order):.9g}" for order in new_table["order"]]
+            order=[order and f"{last_order + float(order):.9g}" for order in new_table.order]
         )
     rows = pd.concat([bench_table, new_table])
-    timed_rows = rows[rows["shift_time_s"] != ""]
+    timed_rows = rows[rows.shift_time_s != ""]
     incomplete = [name for name in ("order", "timestamp") if (timed_rows[name] == "").any()]
     return rows.assign(**dict.fromkeys(incomplete, "")).to_csv(index=False, lineterminator="\n")
 

@@ -132,7 +132,7 @@ def _fill_folder(
             "each shift or mean"
         )
     traces: Traces = {}
-    for place in rows.index[rows["trace"].notna()]:
+    for place in rows.index[rows.trace.notna()]:
         rows.loc[place, "trace"] = copy_trace(rows.loc[place], draft, report, folder, traces)
     report.require(where)
     values = _values(draft, source, rows, out, report)
@@ -141,7 +141,7 @@ def _fill_folder(
     (folder / "bench.toml").write_text(text, encoding="utf-8")
     empty = [name for name in COLUMNS[7:] if rows[name].isna().all()]
     table = rows[[*COLUMNS]].drop(columns=empty)
-    table["engaged"] = table["engaged"].map({True: "true", False: "false"})
+    table["engaged"] = table.engaged.map({True: "true", False: "false"})
     table.to_csv(folder / "shifts.csv", index=False, lineterminator="\n", float_format="%.9g")
     try:
         bench = load_bench(folder)
@@ -149,11 +149,11 @@ def _fill_folder(
         text = _with_given_traces(str(error), folder, traces)
         text = _fault_of(text, folder, out, rows, name_correction)
         raise type(error)(text.replace(str(out / "shifts.csv"), where)) from error
-    counts = rows["n_shifts"]
+    counts = rows.n_shifts
     reading = BenchReading(
         rows=len(rows),
         shifts=int(counts.sum()),
-        timed_shifts=int(counts[rows["shift_time_s"].notna()].sum()),
+        timed_shifts=int(counts[rows.shift_time_s.notna()].sum()),
         report=report,
         warnings=[finding.sentence for finding in bench.warnings],
     )
@@ -242,7 +242,7 @@ def _mark_time_outs(
     rows: DataFrame, draft: BenchDraft, source: Source, report: ReadingReport
 ) -> None:
     """Take times at the stated time-out as shifts that did not engage; ask where none is stated."""
-    times = rows["shift_time_s"][rows["engaged"].isna()].dropna()
+    times = rows.shift_time_s[rows.engaged.isna()].dropna()
     stated = draft.values.get("timeout_s")
     if isinstance(stated, int | float):
         late_rows = times.index[(times / stated).between(0.999, 1.02)]
@@ -265,18 +265,18 @@ def _mark_time_outs(
 
 
 def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: ReadingReport) -> None:
-    lacks_rise = rows["force_rise_s"].isna()
+    lacks_rise = rows.force_rise_s.isna()
     if not lacks_rise.any():
         return
-    rises = rows["force_N"].map(lambda force: round(source.table.rise(force), 6))
+    rises = rows.force_N.map(lambda force: round(source.table.rise(force), 6))
     rows.loc[lacks_rise, "force_rise_s"] = rises if draft.rise_s is None else draft.rise_s
-    filled = rows["force_rise_s"][lacks_rise]
+    filled = rows.force_rise_s[lacks_rise]
     low = number(min(filled))
     if draft.rise_s is not None:
         report.assumed.append(f"the force rises in {low} s where no row says it")
         return
     low_force, high_force = number(min(source.table.forces)), number(max(source.table.forces))
-    outer_forces = sorted({f for f in rows["force_N"][lacks_rise] if not source.table.covers(f)})
+    outer_forces = sorted({f for f in rows.force_N[lacks_rise] if not source.table.covers(f)})
     remark = ""
     if outer_forces:
         outer_text = ", ".join(map(number, outer_forces))
@@ -320,7 +320,7 @@ def _values(
         if not any(key.startswith(f"{name}.") for key in settings)
     ]
     mass, origin_text = clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
-    signed = bool((rows["mismatch_rpm"] < 0.0).any())
+    signed = bool((rows.mismatch_rpm < 0.0).any())
     values["record.sense"] = "known" if signed else "unknown"
     sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
     if signed:
@@ -330,7 +330,7 @@ def _values(
         for sentence, holds in (
             (
                 "the traces' displacement and force are referred to the sleeve",
-                rows["trace"].notna().any(),
+                rows.trace.notna().any(),
             ),
             (
                 "the event at which the times start is unknown: "
