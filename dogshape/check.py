@@ -41,7 +41,7 @@ from dogshape.pipeline.store.result_records import (
 from dogshape.pipeline.train.training_rows import matching_surrogate, study_mix
 from dogshape.result import Result
 from dogshape.sim.shift.geometry import FLANKS
-from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strike_force, strike_torque
 from dogshape.sim.strength.landing import Landings
@@ -478,7 +478,7 @@ def _guess(config: Setup, mix: Mix, surrogate: str | Path | None) -> Guess | Non
     return Guess(answer, tolerance_time(config, model, prototype, mix), stored.validation, path)
 
 
-def _simulated_time(mean: Expectation, mix: Mix) -> tuple[Expected | None, str]:
+def _simulated_time(mean: MixExpectation, mix: Mix) -> tuple[Expected | None, str]:
     """Compute the interval of a simulated time, engine's error included, or a refusal.
 
     Returns the time and an empty sentence, or None and the reason.

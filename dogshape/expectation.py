@@ -57,8 +57,7 @@ from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeat_count
-from dogshape.sim.statistics.expectation import NO_TIME
-from dogshape.sim.statistics.expectation import Expectation as Mean
+from dogshape.sim.statistics.expectation import NO_TIME, MixExpectation
 from dogshape.sim.units import DEG, RPM
 
 DRAW_LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
@@ -73,7 +72,7 @@ class Expectation(Result):
     """Expected shift time with its errors, over the relative angle and the operating points."""
 
     config: Setup
-    mean: Mean
+    mean: MixExpectation
     precision: float | None = None  #: wanted relative standard error of the engaged mean
 
     @property

@@ -26,7 +26,7 @@ from dogshape.pipeline.simulate.evaluation import (
 )
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.elementwise import Array, Mask
-from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpectation
+from dogshape.sim.statistics.expectation import Estimate, MixExpectation, PointExpectation
 from dogshape.sim.statistics.hangs import HangPosterior, HangPrior, pool
 from dogshape.sim.strength.landing import Demand
 
@@ -151,7 +151,7 @@ def _add_simulation(trial: Trial, record: SimulationRecord) -> Trial:
     )
 
 
-def expectation_from(study: Setup, times: Sequence[PointTimes]) -> Expectation:
+def expectation_from(study: Setup, times: Sequence[PointTimes]) -> MixExpectation:
     """Build the expectation over the operating points of a study, before any prior of hangs."""
     points = [
         PointExpectation(
@@ -167,7 +167,7 @@ def expectation_from(study: Setup, times: Sequence[PointTimes]) -> Expectation:
         )
         for point, point_times in zip(study.points, times, strict=True)
     ]
-    return Expectation(tuple(points))
+    return MixExpectation(tuple(points))
 
 
 def pool_trials(

@@ -38,7 +38,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import (
     Estimate,
-    Expectation,
+    MixExpectation,
     PointExpectation,
     expect,
     expect_point,
@@ -58,7 +58,7 @@ from dogshape.sim.statistics.shift_records import (
     result_of,
 )
 from dogshape.sim.statistics.shiftability import direct_share
-from dogshape.sim.strength.checks import Check, smallest_margin
+from dogshape.sim.strength.checks import LimitCheck, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import (
     Landings,
@@ -79,8 +79,8 @@ class DesignShifts:
 
     study: Setup
     dog: Dog
-    checks: tuple[Check, ...]
-    expectation: Expectation
+    checks: tuple[LimitCheck, ...]
+    expectation: MixExpectation
     rows: Rows
 
     def mean_load(self, value: Callable[[ShiftLoads], float]) -> Estimate:
@@ -99,7 +99,7 @@ class DesignShifts:
 LOSS_SIGMAS = 2.0  #: standard errors by which a loss of time is reduced, in a design's favour
 
 
-def _largest_loss(expectation: Expectation, reference: Expectation | None) -> Estimate:
+def _largest_loss(expectation: MixExpectation, reference: MixExpectation | None) -> Estimate:
     """Estimate the largest loss of time on the reference at an operating point, s.
 
     Each loss is reduced by its error: the largest of many differences would be that of their
@@ -128,14 +128,14 @@ def _first_try_share(shifts: DesignShifts) -> Estimate:
     return share_over(weights, counts)
 
 
-def _slowest_time(expectation: Expectation, _: Expectation | None) -> Estimate:
+def _slowest_time(expectation: MixExpectation, _: MixExpectation | None) -> Estimate:
     """Estimate the time at the slowest operating point, s."""
     slowest = max(expectation.points, key=lambda point: point.mean)
     return Estimate(slowest.mean, slowest.standard_error)
 
 
 #: Estimators of the objectives that depend on the prior of the probability of a hang.
-TIME_ESTIMATORS: dict[str, Callable[[Expectation, Expectation | None], Estimate]] = {
+TIME_ESTIMATORS: dict[str, Callable[[MixExpectation, MixExpectation | None], Estimate]] = {
     SIMULATED: lambda expectation, _: Estimate(expectation.mean, expectation.standard_error),
     "worst_shift_time_s": _slowest_time,
     REFERRED: _largest_loss,
@@ -175,14 +175,14 @@ Params = dict[str, float]  #: searched keys of a design, edge units
 class Evaluation:
     """Expectation and loads from the shifts of a design."""
 
-    expectation: Expectation
+    expectation: MixExpectation
     measured: CheckInputs
     rows: Array  #: data for the surrogate, a row for each operating point
     estimates: dict[str, Estimate]  #: by the names of ``estimated_quantities``
     shifts: int  #: number of shifts
     failed: Mapping[str, int] = field(default_factory=dict)  #: failed integrations by reason
     agreement: EngineAgreement | None = None  #: with Drake, where it repeated some shifts
-    reference: Expectation | None = None  #: of the study's own dog, where an objective needs it
+    reference: MixExpectation | None = None  #: of the study's own dog, where an objective needs it
 
     def under(self, priors: Sequence[HangPrior]) -> Evaluation:
         """Replace the priors of the probability of a hang, one for each operating point."""
@@ -204,7 +204,7 @@ class Evaluation:
 
 
 def time_estimates(
-    names: Iterable[str], expectation: Expectation, reference: Expectation | None
+    names: Iterable[str], expectation: MixExpectation, reference: MixExpectation | None
 ) -> dict[str, Estimate]:
     """Estimate the named objectives of ``TIME_ESTIMATORS``; others are ignored."""
     return {
@@ -274,7 +274,7 @@ def evaluate(
 
 
 def _evaluation(
-    nominal: Setup, params: Params, rows: Rows, reference: Expectation | None
+    nominal: Setup, params: Params, rows: Rows, reference: MixExpectation | None
 ) -> Evaluation:
     """Evaluate the shifts of a design by operating point; ``nominal`` is the study itself."""
     study = nominal.with_operation(params)
@@ -325,7 +325,7 @@ def _searched_records(study: Setup, operation: Mapping[str, float], rows: Rows) 
     return records
 
 
-def landings_over(expectation: Expectation, rows: Rows) -> Landings:
+def landings_over(expectation: MixExpectation, rows: Rows) -> Landings:
     """Collect the landings of shifts by operating point, with their weights."""
     loads = [landing_of(shift) for shift in chain(*rows)]
     weights = list[float]()
@@ -336,7 +336,7 @@ def landings_over(expectation: Expectation, rows: Rows) -> Landings:
 
 def expectation_of(
     study: Setup, points: Points, rows: Rows, even: bool = True, dog: Dog | None = None
-) -> Expectation:
+) -> MixExpectation:
     """Compute the expectation over points, with quantiles, from the records of each.
 
     ``even`` says that the angles are even; ``dog`` is that of the shifts, by default the study's.
@@ -371,10 +371,10 @@ def expectation_of(
 
 def with_torques(
     study: Setup,
-    expectation: Expectation,
+    expectation: MixExpectation,
     blocks: Sequence[Block],
     run: Callable[[Sequence[Block]], Rows],
-) -> Expectation:
+) -> MixExpectation:
     """Add the shifts of ``blocks`` under each of ``expectation.limit_torques_Nm`` of the study.
 
     ``run`` simulates blocks; ``blocks`` are those that the expectation is of.
@@ -401,7 +401,7 @@ MAX_ANGLES = 96  #: angles of the last round
 
 def expect_to_precision(
     study: Setup, points: Points, precision: float, executor: Executor, progress: WorkCounter
-) -> tuple[Expectation, list[Block], list[list[Shift]]]:
+) -> tuple[MixExpectation, list[Block], list[list[Shift]]]:
     """Double the even angles until the expectation over points has a relative standard error.
 
     Returns the expectation, blocks and records of the last round, which may be less precise
@@ -526,7 +526,7 @@ def _loss_since(stage: LifeStage, life: float, wear: Wear, *, dog: Dog, study: S
 
 def _expect_worn(
     study: Setup, dog: Dog, executor: Executor, priors: Sequence[HangPrior] | None
-) -> tuple[Expectation, list[list[Shift]]]:
+) -> tuple[MixExpectation, list[list[Shift]]]:
     """Simulate a worn dog at new angles; return its expectation and records."""
     settings = study.file.expectation
     clutch = replace(study.clutch, dog=dog)
@@ -544,7 +544,7 @@ def _expect_worn(
     return expectation, rows
 
 
-def life_checks(study: Setup, new_dog: Dog, dog: Dog) -> tuple[Check, ...]:
+def life_checks(study: Setup, new_dog: Dog, dog: Dog) -> tuple[LimitCheck, ...]:
     """Compute the closed-form checks of a worn dog, without manufacture.
 
     A load counts as the worse of worn and new, and contact is a share of the new height.
