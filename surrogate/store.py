@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from dogshape.sim.clutch_tables import Section
+from dogshape.sim.clutch_tables import Section, key
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.files import write_whole
@@ -36,32 +35,27 @@ def _fit_again() -> str:
     return f"fit the surrogate again with {verb('fit')}"
 
 
-def _figure(meaning: str, unit: str = "") -> Any:
-    """Declare a figure with its meaning and unit, as ``result.json`` documents it."""
-    return Field(description=meaning, json_schema_extra={"unit": unit})
-
-
 class Validation(Section):
     """Validation of the surrogate on designs that the fit did not use."""
 
-    q2: float = _figure("share of the variance of expected times that it explains", "1")
-    coverage_95: float = _figure("share of expected times within their 95 % interval", "share")
-    rmse_s: float = _figure("root-mean-square error of the expected time", "s")
-    bias_s: float = _figure("mean error of the expected time", "s")
-    n: int = _figure("number of designs")
-    noise_s: float = _figure("root-mean-square standard error of the simulated expected times", "s")
-    q2_points: float = _figure("share of the variance explained at single operating points", "1")
-    coverage_points: float = _figure(
+    q2: float = key("share of the variance of expected times that it explains", "1")
+    coverage_95: float = key("share of expected times within their 95 % interval", "share")
+    rmse_s: float = key("root-mean-square error of the expected time", "s")
+    bias_s: float = key("mean error of the expected time", "s")
+    n: int = key("number of designs")
+    noise_s: float = key("root-mean-square standard error of the simulated expected times", "s")
+    q2_points: float = key("share of the variance explained at single operating points", "1")
+    coverage_points: float = key(
         "share within the 95 % interval at single operating points", "share"
     )
-    rmse_points_s: float = _figure("root-mean-square error at single operating points", "s")
-    spread_error: float = _figure("error of the logarithm of a single shift's deviation", "1")
-    lost: int = _figure("shifts that did not engage")
-    lost_expected: float = _figure("shifts that the surrogate expected not to engage")
-    rank_best: float | None = _figure("rank correlation among designs of the best tenth", "1")
-    n_best: int = _figure("number of those designs")
-    source: str = _figure("`references`, designs simulated apart, or `held out`")
-    shifts: int = _figure("shifts behind the fit")
+    rmse_points_s: float = key("root-mean-square error at single operating points", "s")
+    spread_error: float = key("error of the logarithm of a single shift's deviation", "1")
+    lost: int = key("shifts that did not engage")
+    lost_expected: float = key("shifts that the surrogate expected not to engage")
+    rank_best: float | None = key("rank correlation among designs of the best tenth", "1")
+    n_best: int = key("number of those designs")
+    source: str = key("`references`, designs simulated apart, or `held out`")
+    shifts: int = key("shifts behind the fit")
 
     @property
     def useful(self) -> bool:

@@ -30,7 +30,8 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.verdict import CauseVerdict, Kind
 from dogshape.diagnosis.report.wording import chance, headline_of
 from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, hypothesis_name
-from dogshape.pipeline.record import Record, key
+from dogshape.pipeline.record import Record
+from dogshape.sim.clutch_tables import key
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.files import write_whole

@@ -26,7 +26,7 @@ from dogshape.pipeline.config.study_file import (
 )
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.record import SHARE, Bad, Record, Table, key, number_or_none, percent
+from dogshape.pipeline.record import SHARE, Bad, Record, Table, number_or_none, percent
 from dogshape.pipeline.reports.designs import confirmation_of, engaged_shifts, margins_of
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
@@ -61,7 +61,7 @@ from dogshape.pipeline.store.result_records import (
     hinge_table,
     not_judged_row,
 )
-from dogshape.sim.clutch_tables import DogSection
+from dogshape.sim.clutch_tables import DogSection, key
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
 from dogshape.sim.interface import argument, verb
 from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet

@@ -18,12 +18,12 @@ from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import SHARE, FileRecord, Record, Table, key
+from dogshape.pipeline.record import SHARE, FileRecord, Record, Table
 from dogshape.pipeline.reports.text import check_name, in_ms
 from dogshape.pipeline.simulate.design import WITHIN, check_dog, dogs_of, limits_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import first_designs
-from dogshape.sim.clutch_tables import validate
+from dogshape.sim.clutch_tables import key, validate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.interface import verb

@@ -16,9 +16,9 @@ from operator import and_
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.record import Record, key, number_or_none
+from dogshape.pipeline.record import Record, number_or_none
 from dogshape.pipeline.store.result_records import CheckRow
-from dogshape.sim.clutch_tables import si_fields
+from dogshape.sim.clutch_tables import key, si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, Refusal, require_known
 from dogshape.sim.shift.geometry import Dog, Dogs

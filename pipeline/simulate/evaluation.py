@@ -21,7 +21,7 @@ import numpy as np
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.record import SHARE, Record, key
+from dogshape.pipeline.record import SHARE, Record
 from dogshape.pipeline.simulate.design import (
     REFERRED,
     SIMULATED,
@@ -31,6 +31,7 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.result_records import EngineAgreement
+from dogshape.sim.clutch_tables import key
 from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import MESSAGES, Outcome

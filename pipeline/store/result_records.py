@@ -12,11 +12,11 @@ from dogshape.pipeline.record import (
     FileRecord,
     Record,
     Table,
-    key,
     number_or_none,
     percent,
     tabulate,
 )
+from dogshape.sim.clutch_tables import key
 from dogshape.sim.statistics.expectation import MixExpectation, PointExpectation
 from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shiftability import (
