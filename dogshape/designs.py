@@ -50,7 +50,7 @@ def sheet_of(design: NamedDesign) -> tuple[DesignSheet, list[CheckRow]]:
     )
 
     def weakest_check(kind: Kind) -> WeakestCheck:
-        return WeakestCheck(*(check.design.weakest_within(kind) or (None, None)))
+        return WeakestCheck(*check.design.weakest_within(kind))
 
     sheet = design_sheet(
         study,

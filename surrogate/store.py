@@ -184,7 +184,7 @@ class _Content(NamedTuple):
 
     format: int
     physics: dict[str, Any]  #: everything else that a shift depends on
-    engine: str
+    engine: dict[str, Any]  #: versions of the programs that simulated
     variables: list[str]
     low: list[float]  #: of the range of each variable, in the units of the study
     high: list[float]

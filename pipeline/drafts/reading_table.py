@@ -56,7 +56,7 @@ class BenchFolder:
     reading: BenchReading
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert to the record that ``dogshape init bench --json`` prints."""
+        """Convert to values of JSON."""
         return {"folder": str(self.folder), **self.reading.to_dict()}
 
 

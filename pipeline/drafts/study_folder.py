@@ -347,7 +347,7 @@ class WrittenStudy:
         return self.folder / "study.toml"
 
     def to_dict(self) -> Data:
-        """Convert to the record that ``dogshape init study --json`` prints."""
+        """Convert to values of JSON."""
         return {
             "folder": str(self.folder),
             "file": str(self.file),
