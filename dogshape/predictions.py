@@ -337,7 +337,7 @@ def _predict_times(
         low, high = interval(time, error)
         times[predicted] = np.column_stack([time, low, high, error, distance])
         in_training_range[predicted] = in_range(model, x[predicted], mix, distance)
-    return PredictedTimes(*times.T, in_training_range)
+    return PredictedTimes._make((*times.T, in_training_range))
 
 
 def answer_path(source: Path) -> Path:
