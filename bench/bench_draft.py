@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -110,31 +110,47 @@ def is_table(where: str | Path) -> bool:
     return path.is_file() or is_workbook(path) or path.suffix.lower() in TABLE_SUFFIXES
 
 
-def guess_readings(draft: BenchDraft) -> dict[str, Any]:
-    """Read the tables of a draft: columns, excluded rows and columns, and faults.
-
-    ``empty`` counts the rows with neither a time nor an outcome.
-    """
+def guess_readings(draft: BenchDraft) -> ReadingReport:
+    """Read the tables of a draft: columns, excluded rows and columns, and faults."""
     report = ReadingReport()
-    empty = int(_silent(read_tables(draft, report)).sum())
-    return {
-        "columns": report.readings,
-        "left_out": report.left_out,
-        "faults": report.faults,
-        "empty": empty,
-    }
+    read_tables(draft, report)
+    return report
 
 
-def explain_reading(draft: BenchDraft) -> dict[str, Any]:
-    """Read the tables of a draft step by step: lines of each finished step, and faults."""
+class StepLine(NamedTuple):
+    """Line about a step of reading a table."""
+
+    file: str
+    step: str
+    line: str
+
+
+@dataclass(frozen=True)
+class ReadingSteps:
+    """Lines of the finished steps of reading tables, and the report of the reading."""
+
+    lines: list[StepLine]
+    report: ReadingReport
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert steps and report to values of JSON."""
+        return {
+            "steps": [line._asdict() for line in self.lines],
+            **self.report.to_dict(),
+            "assumed": self.report.assumed,
+            "faults": list(dict.fromkeys(self.report.faults)),
+        }
+
+
+def explain_reading(draft: BenchDraft) -> ReadingSteps:
+    """Read the tables of a draft step by step."""
     _require_readable(draft)
-    steps: list[dict[str, str]] = []
+    lines: list[StepLine] = []
     report = ReadingReport()
     for path in draft.paths:
         try:
             sheet, stated = read_sheet(path, draft.limits, draft.ranges, quoted=draft.quoted)
-            rows = [("raw sheet", line) for line in sheet.lines()]
-            steps += [{"file": str(path), "step": step, "line": line} for step, line in rows]
+            lines += [StepLine(str(path), "raw sheet", line) for line in sheet.lines()]
             table = table_of(sheet, stated, draft.ranges)
         except FileNotFoundError:
             raise InputError(f"there is no {path}; give a CSV or .xlsx of the stand") from None
@@ -142,15 +158,10 @@ def explain_reading(draft: BenchDraft) -> dict[str, Any]:
             report.faults.append(str(error))
             continue
         reader, _ = _read_rows(table, draft, report)
-        rows = [(step, line) for step, line in reader.lines() if step != "raw sheet"]
-        steps += [{"file": str(path), "step": step, "line": line} for step, line in rows]
-    return {
-        "steps": steps,
-        "columns": report.readings,
-        "left_out": report.left_out,
-        "assumed": report.assumed,
-        "faults": list(dict.fromkeys(report.faults)),
-    }
+        lines += [
+            StepLine(str(path), step, line) for step, line in reader.lines() if step != "raw sheet"
+        ]
+    return ReadingSteps(lines, report)
 
 
 def read_tables(draft: BenchDraft, report: ReadingReport) -> DataFrame:
@@ -202,17 +213,18 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     path, report = reader.table.path, reader.report
     numbers = [name for name in NUMERIC if name not in ("n_shifts", "timestamp")]
     rows[numbers] = rows[numbers].astype(float)
-    rows["n_shifts"] = rows["n_shifts"].astype(float).fillna(1.0).astype(int)
-    failed = rows["engaged"].eq(False)
-    is_late = failed & rows["shift_time_s"].notna()
+    rows["n_shifts"] = rows.n_shifts.astype(float).fillna(1.0).astype(int)
+    failed = rows.engaged.eq(False)
+    is_late = failed & rows.shift_time_s.notna()
     rows.loc[failed, "shift_time_s"] = np.nan
-    rows.loc[(rows["n_shifts"] < 2) | rows["shift_time_s"].isna(), "shift_time_sd_s"] = np.nan
-    if rows["order"][rows["shift_time_s"].notna()].dropna().duplicated().any():
+    rows.loc[(rows.n_shifts < 2) | rows.shift_time_s.isna(), "shift_time_sd_s"] = np.nan
+    if rows.order[rows.shift_time_s.notna()].dropna().duplicated().any():
         report.faults.append(
             f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "
             f"the whole series; {no_column('order')} leaves it out"
         )
-    silent = _silent(rows).sum()
+    silent = int((rows.shift_time_s.isna() & rows.engaged.isna()).sum())
+    report.empty_rows += silent
     report.assumed += [
         f"{path}: {sentence}"
         for sentence, holds in (
@@ -242,14 +254,9 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     return rows
 
 
-def _silent(rows: DataFrame) -> Any:
-    """Mark the rows with neither a time nor an outcome."""
-    return rows["shift_time_s"].isna() & rows["engaged"].isna()
-
-
 def row_numbers(rows: DataFrame) -> str:
     """List the row numbers in the files, separated by commas."""
-    return ", ".join(map(str, rows["row"]))
+    return ", ".join(map(str, rows.row))
 
 
 def copy_trace(
@@ -259,7 +266,7 @@ def copy_trace(
 
     Returns its path in the folder, and enters it in ``traces``.
     """
-    path, target = Path(row["file"]).parent / row["trace"].replace("\\", "/"), folder / "traces"
+    path, target = Path(row.file).parent / row.trace.replace("\\", "/"), folder / "traces"
     if not path.is_file():
         report.faults.append(
             f"{row['file']}, row {row['row']}: there is no trace {path}; add the file, or empty "
@@ -287,7 +294,7 @@ def copy_trace(
         report.faults.append(str(error))
     report.faults += trace_report.faults
     report.assumed += [f"traces: {line}" for line in trace_report.assumed]
-    report.left_out += [item for item in trace_report.left_out if "row" in item]
+    report.left_out += [item for item in trace_report.left_out if item.row is not None]
     return name
 
 

@@ -27,13 +27,16 @@ from dogshape.sim.shift.actuation import ForceProfile
 WAYS = (0.02, 0.1, 0.3, 0.6, 0.9)  #: shares of the axial gap
 FORCES = (0.1, 0.25, 0.5, 0.75)  #: shares of the final force
 SIZE = len(WAYS) + len(FORCES)  #: marks of a flight, those of the displacement first
-AROUND = {"way": (0.5, 1.7), "force": (0.75, 1.3)}  #: samples that a mark is fitted to
+#: Shares of a mark's level between which samples are fitted to it.
+TRAVEL_WINDOW = (0.5, 1.7)
+FORCE_WINDOW = (0.75, 1.3)
 SAMPLES = 6  #: the least number of them
 CLEAR = 4.0  #: scatters above which a value is told from nothing
 APART = 5.0  #: scatters of marks beyond which a trace is left out
 FLOOR = 2e-4  #: s, model error of each mark, and again of all together
 SHARE = 0.005  #: of its time, error of the flight that all marks have in common
-GAIN = {"way": 0.01, "force": 0.02}  #: error of the sensors' gain
+TRAVEL_GAIN = 0.01  #: error of the displacement sensor's gain
+FORCE_GAIN = 0.02  #: error of the force sensor's gain
 FORCE_FLOOR = 5e-4  #: s, error of a mark of the force beside its gain
 NO_MARK = np.full(3, np.nan)  #: of a value that a trace does not pass
 
@@ -71,7 +74,7 @@ def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
     """Compute the covariance of flight and sensor errors beside scatter, s^2, (k, k)."""
     way = places < len(WAYS)
     floor = np.where(way, FLOOR, FORCE_FLOOR)
-    gains = way * GAIN["way"] * reach, ~way * GAIN["force"] * reach
+    gains = way * TRAVEL_GAIN * reach, ~way * FORCE_GAIN * reach
     parts = *gains, way * SHARE * times, way * FLOOR
     return np.diag(floor**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
 
@@ -104,9 +107,9 @@ def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> Array:
     closed = smoothed(trace.displacement) >= gap
     top = int(np.argmax(closed)) if closed.any() else len(trace.time)
     way = trace.time[:top], trace.displacement[:top]
-    marks = [mark_of(*way, share * gap, AROUND["way"]) for share in WAYS]
+    marks = [mark_of(*way, share * gap, TRAVEL_WINDOW) for share in WAYS]
     force, levels = (trace.time, trace.force), [share * profile.force for share in FORCES]
-    return np.array([*marks, *(mark_of(*force, level, AROUND["force"]) for level in levels)])
+    return np.array([*marks, *(mark_of(*force, level, FORCE_WINDOW) for level in levels)])
 
 
 def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Array:

@@ -76,14 +76,57 @@ SENTENCES = {
 Values = list[Any]  #: a value for each row, None where there is none
 
 
+@dataclass(frozen=True)
+class ColumnReading:
+    """Reading of a column of a table; its fields are keys of the record of a reading."""
+
+    file: str
+    quantity: str  #: key of the quantity, with its unit
+    column: str  #: head in the file, or formula
+    unit: str | None  #: in the file; None for one without
+    decimals: str | None  #: name of the decimal sign; None where no number shows one
+    first: Any  #: first value, in the unit of the quantity; None for an empty column
+    least: float | None  #: smallest number, in that unit; None for a column of texts
+    largest: float | None
+    why: str  #: reason of the reading
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """Row or column of a table that is not read."""
+
+    file: str
+    reason: str
+    row: int | None = None  #: number in the file; None for a column
+    column: str = ""  #: head of the column; empty for a row
+
+    @property
+    def place(self) -> str:
+        """Row or column in words."""
+        return f"column '{self.column}'" if self.row is None else f"row {self.row}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert the exclusion to values of JSON."""
+        place = {"column": self.column} if self.row is None else {"row": self.row}
+        return {"file": self.file, **place, "reason": self.reason}
+
+
 @dataclass
 class ReadingReport:
     """Record of a reading: faults, assumptions, readings, excluded rows and columns."""
 
     faults: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
-    left_out: list[dict[str, Any]] = field(default_factory=list)
-    readings: list[dict[str, Any]] = field(default_factory=list)
+    left_out: list[Exclusion] = field(default_factory=list)
+    readings: list[ColumnReading] = field(default_factory=list)
+    empty_rows: int = 0  #: rows with neither a time nor an outcome
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert readings and exclusions to values of JSON."""
+        return {
+            "columns": [vars(reading) for reading in self.readings],
+            "left_out": [exclusion.to_dict() for exclusion in self.left_out],
+        }
 
     def require(self, place: str) -> None:
         """Raise DataError with all faults, if there are any."""
@@ -186,12 +229,10 @@ class TableReader:
     def _record_faults(self, faults: Sequence[str], read: Mapping[Column, str]) -> None:
         file, table, report = str(self.table.path), self.table, self.report
         report.faults += [f"{file}: {fault}" for fault in faults]
-        report.left_out += [{"file": file, "row": n, "reason": why} for n, why in table.left_out]
+        report.left_out += [Exclusion(file, why, row=number) for number, why in table.left_out]
+        report.left_out += [Exclusion(file, why, column=head) for head, why in table.summaries]
         report.left_out += [
-            {"file": file, "column": head, "reason": why} for head, why in table.summaries
-        ]
-        report.left_out += [
-            {"file": file, "column": column.head, "reason": _reason(column)}
+            Exclusion(file, _reason(column), column=column.head)
             for column in table.columns
             if column not in read
         ]
@@ -265,17 +306,17 @@ class TableReader:
         cells = [cell for column, _ in match.terms for cell in column.cells] if numbers else []
         signed = self.sign and any(self.sign in cell for cell in cells)
         self.report.readings.append(
-            {
-                "file": str(self.table.path),
-                "quantity": match.quantity.name,
-                "column": match.head,
-                "unit": unit or None,
-                "decimals": NAMES[str(self.sign)] if signed else None,
-                "first": next(iter(entries), None),
-                "least": min(numbers, default=None),
-                "largest": max(numbers, default=None),
-                "why": f"{match.why}; {reason}".rstrip("; "),
-            }
+            ColumnReading(
+                file=str(self.table.path),
+                quantity=match.quantity.name,
+                column=match.head,
+                unit=unit or None,
+                decimals=NAMES[str(self.sign)] if signed else None,
+                first=next(iter(entries), None),
+                least=min(numbers, default=None),
+                largest=max(numbers, default=None),
+                why=f"{match.why}; {reason}".rstrip("; "),
+            )
         )
         return values
 

@@ -19,10 +19,10 @@ from dogshape.bench.texts import read_toml
 from dogshape.sim.clutch_tables import (
     DogSection,
     DriveSection,
+    Keys,
     OutputSection,
     Section,
     SlidingSection,
-    keys_of,
     rings,
     validate,
 )
@@ -74,9 +74,7 @@ class Measured(Section):
 
 
 class _Contact(
-    keys_of(  # type: ignore[misc]
-        ContactSet, optional=("stiffness", "dissipation"), leave=("face_friction",)
-    )
+    Keys, of=ContactSet, optional=("stiffness", "dissipation"), leave=("face_friction",)
 ):
     # Kept for the reader of the file and not used: the solver's fall to dynamic friction lies at
     # ten stiction velocities, as in the published set.

@@ -76,12 +76,15 @@ def load_sheet(path: Path) -> Sheet:
     cells = {
         name: np.array(table.column(name) if name in table.head else nothing) for name in COLUMNS
     }
-    cells["engaged"] = np.char.lower(cells["engaged"])
+    outcomes = np.char.lower(cells["engaged"])
+    cells |= {"engaged": outcomes}
+    trace_names = cells["trace"]
+    stamps = cells["timestamp"]
     values = {
         name: np.array([float(c) if is_plain(c) else np.nan for c in cells[name]])
         for name in NUMERIC
     }
-    values["timestamp"] = np.array([_seconds(cell) for cell in cells["timestamp"]])
+    values |= {"timestamp": np.array([_seconds(cell) for cell in stamps])}
     for column, bad, rule in _faults(cells, values):
         if (wrong := np.asarray(bad, dtype=bool)).any():
             at = int(wrong.argmax())
@@ -90,8 +93,9 @@ def load_sheet(path: Path) -> Sheet:
     for k, row in enumerate(rows):
         numbers: list[Any] = [None if np.isnan(v := values[n][k]) else v.item() for n in NUMERIC]
         mismatch, force, rise, n, time, sd, order, stamp = numbers
-        engaged = True if time is not None else ENGAGED[cells["engaged"][k]]
-        name, place = cells["trace"][k], stamp if order is None else order
+        engaged = True if time is not None else ENGAGED[outcomes[k]]
+        name = trace_names[k]
+        place = stamp if order is None else order
         try:
             trace = read_trace(path.parent / name) if name else None
         except DataError as error:
@@ -113,9 +117,12 @@ def _faults(
         yield name, bad, "a finite number" if is_plain(first) else number_rule(first)
     count, time, sd, stamps = (values[name] for name in NUMERIC[3:] if name != "order")
     count = np.clip(np.nan_to_num(count), 0.0, 1e300)
-    timed, spread, traced = ~np.isnan(time), ~np.isnan(sd), cells["trace"] != ""
-    plain, stamped = np.array(list(map(is_plain, cells["timestamp"]))), cells["timestamp"] != ""
-    is_outside = [Path(c).is_absolute() or ".." in Path(c).parts for c in cells["trace"]]
+    outcomes = cells["engaged"]
+    trace_names = cells["trace"]
+    stamp_cells = cells["timestamp"]
+    timed, spread, traced = ~np.isnan(time), ~np.isnan(sd), trace_names != ""
+    plain, stamped = np.array(list(map(is_plain, stamp_cells))), stamp_cells != ""
+    is_outside = [Path(c).is_absolute() or ".." in Path(c).parts for c in trace_names]
     # So large is a spread where one shift took all the time and the others none.
     is_wide = spread & ~((sd >= 0.0) & (sd <= time * count**0.5))
     yield from (
@@ -130,10 +137,10 @@ def _faults(
             count > MAX_SHIFTS,
             f"at most {MAX_SHIFTS}: shifts that a stand has made, not a count of samples",
         ),
-        ("engaged", ~np.isin(cells["engaged"], [*ENGAGED]), "true, false or empty"),
+        ("engaged", ~np.isin(outcomes, [*ENGAGED]), "true, false or empty"),
         (
             "engaged",
-            timed & (cells["engaged"] == "false"),
+            timed & (outcomes == "false"),
             "true where shift_time_s has a time, or else that cell must be empty",
         ),
         (

@@ -25,7 +25,7 @@ from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
-from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.units import DEG
 from dogshape.validation.impact import restitution
 
@@ -81,7 +81,7 @@ def _study(*overrides: str) -> Setup:
 
 def expectations(
     study: Setup, designs: Designs, angles: int, executor: Executor
-) -> dict[str, Expectation]:
+) -> dict[str, MixExpectation]:
     """Simulate the expected shift time of each design."""
     seed = study.file.expectation.seed + 2 * NEW_ANGLES
     evaluations = evaluate(study, [*designs.values()], executor, angles, seed)
@@ -89,7 +89,7 @@ def expectations(
     return dict(zip(designs, expectations, strict=True))
 
 
-def print_times(name: str, contact: ContactSet, expectations: dict[str, Expectation]) -> None:
+def print_times(name: str, contact: ContactSet, expectations: dict[str, MixExpectation]) -> None:
     """Print the times under one setting, the prototype's first, then gains."""
     prototype = expectations["prototype"]
     ratio = restitution(contact.dissipation * IMPACT_SPEED_M_S)

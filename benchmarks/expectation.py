@@ -27,7 +27,7 @@ from dogshape.pipeline.simulate.evaluation import expect_to_precision, expectati
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block, engage
-from dogshape.sim.statistics.expectation import Expectation, PointExpectation
+from dogshape.sim.statistics.expectation import MixExpectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import DEG
 from dogshape.terminal import ProgressBar
@@ -65,7 +65,7 @@ class Dense:
         return replace(self, used=set())
 
     @property
-    def reference(self) -> Expectation:
+    def reference(self) -> MixExpectation:
         """Expectation of all shifts."""
         rows = []
         for point in self.study.points:
@@ -172,8 +172,8 @@ def _rms_ms(values: Sequence[float]) -> float:
 
 
 def _covers(
-    estimate: Expectation | PointExpectation,
-    reference: Expectation | PointExpectation,
+    estimate: MixExpectation | PointExpectation,
+    reference: MixExpectation | PointExpectation,
     key: str,
     error: str,
 ) -> bool:

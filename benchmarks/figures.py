@@ -20,8 +20,9 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 
 from benchmarks import constants, field_table
-from dogshape.pipeline.record import Record, look_of
+from dogshape.pipeline.record import Record
 from dogshape.pipeline.search.study_record import StudyRecord
+from dogshape.sim.clutch_tables import declared_key
 
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"
@@ -517,7 +518,7 @@ def key_table(kind: type[Record], name: str) -> str:
         title = ", ".join(f"`{path}`" for path in paths if path) or f"`{name}`"
         words = " ".join((model.__doc__ or "").split()).replace("``", "`")
         rows = [
-            (f"`{key}`", look_of(model, key)["unit"], str(declared.description))
+            (f"`{key}`", declared_key(model, key).unit, str(declared.description))
             for key, declared in model.model_fields.items()
         ]
         blocks.append(f"{title}: {words}\n\n{markdown(('key', 'unit', 'meaning'), rows)}")

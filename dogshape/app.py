@@ -18,7 +18,7 @@ from importlib import resources
 from os import strerror
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote, urlencode
 
 from dash import ALL, MATCH, Dash, Input, Output, State, ctx, html, no_update, set_props
@@ -188,6 +188,13 @@ def _number(key: str, texts: Texts) -> float:
     return float(text)
 
 
+class Question(NamedTuple):
+    """Design and operating points that the page asks for; its fields are keys of its store."""
+
+    texts: Texts
+    where: str  #: ``one`` or ``all`` operating points
+
+
 def _point(texts: Texts, where: str) -> Json:
     """Read the operating point as arguments of a verb; empty for all points of the study."""
     if where != "one":
@@ -307,24 +314,24 @@ def _connect_answers(app: Dash, live_page: LivePage) -> None:
     def predict(_: Any, where: str, previous: Json | None) -> Json | None:
         fields = ctx.inputs_list[0]
         texts = {field["id"]["number"]: str(field.get("value") or "") for field in fields}
-        question = {"texts": texts, "where": where}
-        if question == previous:
+        question = Question(texts, where)
+        if question._asdict() == previous:
             raise PreventUpdate
         faults, answer = answer_at_once(live_page, question)
         for key, message in faults.items():
             set_props({"fault": key}, {"children": message})
         _show(answer)
-        return None if answer["answer.className"] else question
+        return None if answer["answer.className"] else question._asdict()
 
     @app.callback(Input("asked", "data"), prevent_initial_call=True)
     def simulate(question: Json | None) -> None:
         if question:
-            _show(answer_by_simulation(live_page, question))
+            _show(answer_by_simulation(live_page, Question(**question)))
 
     @app.callback(Input("asked", "data"), Input("why", "value"), prevent_initial_call=True)
     def link(question: Json | None, reason: str | None) -> None:
         if question:
-            _show(link_files(live_page, question, reason))
+            _show(link_files(live_page, Question(**question), reason))
 
 
 def _show(answer: Answer) -> None:
@@ -333,15 +340,15 @@ def _show(answer: Answer) -> None:
         set_props(name, {part: content})
 
 
-def answer_at_once(live_page: LivePage, question: Json) -> tuple[dict[str, str], Answer]:
+def answer_at_once(live_page: LivePage, question: Question) -> tuple[dict[str, str], Answer]:
     """Predict a design without simulation.
 
     Returns the error messages by the keys of the fields, and the content of the page; after a
     refusal the content only marks the page as stale.
     """
-    texts = question["texts"]
+    texts = question.texts
     try:
-        check = live_page.predict(**question)
+        check = live_page.predict(texts, question.where)
         study = live_page.modify_study(texts)
     except DogshapeError as error:
         message = str(error).removeprefix(f"the study {live_page.study.name}: ")
@@ -360,18 +367,18 @@ def answer_at_once(live_page: LivePage, question: Json) -> tuple[dict[str, str],
     }
 
 
-def answer_by_simulation(live_page: LivePage, question: Json) -> Answer:
+def answer_by_simulation(live_page: LivePage, question: Question) -> Answer:
     """Simulate a design; return the page's content for its time and checks, with landing."""
     try:
-        check = live_page.modify_study(question["texts"]).check(**_point(**question))
+        check = live_page.modify_study(question.texts).check(**_point(*question))
     except DogshapeError as error:
         return {"simulated.children": app_page.card("simulated shift time", "none", str(error))}
     return {"simulated.children": app_page.simulated_card(check), **app_page.verdict_content(check)}
 
 
-def link_files(live_page: LivePage, question: Json, reason: str | None) -> Answer:
+def link_files(live_page: LivePage, question: Question, reason: str | None) -> Answer:
     """Link the files of a design, and compose the command that checks it."""
-    texts = question["texts"]
+    texts = question.texts
     query = urlencode({**texts, "why": reason or ""})
     links = [
         html.A(label, href=f"/file/{name}?{query}", target="_blank")
@@ -381,7 +388,7 @@ def link_files(live_page: LivePage, question: Json, reason: str | None) -> Answe
     command = f"dogshape check {live_page.command}"
     for change in live_page.changes(texts):
         command += f" --set {shlex.quote(change)}"
-    for key, value in _point(**question).items():
+    for key, value in _point(*question).items():
         command += f" --{key.replace('_', '-')} {value:.12g}"
     return {"files.children": files, "shift-link.children": [shift], "command.children": command}
 

@@ -83,9 +83,10 @@ def layout(config: Setup, numbers: Sequence[Number], front: Figure | None) -> ht
 
 def _question(config: Setup, numbers: Sequence[Number]) -> html.Aside:
     """Lay out the fields by group."""
-    fields: dict[str, Children] = {"dog": [], "point": [], "friction": [], "shift": []}
-    for number in numbers:
-        fields[number.group].append(number_field(number))
+
+    def fields_of(group: str) -> Children:
+        return [number_field(number) for number in numbers if number.group == group]
+
     scopes = {
         "all": f"all {len(config.points)} operating points of the study",
         "one": "one operating point",
@@ -94,14 +95,14 @@ def _question(config: Setup, numbers: Sequence[Number]) -> html.Aside:
         [
             html.H2("Dogs"),
             html.Button("reset to the study", id="back"),
-            *fields["dog"],
+            *fields_of("dog"),
             html.H2("Operating points"),
             dcc.RadioItems(scopes, "all", id="where"),
-            *fields["point"],
+            *fields_of("point"),
             html.H2("Friction"),
-            *fields["friction"],
+            *fields_of("friction"),
             html.H2("Single shift"),
-            *fields["shift"],
+            *fields_of("shift"),
             html.P(id="shift-link"),
         ]
     )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -41,7 +41,7 @@ from dogshape.pipeline.store.result_records import (
 from dogshape.pipeline.train.training_rows import matching_surrogate, study_mix
 from dogshape.result import Result
 from dogshape.sim.shift.geometry import FLANKS
-from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strike_force, strike_torque
 from dogshape.sim.strength.landing import Landings
@@ -478,7 +478,7 @@ def _guess(config: Setup, mix: Mix, surrogate: str | Path | None) -> Guess | Non
     return Guess(answer, tolerance_time(config, model, prototype, mix), stored.validation, path)
 
 
-def _simulated_time(mean: Expectation, mix: Mix) -> tuple[Expected | None, str]:
+def _simulated_time(mean: MixExpectation, mix: Mix) -> tuple[Expected | None, str]:
     """Compute the interval of a simulated time, engine's error included, or a refusal.
 
     Returns the time and an empty sentence, or None and the reason.
@@ -503,6 +503,25 @@ def _simulated_time(mean: Expectation, mix: Mix) -> tuple[Expected | None, str]:
     return expected, ""
 
 
+class FlankStrike(NamedTuple):
+    """Strike of a flank with the free ring; its fields are keys of the record."""
+
+    flank: str
+    ends: str  #: ends of ranges in the study file; empty for single values
+    mismatch_rpm: float  #: speed of the flanks against each other
+    torque_Nm: float
+    force_per_dog_N: float  #: largest force on a dog
+
+    @property
+    def text(self) -> str:
+        """Sentence on the strike."""
+        text = (
+            f"{self.flank} flanks that strike at {self.mismatch_rpm:.4g} 1/min make "
+            f"{self.torque_Nm:.0f} N m, {self.force_per_dog_N:.0f} N on one dog"
+        )
+        return f"{text} at {self.ends}" if self.ends else text
+
+
 @dataclass(frozen=True, repr=False)
 class Strength(Checked):
     """Checks of one design under its load; ``shifts`` is the number of simulated landings."""
@@ -519,18 +538,18 @@ class Strength(Checked):
         return load.sharing(dog, load.design_torque)
 
     @property
-    def strikes(self) -> list[dict[str, Any]]:
-        """Speed, 1/min, torque, N m, and largest force on a dog, N, of each flank strike."""
+    def strikes(self) -> list[FlankStrike]:
+        """Flank strikes at the ends of the assumed ranges."""
         dog = self.config.clutch.dog
         limits = self.config.limits
         return [
-            {
-                "flank": flank,
-                "ends": strike.ends,
-                "mismatch_rpm": strike.speed(flank) / RPM,
-                "torque_Nm": strike_torque(dog, limits, strike, flank),
-                "force_per_dog_N": strike_force(dog, limits, strike, flank),
-            }
+            FlankStrike(
+                flank=flank,
+                ends=strike.ends,
+                mismatch_rpm=strike.speed(flank) / RPM,
+                torque_Nm=strike_torque(dog, limits, strike, flank),
+                force_per_dog_N=strike_force(dog, limits, strike, flank),
+            )
             for strike in limits.strikes
             for flank in strike.flanks
         ]
@@ -541,7 +560,7 @@ class Strength(Checked):
         parts: list[str | Table] = [*super().to_parts(), *landing]
         if self.load_sharing is not None:
             parts.append(f"load sharing by number and accuracy: {self.load_sharing:.2f}")
-        parts += map(_strike_text, self.strikes)
+        parts += [strike.text for strike in self.strikes]
         return parts
 
     @property
@@ -575,16 +594,8 @@ class Strength(Checked):
                 "allowable_stress_MPa": limits.allowable_stress / MPA,
                 "fatigue_stress_MPa": limits.endurance(limits.load.shifts) / MPA,
             },
-            **({"strikes": self.strikes} if self.strikes else {}),
+            **({"strikes": [strike._asdict() for strike in self.strikes]} if self.strikes else {}),
         }
-
-
-def _strike_text(strike: Mapping[str, Any]) -> str:
-    text = (
-        "{flank} flanks that strike at {mismatch_rpm:.4g} 1/min make {torque_Nm:.0f} N m, "
-        "{force_per_dog_N:.0f} N on one dog".format(**strike)
-    )
-    return f"{text} at {strike['ends']}" if strike["ends"] else text
 
 
 def check_strength(config: Setup, options: RunOptions, *, simulate: bool = True) -> Strength:

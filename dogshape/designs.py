@@ -15,6 +15,7 @@ from dogshape.pipeline.reports.data_sheet import (
     DesignSheet,
     NamedDesign,
     SimulatedValues,
+    WeakestCheck,
     design_sheet,
     flat_keys,
     named_design,
@@ -24,12 +25,12 @@ from dogshape.pipeline.reports.data_sheet import (
     write_sheet,
 )
 from dogshape.pipeline.reports.text import minus
-from dogshape.pipeline.simulate.design import KINDS
 from dogshape.pipeline.store.folder import comparable, require_targets
 from dogshape.pipeline.store.result_records import CheckRow, VerdictRow, hang_keys
 from dogshape.result import Result
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER, ContactSet
+from dogshape.sim.strength.manufacture import Kind
 
 
 def sheet_of(design: NamedDesign) -> tuple[DesignSheet, list[CheckRow]]:
@@ -47,11 +48,16 @@ def sheet_of(design: NamedDesign) -> tuple[DesignSheet, list[CheckRow]]:
         source=check.refusal or "compiled engine",
         engaged=check.engaged if check.shifts else None,
     )
+
+    def weakest_check(kind: Kind) -> WeakestCheck:
+        return WeakestCheck(*check.design.weakest_within(kind))
+
     sheet = design_sheet(
         study,
         study.prototype,
         {strength.name: strength.margin for strength in check.design.checks},
-        {kind: check.design.weakest_within(kind) for kind in KINDS},
+        worst_case=weakest_check("worst_case"),
+        root_sum_square=weakest_check("root_sum_square"),
         verdict=VerdictRow.of(check.verdict),
         simulated=simulated,
         engine="planar",

@@ -57,8 +57,7 @@ from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeat_count
-from dogshape.sim.statistics.expectation import NO_TIME
-from dogshape.sim.statistics.expectation import Expectation as Mean
+from dogshape.sim.statistics.expectation import NO_TIME, MixExpectation
 from dogshape.sim.units import DEG, RPM
 
 DRAW_LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
@@ -73,7 +72,7 @@ class Expectation(Result):
     """Expected shift time with its errors, over the relative angle and the operating points."""
 
     config: Setup
-    mean: Mean
+    mean: MixExpectation
     precision: float | None = None  #: wanted relative standard error of the engaged mean
 
     @property
@@ -201,17 +200,18 @@ class Expectation(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Convert mean, errors and operating points to values of JSON."""
-        record: dict[str, Any] = {
-            "engine": self.config.clutch.solver.engine,
-            **self.record.to_dict(),
-        }
-        if self.config.mechanism:
-            record["mechanism"] = self.config.mechanism
+        mechanism = self.config.mechanism
+        precision: dict[str, Any] = {}
         if self.precision is not None:
             error = number_or_none(self.mean.relative_error)
-            record["precision"] = {"wanted": self.precision, "reached": error}
-        record["shafts"] = self.config.clutch.drive.text
-        return record
+            precision = {"precision": {"wanted": self.precision, "reached": error}}
+        return {
+            "engine": self.config.clutch.solver.engine,
+            **self.record.to_dict(),
+            **({"mechanism": mechanism} if mechanism else {}),
+            **precision,
+            "shafts": self.config.clutch.drive.text,
+        }
 
     def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,12 @@ from dogshape.bench.bench_data import Bench, load_bench, require_shifts
 from dogshape.bench.bench_draft import BenchDraft, is_table
 from dogshape.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
-from dogshape.diagnosis.inference.outcome import DISTINCT_LOG_ODDS, ShiftPlan, shift_plan
+from dogshape.diagnosis.inference.outcome import (
+    DISTINCT_LOG_ODDS,
+    NextTest,
+    ShiftPlan,
+    shift_plan,
+)
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import calibrated_study, gap_update
@@ -29,7 +34,11 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
 from dogshape.pipeline.diagnose.consequence import Consequence, compute_consequence, load_candidates
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.drafts.bench_folder import draft_bench
-from dogshape.pipeline.drafts.reading_table import assumption_lines, count_text, left_out_lines
+from dogshape.pipeline.drafts.reading_table import (
+    BenchReading,
+    assumption_lines,
+    left_out_lines,
+)
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of
 from dogshape.pipeline.reports import gap_page
@@ -53,14 +62,14 @@ class Diagnosis(Result):
     """Causes of a gap with their probabilities, the residuals, and the next test.
 
     ``consequence`` is the effect of the cause on the best designs of a study, ``folder`` has the
-    written report, record and table, ``reading`` the record of a table's reading (``write_bench``);
+    written report, record and table, ``reading`` is that of a table (``write_bench``);
     None without a study, a folder or a table.
     """
 
     inference: Inference
     consequence: Consequence | None = None
     folder: Path | None = None
-    reading: dict[str, Any] | None = None
+    reading: BenchReading | None = None
 
     @property
     def verdict(self) -> str:
@@ -72,12 +81,27 @@ class Diagnosis(Result):
         """Effects that are part of the cause by the verdict."""
         return tuple(self.inference.verdict.causes)
 
+    @property
+    def next_test(self) -> NextTest | None:
+        """Bench test that is worth most; None if no test is."""
+        return next(iter(self.inference.tests), None)
+
+    @property
+    def next_test_line(self) -> str:
+        """Line on the next test."""
+        test = self.next_test
+        return f"next test: {test.name}. {test.why}" if test else "next test: none"
+
+    @property
+    def report_file(self) -> Path | None:
+        """Written page; None without a folder."""
+        return None if self.folder is None else self.folder / "report.html"
+
     def to_parts(self) -> list[str | Table]:
         """Describe verdict and next test, with tables of hypotheses and residuals."""
         inference = self.inference
-        record = self.to_dict()
         parts: list[str | Table] = [
-            record["summary"],
+            summary(inference),
             "",
             gap_page.hypothesis_table(inference),
             "",
@@ -90,15 +114,16 @@ class Diagnosis(Result):
             if effect not in bundled_effects:
                 probability = inference.inclusion.get(effect, 0.0)
                 parts.append(f"own effect {effect}: {chance(probability)}")
-        parts.append("next test: {name}. {why}".format(**record["next_test"]))
+        parts.append(self.next_test_line)
         if self.consequence:
             parts.append(self.consequence.sentence)
         if self.folder:
-            parts.append(f"report: {record['report']}")
+            parts.append(f"report: {self.report_file}")
         parts += gap_page.examined_lines(inference.bench)
         if self.reading:
-            parts += [f"read: {count_text(self.reading)}", *left_out_lines(self.reading)]
-            parts += assumption_lines(self.reading)
+            parts.append(f"read: {self.reading.count_text}")
+            parts += left_out_lines(self.reading.report.left_out)
+            parts += assumption_lines(self.reading.assumed)
         return parts
 
     def to_dict(self) -> dict[str, Any]:
@@ -108,8 +133,8 @@ class Diagnosis(Result):
             "summary": summary(self.inference),
             **findings_record(self.inference.bench),
             "so_what": self.consequence.record if self.consequence else None,
-            "report": str(self.folder / "report.html") if self.folder else None,
-            "reading": self.reading,
+            "report": str(self.report_file) if self.report_file else None,
+            "reading": self.reading.to_dict() if self.reading else None,
         }
 
     def to_frame(self) -> Frame:
@@ -166,8 +191,8 @@ def _bank_options(
 @contextmanager
 def _data_of(
     bench: str | Path | BenchDraft, correct: Sequence[str], listener: Progress
-) -> Iterator[tuple[Bench, dict[str, Any] | None]]:
-    """Yield the data set and the record of its reading, None for a folder.
+) -> Iterator[tuple[Bench, BenchReading | None]]:
+    """Yield the data set and its reading, None for a folder.
 
     Assumptions of the reading of a table go to ``listener``.
     """
@@ -177,7 +202,7 @@ def _data_of(
             return
         bench = BenchDraft(bench)
     with draft_bench(bench, correct) as (data, reading):
-        for line in assumption_lines(reading):
+        for line in assumption_lines(reading.assumed):
             listener.say(line)
         yield data, reading
 
@@ -259,30 +284,35 @@ class Update(Result):
     """
 
     diagnosis: Diagnosis
-    record: dict[str, Any]
+    record: gap_update.UpdateRecord
 
     def to_parts(self) -> list[str | Table]:
         """Tabulate probabilities before and after, with both verdicts and the next test."""
-        record = self.to_dict()
+        diagnosis = self.diagnosis
         ranking = self.to_frame().sort_values("after", ascending=False, kind="stable")
         leading = ranking[:SHOWN_HYPOTHESES]
         rows = [[row[0], *map(chance, row[1:])] for row in leading.itertuples()]
         return [
-            self.record["sentence"],
+            self.record.sentence,
             "",
             Table(("hypothesis", "before", "now"), rows),
             "",
-            f"before: {self.record['before']['headline']}",
-            f"now: {self.record['after']['headline']}",
-            "next test: {name}. {why}".format(**record["next_test"]),
-            f"report: {record['report']}",
-            *gap_page.examined_lines(self.diagnosis.inference.bench),
+            f"before: {self.record.before.headline}",
+            f"now: {self.record.after.headline}",
+            diagnosis.next_test_line,
+            f"report: {diagnosis.report_file}",
+            *gap_page.examined_lines(diagnosis.inference.bench),
         ]
 
     def to_dict(self) -> dict[str, Any]:
         """Convert the update to the record that ``dogshape update-diagnosis --json`` prints."""
-        after = self.diagnosis.to_dict()
-        return {**self.record, "next_test": after["next_test"], "report": after["report"]}
+        test = self.diagnosis.next_test
+        report = self.diagnosis.report_file
+        return {
+            **self.record.to_dict(),
+            "next_test": test.to_dict() if test else None,
+            "report": str(report) if report else None,
+        }
 
     def plot(self) -> Figure:
         """Draw the probabilities of the leading hypotheses before and after the readings."""
@@ -290,12 +320,16 @@ class Update(Result):
 
         ranking = self.to_frame().sort_values("after", ascending=False, kind="stable")
         leading = ranking[:SHOWN_HYPOTHESES]
-        before, after = leading["before"].tolist(), leading["after"].tolist()
-        return probabilities_figure(leading.index.tolist(), before, after)
+        return probabilities_figure(
+            leading.index.tolist(), leading.before.tolist(), leading.after.tolist()
+        )
 
     def to_frame(self) -> Frame:
         """Tabulate probabilities before and after, a row for each hypothesis."""
-        columns = {when: self.record[when]["probabilities"] for when in ("before", "after")}
+        columns = {
+            "before": self.record.before.probabilities,
+            "after": self.record.after.probabilities,
+        }
         return pd.DataFrame(columns).fillna(0.0).rename_axis("hypothesis")
 
 
@@ -329,13 +363,34 @@ def update_diagnosis(
         count = len(request.joined)
         previous = gap_update.keep_previous(target, count)
         effects = request.effects if effects is None else effects
-        options = _bank_options(bank, effects, jobs, progress, engine=previous["engine"])
+        options = _bank_options(bank, effects, jobs, progress, engine=previous.engine)
         inference = diagnose_bench(bench, options)
         record = gap_update.update_record(previous, inference, sheet, count)
         history = gap_update.add_update(target, record, count)
         gap_page.publish(inference, target, history=history)
         gap_update.settle_data(target)
     return Update(Diagnosis(inference, None, target), record)
+
+
+class PlannedVisit(NamedTuple):
+    """Visit of an operating point in a plan; its fields are keys of the record."""
+
+    visit: int  #: number, from 1
+    mismatch_rpm: float
+    force_N: float
+    shifts: int
+    reference: bool  #: whether the point is the reference, which shows a drift
+
+    @property
+    def cells(self) -> list[str]:
+        """Cells of the visit's row in a table."""
+        return [
+            str(self.visit),
+            number(self.mismatch_rpm),
+            number(self.force_N),
+            str(self.shifts),
+            "reference" if self.reference else "",
+        ]
 
 
 @dataclass(frozen=True, repr=False)
@@ -349,12 +404,39 @@ class Plan(Result):
     inference: ShiftPlan
     sheet: Path | None = None
 
+    @property
+    def visits(self) -> list[PlannedVisit]:
+        """Visits in their order."""
+        visits = []
+        for visit, (index, shifts) in enumerate(self.inference.order, start=1):
+            point = self.bench.cells[index].point
+            visits.append(
+                PlannedVisit(
+                    visit=visit,
+                    mismatch_rpm=point.mismatch / RPM,
+                    force_N=point.profile.force,
+                    shifts=shifts,
+                    reference=index == self.inference.reference,
+                )
+            )
+        return visits
+
+    @property
+    def hypotheses(self) -> list[str]:
+        """Names of the causes that may be true, ``none`` first."""
+        return [h[0] if h else "none" for h in self.inference.field.hypotheses]
+
+    @property
+    def distinct_share(self) -> float:
+        """Share of pairs of causes and of their strengths that the plan distinguishes."""
+        pairs = ~np.eye(len(self.hypotheses), dtype=bool)
+        return float(self.inference.distinct_share[pairs].mean())
+
     def to_parts(self) -> list[str | Table]:
         """Tabulate visits, and rivals of each cause, with the value of the plan."""
-        record = self.to_dict()
         plan = self.inference
-        visits = [_visit_cells(visit) for visit in record["order"]]
-        names = record["hypotheses"]
+        visits = [visit.cells for visit in self.visits]
+        names = self.hypotheses
         causes = [_rival_cells(plan, names, truth) for truth in range(1, len(names))]
         cause_heads = (
             "true cause",
@@ -367,9 +449,9 @@ class Plan(Result):
             "",
             Table(cause_heads, causes),
             "",
-            f"{record['shifts']} shifts at {np.count_nonzero(plan.shifts)} of {len(plan.shifts)} "
+            f"{sum(plan.shifts)} shifts at {np.count_nonzero(plan.shifts)} of {len(plan.shifts)} "
             f"operating points, about {number(plan.hours)} h: chance to decide a pair of causes "
-            f"rightly {chance(plan.worth)}, {chance(record['told_apart'])} of pairs and strengths "
+            f"rightly {chance(plan.worth)}, {chance(self.distinct_share)} of pairs and strengths "
             "distinguished",
             "distinguished: expected odds of 4.5 : 1 and more for the true cause, over the "
             "strengths of the priors. Combinations of effects are not planned for.",
@@ -379,28 +461,20 @@ class Plan(Result):
     def to_dict(self) -> dict[str, Any]:
         """Convert the plan to the record that ``dogshape plan-shifts --json`` prints."""
         plan = self.inference
-        names = [h[0] if h else "none" for h in plan.field.hypotheses]
-        points = [
-            {"mismatch_rpm": cell.point.mismatch / RPM, "force_N": cell.point.profile.force}
-            for cell in self.bench.cells
-        ]
+        names = self.hypotheses
+        reference = self.bench.cells[plan.reference].point
         pairs = ~np.eye(len(names), dtype=bool)
         return {
             "bench": self.bench.name,
             "shifts": sum(plan.shifts),
             "hours": plan.hours,
-            "reference": points[plan.reference],
-            "order": [
-                {
-                    "visit": visit,
-                    **points[point],
-                    "shifts": shifts,
-                    "reference": point == plan.reference,
-                }
-                for visit, (point, shifts) in enumerate(plan.order, start=1)
-            ],
+            "reference": {
+                "mismatch_rpm": reference.mismatch / RPM,
+                "force_N": reference.profile.force,
+            },
+            "order": [visit._asdict() for visit in self.visits],
             "worth": plan.worth,
-            "told_apart": float(plan.distinct_share[pairs].mean()),
+            "told_apart": self.distinct_share,
             "threshold_nats": DISTINCT_LOG_ODDS,
             "hypotheses": names,
             "pairs": [
@@ -428,17 +502,7 @@ class Plan(Result):
 
     def to_frame(self) -> Frame:
         """Tabulate operating point and number of shifts, a row for each visit."""
-        return pd.DataFrame(self.to_dict()["order"]).set_index("visit")
-
-
-def _visit_cells(visit: dict[str, Any]) -> list[str]:
-    return [
-        str(visit["visit"]),
-        number(visit["mismatch_rpm"]),
-        number(visit["force_N"]),
-        str(visit["shifts"]),
-        "reference" if visit["reference"] else "",
-    ]
+        return pd.DataFrame(self.visits).set_index("visit")
 
 
 def _rival_cells(plan: ShiftPlan, names: Sequence[str], truth: int) -> list[str]:

@@ -6,13 +6,15 @@ An impossible design has no time, and a reason.
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from dogshape.bench.raw_sheet import file_of
 from dogshape.bench.texts import TextTable, is_plain, read_table
@@ -55,6 +57,47 @@ MAX_LISTED_CELLS = 10  #: faulty cells in an error message
 MAX_LISTED_ROWS = 5  #: rows without an answer in the printed result
 
 
+class Judgements(NamedTuple):
+    """Closed-form checks of designs, an array (n,) for each."""
+
+    real: NDArray[np.bool_]  #: whether the dog is possible
+    feasible: NDArray[np.bool_]  #: whether no check fails
+    verdict: NDArray[np.object_]  #: texts of ``STATES``
+    smallest_margin: Array  #: margin of the worst check; NaN for an impossible dog
+    worst_check: NDArray[np.object_]  #: its name; empty for an impossible dog
+    reason: NDArray[np.object_]  #: why the design has no time or cannot be made; else empty
+
+
+class PredictedTimes(NamedTuple):
+    """Predicted expected shift times of designs, an array (n,) for each; NaN without a time."""
+
+    time: Array  #: s
+    low: Array  #: of the 95 % interval, s
+    high: Array  #: of the 95 % interval, s
+    error: Array  #: standard error, s
+    distance: Array  #: to the nearest simulated design, spacings of these
+    in_range: NDArray[np.bool_]  #: whether the design lies within the trained range
+
+
+class PredictedDesign(NamedTuple):
+    """A design of the table with its predicted time."""
+
+    row: int  #: in the table
+    variables: dict[str, float]  #: in the units of the study
+    time: float  #: s
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert the design to values of JSON."""
+        return {"row": self.row, **self.variables, TIME: self.time}
+
+
+class RowReason(NamedTuple):
+    """A row of the table without an answer."""
+
+    row: int
+    reason: str
+
+
 @dataclass(frozen=True, repr=False)
 class Predictions(Result):
     """Predicted shift times of many designs, with their closed-form checks.
@@ -62,21 +105,29 @@ class Predictions(Result):
     ``feasible`` is a design that fails none of these; its verdict is ``not_judged``, since no
     prediction has a landing.
 
-    ``answers`` has variables, times and checks by the rows of the ``table``; ``filled`` are
-    variables without a column, at the study's value. ``written`` is the file of the answers; None
-    without one.
+    ``designs`` are the values (n, d) of the ``variables`` in the rows of the ``table``; ``filled``
+    are variables without a column, at the study's value. ``written`` is the file of the answers;
+    None without one.
     """
 
     config: Setup
     table: TextTable
+    variables: tuple[str, ...]
+    designs: Array
     filled: dict[str, float]
-    answers: pd.DataFrame
+    times: PredictedTimes
+    checks: Judgements
     written: Path | None = None
+
+    @property
+    def rows(self) -> Array:
+        """Numbers of the designs in the table, (n,)."""
+        return np.array([number for number, _ in self.table.rows])
 
     @property
     def kept(self) -> list[str]:
         """Columns of the table that are no variable and are copied."""
-        return [name for name in self.table.head if name == "real" or name not in self.answers]
+        return [name for name in self.table.head if name not in self.variables]
 
     @property
     def notes(self) -> list[str]:
@@ -92,21 +143,21 @@ class Predictions(Result):
 
     def to_parts(self) -> list[str | Table]:
         """Describe rows without an answer, counts and the best design."""
-        record = self.to_dict()
-        best = record["best_feasible"]
+        best = self._fastest(self.checks.feasible)
+        impossible = self.impossible
         time = "-"
         commands = []
         if best is not None:
-            time = f"{time_text(best[TIME])}, row {best['row']}"
-            command = self.command(best)
+            time = f"{time_text(best.time)}, row {best.row}"
+            command = self.command(best.variables)
             if command:
-                commands = [f"landing and engagement of row {best['row']}: {command}"]
+                commands = [f"landing and engagement of row {best.row}: {command}"]
         return [
-            *_row_lines(record["impossible"], "is no design", "are no designs"),
-            *_row_lines(record["without_time"], "has no time", "have no time"),
-            f"wrote {record['file']}: designs {record['n']}, in the trained range "
-            f"{record['in_range']}, without a failed check {record['feasible']}, impossible "
-            f"{len(record['impossible'])}, least time of one without a failed check {time}",
+            *_row_lines(impossible, "is no design", "are no designs"),
+            *_row_lines(self.without_time, "has no time", "have no time"),
+            f"wrote {self.written}: designs {len(self.rows)}, in the trained range "
+            f"{self.times.in_range.sum()}, without a failed check {self.checks.feasible.sum()}, "
+            f"impossible {len(impossible)}, least time of one without a failed check {time}",
             f"not judged: {', '.join(check.text for check in self.not_judged)}",
             *commands,
         ]
@@ -116,18 +167,28 @@ class Predictions(Result):
 
         Empty where a variable is of the operation and no key of the dog.
         """
-        variables = self._variables
-        if set(variables) & set(OPERATED):
+        if set(self.variables) & set(OPERATED):
             return ""
         keys = " ".join(
-            f"--set dog.{name}={design[name]:.10g}" for name in variables if name not in self.filled
+            f"--set dog.{name}={design[name]:.10g}"
+            for name in self.variables
+            if name not in self.filled
         )
         return f"dogshape check {self.config.name} {keys}"
 
     @property
-    def _variables(self) -> list[str]:
-        columns = list(self.answers)
-        return columns[: columns.index(TIME)]
+    def impossible(self) -> list[RowReason]:
+        """Rows of designs that no dog can have."""
+        return self._reasons(~self.checks.real)
+
+    @property
+    def without_time(self) -> list[RowReason]:
+        """Rows of possible designs for which the surrogate has no time."""
+        return self._reasons(self.checks.real & np.isnan(self.times.time))
+
+    def _reasons(self, selected: NDArray[np.bool_]) -> list[RowReason]:
+        rows = self.rows[selected].tolist()
+        return [*map(RowReason, rows, self.checks.reason[selected])]
 
     @property
     def not_judged(self) -> tuple[Missing, ...]:
@@ -139,48 +200,49 @@ class Predictions(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Convert counts, rows without an answer, and the best designs to values of JSON."""
-        answers = self.answers
-        real = answers["real"]
-        verdicts = answers["verdict"]
+        checks = self.checks
+        best = self._fastest(checks.real)
+        best_feasible = self._fastest(checks.feasible)
         return {
             "file": None if self.written is None else str(self.written),
-            "n": len(answers),
-            "in_range": int(answers["in_range"].sum()),
-            "feasible": int(answers["feasible"].sum()),
+            "n": len(self.rows),
+            "in_range": int(self.times.in_range.sum()),
+            "feasible": int(checks.feasible.sum()),
             "verdict": {
-                "state": {state: int((verdicts == state).sum()) for state in STATES.values()},
+                "state": {state: int((checks.verdict == state).sum()) for state in STATES.values()},
                 "not_judged": [
                     {"check": check.check, "key": check.key} for check in self.not_judged
                 ],
             },
-            "impossible": _reasons(answers[~real]),
-            "without_time": _reasons(answers[real & answers[TIME].isna()]),
+            "impossible": [row._asdict() for row in self.impossible],
+            "without_time": [row._asdict() for row in self.without_time],
             "filled": self.filled,
             "kept": self.kept,
-            "best": self._fastest(answers[real]),
-            "best_feasible": self._fastest(answers[answers["feasible"]]),
+            "best": best.to_dict() if best else None,
+            "best_feasible": best_feasible.to_dict() if best_feasible else None,
         }
 
-    def _fastest(self, answers: pd.DataFrame) -> dict[str, Any] | None:
-        """Select row, variables and time of the fastest design; None without a time."""
-        times = answers[TIME].dropna()
-        if times.empty:
+    def _fastest(self, selected: NDArray[np.bool_]) -> PredictedDesign | None:
+        """Select the fastest of designs; None if none of them has a time."""
+        times = np.where(selected, self.times.time, np.nan)
+        if np.isnan(times).all():
             return None
-        row = times.idxmin()
-        values = answers.loc[row, [*self._variables, TIME]].astype(float)
-        return {"row": int(row), **values.to_dict()}
+        index = int(np.nanargmin(times))
+        variables = dict(zip(self.variables, self.designs[index].tolist(), strict=True))
+        return PredictedDesign(int(self.rows[index]), variables, float(times[index]))
 
     def plot(self) -> Figure:
         """Draw the predicted times with their 95 % intervals, ms, by the rows of the table."""
         from dogshape.pipeline.reports.result_figures import predictions_figure  # noqa: PLC0415
 
-        answers = self.answers.dropna(subset=[TIME])
+        times = self.times
+        timed = ~np.isnan(times.time)
         return predictions_figure(
-            answers.index.tolist(),
-            answers[TIME].tolist(),
-            low=answers["low_s"].tolist(),
-            high=answers["high_s"].tolist(),
-            feasible=answers["feasible"].tolist(),
+            self.rows[timed].tolist(),
+            times.time[timed].tolist(),
+            low=times.low[timed].tolist(),
+            high=times.high[timed].tolist(),
+            feasible=self.checks.feasible[timed].tolist(),
         )
 
     def to_frame(self) -> pd.DataFrame:
@@ -188,20 +250,22 @@ class Predictions(Result):
 
         ``not_judged`` has the standard checks that a prediction leaves open, landing among them.
         """
-        frame = self.answers.drop(columns="real")
-        frame[NOT_JUDGED] = " ".join(check.check for check in self.not_judged)
+        checks = self.checks
+        columns = {
+            **dict(zip(self.variables, self.designs.T, strict=True)),
+            **dict(zip(TIMES, self.times, strict=True)),
+            **{name: getattr(checks, name) for name in CHECKS},
+            NOT_JUDGED: " ".join(check.check for check in self.not_judged),
+        }
+        frame = pd.DataFrame(columns, index=pd.Index(self.rows, name="row"))
         for position, name in enumerate(self.kept):
             frame.insert(position, name, self.table.column(name))
         return frame
 
 
-def _reasons(answers: pd.DataFrame) -> list[dict[str, Any]]:
-    return [{"row": row, "reason": reason} for row, reason in answers["reason"].items()]
-
-
-def _row_lines(rows: Sequence[Mapping[str, Any]], singular: str, plural: str) -> list[str]:
+def _row_lines(rows: Sequence[RowReason], singular: str, plural: str) -> list[str]:
     """List rows without an answer with their reasons, and the number of further ones."""
-    lines = [f"row {row['row']} {singular}: {row['reason']}" for row in rows[:MAX_LISTED_ROWS]]
+    lines = [f"row {row} {singular}: {reason}" for row, reason in rows[:MAX_LISTED_ROWS]]
     if len(rows) > MAX_LISTED_ROWS:
         lines.append(f"and {len(rows) - MAX_LISTED_ROWS} more rows {plural}")
     return lines
@@ -226,14 +290,18 @@ def predict_designs(
         raise InputError(f"{table.path} holds no design below its line of names; add some")
     x = _design_values(table, variables, config.prototype)
     checks = judge_designs(config, variables, x)
-    checks.loc[(checks["reason"] == "") & faces_hold(model.data, x), "reason"] = HOLDS
-    predicted = np.asarray(checks["reason"] == "", dtype=bool)
-    times = _predicted_times(model, x, predicted, mix)
-    columns = dict(zip(variables, x.T, strict=True))
-    answers = pd.concat([pd.DataFrame(columns), times, checks], axis=1)
-    answers.index = pd.Index([number for number, _ in table.rows], name="row")
-    filled = {name: config.prototype[name] for name in variables if name not in table.head}
-    predictions = Predictions(config, table, filled, answers, target)
+    holds = (checks.reason == "") & faces_hold(model.data, x)
+    checks = checks._replace(reason=np.where(holds, HOLDS, checks.reason))
+    predictions = Predictions(
+        config,
+        table,
+        variables=variables,
+        designs=x,
+        filled={name: config.prototype[name] for name in variables if name not in table.head},
+        times=_predict_times(model, x, checks.reason == "", mix),
+        checks=checks,
+        written=target,
+    )
     if target is not None:
         write_frame(predictions.to_frame(), target, digits=6)
     return predictions
@@ -257,8 +325,10 @@ def _read_designs(
         raise InputError(missing) from None
 
 
-def _predicted_times(model: Surrogate, x: Array, predicted: Array, mix: Mix) -> pd.DataFrame:
-    """Predict the ``TIMES`` of designs, (n, 6); NaN and out of range where not ``predicted``."""
+def _predict_times(
+    model: Surrogate, x: Array, predicted: NDArray[np.bool_], mix: Mix
+) -> PredictedTimes:
+    """Predict times of designs (n, d); NaN and out of range where not ``predicted``, (n,)."""
     times = np.full((len(x), 5), np.nan)
     in_training_range = np.zeros(len(x), dtype=bool)
     if predicted.any():
@@ -267,7 +337,7 @@ def _predicted_times(model: Surrogate, x: Array, predicted: Array, mix: Mix) -> 
         low, high = interval(time, error)
         times[predicted] = np.column_stack([time, low, high, error, distance])
         in_training_range[predicted] = in_range(model, x[predicted], mix, distance)
-    return pd.DataFrame(dict(zip(TIMES, (*times.T, in_training_range), strict=True)))
+    return PredictedTimes._make((*times.T, in_training_range))
 
 
 def answer_path(source: Path) -> Path:
@@ -276,27 +346,25 @@ def answer_path(source: Path) -> Path:
     return source.with_name(f"{source.stem}-times{ending}")
 
 
-def judge_designs(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
-    """Judge designs (n, d) in edge units by every check that needs no simulation.
-
-    A row for each, with ``CHECKS`` and ``real``, whether the dog is possible; else the margin is
-    NaN and the worst check empty. ``reason`` says why a dog is impossible or cannot be made.
-    """
+def judge_designs(study: Setup, names: Sequence[str], x: Array) -> Judgements:
+    """Judge designs (n, d) in edge units by every check that needs no simulation."""
     is_possible = np.zeros(len(x), dtype=bool)
-    frames = []
+    places = []
+    parts = []
     with np.errstate(all="ignore"):  # of impossible shapes
         if has_common_limits(study, names):
             is_possible |= dogs_of(study, names, x).possible
         indices = np.flatnonzero(is_possible)
         for start in range(0, len(indices), CHUNK_SIZE):
             chunk = indices[start : start + CHUNK_SIZE]
-            frames.append(_judge_together(study, names, x[chunk]).set_index(chunk))
+            places.append(chunk)
+            parts.append(_judge_together(study, names, x[chunk]))
     # The dog itself explains why a shape is impossible.
-    single = [
-        _judge_design(study, dict(zip(names, row, strict=True))) for row in x[~is_possible].tolist()
-    ]
-    frames.append(pd.DataFrame(single, np.flatnonzero(~is_possible), ("real", *CHECKS)))
-    return pd.concat([frame for frame in frames if len(frame)]).sort_index()
+    for place in np.flatnonzero(~is_possible):
+        places.append(np.array([place]))
+        parts.append(_judge_design(study, dict(zip(names, x[place].tolist(), strict=True))))
+    order = np.argsort(np.concatenate(places))
+    return Judgements(*(np.concatenate(arrays)[order] for arrays in zip(*parts, strict=True)))
 
 
 def has_common_limits(study: Setup, names: Sequence[str]) -> bool:
@@ -306,21 +374,28 @@ def has_common_limits(study: Setup, names: Sequence[str]) -> bool:
     return all(objective.simulated for objective, _ in limits_of(study))
 
 
-def _judge_design(
-    study: Setup, parameters: dict[str, float]
-) -> tuple[bool, bool, str, float, str, str]:
-    """Judge a design; ``real`` and the ``CHECKS``."""
+def _judge_design(study: Setup, parameters: dict[str, float]) -> Judgements:
+    """Judge a design; arrays (1,)."""
     try:
         design = design_of(study, parameters)
     except DogshapeError as error:  # values that no dog can have
         design = Design(study, parameters, None, (), str(error))
     faults = [check.name for check in design.checks if check.name in MAKEABLE and not check.passed]
-    reason = design.refusal or _manufacturing_reason(faults)
-    if not design.checks:
-        return False, False, STATES[False], np.nan, "", reason
-    weakest = smallest_margin(design.checks)
-    verdict = STATES[design.feasible]
-    return True, design.feasible, verdict, weakest.margin, weakest.name, reason
+    margin = math.nan
+    worst_check = ""
+    if design.checks:
+        weakest = smallest_margin(design.checks)
+        margin = weakest.margin
+        worst_check = weakest.name
+    feasible = bool(design.checks) and design.feasible
+    return Judgements(
+        real=np.array([bool(design.checks)]),
+        feasible=np.array([feasible]),
+        verdict=np.array([STATES[feasible]], dtype=object),
+        smallest_margin=np.array([margin]),
+        worst_check=np.array([worst_check], dtype=object),
+        reason=np.array([design.refusal or _manufacturing_reason(faults)], dtype=object),
+    )
 
 
 def _manufacturing_reason(checks: Iterable[str]) -> str:
@@ -328,8 +403,8 @@ def _manufacturing_reason(checks: Iterable[str]) -> str:
     return f"cannot be made: fails {names}" if names else ""
 
 
-def _judge_together(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
-    """Judge possible designs by closed forms; ``real`` and the ``CHECKS``, a row each."""
+def _judge_together(study: Setup, names: Sequence[str], x: Array) -> Judgements:
+    """Judge possible designs (n, d) by closed forms."""
     checks = strength_checks(dogs_of(study, names, x), study.limits)
     margins = pd.DataFrame({c.name: np.broadcast_to(c.margin, len(x)) for c in checks})
     smallest = margins.min(axis=1)
@@ -338,15 +413,13 @@ def _judge_together(study: Setup, names: Sequence[str], x: Array) -> pd.DataFram
     reason = np.full(len(x), "", dtype=object)
     for row in np.flatnonzero(faults.any(axis=1)):
         reason[row] = _manufacturing_reason(faults.columns[faults.iloc[row]])
-    return pd.DataFrame(
-        {
-            "real": True,
-            "feasible": passed,
-            "verdict": passed.map(STATES),
-            "smallest_margin": smallest,
-            "worst_check": margins.idxmin(axis=1),
-            "reason": reason,
-        }
+    return Judgements(
+        real=np.ones(len(x), dtype=bool),
+        feasible=passed.to_numpy(),
+        verdict=passed.map(STATES).to_numpy(dtype=object),
+        smallest_margin=smallest.to_numpy(),
+        worst_check=margins.idxmin(axis=1).to_numpy(dtype=object),
+        reason=reason,
     )
 
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
-from pydantic import BaseModel, Field, ModelWrapValidatorHandler, model_validator
+from pydantic import ModelWrapValidatorHandler, model_validator
 
-from dogshape.sim.clutch_tables import Section
+from dogshape.sim.clutch_tables import Section, declared_key
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,41 +27,6 @@ else:  # they take half a second to load, which a quick answer does not need
 
 SHARE = "share"  #: unit of quantities between 0 and 1
 MINUS = "\N{MINUS SIGN}"
-
-
-def key(
-    meaning: str,
-    unit: str = "",
-    default: Any = ...,
-    *,
-    head: str = "",
-    scale: float = 1.0,
-    form: str = ".4g",
-    late: bool = False,
-) -> Any:
-    """Declare a key of a record; required without a default.
-
-    Parameters
-    ----------
-    meaning, unit
-        Of the value, for schema and reference page.
-    default
-        Value of an absent key.
-    head
-        Head of its column in a table; none is printed without it.
-    scale
-        Factor from the stored to the printed number.
-    form
-        Format of the printed number.
-    late
-        Whether earlier versions lack the key; its default then is None.
-
-    """
-    if late:
-        meaning = f"{meaning}; absent in earlier versions"
-        default = None
-    look: dict[str, Any] = {"unit": unit, "head": head, "scale": scale, "form": form}
-    return Field(default, description=meaning, json_schema_extra=look)
 
 
 @dataclass(frozen=True)
@@ -92,15 +57,15 @@ class Record(Section):
     def cell(self, name: str) -> str:
         """Print the value of a key in the format of its column; None as a dash."""
         value = getattr(self, name)
-        look = look_of(type(self), name)
+        declared = declared_key(type(self), name)
         if isinstance(value, bool):
             return "yes" if value else "no"
         if isinstance(value, str):
             return value
         if value is None or math.isnan(value):
             return "-"
-        scaled = value if look["scale"] == 1.0 else look["scale"] * value
-        return f"{scaled:{look['form']}}".replace("-", MINUS).replace("%", " %")
+        scaled = value if declared.scale == 1.0 else declared.scale * value
+        return f"{scaled:{declared.form}}".replace("-", MINUS).replace("%", " %")
 
 
 class FileRecord(Record):
@@ -129,15 +94,10 @@ def percent(margin: float) -> str:
     return f"{100 * margin:z.{digits}f} %".replace("-", MINUS)
 
 
-def look_of(kind: type[BaseModel], name: str) -> dict[str, Any]:
-    """Return unit, head, scale and format of a key."""
-    return cast(dict[str, Any], kind.model_fields[name].json_schema_extra)
-
-
 def tabulate(kind: type[Record], rows: Sequence[Record], *names: str) -> Table:
     """Tabulate keys of records, by default all that have a head."""
-    columns = names or [name for name in kind.model_fields if look_of(kind, name)["head"]]
-    heads = [look_of(kind, name)["head"] for name in columns]
+    columns = names or [name for name in kind.model_fields if declared_key(kind, name).head]
+    heads = [declared_key(kind, name).head for name in columns]
     return Table(heads, [[row.cell(name) for name in columns] for row in rows])
 
 

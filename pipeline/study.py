@@ -150,11 +150,13 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
     shift_count = result.n_simulated_shifts
     if confirmation is not None:
         rows = {trial.number: design_row(state, trial) for trial in state.trials if trial.confirmed}
-        changes["best"] = rows[confirmation.chosen]
-        changes["front"] = [rows[trial.number] for trial in state.front if trial.confirmed]
+        changes |= {
+            "best": rows[confirmation.chosen],
+            "front": [rows[trial.number] for trial in state.front if trial.confirmed],
+        }
         shift_count += _confirmation_shifts(confirmation, rows)
     if nearest is not None:
-        changes["nearest"] = nearest
+        changes |= {"nearest": nearest}
         shift_count += sum(design.shifts or 0 for design in nearest)
     return result.model_copy(update={**changes, "n_simulated_shifts": shift_count})
 

@@ -6,10 +6,21 @@ validator names each broken rule by a kind, which ``RULES`` words.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Optional, TypeVar, get_args, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Optional,
+    TypeVar,
+    cast,
+    get_args,
+    get_type_hints,
+)
 
 from pydantic import (
     BaseModel,
@@ -17,19 +28,19 @@ from pydantic import (
     ConfigDict,
     Field,
     ValidationError,
-    create_model,
     model_validator,
 )
 from pydantic_core import ErrorDetails
 
 from dogshape.sim.errors import InputError, Refusal, did_you_mean, join_faults, meant_number
-from dogshape.sim.quantity import quantities_of
+from dogshape.sim.quantity import Quantity, quantities_of
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
 from dogshape.sim.units import DEG, from_si, suffix_of, to_si, unit_of
 
+DECLARATION = "quantity"  #: of a key, in the extras of its field
 MAX_VALUE_CHARACTERS = 60  #: of a value in a message
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"
 
@@ -116,9 +127,62 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-def later(default: Any = None) -> Any:
-    """Declare the default of a key added later; a file's hash omits the key at its default."""
-    return Field(default=default, exclude_if=lambda value: value == default)
+def key(
+    meaning: str = "",
+    unit: str = "",
+    default: Any = ...,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    head: str = "",
+    scale: float = 1.0,
+    form: str = ".4g",
+    late: bool = False,
+) -> Any:
+    """Declare a key of a section or a record; required without a default.
+
+    Parameters
+    ----------
+    meaning, unit
+        Of the value, for schema and reference page.
+    default
+        Value of an absent key.
+    low, high
+        Range of a value of a file.
+    head
+        Head of its column in a table; none is printed without it.
+    scale
+        Factor from the stored to the printed number.
+    form
+        Format of the printed number.
+    late
+        Whether earlier versions of a record lack the key; its default then is None. Late keys of
+        files are declared by ``later``.
+
+    """
+    if late:
+        meaning = f"{meaning}; absent in earlier versions"
+        default = None
+    declared = Quantity(low=low, high=high, late=late, unit=unit, head=head, scale=scale, form=form)
+    return Field(
+        default, description=meaning or None, json_schema_extra={DECLARATION: cast(Any, declared)}
+    )
+
+
+def later(default: Any = None, *, low: float = -math.inf, high: float = math.inf) -> Any:
+    """Declare a key added later; a file's hash omits the key at its default."""
+    declared = Quantity(low=low, high=high, late=True)
+    return Field(
+        default=default,
+        exclude_if=lambda value: value == default,
+        json_schema_extra={DECLARATION: cast(Any, declared)},
+    )
+
+
+def declared_key(kind: type[BaseModel], name: str) -> Quantity:
+    """Return the declaration of a key of a section or a record, an empty one without."""
+    extra = kind.model_fields[name].json_schema_extra
+    return cast(Quantity, extra[DECLARATION]) if isinstance(extra, dict) else Quantity()
 
 
 def or_one(*kinds: type) -> BeforeValidator:
@@ -127,10 +191,65 @@ def or_one(*kinds: type) -> BeforeValidator:
 
 
 class Keys(Section):
-    """A section that builds a value of ``sim``, whole or over a named set."""
+    """A section that builds a value of ``sim``, whole or over a named set.
+
+    Its keys are the quantities of a dataclass: ``class DogSection(Keys, of=Dog)``. Late quantities
+    and those with the default None are no part of a hash at their default.
+
+    Parameters
+    ----------
+    of : dataclass of ``sim`` that the section builds.
+    named_by : function that returns a set by name; absent keys then keep the values of the set.
+    leave : fields without a key.
+    optional : fields without a default that a file may lack, None then.
+    absent : whether a file may lack any key, None then.
+    kind_of_number : type of the keys if it is not that of the fields.
+    """
 
     kind: ClassVar[Any]
     set_named: ClassVar[Any] = None  #: function that returns a set by its name
+
+    if TYPE_CHECKING:  # its keys are those of the dataclass
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    def __init_subclass__(
+        cls,
+        *,
+        of: Any = None,
+        named_by: Any = None,
+        leave: Sequence[str] = (),
+        optional: Sequence[str] = (),
+        absent: bool = False,
+        kind_of_number: Any = None,
+        **settings: Any,
+    ) -> None:
+        """Add the keys of the dataclass ``of`` before those of the class itself."""
+        super().__init_subclass__(**settings)
+        if of is None:
+            return
+        cls.kind = of
+        cls.set_named = named_by
+        keys: dict[str, Any] = {}
+        hints = get_type_hints(of)
+        for name, declared in quantities_of(of).items():
+            if name in leave:
+                continue
+            default: Any = None
+            if not named_by and not absent:
+                is_optional = declared.late or name in optional
+                default = getattr(of, name, None if is_optional else ...)
+            hint = kind_of_number or hints[name]
+            if default is None:
+                hint = Optional[hint]  # noqa: UP045  # no '|' for Annotated
+            elif default is not ...:
+                default = from_si(declared.key, default)
+            if declared.late or (default is None and not named_by):
+                default = later(default)
+            keys[declared.key] = hint
+            if default is not ...:
+                setattr(cls, declared.key, default)
+        cls.__annotations__ = keys | cls.__annotations__
 
     def si(self, *without: str) -> dict[str, Any]:
         """Return the keys in the file as SI fields, except ``set`` and ``without``."""
@@ -148,57 +267,12 @@ class Keys(Section):
         return replace(base, **self.si())
 
 
-def keys_of(
-    of: Any,
-    named_by: Any = None,
-    *,
-    leave: Sequence[str] = (),
-    optional: Sequence[str] = (),
-    kind_of_number: Any = None,
-) -> Any:
-    """Create the base class of a section from the quantities of the dataclass ``of``.
-
-    Late quantities and those with the default None are no part of a hash at their default.
-
-    Parameters
-    ----------
-    of : dataclass of ``sim`` that the section builds.
-    named_by : function that returns a set by name; absent keys then keep the values of the set.
-    leave : fields without a key.
-    optional : fields without a default that a file may lack, None then.
-    kind_of_number : type of the keys if it is not that of the fields.
-    """
-
-    class Base(Keys):
-        kind = of
-        set_named = named_by
-
-    keys: dict[str, Any] = {}
-    hints = get_type_hints(of)
-    for name, declared in quantities_of(of).items():
-        if name in leave:
-            continue
-        default: Any = None
-        if not named_by:
-            is_optional = declared.late or name in optional
-            default = getattr(of, name, None if is_optional else ...)
-        hint = kind_of_number or hints[name]
-        if default is None:
-            hint = Optional[hint]  # noqa: UP045  # no '|' for Annotated
-        elif default is not ...:
-            default = from_si(declared.key, default)
-        if declared.late or (default is None and not named_by):
-            default = later(default)
-        keys[declared.key] = (hint, default)
-    return create_model(f"{of.__name__}Keys", __base__=Base, **keys)
-
-
 def mm_per_deg(outer: float, inner: float) -> float:
     """Compute the arc of 1 degree at the mean radius, mm; diameters ``outer``, ``inner`` in mm."""
     return 0.25 * DEG * (outer + inner)
 
 
-class DogSection(keys_of(Dog)):  # type: ignore[misc]
+class DogSection(Keys, of=Dog):
     """Geometry of the dogs of both rings."""
 
     @model_validator(mode="before")
@@ -244,7 +318,7 @@ class OutputSection(Section):
     inertia_kgm2: float
 
 
-class SpeedControlSection(keys_of(SpeedControl)):  # type: ignore[misc]
+class SpeedControlSection(Keys, of=SpeedControl):
     """Speed control of the mismatch (``sim.shift.drive``)."""
 
 
@@ -285,14 +359,17 @@ class DriveSection(Section):
         )
 
 
-#: Keys of ``[mechanism]`` that change the shift force.
-ACTUATION_KEYS = ("delay_s", "lag_s", "force_factor", "force_loss_N", "rise_factor")
-_fields: Any = {key: (float | None, later()) for key in (*FIELDS, *ACTUATION_KEYS)}
-_Keys: Any = create_model("_Keys", __base__=Section, **_fields)
+class MechanismSection(Keys, of=Mechanism, absent=True):
+    """Mechanism around the ring (``sim.shift.mechanism``); an absent key is no mechanism.
 
+    The last keys change the shift force (``sim.shift.actuation``).
+    """
 
-class MechanismSection(_Keys):  # type: ignore[misc]
-    """Mechanism around the ring (``sim.shift.mechanism``); an absent key is no mechanism."""
+    delay_s: float | None = later()
+    lag_s: float | None = later()
+    force_factor: float | None = later()
+    force_loss_N: float | None = later()
+    rise_factor: float | None = later()
 
     @property
     def given(self) -> dict[str, float]:

@@ -42,9 +42,8 @@ def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
 
     The ridge of a roof comes between the edges.
     """
-    planes = dog_planes(dog)
     floor = Plane(np.array([0.0, 0.0, 1.0]), -0.5 * dog.height)
-    sides = [planes[name] for name in ("braking", "face", "back", "traction") if name in planes]
+    sides = dog_planes(dog).touching
     tip_radii = (len(sides) - 1) * [tip_radius(dog, root_radius)]
     radii = (-root_radius, *tip_radii, -root_radius)
     pairs = pairwise([floor, *sides, floor])

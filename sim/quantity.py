@@ -1,11 +1,13 @@
-"""Declaration of a quantity: its key in a file, its range there, and the version that added it.
+"""Declaration of a quantity: its key, range, meaning, unit, printed form and later addition.
 
 A dataclass of ``sim`` declares each field once (``quantity``). Its section of a study file, the
-record of it and the refusal of a value beyond the range follow (``sim.clutch_tables.keys_of``).
+record of it and the refusal of a value beyond the range follow (``sim.clutch_tables.Keys``). Keys
+of files and records without such a field have the same declaration (``sim.clutch_tables.key``).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import MISSING, dataclass, field, fields
 from functools import lru_cache
 from typing import Any
@@ -16,15 +18,24 @@ from dogshape.sim.units import from_si
 
 @dataclass(frozen=True)
 class Quantity:
-    """Key of a field in a file, and what holds for its value there, in the unit of the key."""
+    """Key of a value in a file or record, and what holds for it, in the unit of the key."""
 
-    key: str
-    low: float
-    high: float
+    key: str = ""  #: of a field of another name; empty for a field that is named as its key
+    low: float = -math.inf
+    high: float = math.inf
     remedy: str = ""  #: of a value beyond the range; empty for that of the section
     #: whether the key was added later: at its default it is no part of a file's hash, so that
     #: results of files without the key stay valid
     late: bool = False
+    unit: str = ""  #: for the reference page
+    head: str = ""  #: of its column in a table; none is printed without it
+    scale: float = 1.0  #: printed over stored number
+    form: str = ".4g"  #: format of the printed number
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether the value has a range."""
+        return math.isfinite(self.low) or math.isfinite(self.high)
 
 
 def quantity(
@@ -37,7 +48,8 @@ def quantity(
     remedy: str = "",
 ) -> Any:
     """Declare a field of a dataclass with its key and range in a file; see ``Quantity``."""
-    return field(default=default, metadata={"quantity": Quantity(key, low, high, remedy, late)})
+    declared = Quantity(key, low, high, remedy=remedy, late=late)
+    return field(default=default, metadata={"quantity": declared})
 
 
 @lru_cache

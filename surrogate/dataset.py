@@ -18,7 +18,7 @@ import numpy as np
 from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
-from dogshape.sim.statistics.shift_records import DEFAULTS, Record, result_of
+from dogshape.sim.statistics.shift_records import DEFAULTS, Record, angle_of, result_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -151,10 +151,10 @@ def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | N
     ``design`` is in edge units. None for fewer than ``MIN_SHIFTS`` shifts, and for drawn angles
     that are not even, as of a draw that was cut off.
     """
-    ordered = sorted(shifts, key=lambda shift: float(shift["relative_angle_deg"]))
-    angles = np.array([shift["relative_angle_deg"] for shift in ordered])
+    ordered = sorted(shifts, key=lambda shift: angle_of(shift).relative_angle_deg)
+    angles = np.array([angle_of(shift).relative_angle_deg for shift in ordered])
     seed = shifts[0].get("seed")
-    pitch = 360.0 / shifts[0]["count"]
+    pitch = 360.0 / angle_of(shifts[0]).dogs
     gaps = np.diff(angles, append=angles[:1] + pitch)
     even = bool(np.allclose(gaps, pitch / len(ordered), rtol=1e-6))
     if len(ordered) < MIN_SHIFTS or (seed is not None and not even):

@@ -14,7 +14,7 @@ engages** is a correlated Beta process (Goetschalckx, Poupart and Hoey 2011). Re
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import product
 from math import inf
@@ -37,10 +37,6 @@ CHUNK_DESIGNS = 2000  #: that are predicted at a time
 #: Angles that decide whether a face or flank holds or lets go.
 ANGLES = ("chamfer_deg", "traction_deg", "braking_deg", "chamfer_back_deg")
 RIDGE_WIDTH = 0.04  #: of the change from holding to letting go, tangent of an angle
-SHAPE = (
-    *(*ANGLES, "height_mm", "count", "outer_diameter_mm", "inner_diameter_mm"),
-    *("crest", "backlash_mm"),
-)
 SHARE_LENGTHS = (0.1, 0.2, 0.4, inf)  #: of designs scaled to one and of operating points
 SHARE_STRENGTHS = (1.0, 10.0, 100.0)  #: shifts that the prior of the share counts for
 POINT_LENGTHS = np.array([0.6, 2.0])  #: of an interpolation, likeliest with 28 points of MQ200
@@ -63,20 +59,39 @@ def coordinates(data: Dataset, x: Array) -> Array:
     return np.concatenate([data.scaled(x), ridge, shape], axis=1)
 
 
+@dataclass(frozen=True)
+class _Shape:
+    """Dogs of designs in the units of their keys, an array (m,) for each key."""
+
+    chamfer_deg: Array
+    traction_deg: Array
+    braking_deg: Array
+    chamfer_back_deg: Array
+    height_mm: Array
+    count: Array
+    outer_diameter_mm: Array
+    inner_diameter_mm: Array
+    crest: Array
+    backlash_mm: Array
+
+
 def shape_of(data: Dataset, x: Array) -> Array:
     """Compute entry play, tip width and fall of the face of designs (m, d), mm, (m, 3).
 
     Where the data have a crest, a fourth column is the fall of the back of the face.
     """
     values = DEFAULTS | data.physics | dict(zip(data.variables, x.T, strict=True))
-    size = {name: np.broadcast_to(values[name], len(x)) for name in SHAPE}
-    chamfer, traction, braking, back = (np.tan(np.radians(size[name])) for name in ANGLES)
-    radius = 0.25 * (size["outer_diameter_mm"] + size["inner_diameter_mm"])
-    play = size["height_mm"] * (traction + braking) + size["backlash_mm"]
-    tip = np.pi * radius / size["count"] - 0.5 * play
-    columns = [play, tip, size["crest"] * tip * chamfer / (1.0 - chamfer * braking)]
+    shape = _Shape(*(np.broadcast_to(values[field.name], len(x)) for field in fields(_Shape)))
+    chamfer = np.tan(np.radians(shape.chamfer_deg))
+    traction = np.tan(np.radians(shape.traction_deg))
+    braking = np.tan(np.radians(shape.braking_deg))
+    back = np.tan(np.radians(shape.chamfer_back_deg))
+    radius = 0.25 * (shape.outer_diameter_mm + shape.inner_diameter_mm)
+    play = shape.height_mm * (traction + braking) + shape.backlash_mm
+    tip = np.pi * radius / shape.count - 0.5 * play
+    columns = [play, tip, shape.crest * tip * chamfer / (1.0 - chamfer * braking)]
     if "crest" in data.variables or "crest" in data.physics:
-        columns.append((1.0 - size["crest"]) * tip * back / (1.0 - back * traction))
+        columns.append((1.0 - shape.crest) * tip * back / (1.0 - back * traction))
     return np.column_stack(columns)
 
 

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from dogshape.sim.clutch_tables import Section
+from dogshape.sim.clutch_tables import Section, key
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.files import write_whole
@@ -36,32 +35,27 @@ def _fit_again() -> str:
     return f"fit the surrogate again with {verb('fit')}"
 
 
-def _figure(meaning: str, unit: str = "") -> Any:
-    """Declare a figure with its meaning and unit, as ``result.json`` documents it."""
-    return Field(description=meaning, json_schema_extra={"unit": unit})
-
-
 class Validation(Section):
     """Validation of the surrogate on designs that the fit did not use."""
 
-    q2: float = _figure("share of the variance of expected times that it explains", "1")
-    coverage_95: float = _figure("share of expected times within their 95 % interval", "share")
-    rmse_s: float = _figure("root-mean-square error of the expected time", "s")
-    bias_s: float = _figure("mean error of the expected time", "s")
-    n: int = _figure("number of designs")
-    noise_s: float = _figure("root-mean-square standard error of the simulated expected times", "s")
-    q2_points: float = _figure("share of the variance explained at single operating points", "1")
-    coverage_points: float = _figure(
+    q2: float = key("share of the variance of expected times that it explains", "1")
+    coverage_95: float = key("share of expected times within their 95 % interval", "share")
+    rmse_s: float = key("root-mean-square error of the expected time", "s")
+    bias_s: float = key("mean error of the expected time", "s")
+    n: int = key("number of designs")
+    noise_s: float = key("root-mean-square standard error of the simulated expected times", "s")
+    q2_points: float = key("share of the variance explained at single operating points", "1")
+    coverage_points: float = key(
         "share within the 95 % interval at single operating points", "share"
     )
-    rmse_points_s: float = _figure("root-mean-square error at single operating points", "s")
-    spread_error: float = _figure("error of the logarithm of a single shift's deviation", "1")
-    lost: int = _figure("shifts that did not engage")
-    lost_expected: float = _figure("shifts that the surrogate expected not to engage")
-    rank_best: float | None = _figure("rank correlation among designs of the best tenth", "1")
-    n_best: int = _figure("number of those designs")
-    source: str = _figure("`references`, designs simulated apart, or `held out`")
-    shifts: int = _figure("shifts behind the fit")
+    rmse_points_s: float = key("root-mean-square error at single operating points", "s")
+    spread_error: float = key("error of the logarithm of a single shift's deviation", "1")
+    lost: int = key("shifts that did not engage")
+    lost_expected: float = key("shifts that the surrogate expected not to engage")
+    rank_best: float | None = key("rank correlation among designs of the best tenth", "1")
+    n_best: int = key("number of those designs")
+    source: str = key("`references`, designs simulated apart, or `held out`")
+    shifts: int = key("shifts behind the fit")
 
     @property
     def useful(self) -> bool:
@@ -185,28 +179,49 @@ class MissingError(DataError):
     """No file where a surrogate was looked for."""
 
 
+class _Content(NamedTuple):
+    """Content of a surrogate's file, by its keys."""
+
+    format: int
+    physics: dict[str, Any]  #: everything else that a shift depends on
+    engine: dict[str, Any]  #: versions of the programs that simulated
+    variables: list[str]
+    low: list[float]  #: of the range of each variable, in the units of the study
+    high: list[float]
+    points: list[list[float]]  #: as those of ``Mix``, as the next two
+    weights: list[float]
+    retry: float
+    grid: dict[str, list[list[float | None]]]  #: fields of ``Grid``
+    time: list[float]  #: ``theta`` of the covariance of expected times
+    each_point: list[float]  #: ``theta`` of the covariance at single points
+    share: Any  #: length of the share that engages, None for an infinite one, and its strength
+    validation: dict[str, Any]  #: fields of ``Validation``
+    versions: dict[str, str]
+
+
 def save(path: Path, stored: Stored) -> None:
     """Write a surrogate; the file holds all that ``load`` needs."""
     surrogate = stored.surrogate
     data = surrogate.data
-    content = {
-        "format": FORMAT,
-        "physics": data.physics,
-        "engine": data.engine,
-        "variables": list(data.variables),
-        "low": data.low.tolist(),
-        "high": data.high.tolist(),
-        "points": data.mix.points.tolist(),
-        "weights": data.mix.weights.tolist(),
-        "retry": data.mix.retry,
-        "grid": {field.name: _round(getattr(data.grid, field.name)) for field in fields(Grid)},
-        "time": surrogate.time.covariance.theta.tolist(),
-        "each_point": surrogate.points.covariance.theta.tolist(),
-        "share": [_finite_or_none(surrogate.share.length), surrogate.share.strength],
-        "validation": stored.validation.model_dump(),
-        "versions": versions(),
-    }
-    content["hash"] = _hash(content)
+    file_content = _Content(
+        format=FORMAT,
+        physics=data.physics,
+        engine=data.engine,
+        variables=list(data.variables),
+        low=data.low.tolist(),
+        high=data.high.tolist(),
+        points=data.mix.points.tolist(),
+        weights=data.mix.weights.tolist(),
+        retry=data.mix.retry,
+        grid={field.name: _round(getattr(data.grid, field.name)) for field in fields(Grid)},
+        time=surrogate.time.covariance.theta.tolist(),
+        each_point=surrogate.points.covariance.theta.tolist(),
+        share=[_finite_or_none(surrogate.share.length), surrogate.share.strength],
+        validation=stored.validation.model_dump(),
+        versions=versions(),
+    )
+    values = file_content._asdict()
+    content = {**values, "hash": _hash(values)}
     lines = [
         f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items()
     ]
@@ -243,31 +258,32 @@ def _stored(path: Path, text: str) -> Stored:
         fault = "was changed or damaged: it does not match its hash"
         raise DataError(f"{path} {fault}; {_fit_again()}")
     try:
-        return Stored(_surrogate(content), Validation(**content["validation"]))
+        file_content = _Content(*(content[name] for name in _Content._fields))
+        return Stored(_surrogate(file_content), Validation(**file_content.validation))
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{path} is incomplete ({error}); {_fit_again()}") from error
 
 
-def _surrogate(content: dict[str, Any]) -> Surrogate:
+def _surrogate(content: _Content) -> Surrogate:
     """Build the surrogate from the content of its file."""
     mix = Mix(
-        points=_array(content["points"]),
-        weights=_array(content["weights"]),
-        retry=float(content["retry"]),
+        points=_array(content.points),
+        weights=_array(content.weights),
+        retry=float(content.retry),
     )
     data = Dataset(
-        variables=tuple(content["variables"]),
-        low=_array(content["low"]),
-        high=_array(content["high"]),
-        physics=content["physics"],
-        engine=content["engine"],
+        variables=tuple(content.variables),
+        low=_array(content.low),
+        high=_array(content.high),
+        physics=content.physics,
+        engine=content.engine,
         mix=mix,
-        grid=Grid(**{name: _array(values) for name, values in content["grid"].items()}),
+        grid=Grid(**{name: _array(values) for name, values in content.grid.items()}),
     )
-    length, strength = content["share"]
+    length, strength = content.share
     parameters = Parameters(
-        time=_array(content["time"]),
-        points=_array(content["each_point"]),
+        time=_array(content.time),
+        points=_array(content.each_point),
         share_length=np.inf if length is None else float(length),
         share_strength=float(strength),
     )

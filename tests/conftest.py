@@ -24,7 +24,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import DEG, RPM
@@ -175,7 +175,9 @@ def program(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     return call
 
 
-def named_checks(dog: Dog, limits_or_load: Limits | LoadCase | None = None) -> dict[str, Check]:
+def named_checks(
+    dog: Dog, limits_or_load: Limits | LoadCase | None = None
+) -> dict[str, LimitCheck]:
     """Return the checks of a dog by name, for limits or a load case, by default the usual ones."""
     limits = limits_or_load
     if not isinstance(limits, Limits):

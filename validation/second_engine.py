@@ -210,11 +210,9 @@ class SecondEngine(Engine):
 def _overhanging_corners(dog: Dog) -> Array:
     """Compute the corners of a dog with its ends moved out by ``OVERHANG``, m, (n, 3)."""
     planes = dog_planes(dog)
-    for end in ("inner", "outer"):
-        planes[end] = planes[end].moved(OVERHANG)
-    sides = [name for name in ("root", "braking", "face", "back", "traction") if name in planes]
+    ends = (planes.inner.moved(OVERHANG), planes.outer.moved(OVERHANG))
     corners = []
-    for first, second in itertools.pairwise([*sides, "root"]):
-        for end in ("inner", "outer"):
-            corners.append(meeting(planes[first], planes[second], planes[end]))
+    for first, second in itertools.pairwise([planes.root, *planes.touching, planes.root]):
+        for end in ends:
+            corners.append(meeting(first, second, end))
     return np.array(corners)

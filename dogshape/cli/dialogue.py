@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from dogshape.terminal import print_parts, terminal
 
 if TYPE_CHECKING:
     from dogshape.bench.bench_draft import BenchDraft
+    from dogshape.bench.foreign_readings import ReadingReport
 
 PIPE_WIDTH = 160  #: characters of a table where standard error is no terminal
 #: Fields of a draft with one text, by their options.
@@ -59,35 +60,35 @@ def ask(
         raise KeyboardInterrupt from None
 
 
-def print_reading(reading: Mapping[str, Any]) -> None:
+def print_reading(report: ReadingReport) -> None:
     """Print the columns as read and the excluded rows and columns on standard error."""
     from dogshape.pipeline.drafts.reading_table import reading_parts  # noqa: PLC0415
 
     width = None if sys.stderr.isatty() else PIPE_WIDTH
-    print_parts(terminal(stderr=True, width=width), reading_parts(reading))
+    print_parts(terminal(stderr=True, width=width), reading_parts(report))
 
 
-def correct_reading(draft: BenchDraft, *, confirm: bool) -> tuple[BenchDraft, Mapping[str, Any]]:
+def correct_reading(draft: BenchDraft, *, confirm: bool) -> tuple[BenchDraft, ReadingReport]:
     """Ask about columns and rows until the tables of a draft are read without a fault.
 
     With ``confirm`` a reading without a fault is asked about too. Returns the draft with the
-    answers, and its reading (``guess_readings``).
+    answers, and the report of its reading.
     """
     from dogshape.bench.bench_draft import guess_readings  # noqa: PLC0415
 
-    reading = guess_readings(draft)
+    report = guess_readings(draft)
     while draft.paths:
-        print_reading(reading)
-        for fault in reading["faults"]:
+        print_reading(report)
+        for fault in report.faults:
             typer.echo(fault, err=True)
-        if not reading["faults"] and (not confirm or ask("is that right?", True)):
+        if not report.faults and (not confirm or ask("is that right?", True)):
             break
         answer = ask("say one, as shift_time_s=COLUMN:UNIT or drop Remark=x (empty: go on)", "")
         if not answer:
             break
         draft = add_answer(draft, answer)
-        reading = guess_readings(draft)
-    return draft, reading
+        report = guess_readings(draft)
+    return draft, report
 
 
 def add_answer(draft: BenchDraft, answer: str) -> BenchDraft:

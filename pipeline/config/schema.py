@@ -15,11 +15,13 @@ from dogshape.pipeline.config.operating import ActuationSection, Numbers, Operat
 from dogshape.sim.clutch_tables import (
     DogSection,
     DriveSection,
+    Keys,
     MechanismSection,
     OutputSection,
     Section,
     SlidingSection,
-    keys_of,
+    declared_key,
+    key,
     later,
     or_one,
     section_in,
@@ -65,16 +67,7 @@ Ends = Annotated[
 ]
 
 
-def ranged(low: float, high: float, default: Any = None, *, late: bool = False) -> Any:
-    """Declare a key by its range and default, where no value of ``sim`` checks it.
-
-    ``late`` marks a key of a later version: at its default it is no part of a file's hash.
-    """
-    excluded = (lambda value: value == default) if late else None
-    return Field(default, exclude_if=excluded, json_schema_extra={"range": [low, high]})
-
-
-class ContactSection(keys_of(ContactSet, contact_set)):  # type: ignore[misc]
+class ContactSection(Keys, of=ContactSet, named_by=contact_set):
     """Name of a contact set, and values that override it."""
 
     set: str = "lubricated_steel"
@@ -91,10 +84,10 @@ class AlternatingSection(Section):
 class ShiftSection(Section):
     """End, time-out, retry cost and rebound limit of a shift."""
 
-    timeout_s: float = ranged(1e-3, 60.0, 1.0)
-    retraction_s: float = ranged(0.0, 60.0, 0.2)
-    seated_tolerance_mm: float = ranged(1e-4, 1.0, 0.05)
-    rebound_mm: float = ranged(0.0, 100.0, 1.0)
+    timeout_s: float = key(default=1.0, low=1e-3, high=60.0)
+    retraction_s: float = key(default=0.2, low=0.0, high=60.0)
+    seated_tolerance_mm: float = key(default=0.05, low=1e-4, high=1.0)
+    rebound_mm: float = key(default=1.0, low=0.0, high=100.0)
     alternating: AlternatingSection | None = later()
 
 
@@ -118,7 +111,7 @@ class ExpectationSection(Section):
 
     angles: Annotated[int, Field(ge=3, le=4096)] = 96
     seed: Annotated[int, Field(ge=0)] = 1
-    first_window_share: float = ranged(0.01, 0.999, FIRST_WINDOW_SHARE, late=True)
+    first_window_share: float = later(FIRST_WINDOW_SHARE, low=0.01, high=0.999)
     limit_torques_Nm: Annotated[list[float], or_one(int, float), Field(min_length=1)] | None = (
         later()
     )
@@ -128,14 +121,14 @@ class ExpectationSection(Section):
 class DrivelineSection(Section):
     """Shafts between the clutch and the vehicle; for the torque peak only."""
 
-    stiffness_Nm_rad: float | None = ranged(1.0, 1e7)
+    stiffness_Nm_rad: float | None = key(default=None, low=1.0, high=1e7)
 
 
-class LoadSection(keys_of(LoadCase)):  # type: ignore[misc]
+class LoadSection(Keys, of=LoadCase):
     """Load case of the strength checks (``sim.strength.load_case``)."""
 
     spectrum: list[Range] | None = later()
-    axial_vibration_m_s2: float = ranged(0.0, 1e4, 0.0, late=True)
+    axial_vibration_m_s2: float = later(0.0, low=0.0, high=1e4)
     release_by_itself: bool = later(True)
     faces_release: bool = later(True)
 
@@ -150,11 +143,7 @@ class LoadSection(keys_of(LoadCase)):  # type: ignore[misc]
 
 
 class StrikeSection(
-    keys_of(  # type: ignore[misc]
-        Strike,
-        leave=("sliding_inertia", "output_inertia"),
-        kind_of_number=Ends,
-    )
+    Keys, of=Strike, leave=("sliding_inertia", "output_inertia"), kind_of_number=Ends
 ):
     """Flank strike of the strength checks (``sim.strength.strike``); absent, it is not judged."""
 
@@ -206,7 +195,7 @@ class StrikeSection(
             "output_inertia": rings.output_inertia,
         }
         range_keys = [key for key, value in values.items() if isinstance(value, list)]
-        for ends in itertools.product(*(values[key] for key in range_keys)):
+        for ends in itertools.product(*(values[name] for name in range_keys)):
             end_values = dict(zip(range_keys, ends, strict=True))
             words = ", ".join(f"{key} = {end:g}" for key, end in end_values.items())
             fields = inertias | si_fields(values | end_values)
@@ -232,21 +221,21 @@ def _require_within(
     )
 
 
-class MaterialSection(keys_of(Material, material_of)):  # type: ignore[misc]
+class MaterialSection(Keys, of=Material, named_by=material_of):
     """Name of a material set (``sim.strength.materials``), and values that override it."""
 
     set: str = "16MnCr5"
 
 
-class ManufacturingSection(keys_of(ManufacturingLimits)):  # type: ignore[misc]
+class ManufacturingSection(Keys, of=ManufacturingLimits):
     """Limits of the workshop (``sim.strength.manufacture``)."""
 
 
-class ToleranceSection(keys_of(Tolerances)):  # type: ignore[misc]
+class ToleranceSection(Keys, of=Tolerances):
     """Largest deviation of each dimension either way (``sim.strength.manufacture``)."""
 
 
-class WearSection(keys_of(Wear)):  # type: ignore[misc]
+class WearSection(Keys, of=Wear):
     """Wear over the life (``sim.strength.landing``): of faces by one of two keys, and of edges."""
 
 
@@ -257,29 +246,29 @@ class VariablesSection(Section):
     ``rise_factor`` scale the shift force and its rise time (``pipeline.config.operating``).
     """
 
-    chamfer_deg: Range | None = ranged(0.0, 60.0)
-    traction_deg: Range | None = ranged(-10.0, 60.0)
-    braking_deg: Range | None = ranged(-10.0, 60.0)
+    chamfer_deg: Range | None = key(default=None, low=0.0, high=60.0)
+    traction_deg: Range | None = key(default=None, low=-10.0, high=60.0)
+    braking_deg: Range | None = key(default=None, low=-10.0, high=60.0)
     height_mm: Range | None = None
     count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
-    crest: Range | None = ranged(0.0, 1.0, late=True)
-    chamfer_back_deg: Range | None = ranged(0.0, 60.0, late=True)
-    backlash_mm: Range | None = ranged(0.0, 50.0, late=True)
-    mismatch_set_rpm: Range | None = ranged(-2000.0, 2000.0, late=True)
-    force_factor: Range | None = ranged(0.01, 100.0, late=True)
-    rise_factor: Range | None = ranged(0.1, 10.0, late=True)
+    crest: Range | None = later(low=0.0, high=1.0)
+    chamfer_back_deg: Range | None = later(low=0.0, high=60.0)
+    backlash_mm: Range | None = later(low=0.0, high=50.0)
+    mismatch_set_rpm: Range | None = later(low=-2000.0, high=2000.0)
+    force_factor: Range | None = later(low=0.01, high=100.0)
+    rise_factor: Range | None = later(low=0.1, high=10.0)
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Ranges of the searched keys, edge units; InputError for mistakes."""
         ranges = {}
-        for key, (low, high) in self.model_dump(exclude_none=True).items():
+        for name, (low, high) in self.model_dump(exclude_none=True).items():
             if not low < high:
                 raise InputError(
-                    f"variables.{key} is [{low:.6g}, {high:.6g}], but the first must be below the "
+                    f"variables.{name} is [{low:.6g}, {high:.6g}], but the first must be below the "
                     "second; exchange them, or leave the key out to keep the dog's own value"
                 )
-            ranges[key] = (low, high)
+            ranges[name] = (low, high)
         return ranges
 
 
@@ -307,7 +296,7 @@ class SearchSection(Section):
     within_s: Annotated[float, Field(gt=0.0)] | None = later()
 
 
-class SolverSection(keys_of(Solver, solver_for)):  # type: ignore[misc]
+class SolverSection(Keys, of=Solver, named_by=solver_for):
     """Numerical settings; absent ones follow from the contact set."""
 
     engine: str | None = later()
@@ -387,14 +376,16 @@ class StudyFile(Section):
         for table, section in self:
             is_search = section is self.variables
             remedy = "narrow the range" if is_search else "check the value and its unit"
-            for name, declaration in getattr(type(section), "model_fields", {}).items():
+            for name in getattr(type(section), "model_fields", ()):
                 value = getattr(section, name)
-                if value is None or not declaration.json_schema_extra:
+                declared = declared_key(type(section), name)
+                if value is None or not declared.is_bounded:
                     continue
-                low, high = declaration.json_schema_extra["range"]
                 scope = f": {SCOPE}" if is_search and name.endswith("_deg") else ""
                 for number in value if isinstance(value, list) else [value]:
-                    require_between(f"{table}.{name}", number, low, high, remedy + scope)
+                    require_between(
+                        f"{table}.{name}", number, declared.low, declared.high, remedy + scope
+                    )
 
 
 def keys_like(stem: str) -> list[str]:
@@ -404,7 +395,7 @@ def keys_like(stem: str) -> list[str]:
     keys = []
     for table, field in StudyFile.model_fields.items():
         section = section_in(field.annotation)
-        for key in section.model_fields if section else ():
-            if key.lower().startswith(stem):
-                keys.append(f"{table}.{key}")
+        for name in section.model_fields if section else ():
+            if name.lower().startswith(stem):
+                keys.append(f"{table}.{name}")
     return keys[:3]

@@ -532,8 +532,10 @@ def _clutch_loads(
     if clutch.contact.face_friction is not None:
         fields["face_friction"] = clutch.contact.face_friction
     if has_spline_friction:
-        fields["spline_friction"] = mechanism.spline_friction
-        fields["spline_radius"] = mechanism.spline_radius
+        fields |= {
+            "spline_friction": mechanism.spline_friction,
+            "spline_radius": mechanism.spline_radius,
+        }
     if has_spline_friction or not file.load.release_by_itself:
         fields["pull_out_force_limit"] = min(point.profile.force for point in points)
     if mechanism.detent > 0.0 and mechanism.detent_seat > 0.0:

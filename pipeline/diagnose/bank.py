@@ -13,7 +13,13 @@ from pathlib import Path
 from dogshape.pipeline.store.folder import append, read_lines, sync
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, Runner
-from dogshape.sim.statistics.shift_records import Record, content_key, diverged, unfinished
+from dogshape.sim.statistics.shift_records import (
+    Record,
+    content_key,
+    diverged,
+    result_of,
+    unfinished,
+)
 from dogshape.sim.versions import engine
 
 TICK = 1e-5  #: resolution of stored times, s
@@ -84,11 +90,14 @@ def series_key(block: Block) -> str:
 
 def _series_record(key: str, rows: Sequence[Record]) -> Record:
     """Convert the shifts of a series to its line, with times of the actuator if they differ."""
-    series: Record = {"key": key, "t": [_ticks(row, row["shift_time_s"]) for row in rows]}
-    actuator_ticks = [_ticks(row, row.get("actuator_time_s", row["shift_time_s"])) for row in rows]
-    if actuator_ticks != series["t"]:
-        series["actuator"] = actuator_ticks
-    return series
+    sleeve_ticks = []
+    actuator_ticks = []
+    for row in rows:
+        time = result_of(row).shift_time
+        sleeve_ticks.append(_ticks(row, time))
+        actuator_ticks.append(_ticks(row, row.get("actuator_time_s", time)))
+    actuator = {} if actuator_ticks == sleeve_ticks else {"actuator": actuator_ticks}
+    return {"key": key, "t": sleeve_ticks, **actuator}
 
 
 def _ticks(row: Record, time: float | None) -> int | None:

@@ -55,6 +55,11 @@ class CalibratedStudy:
         write_whole(draws_beside(path), draws.to_csv(index=False, lineterminator="\n"))
         write_whole(path, self.text)
 
+    @property
+    def effects(self) -> Data:
+        """Effects of the study file with their values."""
+        return dict(self.study.file.effects or {})
+
     def to_dict(self, path: Path) -> Data:
         """Return the record of a study in ``path``: files, effects, number of draws, remarks."""
         return {
@@ -63,7 +68,7 @@ class CalibratedStudy:
             "n_draws": len(self.draws),
             "hypothesis": list(self.hypothesis),
             "probability": self.probability,
-            "effects": dict(self.study.file.effects or {}),
+            "effects": self.effects,
             "remarks": list(self.remarks),
         }
 

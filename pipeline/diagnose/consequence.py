@@ -32,10 +32,10 @@ from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.interface import argument, verb
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Runner, even_block
-from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.statistics.hangs import pool
 from dogshape.sim.statistics.shift_records import Record
-from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.landing import demand_checks
 from dogshape.sim.versions import bundled_root
 
@@ -54,9 +54,9 @@ class Candidate:
 
     name: str
     params: Params
-    without: Expectation
-    with_effect: Expectation
-    landing: Check
+    without: MixExpectation
+    with_effect: MixExpectation
+    landing: LimitCheck
 
     @property
     def record(self) -> dict[str, Any]:
@@ -239,7 +239,9 @@ def _settings(
     return settings
 
 
-def _pool_hangs(timed: Sequence[tuple[Expectation, Check]]) -> list[tuple[Expectation, Check]]:
+def _pool_hangs(
+    timed: Sequence[tuple[MixExpectation, LimitCheck]],
+) -> list[tuple[MixExpectation, LimitCheck]]:
     """Estimate times by a prior of hangs that is fitted to all designs."""
     priors = pool([expectation.hang_counts for expectation, _ in timed])
     return [(expectation.under(priors), check) for expectation, check in timed]
@@ -247,7 +249,7 @@ def _pool_hangs(timed: Sequence[tuple[Expectation, Check]]) -> list[tuple[Expect
 
 def _time_design(
     study: Setup, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
-) -> tuple[Expectation, Check]:
+) -> tuple[MixExpectation, LimitCheck]:
     """Compute the expected time of a design and its landing check of the smallest margin.
 
     ``settings`` and ``rows``, its shifts, are by operating point.

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import pandas as pd
+from pydantic import BaseModel
 
 from dogshape.bench.bench_data import Bench, corrected_sheet, load_bench, readings_of
 from dogshape.bench.raw_sheet import file_of
@@ -26,9 +27,11 @@ from dogshape.bench.stand_file import load_stand
 from dogshape.bench.table import COLUMNS, NUMERIC, Sheet
 from dogshape.bench.texts import read_table
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.inference.verdict import CauseVerdict
+from dogshape.diagnosis.inference.verdict import CauseVerdict, Kind
 from dogshape.diagnosis.report.wording import chance, headline_of
 from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, hypothesis_name
+from dogshape.pipeline.record import Record
+from dogshape.sim.clutch_tables import key
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.files import write_whole
@@ -45,8 +48,56 @@ COPY_LENGTH = 8  #: successive rows equal to rows of the bench, which then are c
 MIN_DISTINCT = 5  #: distinct rows in a copy: a stand may repeat few values
 MIN_PROBABILITY = 0.001  #: of a hypothesis in the record of an update
 MAX_ODDS = 1e5  #: largest odds in a sentence
-Record = dict[str, Any]  #: gap.json
 T = TypeVar("T")
+
+
+class HypothesisRecord(BaseModel):
+    """Keys of a hypothesis in ``gap.json`` that an update compares; others are ignored."""
+
+    effects: tuple[str, ...]
+    probability: float  #: posterior
+    evidence_probability: float  #: by the evidence alone
+
+
+class DiagnosisRecord(BaseModel):
+    """Keys of ``gap.json`` that an update compares; others are ignored."""
+
+    engine: str
+    verdict: Kind
+    causes: list[str]
+    credible_set: list[tuple[str, ...]]
+    hypotheses: list[HypothesisRecord]  #: the most probable first
+
+    @property
+    def probabilities(self) -> dict[Hypothesis, float]:
+        """Posterior probabilities of the hypotheses."""
+        return {entry.effects: entry.probability for entry in self.hypotheses}
+
+    @property
+    def evidence(self) -> dict[Hypothesis, float]:
+        """Probabilities of the hypotheses by the evidence alone."""
+        return {entry.effects: entry.evidence_probability for entry in self.hypotheses}
+
+
+class DiagnosisState(Record):
+    """Answer of a diagnosis before or after new readings."""
+
+    verdict: str = key("`effect`, `none`, `unknown` or `ambiguous`")
+    causes: list[str] = key("effects of the verdict")
+    headline: str = key("verdict in words")
+    probabilities: dict[str, float] = key("of the hypotheses of at least 0.001", "1")
+
+
+class UpdateRecord(Record):
+    """Update of a diagnosis, an entry of ``updates.json``."""
+
+    update: int = key("number of the update, from 1")
+    file: str = key("table of the new readings")
+    rows: int = key("rows of the table")
+    shifts: int = key("shifts of these rows")
+    before: DiagnosisState = key("answer without the new readings")
+    after: DiagnosisState = key("answer with them")
+    sentence: str = key("change of the leading hypothesis, and Bayes factor of the new readings")
 
 
 @dataclass(frozen=True)
@@ -147,9 +198,9 @@ def join_readings(folder: Path, new: Path, request: Request) -> tuple[Bench, She
     traces = Path("traces") / f"update-{len(request.joined) + 1}"
     bench_table = _read_frame(data / "shifts.csv")
     new_table = _read_frame(new)
-    for name in filter(None, new_table["trace"]):
+    for name in filter(None, new_table.trace):
         _copy(new.parent / name, target / traces / name)
-    new_table["trace"] = [name and (traces / name).as_posix() for name in new_table["trace"]]
+    new_table["trace"] = [name and (traces / name).as_posix() for name in new_table.trace]
     write_whole(target / "shifts.csv", _joint_text(bench_table, new_table))
     replace(request, joined=(*request.joined, digest)).write(target)
     return load_bench(target, request.corrections), sheet
@@ -183,13 +234,13 @@ def _joint_text(bench_table: pd.DataFrame, new_table: pd.DataFrame) -> str:
 
     An order or timestamp that some timed rows lack is left out of all rows.
     """
-    last_order = max(map(float, filter(None, bench_table["order"])), default=0.0)
+    last_order = max(map(float, filter(None, bench_table.order)), default=0.0)
     if last_order:
         new_table = new_table.assign(
-            order=[order and f"{last_order + float(order):.9g}" for order in new_table["order"]]
+            order=[order and f"{last_order + float(order):.9g}" for order in new_table.order]
         )
     rows = pd.concat([bench_table, new_table])
-    timed_rows = rows[rows["shift_time_s"] != ""]
+    timed_rows = rows[rows.shift_time_s != ""]
     incomplete = [name for name in ("order", "timestamp") if (timed_rows[name] == "").any()]
     return rows.assign(**dict.fromkeys(incomplete, "")).to_csv(index=False, lineterminator="\n")
 
@@ -246,7 +297,7 @@ def require_no_updates(folder: Path) -> None:
         )
 
 
-def keep_previous(folder: Path, count: int) -> Record:
+def keep_previous(folder: Path, count: int) -> DiagnosisRecord:
     """Copy the record of the diagnosis before an update to a numbered file, and return it.
 
     ``count`` is the number of earlier updates.
@@ -260,16 +311,21 @@ def keep_previous(folder: Path, count: int) -> Record:
                     f"set again with {argument('out')}"
                 )
             write_whole(copy, (folder / name).read_bytes())
-    return _read_json(copy, dict)
+    return _read_json(copy, DiagnosisRecord.model_validate)
 
 
-def add_update(folder: Path, record: Record, count: int) -> dict[str, str]:
+def add_update(folder: Path, record: UpdateRecord, count: int) -> dict[str, str]:
     """Write an update after the first ``count`` ones; return the sentence of each by its name."""
     path = folder / UPDATES
-    updates = _read_json(path, list)[:count] if path.is_file() else []
+    updates = _read_json(path, _update_records)[:count] if path.is_file() else []
     updates.append(record)
-    write_whole(path, json.dumps(updates, indent=1, allow_nan=False) + "\n")
-    return {f"update {update['update']}": update["sentence"] for update in updates}
+    entries = [update.to_dict() for update in updates]
+    write_whole(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")
+    return {f"update {update.update}": update.sentence for update in updates}
+
+
+def _update_records(entries: Any) -> list[UpdateRecord]:
+    return [UpdateRecord(**entry) for entry in entries]
 
 
 def _read_json(path: Path, kind: Callable[[Any], T]) -> T:
@@ -283,46 +339,41 @@ def _read_json(path: Path, kind: Callable[[Any], T]) -> T:
         ) from error
 
 
-def update_record(before: Record, diagnosis: Diagnosis, new: Sheet, count: int) -> Record:
+def update_record(
+    before: DiagnosisRecord, diagnosis: Diagnosis, new: Sheet, count: int
+) -> UpdateRecord:
     """Compare a diagnosis with the record before new readings, made after ``count`` updates."""
-    after = diagnosis.to_dict()
-    return {
-        "update": count + 1,
-        "file": new.path.name,
-        "rows": len(new.rows),
-        "shifts": sum(row.n for row in new.rows),
-        "before": _state(before, diagnosis.effects),
-        "after": _state(after, diagnosis.effects),
-        "sentence": sentence(before, after, diagnosis.effects),
-    }
+    after = DiagnosisRecord(**diagnosis.to_dict())
+    return UpdateRecord(
+        update=count + 1,
+        file=new.path.name,
+        rows=len(new.rows),
+        shifts=sum(row.n for row in new.rows),
+        before=_state(before, diagnosis.effects),
+        after=_state(after, diagnosis.effects),
+        sentence=sentence(before, after, diagnosis.effects),
+    )
 
 
-def _state(record: Record, effects: Mapping[str, Effect]) -> Record:
+def _state(record: DiagnosisRecord, effects: Mapping[str, Effect]) -> DiagnosisState:
     """Summarise the record of a diagnosis: verdict, causes and probable hypotheses."""
-    kind = record["verdict"]
-    causes = record["causes"]
-    verdict = CauseVerdict(kind, causes, [*map(tuple, record["credible_set"])])
+    verdict = CauseVerdict(record.verdict, record.causes, record.credible_set)
     probabilities = {}
-    for hypothesis, probability in _probabilities(record).items():
+    for hypothesis, probability in record.probabilities.items():
         if probability >= MIN_PROBABILITY:
             probabilities[" + ".join(hypothesis) or "none"] = probability
-    return {
-        "verdict": kind,
-        "causes": causes,
-        "headline": headline_of(verdict, effects),
-        "probabilities": probabilities,
-    }
+    return DiagnosisState(
+        verdict=record.verdict,
+        causes=record.causes,
+        headline=headline_of(verdict, effects),
+        probabilities=probabilities,
+    )
 
 
-def _probabilities(record: Record, key: str = "probability") -> dict[Hypothesis, float]:
-    """Return a probability of each hypothesis of a record, by its key."""
-    return {tuple(entry["effects"]): entry[key] for entry in record["hypotheses"]}
-
-
-def sentence(before: Record, after: Record, effects: Mapping[str, Effect]) -> str:
+def sentence(before: DiagnosisRecord, after: DiagnosisRecord, effects: Mapping[str, Effect]) -> str:
     """State the change of the leading hypothesis, and the Bayes factor of the new readings."""
-    old = _probabilities(before)
-    new = _probabilities(after)
+    old = before.probabilities
+    new = after.probabilities
     old_first = next(iter(old))
     new_first = next(iter(new))
     answers = [
@@ -349,11 +400,11 @@ def sentence(before: Record, after: Record, effects: Mapping[str, Effect]) -> st
 
 
 def _bayes_factor(
-    before: Record, after: Record, hypothesis: Hypothesis, rival: Hypothesis
+    before: DiagnosisRecord, after: DiagnosisRecord, hypothesis: Hypothesis, rival: Hypothesis
 ) -> float | None:
     """Compute the Bayes factor of the new readings for a hypothesis; None without evidence."""
-    old = _probabilities(before, "evidence_probability")
-    new = _probabilities(after, "evidence_probability")
+    old = before.evidence
+    new = after.evidence
     new_evidence, old_evidence = new.get(hypothesis, 0.0), old.get(hypothesis, 0.0)
     new_rival, old_rival = new.get(rival, 0.0), old.get(rival, 0.0)
     if min(new_evidence, old_evidence, new_rival, old_rival) <= 0.0:

@@ -82,15 +82,16 @@ def _pairs(text: str) -> list[tuple[float, str]]:
     place = 0
     while place < len(text):
         match = _NUMBER.match(text, place)
-        number = meant_number(match["number"]) if match else None
+        digits, unit = match.groups("") if match else ("", "")
+        number = meant_number(digits)
         if match is None or number is None or not math.isfinite(number):
             raise InputError(f"'{text[place:]}' is no number")
-        if _AMBIGUOUS.fullmatch(match["number"].lstrip("+-\N{MINUS SIGN}\N{EN DASH}")):
-            thousands = match["number"].replace(",", "")
+        if _AMBIGUOUS.fullmatch(digits.lstrip("+-\N{MINUS SIGN}\N{EN DASH}")):
+            thousands = digits.replace(",", "")
             raise InputError(
-                f"{match['number']} may be {thousands} or {number:g}; write it without the comma"
+                f"{digits} may be {thousands} or {number:g}; write it without the comma"
             )
-        pairs.append((number, (match["unit"] or "").strip()))
+        pairs.append((number, unit.strip()))
         place = match.end()
     if not pairs:
         raise InputError("there is no number")

@@ -26,6 +26,7 @@ from dogshape.bench.table import COLUMNS
 from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
+from dogshape.pipeline.drafts.reading_table import BenchFolder, BenchReading
 from dogshape.pipeline.drafts.study_folder import Source, draft_folder, source_of
 from dogshape.sim.errors import DogshapeError, InputError, number
 from dogshape.sim.interface import argument, key_argument, listed_argument
@@ -38,7 +39,7 @@ SCATTER = 0.2  #: of a set value, up to which measured values lie off it
 TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
 
 
-def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> Data:
+def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> BenchFolder:
     """Write a bench folder for ``validate`` and ``diagnose``.
 
     Example: ``ds.write_bench("my_bench", ds.BenchDraft("measured.csv", rise_s=0.18))``
@@ -51,9 +52,9 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> D
 
     Returns
     -------
-    dict
-        ``folder``; numbers of ``rows``, ``shifts`` and shifts ``with_time``; readings of
-        ``columns``; rows and columns ``left_out``; ``assumed`` values; ``warnings``.
+    BenchFolder
+        ``folder``, and the ``reading``: numbers of ``rows``, ``shifts`` and ``timed_shifts``, the
+        ``report`` on columns and exclusions, ``assumed`` values and ``warnings``.
 
     Raises
     ------
@@ -65,16 +66,18 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> D
     """
     target = Path(out)
     with draft_folder(target, force) as folder:
-        record, _ = _fill_folder(folder, target, draft, _name_setting)
+        reading, _ = _fill_folder(folder, target, draft, _name_setting)
         for path in map(file_of, draft.paths):
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
-    return {"folder": str(target), **record}
+    return BenchFolder(target, reading)
 
 
 @contextmanager
-def draft_bench(draft: BenchDraft, corrections: Sequence[str] = ()) -> Iterator[tuple[Bench, Data]]:
-    """Yield the data set of a draft and the record of its reading; raises as ``write_bench``.
+def draft_bench(
+    draft: BenchDraft, corrections: Sequence[str] = ()
+) -> Iterator[tuple[Bench, BenchReading]]:
+    """Yield the data set of a draft and its reading; raises as ``write_bench``.
 
     Its folder is a temporary one, for as long as the context lasts. ``corrections`` are made beside
     those of the draft.
@@ -91,12 +94,12 @@ def draft_bench(draft: BenchDraft, corrections: Sequence[str] = ()) -> Iterator[
         folder = Path(place) / name
         folder.mkdir()
         try:
-            record, bench = _fill_folder(folder, name, draft, _name_correction)
+            reading, bench = _fill_folder(folder, name, draft, _name_correction)
         except DogshapeError as error:
             tables = ", ".join(map(str, draft.paths))
             text = str(error).replace(str(name / "bench.toml"), tables)
             raise type(error)(text) from error
-        yield bench, record
+        yield bench, reading
 
 
 def _name_setting(correction: str) -> str:
@@ -109,10 +112,10 @@ def _name_correction(correction: str) -> str:
 
 def _fill_folder(
     folder: Path, out: Path, draft: BenchDraft, name_correction: Callable[[str], str]
-) -> tuple[Data, Bench]:
+) -> tuple[BenchReading, Bench]:
     """Write ``bench.toml``, ``shifts.csv`` and traces into a folder that messages call ``out``.
 
-    Returns the record of the reading and the data set. ``name_correction`` writes the option of a
+    Returns the reading and the data set. ``name_correction`` writes the option of a
     correction.
     """
     source, report = source_of(draft.origin), ReadingReport()
@@ -129,7 +132,7 @@ def _fill_folder(
             "each shift or mean"
         )
     traces: Traces = {}
-    for place in rows.index[rows["trace"].notna()]:
+    for place in rows.index[rows.trace.notna()]:
         rows.loc[place, "trace"] = copy_trace(rows.loc[place], draft, report, folder, traces)
     report.require(where)
     values = _values(draft, source, rows, out, report)
@@ -138,7 +141,7 @@ def _fill_folder(
     (folder / "bench.toml").write_text(text, encoding="utf-8")
     empty = [name for name in COLUMNS[7:] if rows[name].isna().all()]
     table = rows[[*COLUMNS]].drop(columns=empty)
-    table["engaged"] = table["engaged"].map({True: "true", False: "false"})
+    table["engaged"] = table.engaged.map({True: "true", False: "false"})
     table.to_csv(folder / "shifts.csv", index=False, lineterminator="\n", float_format="%.9g")
     try:
         bench = load_bench(folder)
@@ -146,16 +149,15 @@ def _fill_folder(
         text = _with_given_traces(str(error), folder, traces)
         text = _fault_of(text, folder, out, rows, name_correction)
         raise type(error)(text.replace(str(out / "shifts.csv"), where)) from error
-    record = {
-        "rows": len(rows),
-        "shifts": int(rows["n_shifts"].sum()),
-        "with_time": int(rows["n_shifts"][rows["shift_time_s"].notna()].sum()),
-        "columns": report.readings,
-        "left_out": report.left_out,
-        "assumed": list(dict.fromkeys(report.assumed)),
-        "warnings": [finding.sentence for finding in bench.warnings],
-    }
-    return record, bench
+    counts = rows.n_shifts
+    reading = BenchReading(
+        rows=len(rows),
+        shifts=int(counts.sum()),
+        timed_shifts=int(counts[rows.shift_time_s.notna()].sum()),
+        report=report,
+        warnings=[finding.sentence for finding in bench.warnings],
+    )
+    return reading, bench
 
 
 def _with_given_traces(text: str, folder: Path, traces: Traces) -> str:
@@ -240,7 +242,7 @@ def _mark_time_outs(
     rows: DataFrame, draft: BenchDraft, source: Source, report: ReadingReport
 ) -> None:
     """Take times at the stated time-out as shifts that did not engage; ask where none is stated."""
-    times = rows["shift_time_s"][rows["engaged"].isna()].dropna()
+    times = rows.shift_time_s[rows.engaged.isna()].dropna()
     stated = draft.values.get("timeout_s")
     if isinstance(stated, int | float):
         late_rows = times.index[(times / stated).between(0.999, 1.02)]
@@ -263,18 +265,18 @@ def _mark_time_outs(
 
 
 def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: ReadingReport) -> None:
-    lacks_rise = rows["force_rise_s"].isna()
+    lacks_rise = rows.force_rise_s.isna()
     if not lacks_rise.any():
         return
-    rises = rows["force_N"].map(lambda force: round(source.table.rise(force), 6))
+    rises = rows.force_N.map(lambda force: round(source.table.rise(force), 6))
     rows.loc[lacks_rise, "force_rise_s"] = rises if draft.rise_s is None else draft.rise_s
-    filled = rows["force_rise_s"][lacks_rise]
+    filled = rows.force_rise_s[lacks_rise]
     low = number(min(filled))
     if draft.rise_s is not None:
         report.assumed.append(f"the force rises in {low} s where no row says it")
         return
     low_force, high_force = number(min(source.table.forces)), number(max(source.table.forces))
-    outer_forces = sorted({f for f in rows["force_N"][lacks_rise] if not source.table.covers(f)})
+    outer_forces = sorted({f for f in rows.force_N[lacks_rise] if not source.table.covers(f)})
     remark = ""
     if outer_forces:
         outer_text = ", ".join(map(number, outer_forces))
@@ -318,7 +320,7 @@ def _values(
         if not any(key.startswith(f"{name}.") for key in settings)
     ]
     mass, origin_text = clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
-    signed = bool((rows["mismatch_rpm"] < 0.0).any())
+    signed = bool((rows.mismatch_rpm < 0.0).any())
     values["record.sense"] = "known" if signed else "unknown"
     sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
     if signed:
@@ -328,7 +330,7 @@ def _values(
         for sentence, holds in (
             (
                 "the traces' displacement and force are referred to the sleeve",
-                rows["trace"].notna().any(),
+                rows.trace.notna().any(),
             ),
             (
                 "the event at which the times start is unknown: "

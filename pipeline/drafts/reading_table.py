@@ -1,10 +1,13 @@
-"""Reading of a foreign table as a table and lines for people."""
+"""Reading of foreign tables of a stand as a record, and as a table and lines for people."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from dogshape.bench.foreign_readings import ColumnReading, Exclusion, ReadingReport
 from dogshape.pipeline.record import Table
 from dogshape.sim.units import unit_of
 
@@ -12,51 +15,87 @@ HEADS = "quantity", "column", "unit in file", "decimals", "first", "least", "lar
 TEXT_COLUMNS = (1, 7)  #: places of column and reason in ``HEADS``
 
 
-def reading_parts(record: Mapping[str, Any]) -> list[str | Table]:
-    """Tabulate columns with unit, decimals and values, then list excluded rows and columns.
+@dataclass(frozen=True)
+class BenchReading:
+    """Content of the data set that was read from tables, and how it was read."""
 
-    ``record`` has the keys ``columns`` and ``left_out`` of ``write_bench``.
-    """
+    rows: int
+    shifts: int
+    timed_shifts: int
+    report: ReadingReport
+    warnings: list[str]  #: sentences on rows that are unlikely
+
+    @property
+    def assumed(self) -> list[str]:
+        """Assumptions on tables and stand, each once."""
+        return list(dict.fromkeys(self.report.assumed))
+
+    @property
+    def count_text(self) -> str:
+        """Numbers of rows, shifts, and shifts with a time."""
+        timed = f"{self.timed_shifts} of them with a time"
+        return f"{self.rows} rows, {self.shifts} shifts, {timed}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert the reading to values of JSON."""
+        return {
+            "rows": self.rows,
+            "shifts": self.shifts,
+            "with_time": self.timed_shifts,
+            **self.report.to_dict(),
+            "assumed": self.assumed,
+            "warnings": self.warnings,
+        }
+
+
+@dataclass(frozen=True)
+class BenchFolder:
+    """Written folder of a data set, and the reading of its tables."""
+
+    folder: Path
+    reading: BenchReading
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to values of JSON."""
+        return {"folder": str(self.folder), **self.reading.to_dict()}
+
+
+def reading_parts(report: ReadingReport) -> list[str | Table]:
+    """Tabulate columns with unit, decimals and values, then list excluded rows and columns."""
     parts: list[str | Table] = []
-    if record["columns"]:
-        rows = [_column_cells(column) for column in record["columns"]]
+    if report.readings:
+        rows = [_column_cells(column) for column in report.readings]
         parts += [Table(HEADS, rows, {}, TEXT_COLUMNS), ""]
-    return [*parts, *left_out_lines(record)]
+    return [*parts, *left_out_lines(report.left_out)]
 
 
-def left_out_lines(record: Mapping[str, Any]) -> list[str]:
+def left_out_lines(exclusions: Sequence[Exclusion]) -> list[str]:
     """List excluded rows and columns, a line for each reason."""
     places_by_reason: dict[str, list[str]] = {}
-    for item in record["left_out"]:
-        place = f"row {item['row']}" if "row" in item else f"column '{item['column']}'"
-        places_by_reason.setdefault(item["reason"], []).append(place)
+    for exclusion in exclusions:
+        places_by_reason.setdefault(exclusion.reason, []).append(exclusion.place)
     return [
         f"left out: {', '.join(places)}: {reason}" for reason, places in places_by_reason.items()
     ]
 
 
-def assumption_lines(record: Mapping[str, Any]) -> list[str]:
-    """List the assumptions on a table and its stand, a line each."""
-    return [f"assumed: {assumption}" for assumption in record["assumed"]]
+def assumption_lines(assumed: Sequence[str]) -> list[str]:
+    """Format assumptions, a line each."""
+    return [f"assumed: {assumption}" for assumption in assumed]
 
 
-def count_text(record: Mapping[str, Any]) -> str:
-    """Count rows, shifts, and shifts with a time."""
-    timed = f"{record['with_time']} of them with a time"
-    return f"{record['rows']} rows, {record['shifts']} shifts, {timed}"
-
-
-def _column_cells(column: Mapping[str, Any]) -> tuple[str, ...]:
+def _column_cells(reading: ColumnReading) -> tuple[str, ...]:
     """Format the reading of a column, a cell for each head."""
-    unit = unit_of(column["quantity"])  # of the values, whatever that of the file
-    values = [_value_text(column[key], unit) for key in ("first", "least", "largest")]
+    unit = unit_of(reading.quantity)  # of the values, whatever that of the file
     return (
-        column["quantity"],
-        column["column"],
-        column["unit"] or "-",
-        column["decimals"] or "-",
-        *values,
-        column["why"],
+        reading.quantity,
+        reading.column,
+        reading.unit or "-",
+        reading.decimals or "-",
+        _value_text(reading.first, unit),
+        _value_text(reading.least, unit),
+        _value_text(reading.largest, unit),
+        reading.why,
     )
 
 

@@ -328,38 +328,69 @@ def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
         shutil.copytree(place, folder, dirs_exist_ok=True)
 
 
+@dataclass(frozen=True)
+class WrittenStudy:
+    """Written folder of a study, with inherited and assumed values."""
+
+    folder: Path
+    name: str
+    origin: str  #: study or bench that it begins from, in words
+    values: Data  #: set values by dotted key; None for a removed key
+    assumed: list[str]  #: sentences on inherited and derived values
+    warnings: list[str]
+    points: int  #: number of operating points
+    dogs: int  #: number of dogs of a ring
+
+    @property
+    def file(self) -> Path:
+        """The study file."""
+        return self.folder / "study.toml"
+
+    def to_dict(self) -> Data:
+        """Convert to values of JSON."""
+        return {
+            "folder": str(self.folder),
+            "file": str(self.file),
+            "name": self.name,
+            "from": self.origin,
+            "set": self.values,
+            "assumed": self.assumed,
+            "warnings": self.warnings,
+            "operating_points": self.points,
+            "dogs": self.dogs,
+        }
+
+
 def write_study(
     out: Path,
     origin: str = COMMENTED,
     values: Mapping[str, Any] | None = None,
     *,
     force: bool = False,
-) -> Data:
-    """Write a folder with a commented ``study.toml``; return inherited and assumed values.
+) -> WrittenStudy:
+    """Write a folder with a commented ``study.toml``.
 
     ``origin`` is the study whose file is copied, or the bench whose clutch and operating points are
     used; ``values`` by dotted key, None removes a key. Raises one InputError for all mistakes of
     the study, StorageError for a folder that holds files, without ``force``.
     """
     name = out.resolve().name
-    path = str(out / "study.toml")
     draft = _draft_of(source_of(origin), origin, {"name": name, **(values or {})})
     text = re.sub(r"\A(#.*\n|\s*\n)*", "", draft.text)  # the head comments are on the copied study
-    study = build_study(validate(StudyFile, tomllib.loads(text), path))
+    study = build_study(validate(StudyFile, tomllib.loads(text), str(out / "study.toml")))
     with draft_folder(out, force) as folder:
         head = HEAD.format(origin=draft.origin)
         (folder / "study.toml").write_text(head + text, encoding="utf-8")
-    return {
-        "folder": str(out),
-        "file": path,
-        "name": name,
-        "from": draft.origin,
-        "set": {key: value for key, value in draft.values.items() if key != "name"},
-        "assumed": draft.notes,
-        "warnings": _warnings_of(study),
-        "operating_points": len(study.points),
-        "dogs": study.clutch.dog.count,
-    }
+    return WrittenStudy(
+        folder=out,
+        name=name,
+        origin=draft.origin,
+        values={key: value for key, value in draft.values.items() if key != "name"},
+        assumed=draft.notes,
+        warnings=_warnings_of(study),
+        points=len(study.points),
+        dogs=study.clutch.dog.count,
+    )
 
 
 def check_draft(origin: str, values: Mapping[str, Any]) -> None:

@@ -26,7 +26,7 @@ from dogshape.pipeline.config.study_file import (
 )
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.record import SHARE, Bad, Record, Table, key, number_or_none, percent
+from dogshape.pipeline.record import SHARE, Bad, Record, Table, number_or_none, percent
 from dogshape.pipeline.reports.designs import confirmation_of, engaged_shifts, margins_of
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
@@ -47,7 +47,6 @@ from dogshape.pipeline.search.study_record import (
     study_record_of,
 )
 from dogshape.pipeline.simulate.design import (
-    KINDS,
     SUMMARIES,
     design_of,
     verdict_of,
@@ -62,7 +61,7 @@ from dogshape.pipeline.store.result_records import (
     hinge_table,
     not_judged_row,
 )
-from dogshape.sim.clutch_tables import DogSection
+from dogshape.sim.clutch_tables import DogSection, key
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
 from dogshape.sim.interface import argument, verb
 from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
@@ -281,17 +280,20 @@ class DesignSheet(Record):
         return values
 
 
-#: Name and margin of the check with the smallest margin within the tolerances, by the addition of
-#: their effects; None without a dog.
-WeakestChecks = Mapping[Kind, tuple[str, float] | None]
+class WeakestCheck(NamedTuple):
+    """Check with the smallest margin within the tolerances."""
+
+    name: str | None  #: None without a dog
+    margin: float | None
 
 
 def design_sheet(
     study: Setup,
     params: Values,
     margins: Values,
-    weakest_checks: WeakestChecks,
     *,
+    worst_case: WeakestCheck,
+    root_sum_square: WeakestCheck,
     verdict: VerdictRow,
     simulated: SimulatedValues,
     engine: str | None = None,
@@ -304,8 +306,8 @@ def design_sheet(
         Study, and searched keys of the design in edge units.
     margins
         Margins of all checks by name.
-    weakest_checks
-        Checks with the smallest margin within the tolerances.
+    worst_case, root_sum_square
+        Weakest checks by the addition of the effects of all dimensions.
     verdict, simulated
         Verdict and simulated values of the design.
     engine
@@ -316,8 +318,6 @@ def design_sheet(
     weakest = min(single, key=lambda name: single[name])
     dog = study.dog_with(dict(params))
     friction, surface = locking_friction(dog, study.limits.load)
-    worst_case = weakest_checks["worst_case"] or (None, None)
-    root_sum_square = weakest_checks["root_sum_square"] or (None, None)
     return DesignSheet(
         study=study.name,
         dog={**study.file.dog.model_dump(), **params},
@@ -328,10 +328,10 @@ def design_sheet(
         verdict=verdict,
         smallest_margin=single[weakest],
         weakest_check=weakest,
-        margin_worst_case=number_or_none(worst_case[1]),
-        margin_root_sum_square=number_or_none(root_sum_square[1]),
-        weakest_check_worst_case=worst_case[0],
-        weakest_check_root_sum_square=root_sum_square[0],
+        margin_worst_case=number_or_none(worst_case.margin),
+        margin_root_sum_square=number_or_none(root_sum_square.margin),
+        weakest_check_worst_case=worst_case.name,
+        weakest_check_root_sum_square=root_sum_square.name,
         locking_friction=number_or_none(friction),
         locking_surface=surface,
         engine=engine or study.clutch.solver.engine,
@@ -347,17 +347,19 @@ def design_sheet(
 def searched_sheet(study: Setup, result: StudyRecord, row: DesignRow) -> DesignSheet:
     """Record a design of a result; ``study`` is the one that was searched."""
     confirmed = confirmation_of(result, row)
-    weakest_checks: dict[Kind, tuple[str, float] | None] = {}
-    for kind in KINDS:
+
+    def weakest_check(kind: Kind) -> WeakestCheck:
         margin = row.margin_within(kind)
-        name = row.weakest_within(kind) or ""
-        weakest_checks[kind] = None if margin is None else (name, margin)
+        name = None if margin is None else row.weakest_within(kind) or ""
+        return WeakestCheck(name, margin)
+
     params = row.params(study.variables)
     sheet = design_sheet(
         study,
         params,
         margins_of(row.margins, confirmed),
-        weakest_checks,
+        worst_case=weakest_check("worst_case"),
+        root_sum_square=weakest_check("root_sum_square"),
         verdict=searched_verdict(study, params, row.margins, confirmed),
         simulated=_simulated_values(result, row, confirmed),
     )
@@ -386,15 +388,17 @@ def _simulated_values(
         return values
     changes: dict[str, Any] = {"shifts_engaged": list(engaged_shifts(confirmed))}
     if is_timed:
-        changes["slowest_point"] = _slowest_point(confirmed)
+        changes |= {"slowest_point": _slowest_point(confirmed)}
     prototype = None if result.confirmation is None else result.confirmation.prototype
     if prototype is not None and not row.prototype:
         loss = time_difference(prototype, confirmed)
         if loss is not None:
             differences = point_differences(prototype, confirmed)
-            changes["gain_s"] = -loss[0]
-            changes["gain_standard_error_s"] = loss[1]
-            changes["worst_against_prototype"] = largest_loss(differences)
+            changes |= {
+                "gain_s": -loss[0],
+                "gain_standard_error_s": loss[1],
+                "worst_against_prototype": largest_loss(differences),
+            }
     return values.model_copy(update=changes)
 
 

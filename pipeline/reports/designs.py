@@ -240,9 +240,11 @@ def _estimated_design(result: StudyRecord, design: DesignRow) -> DesignRow:
     if confirmed is None:
         return design
     estimates = confirmed.estimates.items()
-    values: dict[str, object] = {name: estimate.value for name, estimate in estimates}
-    values["standard_errors"] = {name: estimate.standard_error for name, estimate in estimates}
-    values["expected_shift_time_s"] = confirmed.expected_shift_time_s
+    values = {
+        **{name: estimate.value for name, estimate in estimates},
+        "standard_errors": {name: estimate.standard_error for name, estimate in estimates},
+        "expected_shift_time_s": confirmed.expected_shift_time_s,
+    }
     return design.model_copy(update=values)
 
 

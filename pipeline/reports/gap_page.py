@@ -23,11 +23,12 @@ from dogshape.diagnosis.report.wording import (
 )
 from dogshape.diagnosis.terms import NONE, hypothesis_name
 from dogshape.pipeline.diagnose.consequence import Consequence
-from dogshape.pipeline.record import Table, frame_of, key, number_or_none
+from dogshape.pipeline.record import Table, frame_of, number_or_none
 from dogshape.pipeline.reports.charts import TimeMark, times_by_point
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import ENGINES, axis, bind_units, place_name
 from dogshape.pipeline.store.result_records import PlaceRow
+from dogshape.sim.clutch_tables import key
 from dogshape.sim.files import without_formulas, write_whole
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine

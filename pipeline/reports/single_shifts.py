@@ -18,7 +18,14 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import recorded_profile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.statistics.shift_records import DEFAULTS, Record, clutch_record, diverged
+from dogshape.sim.statistics.shift_records import (
+    DEFAULTS,
+    Record,
+    angle_of,
+    clutch_record,
+    diverged,
+    result_of,
+)
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
 from dogshape.sim.units import DEG, RPM
 
@@ -39,10 +46,12 @@ class Replay:
     @property
     def words(self) -> str:
         """Time, or outcome without one, and the operating point of the shift."""
-        time = self.shift["shift_time_s"]
-        result = self.shift["outcome"].replace("_", " ") if time is None else time_text(time)
+        result = result_of(self.shift)
+        words = result.outcome.value.replace("_", " ")
+        if result.shift_time is not None:
+            words = time_text(result.shift_time)
         point = PlaceRow(mismatch_rpm=self.shift["mismatch_rpm"], force_N=self.shift["force_N"])
-        return f"{result} at {place_name(point)}"
+        return f"{words} at {place_name(point)}"
 
 
 def replays_of(folder: StudyFolder, study: Setup, designs: Sequence[DesignRow]) -> list[Replay]:
@@ -73,8 +82,9 @@ def _has_inputs(shift: Record, inputs: Record) -> bool:
 
 def _slowness(shift: Record) -> tuple[float, bool, str]:
     """Return the key that sorts shifts from the fastest to a blocked one."""
-    time = math.inf if shift["shift_time_s"] is None else shift["shift_time_s"]
-    return time, shift["outcome"] == Outcome.BLOCKED.value, shift["key"]
+    result = result_of(shift)
+    time = math.inf if result.shift_time is None else result.shift_time
+    return time, result.outcome is Outcome.BLOCKED, shift["key"]
 
 
 def write_replays(folder: StudyFolder, study: Setup, replays: Sequence[Replay], say: Say) -> None:
@@ -111,7 +121,7 @@ def _write_page(study: Setup, row: Record, path: Path) -> None:
     dog = study.dog_with({key: shape[key] for key in study.shape_keys})
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
     clutch = variant.clutch(replace(study.clutch, dog=dog))
-    result = engage(clutch, point, row["relative_angle_deg"] * DEG)
+    result = engage(clutch, point, angle_of(row).relative_angle_deg * DEG)
     path.parent.mkdir(parents=True, exist_ok=True)
     torque_peak = study.torque_peak(result)
     write_animation(result, path, torque_peak, shared=True, limits=study.limits)

@@ -287,14 +287,13 @@ def _entry_tables(confirmation: Confirmation) -> list[Table]:
         if cells:
             heads = (axis("mismatch_rpm"), axis("force_N"), "direct entry", "closed form")
             tables.append(Table(heads, cells, note=f"Direct entry, {name}."))
-        limit_tables = {}
-        if confirmed.engagement_limits:
-            limit_tables["speed"] = tabulate(LimitRow, confirmed.engagement_limits)
-        if confirmed.engagement_torque_limits:
-            limit_tables["torque"] = tabulate(TorqueLimitRow, confirmed.engagement_torque_limits)
-        for quantity, table in limit_tables.items():
-            note = f"Limit engagement {quantity}, {name}; 95 % interval."
-            tables.append(replace(table, note=note))
+        for quantity, kind, limits in (
+            ("speed", LimitRow, confirmed.engagement_limits),
+            ("torque", TorqueLimitRow, confirmed.engagement_torque_limits),
+        ):
+            if limits:
+                note = f"Limit engagement {quantity}, {name}; 95 % interval."
+                tables.append(replace(tabulate(kind, limits), note=note))
     return tables
 
 

@@ -18,17 +18,17 @@ from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.record import SHARE, FileRecord, Record, Table, key
+from dogshape.pipeline.record import SHARE, FileRecord, Record, Table
 from dogshape.pipeline.reports.text import check_name, in_ms
 from dogshape.pipeline.simulate.design import WITHIN, check_dog, dogs_of, limits_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import first_designs
-from dogshape.sim.clutch_tables import validate
+from dogshape.sim.clutch_tables import key, validate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.interface import verb
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.strength.checks import RULES, Check
+from dogshape.sim.strength.checks import RULES, LimitCheck
 from dogshape.sim.strength.dog_strength import margin_losses, within_tolerances
 from dogshape.sim.strength.manufacture import Kind
 from dogshape.surrogate.model import Surrogate
@@ -250,7 +250,7 @@ def _price_line(row: LimitPrice) -> list[str]:
     ]
 
 
-def _checks(study: Setup, dog: Dog) -> tuple[Check, ...]:
+def _checks(study: Setup, dog: Dog) -> tuple[LimitCheck, ...]:
     """Compute the checks of a dog, or of ``Dogs``, that need no simulation, without sums of checks.
 
     Checks within tolerances add their effects as the limit of the study does.

@@ -63,7 +63,7 @@ from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeat_count
-from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.statistics.hangs import pool
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import result_of
@@ -303,7 +303,7 @@ def contested_designs(state: SearchState, evaluations: Evaluations) -> list[int]
     return [best_trial.number, *rivals[: HANG_ANGLES.rivals]] if rivals else []
 
 
-def deciding_points(expectations: Sequence[Expectation]) -> list[int]:
+def deciding_points(expectations: Sequence[MixExpectation]) -> list[int]:
     """List the operating points that make ``HANG_ANGLES.variance_share`` of retries' variance."""
     variances = sum(
         (expectation.weights * np.array([point.retries_error for point in expectation.points])) ** 2

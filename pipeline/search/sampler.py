@@ -43,7 +43,7 @@ from dogshape.pipeline.simulate.evaluation import Params
 from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.errors import InputError
-from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.landing import LANDING_RULES
 from dogshape.surrogate.covariance import Term, first_parameters
 from dogshape.surrogate.model import Surrogate, fit
@@ -218,7 +218,7 @@ class Guide:
             limited = {} if trial.measured is None else trial.measured.limited
             for quantity, limit in limits:
                 if quantity.name in limited:
-                    check = Check(quantity.rule, limited[quantity.name], limit)
+                    check = LimitCheck(quantity.rule, limited[quantity.name], limit)
                     constraints[trial.number][quantity.name] = -check.margin
         return constraints
 

@@ -187,7 +187,7 @@ def _tell(
     if evaluation is not None and evaluation.is_complete:
         constraints = design_of(search.study, design.params, evaluation.measured).constraints
         values = {name: estimate.value for name, estimate in evaluation.estimates.items()}
-        simulation = simulation_record(evaluation)
+        simulation = simulation_record(evaluation)._asdict()
     if search.sharing is not None:
         search.sharing.trials.discard(frozen._trial_id)
     # Where this run seemed dead, another one is at the design by now.

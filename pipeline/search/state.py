@@ -26,7 +26,7 @@ from dogshape.pipeline.simulate.evaluation import (
 )
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.elementwise import Array, Mask
-from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpectation
+from dogshape.sim.statistics.expectation import Estimate, MixExpectation, PointExpectation
 from dogshape.sim.statistics.hangs import HangPosterior, HangPrior, pool
 from dogshape.sim.strength.landing import Demand
 
@@ -94,21 +94,34 @@ class Trial:
         return np.array(losses), np.array(errors)
 
 
-def simulation_record(evaluation: Evaluation) -> dict[str, Any]:
-    """Record the simulation of a design as the storage keeps it."""
+class SimulationRecord(NamedTuple):
+    """Simulation of a design as the storage keeps it, by its keys."""
+
+    estimates: dict[str, list[float]]  #: value and standard error of each objective
+    demand_Pa: list[float]  #: fields of ``Demand``
+    limited: dict[str, float]  #: values of simulated limits
+    engaged: float  #: smallest share of an operating point that engages
+    rows: list[list[float | None]]  #: of the surrogate (``row_record``)
+    shifts: int
+    times: Sequence[Sequence[Any]] = ()  #: fields of ``PointTimes``; empty in earlier versions
+    reference: Sequence[Sequence[Any]] = ()  #: those of the reference; empty without one
+
+
+def simulation_record(evaluation: Evaluation) -> SimulationRecord:
+    """Record the simulation of a design."""
     measured = evaluation.measured
     estimates = evaluation.estimates.items()
     reference = evaluation.reference
-    return {
-        "estimates": {name: [e.value, e.standard_error] for name, e in estimates},
-        "demand_Pa": list(measured.demand),
-        "limited": dict(measured.limited),
-        "engaged": measured.engaged,
-        "rows": row_record(evaluation.rows),
-        "shifts": evaluation.shifts,
-        "times": [PointTimes.of(point) for point in evaluation.expectation.points],
-        "reference": [PointTimes.of(point) for point in reference.points] if reference else [],
-    }
+    return SimulationRecord(
+        estimates={name: [e.value, e.standard_error] for name, e in estimates},
+        demand_Pa=list(measured.demand),
+        limited=dict(measured.limited),
+        engaged=measured.engaged,
+        rows=row_record(evaluation.rows),
+        shifts=evaluation.shifts,
+        times=[PointTimes.of(point) for point in evaluation.expectation.points],
+        reference=[PointTimes.of(point) for point in reference.points] if reference else [],
+    )
 
 
 def trial_of(frozen: FrozenTrial) -> Trial:
@@ -122,23 +135,23 @@ def trial_of(frozen: FrozenTrial) -> Trial:
         failed=attributes.get(FAILED, {}),
     )
     record = attributes.get(SIMULATION)
-    return _add_simulation(trial, record) if record else trial
+    return _add_simulation(trial, SimulationRecord(**record)) if record else trial
 
 
-def _add_simulation(trial: Trial, record: Mapping[str, Any]) -> Trial:
-    """Add the values of a ``simulation_record``; earlier versions stored no times."""
+def _add_simulation(trial: Trial, record: SimulationRecord) -> Trial:
+    """Add the values of a record of a simulation."""
     return replace(
         trial,
-        estimates={name: Estimate(*pair) for name, pair in record["estimates"].items()},
-        measured=CheckInputs(Demand(*record["demand_Pa"]), record["limited"], record["engaged"]),
-        rows=record["rows"],
-        shifts=record["shifts"],
-        times=[PointTimes(*point) for point in record.get("times", ())],
-        reference=[PointTimes(*point) for point in record.get("reference", ())],
+        estimates={name: Estimate(*pair) for name, pair in record.estimates.items()},
+        measured=CheckInputs(Demand(*record.demand_Pa), record.limited, record.engaged),
+        rows=record.rows,
+        shifts=record.shifts,
+        times=[PointTimes(*point) for point in record.times],
+        reference=[PointTimes(*point) for point in record.reference],
     )
 
 
-def expectation_from(study: Setup, times: Sequence[PointTimes]) -> Expectation:
+def expectation_from(study: Setup, times: Sequence[PointTimes]) -> MixExpectation:
     """Build the expectation over the operating points of a study, before any prior of hangs."""
     points = [
         PointExpectation(
@@ -154,7 +167,7 @@ def expectation_from(study: Setup, times: Sequence[PointTimes]) -> Expectation:
         )
         for point, point_times in zip(study.points, times, strict=True)
     ]
-    return Expectation(tuple(points))
+    return MixExpectation(tuple(points))
 
 
 def pool_trials(

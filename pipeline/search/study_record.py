@@ -13,7 +13,7 @@ from pydantic import create_model
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import SHAPE
-from dogshape.pipeline.record import SHARE, FileRecord, Record, key
+from dogshape.pipeline.record import SHARE, FileRecord, Record
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.folder import StudyFolder
@@ -25,7 +25,7 @@ from dogshape.pipeline.store.result_records import (
     HangPriorRow,
     VerdictRow,
 )
-from dogshape.sim.clutch_tables import validate
+from dogshape.sim.clutch_tables import key, validate
 from dogshape.sim.strength.manufacture import Kind
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.store import Validation

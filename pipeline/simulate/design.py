@@ -16,15 +16,15 @@ from operator import and_
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.record import Record, key, number_or_none
+from dogshape.pipeline.record import Record, number_or_none
 from dogshape.pipeline.store.result_records import CheckRow
-from dogshape.sim.clutch_tables import si_fields
+from dogshape.sim.clutch_tables import key, si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, Refusal, require_known
 from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.uncertainty import sobol_shares
-from dogshape.sim.strength.checks import RULES, Check, Rule
+from dogshape.sim.strength.checks import RULES, LimitCheck, Rule
 from dogshape.sim.strength.dog_strength import (
     keeps_limits,
     margin_losses,
@@ -63,7 +63,7 @@ class Design:
     study: Setup  #: operated as the design is
     params: dict[str, float]  #: searched keys, edge units
     dog: Dog | None  #: None where the shape is impossible
-    checks: tuple[Check, ...]
+    checks: tuple[LimitCheck, ...]
     refusal: str  #: reason why there is no dog, or empty
     landings: Landings | None = None  #: of its simulated shifts
     #: computed margins within the tolerances, by the addition of effects
@@ -92,7 +92,7 @@ class Design:
         return [name for name, value in self.constraints.items() if not value <= 0.0]
 
     @property
-    def faults(self) -> list[Check]:
+    def faults(self) -> list[LimitCheck]:
         """Checks that fail, without those that sum up others."""
         return [check for check in self.checks if not (check.passed or check.rule.summary)]
 
@@ -159,7 +159,7 @@ def design_of(
     design = check_dog(study, params, dog, limits=limits_of(study), limited=limited)
     if measured is None:
         return design
-    engagement_check = Check(ENGAGEMENT, measured.engaged, MIN_ENGAGED_SHARE)
+    engagement_check = LimitCheck(ENGAGEMENT, measured.engaged, MIN_ENGAGED_SHARE)
     landing_checks = demand_checks(measured.demand, study.limits)
     checks = (*design.checks, *landing_checks, engagement_check)
     return replace(design, checks=checks, landings=measured.landings)
@@ -249,7 +249,7 @@ def check_dog(
         if value is None and quantity.exact:
             value = quantity.exact(design, dog)
         if value is not None:
-            checks.append(Check(quantity.rule, value, limit))
+            checks.append(LimitCheck(quantity.rule, value, limit))
     return replace(design, checks=tuple(checks))
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.record import SHARE, Record, key
+from dogshape.pipeline.record import SHARE, Record
 from dogshape.pipeline.simulate.design import (
     REFERRED,
     SIMULATED,
@@ -31,6 +31,7 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.result_records import EngineAgreement
+from dogshape.sim.clutch_tables import key
 from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import MESSAGES, Outcome
@@ -38,7 +39,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import (
     Estimate,
-    Expectation,
+    MixExpectation,
     PointExpectation,
     expect,
     expect_point,
@@ -49,14 +50,16 @@ from dogshape.sim.statistics.expectation import (
 from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import (
+    ShiftLoads,
     diverged,
     entries_by_angle,
     first_windows,
     landing_of,
+    loads_of,
     result_of,
 )
 from dogshape.sim.statistics.shiftability import direct_share
-from dogshape.sim.strength.checks import Check, smallest_margin
+from dogshape.sim.strength.checks import LimitCheck, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import (
     Landings,
@@ -77,22 +80,27 @@ class DesignShifts:
 
     study: Setup
     dog: Dog
-    checks: tuple[Check, ...]
-    expectation: Expectation
+    checks: tuple[LimitCheck, ...]
+    expectation: MixExpectation
     rows: Rows
 
-    def mean(self, value: Callable[[Shift], float]) -> Estimate:
-        """Compute the mean of a value over the mix, without shifts whose integration failed."""
+    def mean_load(self, value: Callable[[ShiftLoads], float]) -> Estimate:
+        """Compute the mean of a load over the mix, without shifts whose integration failed."""
         values = []
         for shifts in self.rows:
-            values.append([value(shift) for shift in shifts if not diverged(shift)])
+            values.append([value(loads_of(shift)) for shift in shifts if not diverged(shift)])
         return mean_over([point.point.weight for point in self.expectation.points], values)
+
+    @property
+    def impact_energy(self) -> Estimate:
+        """Mean energy that a shift dissipates in the contact, J."""
+        return self.mean_load(lambda loads: loads.energy_dissipated_J)
 
 
 LOSS_SIGMAS = 2.0  #: standard errors by which a loss of time is reduced, in a design's favour
 
 
-def _largest_loss(expectation: Expectation, reference: Expectation | None) -> Estimate:
+def _largest_loss(expectation: MixExpectation, reference: MixExpectation | None) -> Estimate:
     """Estimate the largest loss of time on the reference at an operating point, s.
 
     Each loss is reduced by its error: the largest of many differences would be that of their
@@ -115,20 +123,20 @@ def _first_try_share(shifts: DesignShifts) -> Estimate:
     counts = []
     for rows in shifts.rows:
         sound_rows = [row for row in rows if not diverged(row)]
-        late_count = sum((row["shift_time_s"] or math.inf) > limit for row in sound_rows)
+        late_count = sum((result_of(row).shift_time or math.inf) > limit for row in sound_rows)
         counts.append((late_count, len(sound_rows)))
     weights = [point.point.weight for point in shifts.expectation.points]
     return share_over(weights, counts)
 
 
-def _slowest_time(expectation: Expectation, _: Expectation | None) -> Estimate:
+def _slowest_time(expectation: MixExpectation, _: MixExpectation | None) -> Estimate:
     """Estimate the time at the slowest operating point, s."""
     slowest = max(expectation.points, key=lambda point: point.mean)
     return Estimate(slowest.mean, slowest.standard_error)
 
 
 #: Estimators of the objectives that depend on the prior of the probability of a hang.
-TIME_ESTIMATORS: dict[str, Callable[[Expectation, Expectation | None], Estimate]] = {
+TIME_ESTIMATORS: dict[str, Callable[[MixExpectation, MixExpectation | None], Estimate]] = {
     SIMULATED: lambda expectation, _: Estimate(expectation.mean, expectation.standard_error),
     "worst_shift_time_s": _slowest_time,
     REFERRED: _largest_loss,
@@ -140,14 +148,14 @@ ESTIMATORS: dict[str, Callable[[DesignShifts], Estimate]] = {
         shifts.study.file.search.quantile
     ],
     "first_try_share": _first_try_share,
-    "peak_axial_force_N": lambda shifts: shifts.mean(lambda row: row["peak_axial_force_N"]),
-    "strike_torque_Nm": lambda shifts: shifts.mean(
-        lambda row: shifts.dog.mean_radius * row["peak_tangential_force_N"]
+    "peak_axial_force_N": lambda shifts: shifts.mean_load(lambda loads: loads.peak_axial_force_N),
+    "strike_torque_Nm": lambda shifts: shifts.mean_load(
+        lambda loads: shifts.dog.mean_radius * loads.peak_tangential_force_N
     ),
-    "impact_impulse_Ns": lambda shifts: shifts.mean(lambda row: row["impact_impulse_Ns"]),
-    "impact_energy_J": lambda shifts: shifts.mean(lambda row: row["energy_dissipated_J"]),
-    "peak_impact_force_N": lambda shifts: shifts.mean(
-        lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
+    "impact_impulse_Ns": lambda shifts: shifts.mean_load(lambda loads: loads.impact_impulse_Ns),
+    "impact_energy_J": lambda shifts: shifts.impact_energy,
+    "peak_impact_force_N": lambda shifts: shifts.mean_load(
+        lambda loads: math.hypot(loads.peak_axial_force_N, loads.peak_tangential_force_N)
     ),
     "smallest_margin": lambda shifts: Estimate(smallest_margin(shifts.checks).margin, 0.0),
 }
@@ -168,14 +176,14 @@ Params = dict[str, float]  #: searched keys of a design, edge units
 class Evaluation:
     """Expectation and loads from the shifts of a design."""
 
-    expectation: Expectation
+    expectation: MixExpectation
     measured: CheckInputs
     rows: Array  #: data for the surrogate, a row for each operating point
     estimates: dict[str, Estimate]  #: by the names of ``estimated_quantities``
     shifts: int  #: number of shifts
     failed: Mapping[str, int] = field(default_factory=dict)  #: failed integrations by reason
     agreement: EngineAgreement | None = None  #: with Drake, where it repeated some shifts
-    reference: Expectation | None = None  #: of the study's own dog, where an objective needs it
+    reference: MixExpectation | None = None  #: of the study's own dog, where an objective needs it
 
     def under(self, priors: Sequence[HangPrior]) -> Evaluation:
         """Replace the priors of the probability of a hang, one for each operating point."""
@@ -197,7 +205,7 @@ class Evaluation:
 
 
 def time_estimates(
-    names: Iterable[str], expectation: Expectation, reference: Expectation | None
+    names: Iterable[str], expectation: MixExpectation, reference: MixExpectation | None
 ) -> dict[str, Estimate]:
     """Estimate the named objectives of ``TIME_ESTIMATORS``; others are ignored."""
     return {
@@ -267,7 +275,7 @@ def evaluate(
 
 
 def _evaluation(
-    nominal: Setup, params: Params, rows: Rows, reference: Expectation | None
+    nominal: Setup, params: Params, rows: Rows, reference: MixExpectation | None
 ) -> Evaluation:
     """Evaluate the shifts of a design by operating point; ``nominal`` is the study itself."""
     study = nominal.with_operation(params)
@@ -318,7 +326,7 @@ def _searched_records(study: Setup, operation: Mapping[str, float], rows: Rows) 
     return records
 
 
-def landings_over(expectation: Expectation, rows: Rows) -> Landings:
+def landings_over(expectation: MixExpectation, rows: Rows) -> Landings:
     """Collect the landings of shifts by operating point, with their weights."""
     loads = [landing_of(shift) for shift in chain(*rows)]
     weights = list[float]()
@@ -329,7 +337,7 @@ def landings_over(expectation: Expectation, rows: Rows) -> Landings:
 
 def expectation_of(
     study: Setup, points: Points, rows: Rows, even: bool = True, dog: Dog | None = None
-) -> Expectation:
+) -> MixExpectation:
     """Compute the expectation over points, with quantiles, from the records of each.
 
     ``even`` says that the angles are even; ``dog`` is that of the shifts, by default the study's.
@@ -364,10 +372,10 @@ def expectation_of(
 
 def with_torques(
     study: Setup,
-    expectation: Expectation,
+    expectation: MixExpectation,
     blocks: Sequence[Block],
     run: Callable[[Sequence[Block]], Rows],
-) -> Expectation:
+) -> MixExpectation:
     """Add the shifts of ``blocks`` under each of ``expectation.limit_torques_Nm`` of the study.
 
     ``run`` simulates blocks; ``blocks`` are those that the expectation is of.
@@ -394,7 +402,7 @@ MAX_ANGLES = 96  #: angles of the last round
 
 def expect_to_precision(
     study: Setup, points: Points, precision: float, executor: Executor, progress: WorkCounter
-) -> tuple[Expectation, list[Block], list[list[Shift]]]:
+) -> tuple[MixExpectation, list[Block], list[list[Shift]]]:
     """Double the even angles until the expectation over points has a relative standard error.
 
     Returns the expectation, blocks and records of the last round, which may be less precise
@@ -491,7 +499,7 @@ def life_of(
         )
         weakest = smallest_margin(checks)
         design_shifts = DesignShifts(design_study, dog, checks, expectation, rows)
-        energy = ESTIMATORS["impact_energy_J"](design_shifts)
+        energy = design_shifts.impact_energy
         stages.append(
             LifeStage(
                 life=life,
@@ -519,7 +527,7 @@ def _loss_since(stage: LifeStage, life: float, wear: Wear, *, dog: Dog, study: S
 
 def _expect_worn(
     study: Setup, dog: Dog, executor: Executor, priors: Sequence[HangPrior] | None
-) -> tuple[Expectation, list[list[Shift]]]:
+) -> tuple[MixExpectation, list[list[Shift]]]:
     """Simulate a worn dog at new angles; return its expectation and records."""
     settings = study.file.expectation
     clutch = replace(study.clutch, dog=dog)
@@ -537,7 +545,7 @@ def _expect_worn(
     return expectation, rows
 
 
-def life_checks(study: Setup, new_dog: Dog, dog: Dog) -> tuple[Check, ...]:
+def life_checks(study: Setup, new_dog: Dog, dog: Dog) -> tuple[LimitCheck, ...]:
     """Compute the closed-form checks of a worn dog, without manufacture.
 
     A load counts as the worse of worn and new, and contact is a share of the new height.

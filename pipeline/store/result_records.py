@@ -12,12 +12,12 @@ from dogshape.pipeline.record import (
     FileRecord,
     Record,
     Table,
-    key,
     number_or_none,
     percent,
     tabulate,
 )
-from dogshape.sim.statistics.expectation import Expectation, PointExpectation
+from dogshape.sim.clutch_tables import key
+from dogshape.sim.statistics.expectation import MixExpectation, PointExpectation
 from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shiftability import (
     SpeedLimit,
@@ -25,7 +25,7 @@ from dogshape.sim.statistics.shiftability import (
     speed_limits,
     torque_limits,
 )
-from dogshape.sim.strength.checks import GROUPS, RULES, Check, safety_factor
+from dogshape.sim.strength.checks import GROUPS, RULES, LimitCheck, safety_factor
 from dogshape.sim.strength.verdict import STANDARD, State, Verdict
 from dogshape.sim.units import RPM, short
 
@@ -189,7 +189,7 @@ class HangKeys(Record):
     retries_error_s: float | None = key("its standard error", "s", late=True)
 
 
-def hang_keys(expectation: Expectation | None) -> HangKeys:
+def hang_keys(expectation: MixExpectation | None) -> HangKeys:
     """Record both terms of an expected time; without one, null each."""
     if expectation is None:
         return HangKeys(**dict.fromkeys(HangKeys.model_fields))
@@ -323,7 +323,7 @@ class ExpectedTime(HangKeys):
     )
 
     @classmethod
-    def of(cls, expectation: Expectation) -> ExpectedTime:
+    def of(cls, expectation: MixExpectation) -> ExpectedTime:
         """Record an expectation; where too few shifts engage there is no time, nor its error."""
         standard_error = expectation.standard_error if expectation.engages else None
         numerical_error = expectation.numerical_error if expectation.engages else None
@@ -353,7 +353,7 @@ class ExpectedTime(HangKeys):
         return record.model_copy(update={"engagement_torque_limits": rows})
 
 
-def _quantile_rows(expectation: Expectation) -> list[QuantileRow]:
+def _quantile_rows(expectation: MixExpectation) -> list[QuantileRow]:
     """Record the quantiles; one with less than one shift beyond it has no time."""
     rows = []
     for share, quantile in expectation.quantiles.items():
@@ -407,7 +407,7 @@ class CheckRow(FileRecord):
     )
 
     @classmethod
-    def of(cls, check: Check) -> CheckRow:
+    def of(cls, check: LimitCheck) -> CheckRow:
         """Record a check at nominal size."""
         rule = check.rule
         optional: dict[str, Any] = {}

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, cycle, islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import qmc
@@ -44,6 +45,7 @@ from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
 from dogshape.sim.statistics.shift_records import (
     Record,
+    angle_of,
     content_key,
     diverged,
     result_of,
@@ -196,7 +198,7 @@ def simulate_designs(
 
     The journal forgets their shifts.
     """
-    stored_keys = {line["key"] for line in _lines(path)}
+    stored_keys = {line.key for line in _lines(path)}
     jobs_by_key = {job.key(study): job for job in jobs}
     missing_keys = [key for key in jobs_by_key if key not in stored_keys]
     stored_angles = sum(jobs_by_key[key].angles for key in jobs_by_key.keys() & stored_keys)
@@ -210,18 +212,28 @@ def simulate_designs(
             rows = np.array(
                 [_row(study, job, point_shifts) for point_shifts in shifts], dtype=float
             )
-            append(path, {"key": job.key(study), "part": part, "rows": row_record(rows)})
+            design = FittedDesign(job.key(study), part, row_record(rows))
+            append(path, design._asdict())
         executor.forget()
 
 
-def _lines(path: Path) -> list[Record]:
+class FittedDesign(NamedTuple):
+    """Finished design of a fit; its fields are the keys of its line in a file."""
+
+    key: str  #: of its job
+    part: str  #: ``filling``, ``best``, ``references`` or ``best_references``
+    rows: list[list[float | None]]  #: a row for each operating point, as ``row_record`` writes it
+
+
+def _lines(path: Path) -> list[FittedDesign]:
     """Read the finished designs of a fit."""
-    return list(read_lines(path, lambda line: line["rows"] and line["part"], "a finished design"))
+    lines = read_lines(path, lambda line: FittedDesign(**line), "a finished design")
+    return [FittedDesign(**line) for line in lines]
 
 
 def simulated_data(study: Setup, path: Path, *parts: str) -> Dataset:
     """Collect the designs of some parts in a file; ``study`` has the engine of their shifts."""
-    rows = list(chain(*(line["rows"] for line in _lines(path) if line["part"] in parts)))
+    rows = list(chain(*(line.rows for line in _lines(path) if line.part in parts)))
     return with_rows(study, rows)
 
 
@@ -245,7 +257,7 @@ def _simulate_jobs(
 
 def _phases_and_times(shifts: Sequence[Record]) -> tuple[Array, Array]:
     """Return the angles of shifts in fractions of a pitch and their times, (n,) each."""
-    phases = [shift["relative_angle_deg"] * shift["count"] / 360.0 for shift in shifts]
+    phases = [angle_of(shift).pitches for shift in shifts]
     times = [result_of(shift).shift_time for shift in shifts]
     return np.array(phases), np.array(times, dtype=float)
 
@@ -352,17 +364,23 @@ def _fill_parts(
     simulate("filling", filling, angles)
     if not folder.chosen.exists():
         say("choosing among the designs that are expected to be best")
-        write_json(folder.chosen, _choose_best(study, path, filling, count - len(filling)))
-    chosen = read_json(folder.chosen, "remove it and run the same command again")
-    simulate("best", chosen["designs"], angles, POOL_SEED)
+        best = _choose_best(study, path, filling, count - len(filling))
+        write_json(folder.chosen, best._asdict())
+    chosen = BestDesigns(**read_json(folder.chosen, "remove it and run the same command again"))
+    simulate("best", chosen.designs, angles, POOL_SEED)
     references = first_designs(study, settings.references, REFERENCE_SEED, border=False)
     simulate("references", references, settings.reference_angles, REFERENCE_SEED)
-    simulate("best_references", chosen["references"], settings.reference_angles, REFERENCE_SEED + 1)
+    simulate("best_references", chosen.references, settings.reference_angles, REFERENCE_SEED + 1)
 
 
-def _choose_best(
-    study: Setup, path: Path, filling: list[Params], count: int
-) -> dict[str, list[Params]]:
+class BestDesigns(NamedTuple):
+    """Designs that a first fit expects to be best, and references; the keys of their file."""
+
+    designs: list[Params]
+    references: list[Params]
+
+
+def _choose_best(study: Setup, path: Path, filling: list[Params], count: int) -> BestDesigns:
     """Choose ``count`` designs, and references, that a first fit expects to be best.
 
     They are from pools of new designs; ``filling`` are the designs of the first fit.
@@ -385,7 +403,7 @@ def _choose_best(
         for design in reference_pool[settings.references :]
         if design not in filling and design not in designs
     ]
-    return {"designs": designs, "references": best(candidates, settings.best_references)}
+    return BestDesigns(designs, best(candidates, settings.best_references))
 
 
 def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say) -> Stored:

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,32 +67,57 @@ def ridge_line(dog: Dog) -> tuple[Vertices, Vertices]:
     return turn[:, 0], turn[:, 1]
 
 
-def dog_planes(dog: Dog) -> dict[str, Plane]:
-    """Compute the planes that bound a dog: two flanks, face, root, inner, outer.
+class DogPlanes(NamedTuple):
+    """Planes that bound a dog."""
 
-    A tip with two faces has the plane ``back`` too, from the ridge to the traction flank; of a tip
-    with one, ``face`` is that one, to whichever side it falls.
+    traction: Plane
+    braking: Plane
+    face: Plane  #: of the tip; of two faces that from the ridge to the braking flank
+    back: Plane | None  #: face from the ridge to the traction flank; None for a tip with one face
+    root: Plane
+    inner: Plane
+    outer: Plane
+
+    @property
+    def tip(self) -> tuple[Plane, ...]:
+        """Faces of the tip, from the braking to the traction flank."""
+        return (self.face,) if self.back is None else (self.face, self.back)
+
+    @property
+    def touching(self) -> tuple[Plane, ...]:
+        """Faces that can touch, from the braking to the traction flank."""
+        return (self.braking, *self.tip, self.traction)
+
+
+def dog_planes(dog: Dog) -> DogPlanes:
+    """Compute the planes that bound a dog.
+
+    The face of a tip with one falls to either side.
     """
     half = 0.5 * dog.height
     axis = np.array([0.0, 0.0, 1.0])
-    planes = {}
-    for name, side, angle in (("traction", 1, dog.traction), ("braking", -1, dog.braking)):
-        _, outward = flank_line(dog, side)
-        planes[name] = Plane(math.cos(angle) * outward + math.sin(angle) * axis, 0.0)
+    radial = np.array([1.0, 0.0, 0.0])
     # Faces fall from the ridge.
     _, ridge_normal = ridge_line(dog)
     ridge = dog.ridge_offset * ridge_normal + half * axis
-    falls = {"face": -dog.chamfer if dog.crest > 0.0 else dog.chamfer_back}
-    if dog.has_back:
-        falls["back"] = dog.chamfer_back
-    for name, fall in falls.items():
+
+    def flank(side: int, angle: float) -> Plane:
+        _, outward = flank_line(dog, side)
+        return Plane(math.cos(angle) * outward + math.sin(angle) * axis, 0.0)
+
+    def tip_face(fall: float) -> Plane:
         normal = math.cos(fall) * axis + math.sin(fall) * ridge_normal
-        planes[name] = Plane(normal, float(normal @ ridge))
-    planes["root"] = Plane(-axis, half)
-    radial = np.array([1.0, 0.0, 0.0])
-    planes["inner"] = Plane(-radial, -dog.inner_radius * flank_line(dog, +1)[0][0])
-    planes["outer"] = Plane(radial, dog.outer_radius)
-    return planes
+        return Plane(normal, float(normal @ ridge))
+
+    return DogPlanes(
+        traction=flank(1, dog.traction),
+        braking=flank(-1, dog.braking),
+        face=tip_face(-dog.chamfer if dog.crest > 0.0 else dog.chamfer_back),
+        back=tip_face(dog.chamfer_back) if dog.has_back else None,
+        root=Plane(-axis, half),
+        inner=Plane(-radial, -dog.inner_radius * flank_line(dog, +1)[0][0]),
+        outer=Plane(radial, dog.outer_radius),
+    )
 
 
 @dataclass(frozen=True)
@@ -176,9 +202,7 @@ def corner_of(first: Plane, last: Plane, radius: float) -> Corner:
 
 def touching_faces(dog: Dog) -> tuple[Plane, ...]:
     """List the faces that can touch: traction flank, back if there is one, face, braking flank."""
-    planes = dog_planes(dog)
-    names = ("traction", "back", "face", "braking")
-    return tuple(planes[name] for name in names if name in planes)
+    return dog_planes(dog).touching[::-1]
 
 
 def tip_edges(dog: Dog) -> tuple[Corner, ...]:
@@ -220,14 +244,14 @@ def meeting(*planes: Plane) -> Vertices:
     return np.asarray(np.linalg.solve(*stacked(planes)), dtype=np.float64)
 
 
-def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, list[Face]]:
+def body(dog: Dog, skin: DogPlanes, apex: Vertices) -> tuple[Vertices, list[Face]]:
     """Compute vertices (n, 3) and tetrahedra of the body of a dog with rounded edges or a back.
 
     ``skin`` has the planes of its root, inner and outer end; ``apex`` (3,) is the last vertex.
     """
-    ends = (skin["inner"], skin["outer"])
+    ends = (skin.inner, skin.outer)
     edges = tip_edges(dog)
-    profile = [skin["root"], *touching_planes(dog), skin["root"]]
+    profile = [skin.root, *touching_planes(dog), skin.root]
     points = [meeting(first, second, end) for first, second in pairwise(profile) for end in ends]
     last = len(profile) - 2  # line of the braking root
     # A line has two vertices, at the inner and the outer end; an edge its first and last line, and
@@ -257,8 +281,8 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
         faces += _end_faces(spans, strips, chains, last=last, end=end)
     hips: list[Vertices] = []
     planes = dog_planes(dog)
-    if dog.has_back:
-        closing = int(planes["back"].depth(apex) < planes["face"].depth(apex))
+    if planes.back:
+        closing = int(planes.back.depth(apex) < planes.face.depth(apex))
         first_chain, second_chain = chains[closing : closing + 2]
         inner_ends = (points[first_chain[0]], points[second_chain[0]])
         outer_ends = (points[first_chain[-1]], points[second_chain[-1]])
@@ -440,7 +464,7 @@ def rigid_dog(dog: Dog) -> Mesh:
     """
     points = []
     if dog.edge_radius > 0.0 or dog.has_back:
-        root = dog_planes(dog)["root"]
+        root = dog_planes(dog).root
         profile = [root, *touching_planes(dog)[::-1], root]
         directions = [flank_line(dog, -1)[0], ridge_line(dog)[0], flank_line(dog, +1)[0]]
         counts = [1 + len(edge.planes) for edge in tip_edges(dog)[::-1]]
@@ -450,7 +474,7 @@ def rigid_dog(dog: Dog) -> Mesh:
             for radius in (dog.inner_radius, dog.outer_radius):
                 points.append(meeting(first, last, Plane(directions[place], radius)))
     else:
-        face = dog_planes(dog)["face"]
+        face = dog_planes(dog).face
         for side, angle in ((-1, dog.braking), (+1, dog.traction)):
             radial, outward = flank_line(dog, side)
             slope = np.array([0.0, 0.0, 1.0]) - math.tan(angle) * outward
@@ -512,8 +536,8 @@ def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
     what the contact can resolve.
     """
     planes = dog_planes(dog)
-    flanks = [planes["traction"], planes["braking"]]
-    faces = [planes[name] for name in ("face", "back") if name in planes]
+    flanks = [planes.traction, planes.braking]
+    faces = planes.tip
     apices = [equally_deep([face, *flanks], dog.mean_radius) for face in faces]
     margins = [faces[-1 - k].depth(apex) - depth for k, (apex, depth) in enumerate(apices)]
     return apices[int(np.argmax(margins))]
@@ -533,19 +557,22 @@ def compliant_dog(dog: Dog) -> Mesh:
     sharp = dog.edge_radius == 0.0 and not dog.has_back
     if not sharp:
         # The apex, whose pressure gives those of edges and hip their scale, is nearest to a flank.
-        deepest = max(planes[name].depth(apex) for name in ("back", "face") if name in planes)
+        deepest = max(face.depth(apex) for face in planes.tip)
         root_depth = max(root_depth, deepest)
         ends = max(ends, deepest - 0.5 * width)
     root_distance = root_depth - apex[2] - 0.5 * dog.height
-    distances = {"inner": ends, "outer": ends, "root": root_distance}
-    skin = {name: plane.moved(float(distances.get(name, 0.0))) for name, plane in planes.items()}
+    skin = planes._replace(
+        root=planes.root.moved(float(root_distance)),
+        inner=planes.inner.moved(float(ends)),
+        outer=planes.outer.moved(float(ends)),
+    )
     if not sharp:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
     corner_planes = itertools.product(
-        (skin["braking"], skin["traction"]),
-        (skin["root"], skin["face"]),
-        (skin["inner"], skin["outer"]),
+        (skin.braking, skin.traction),
+        (skin.root, skin.face),
+        (skin.inner, skin.outer),
     )
     corners = [meeting(*meeting_planes) for meeting_planes in corner_planes]
     vertices = np.array([*corners, apex])

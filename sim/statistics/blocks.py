@@ -183,11 +183,12 @@ def loads_record(result: Engagement) -> Record:
 
     Rigid shafts have no keys.
     """
-    record = edge_record(result.loads, _LOAD_KEYS)
-    record["landing_loads_N_mm"] = [load * MM for load in result.loads.landing_loads]
     shaft_record = edge_record(result.loads, _SHAFT_KEYS)
-    record |= {key: torque for key, torque in shaft_record.items() if torque is not None}
-    return record
+    return {
+        **edge_record(result.loads, _LOAD_KEYS),
+        "landing_loads_N_mm": [load * MM for load in result.loads.landing_loads],
+        **{key: torque for key, torque in shaft_record.items() if torque is not None},
+    }
 
 
 def run_block(block: Block) -> Iterator[Record]:
@@ -199,14 +200,18 @@ def run_block(block: Block) -> Iterator[Record]:
             clutch = variant.clutch(clutch)
             point = variant.point(point)
         result = engage(clutch, point, angle)
-        record = {"key": key, **inputs, "outcome": result.outcome.value}
-        record["shift_time_s"] = result.shift_time
+        record = {
+            "key": key,
+            **inputs,
+            "outcome": result.outcome.value,
+            "shift_time_s": result.shift_time,
+        }
         if clutch.mechanism.has_linkage:
-            record["actuator_time_s"] = result.actuator_time
+            record |= {"actuator_time_s": result.actuator_time}
         record |= events_record(result) | loads_record(result)
         record |= {"steps": len(result.run.times), "evaluations": result.evaluations}
         if result.outcome is Outcome.DIVERGED:
-            record["reason"] = result.detail
+            record |= {"reason": result.detail}
         yield record | engine() | {"seed": block.seed}
 
 

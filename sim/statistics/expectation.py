@@ -169,7 +169,7 @@ class PointExpectation:
 
 
 @dataclass(frozen=True)
-class Expectation:
+class MixExpectation:
     """Expected shift time over all operating points, weighted, s."""
 
     points: tuple[PointExpectation, ...]
@@ -243,7 +243,7 @@ class Expectation:
         """Numbers of hangs and shifts by operating point."""
         return [(point.hangs, point.n) for point in self.points]
 
-    def under(self, priors: Sequence[HangPrior]) -> Expectation:
+    def under(self, priors: Sequence[HangPrior]) -> MixExpectation:
         """Return the expectation with other priors, one for each operating point."""
         points = [point.under(prior) for point, prior in zip(self.points, priors, strict=True)]
         return replace(self, points=tuple(points))
@@ -389,12 +389,12 @@ def variance_of_mean(times: Array, *, even: bool = True) -> float:
 
 def expect(
     points: Sequence[PointExpectation], priors: Sequence[HangPrior] | None = None
-) -> Expectation:
+) -> MixExpectation:
     """Return the weighted expectation over operating points with independent errors.
 
     ``priors`` of the probability of a hang, one for each point; ``weak_priors`` by default.
     """
-    return Expectation(tuple(points)).under(priors or weak_priors(len(points)))
+    return MixExpectation(tuple(points)).under(priors or weak_priors(len(points)))
 
 
 RETRY_TAIL = 1e-6  #: of a point's weight, left out of its retries

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Sequence
-from typing import Any
+from operator import itemgetter
+from typing import Any, NamedTuple
 
 from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
@@ -90,10 +91,12 @@ def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> R
         **uncertain_record(variant.source),
     }
     if contact.face_friction is not None:
-        record["drawn_face_friction"] = contact.face_friction * variant.friction
+        record |= {"drawn_face_friction": contact.face_friction * variant.friction}
     if "dissipation_factor" in dict(variant.source):
-        record["dissipation_factor"] = variant.dissipation
-        record["drawn_dissipation_s_m"] = contact.dissipation * variant.dissipation
+        record |= {
+            "dissipation_factor": variant.dissipation,
+            "drawn_dissipation_s_m": contact.dissipation * variant.dissipation,
+        }
     return record
 
 
@@ -109,6 +112,41 @@ def content_key(record: Record) -> str:
     return hashlib.sha256(json.dumps(rounded, sort_keys=True).encode()).hexdigest()[:20]
 
 
+class ShiftAngle(NamedTuple):
+    """Relative angle of a shift at the start of the force, and the number of dogs of a ring."""
+
+    relative_angle_deg: float
+    dogs: int
+
+    @property
+    def pitches(self) -> float:
+        """Relative angle from dogs facing dogs, in pitches."""
+        return self.relative_angle_deg * self.dogs / 360.0
+
+
+class ShiftLoads(NamedTuple):
+    """Loads of a shift, in the units of files."""
+
+    peak_axial_force_N: float
+    peak_tangential_force_N: float
+    impact_impulse_Ns: float
+    energy_dissipated_J: float
+
+
+_get_angle = itemgetter("relative_angle_deg", "count")
+_get_loads = itemgetter(*ShiftLoads._fields)
+
+
+def angle_of(record: Record) -> ShiftAngle:
+    """Extract the relative angle from a record."""
+    return ShiftAngle(*_get_angle(record))
+
+
+def loads_of(record: Record) -> ShiftLoads:
+    """Extract the loads from a record."""
+    return ShiftLoads(*_get_loads(record))
+
+
 MAX_BINS = 24  #: of the relative angle over a pitch
 
 
@@ -121,15 +159,16 @@ def entries_by_angle(records: Sequence[Record]) -> list[list[int]]:
     for record in records:
         if diverged(record):
             continue
-        phase = record["relative_angle_deg"] * record["count"] / 360.0 % 1.0
-        entry = 2 if record["shift_time_s"] is None else int(record["face_contacts"] > 0)
+        phase = angle_of(record).pitches % 1.0
+        is_engaged = result_of(record).shift_time is not None
+        entry = int(record["face_contacts"] > 0) if is_engaged else 2
         counts[int(phase * len(counts))][entry] += 1
     return counts
 
 
 def first_windows(records: Sequence[Record]) -> int:
     """Count the shifts that engage without skipping a slot."""
-    engaged = (record for record in records if record["shift_time_s"] is not None)
+    engaged = (record for record in records if result_of(record).shift_time is not None)
     return sum(record["slots_skipped"] == 0 for record in engaged)
 
 

@@ -119,33 +119,41 @@ class Distribution(Section):
         numbers = [f"{name} {value:.12g}" for name, value in self.given.items()]
         return ", ".join([self.distribution, *numbers])
 
+    def _numbers(self, *names: str) -> list[float]:
+        """List numbers that this kind of distribution has; KeyError for a missing one."""
+        values = self.given
+        return [values[name] for name in names]
+
     @property
     def _deviates(self) -> Array:
         """Bounds of a normal or lognormal as deviates of the standard normal distribution, (2,)."""
-        values = self.given
         bounds = np.array(self.bounds)
         if self.distribution == "normal":
-            return np.array((bounds - values["mean"]) / values["sd"])
-        logs = np.log(np.maximum(bounds / values["median"], 1e-300))  # the lower bound may be 0
-        return np.array(logs / math.log(values["factor"]))
+            mean, sd = self._numbers("mean", "sd")
+            return np.array((bounds - mean) / sd)
+        median, factor = self._numbers("median", "factor")
+        logs = np.log(np.maximum(bounds / median, 1e-300))  # the lower bound may be 0
+        return np.array(logs / math.log(factor))
 
     def at(self, shares: Array) -> Array:
         """Compute the quantiles of the distribution at ``shares`` (n,), (n,)."""
         from scipy.special import ndtr, ndtri  # noqa: PLC0415  slow to load, and only draws need it
 
         low, high = self.bounds
-        values = self.given
         low_share, high_share = (0.0, 1.0)
         if self.distribution in TRUNCATED:
             low_share, high_share = ndtr(self._deviates)
         u = low_share + shares * (high_share - low_share)
         if self.distribution == "normal":
-            quantiles = ndtri(u) * values["sd"] + values["mean"]
+            mean, sd = self._numbers("mean", "sd")
+            quantiles = ndtri(u) * sd + mean
         elif self.distribution == "lognormal":
-            quantiles = np.exp(math.log(values["factor"]) * ndtri(u)) * values["median"]
+            median, factor = self._numbers("median", "factor")
+            quantiles = np.exp(math.log(factor) * ndtri(u)) * median
         else:
             if self.distribution == "triangular":
-                top = (values["mode"] - low) / (high - low)
+                (mode,) = self._numbers("mode")
+                top = (mode - low) / (high - low)
                 u = np.where(u < top, np.sqrt(top * u), 1.0 - np.sqrt((1.0 - top) * (1.0 - u)))
             quantiles = u * (high - low) + low
         return np.clip(quantiles, low, high)

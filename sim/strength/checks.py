@@ -47,7 +47,7 @@ class Rule:
 
 
 @dataclass(frozen=True)
-class Check:
+class LimitCheck:
     """Value against limit, both in the unit of ``rule``; of many designs arrays (n,)."""
 
     rule: Rule
@@ -124,20 +124,20 @@ def safety_factor(rule: Rule, margin: float) -> float | None:
     return 1.0 / (1.0 - margin)
 
 
-def feasible(checks: Iterable[Check]) -> bool:
+def feasible(checks: Iterable[LimitCheck]) -> bool:
     """Test whether every check passes."""
     return all(check.passed for check in checks)
 
 
-def smallest_margin(checks: Iterable[Check]) -> Check:
+def smallest_margin(checks: Iterable[LimitCheck]) -> LimitCheck:
     """Return the check with the smallest margin, without those that sum up others."""
     return min((c for c in checks if not c.rule.summary), key=lambda check: check.margin)
 
 
-def worse_check(first: Check, second: Check) -> Check:
+def worse_check(first: LimitCheck, second: LimitCheck) -> LimitCheck:
     """Return the check with the smaller margin of two of one rule, design by design."""
     is_first = first.margin <= second.margin
-    return Check(
+    return LimitCheck(
         first.rule,
         value=where(is_first, first.value, second.value),
         limit=where(is_first, first.limit, second.limit),
@@ -485,11 +485,11 @@ RULES = {rule.name: rule for row in _TABLE for rule in _rules_of(row)}
 Row = tuple[str, float, float]  #: name of a rule, value and limit, SI
 
 
-def checks_of(rows: Iterable[Row], ends: str = "") -> tuple[Check, ...]:
+def checks_of(rows: Iterable[Row], ends: str = "") -> tuple[LimitCheck, ...]:
     """Build the checks of values and limits in SI, in the units of their rules."""
     checks = []
     for name, value, limit in rows:
         rule = RULES[name]
         suffix = f"_{rule.unit}"
-        checks.append(Check(rule, from_si(suffix, value), from_si(suffix, limit), ends))
+        checks.append(LimitCheck(rule, from_si(suffix, value), from_si(suffix, limit), ends))
     return tuple(checks)

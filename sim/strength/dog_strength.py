@@ -25,7 +25,7 @@ import numpy as np
 from dogshape.sim.elementwise import hypot, largest, log, map_elements, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
-from dogshape.sim.strength.checks import Check, checks_of, feasible, worse_check
+from dogshape.sim.strength.checks import LimitCheck, checks_of, feasible, worse_check
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
@@ -285,14 +285,14 @@ def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> floa
     return mean_force / sqrt(limits.load.blow(dog, mean_force))
 
 
-def within_tolerances(dog: Dog, limits: Limits, kind: Kind) -> tuple[Check, ...]:
+def within_tolerances(dog: Dog, limits: Limits, kind: Kind) -> tuple[LimitCheck, ...]:
     """Return the checks of contact ratio and clearance within the tolerances."""
     return tolerance_checks(
         dog, limits.root_radius, limits.tolerances, seated=limits.seated_tolerance, kind=kind
     )
 
 
-def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+def strength_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
     """Return all checks of a design, or of ``Dogs``, that need no simulation.
 
     Values and limits are in the unit of each check: numbers, or arrays (n,) for ``Dogs``.
@@ -325,14 +325,14 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
     return losses(dog, limits.root_radius, limits.tolerances, margins)
 
 
-def _shape_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+def _shape_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
     """Return the checks of manufacture and of the soft core of the tip."""
     core = dog.tip_width_at(dog.inner_radius) - 2.0 * limits.material.case_depth
     core_checks = checks_of([("tip_core", core, limits.manufacturing.tip_core)])
     return (*manufacturing_checks(dog, limits.manufacturing), *core_checks)
 
 
-def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+def _load_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
     """Return the checks of pressure, root stresses, fatigue and rim."""
     case = limits.load
     # Thousands of designs are checked, each at every deviation: the stresses are computed once.
@@ -358,7 +358,7 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     return checks_of(rows)
 
 
-def _strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+def _strike_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
     """Return the checks of root and flank in a strike, the worse of all strikes."""
     pressure_limit = limits.material.case_yield / limits.load.safety
     checks_by_strike = []
@@ -381,7 +381,7 @@ def _strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
 
 
 #: Groups of checks, cheap and often failing ones first; the last includes the tolerances.
-_GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
+_GROUPS: tuple[Callable[[Dog, Limits], tuple[LimitCheck, ...]], ...] = (
     _shape_checks,
     lambda dog, limits: locking_checks(dog, limits.load),
     _load_checks,

@@ -44,7 +44,7 @@ from dogshape.sim.errors import InputError, Refusal
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.trace import OVERLAPS
-from dogshape.sim.strength.checks import RULES, Check, checks_of
+from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.materials import POISSON, YOUNG
 from dogshape.sim.units import MM, MPA
@@ -261,7 +261,7 @@ def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
 
 def demand_checks(
     demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
-) -> tuple[Check, ...]:
+) -> tuple[LimitCheck, ...]:
     """Return the checks of the pressures of a landing, with the ``interval`` of the demand."""
     material = limits.material
     face_limit = material.case_yield / limits.load.safety

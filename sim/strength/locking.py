@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 from dogshape.sim.elementwise import arctan, largest, smallest, tan, where
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
-from dogshape.sim.strength.checks import Check, checks_of
+from dogshape.sim.strength.checks import LimitCheck, checks_of
 from dogshape.sim.strength.load_case import LoadCase
 
 
@@ -116,7 +116,7 @@ def face_angle(dog: Dog) -> float:
     return where(dog.crest == 1.0, dog.chamfer, angle)
 
 
-def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
+def locking_checks(dog: Dog, load: LoadCase) -> tuple[LimitCheck, ...]:
     """Return the checks of release, and of retention and pull-out if they have a limit."""
     rows = []
     if load.faces_release:

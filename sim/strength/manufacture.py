@@ -23,7 +23,7 @@ from dogshape.sim.elementwise import hashable, hypot, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, Refusal
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
-from dogshape.sim.strength.checks import RULES, Check, checks_of
+from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
 from dogshape.sim.units import DEG, MM
 
 
@@ -51,7 +51,7 @@ class ManufacturingLimits:
 MAKEABLE = tuple(n for n, rule in RULES.items() if rule.group == "make" and n != "tip_core")
 
 
-def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, ...]:
+def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[LimitCheck, ...]:
     """Return the manufacturability checks of a dog."""
     inner = dog.inner_radius
     # The cutter enters an undercut slot by its mouth.
@@ -64,9 +64,11 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
         "root_radius": root_radius_room(dog),
     }
     if dog.edge_radius != 0.0:
-        values["edge_clearance"] = dog.edge_radius
-    values["chamfer_share"] = largest(*dog.drops_at(dog.mean_radius)) / dog.height
-    values["module"] = 2.0 * dog.mean_radius / dog.count
+        values |= {"edge_clearance": dog.edge_radius}
+    values |= {
+        "chamfer_share": largest(*dog.drops_at(dog.mean_radius)) / dog.height,
+        "module": 2.0 * dog.mean_radius / dog.count,
+    }
     bounds = vars(limits) | {"edge_clearance": limits.root_radius}
     return checks_of((name, value, bounds[name]) for name, value in values.items())
 
@@ -234,7 +236,7 @@ def tolerance_checks(
     tolerances: Tolerances,
     seated: float,
     kind: Kind = "root_sum_square",
-) -> tuple[Check, ...]:
+) -> tuple[LimitCheck, ...]:
     """Return the checks of contact ratio and clearance within the tolerances.
 
     ``root_radius`` and the ``seated`` tolerance of a shift in m.

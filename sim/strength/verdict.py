@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 
 from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
-from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Landings, demand_checks
 from dogshape.sim.strength.locking import blocking_force
@@ -288,7 +288,7 @@ class Margin(NamedTuple):
     clear: bool = True  #: whether its interval excludes zero
 
     @classmethod
-    def of(cls, check: Check) -> Margin:
+    def of(cls, check: LimitCheck) -> Margin:
         """Return the margin of a check."""
         return cls(check.name, check.margin, check.clear)
 

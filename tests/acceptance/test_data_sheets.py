@@ -18,7 +18,7 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import toml_value
-from dogshape.pipeline.drafts.study_folder import write_study
+from dogshape.pipeline.drafts.study_folder import WrittenStudy, write_study
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.planar import PlanarClutch
@@ -117,7 +117,7 @@ SHEETS = {
 }  # fmt: skip
 
 
-def _entered(sheet: Sheet, folder: Path, **more: float) -> tuple[Setup, dict[str, Any]]:
+def _entered(sheet: Sheet, folder: Path, **more: float) -> tuple[Setup, WrittenStudy]:
     draft = write_study(folder / "own", sheet.kind, {**sheet.values, **more}, force=True)
     return load_study(str(folder / "own")), draft
 
@@ -148,15 +148,15 @@ def test_every_number_of_the_kind_is_listed(name: str, tmp_path: Path) -> None:
     sheet = SHEETS[name]
     _, draft = _entered(sheet, tmp_path)
     file = tomllib.loads((tmp_path / "own" / "study.toml").read_text())
-    listed = "\n".join(draft["assumed"])
+    listed = "\n".join(draft.assumed)
     for section, table in file.items():
         for key, value in table.items() if isinstance(table, dict) else ():
             dotted = f"{section}.{key}"
-            if dotted not in draft["set"]:
+            if dotted not in draft.values:
                 texts = f"{dotted} = {toml_value(value)}", f"{dotted} {value}"
                 assert any(text in listed for text in texts), dotted
     # No range of the search leaves out the own dog.
-    assert not any(warning.startswith("variables.") for warning in draft["warnings"])
+    assert not any(warning.startswith("variables.") for warning in draft.warnings)
 
 
 @pytest.mark.parametrize("name", SHEETS)
@@ -243,4 +243,4 @@ def test_strike_of_the_rally_ring_by_hand(tmp_path: Path) -> None:
 )
 def test_a_slip_in_the_sheet_is_asked(more: dict[str, float], words: str, tmp_path: Path) -> None:
     _, draft = _entered(SHEETS["truck sleeve"], tmp_path, **more)
-    assert words in "\n".join(draft["warnings"])
+    assert words in "\n".join(draft.warnings)

@@ -54,7 +54,7 @@ KINDS: dict[str, tuple[str, dict[str, Any]]] = {
 def test_an_own_clutch_ends_in_a_usable_answer(kind: str, tmp_path: Path) -> None:
     """Between the free flight and that with the time in which two pitches pass by."""
     name, keys = KINDS[kind]
-    assumed = write_study(tmp_path / "own", name, keys)["assumed"]
+    assumed = write_study(tmp_path / "own", name, keys).assumed
     assert assumed[0].startswith(f"as in '{name}', decides the shift time: shift.timeout_s = 1.0")
     study = ds.Study(tmp_path / "own")
     found, load = study.check(), study.config.limits.load

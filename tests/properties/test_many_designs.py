@@ -93,22 +93,22 @@ def test_verdicts_are_those_of_each_design(settings: dict[str, Any]) -> None:
     if ridge:
         x[0, names.index("crest")] = 1.0
     found = judge_designs(study, names, x)
-    assert 0 < found["real"].sum() < len(x)
-    assert not ridge or "ridge stands on the traction edge" in found["reason"][0]
+    assert 0 < found.real.sum() < len(x)
+    assert not ridge or "ridge stands on the traction edge" in found.reason[0]
     for place, row in enumerate(x):
         try:
             design = design_of(study, study.params_of(row))
         except DogshapeError as error:  # values that no dog can have
             design = Design(study, {}, None, (), str(error))
-        assert found["real"][place] == (design.dog is not None)
-        assert found["feasible"][place] == design.feasible
+        assert found.real[place] == (design.dog is not None)
+        assert found.feasible[place] == design.feasible
         broken = [c.name for c in design.checks if c.name in MAKEABLE and not c.passed]
         words = f"cannot be made: fails {', '.join(broken).replace('_', ' ')}" if broken else ""
-        assert found["reason"][place] == (design.refusal or words)
+        assert found.reason[place] == (design.refusal or words)
         if design.dog is not None:
             # The margin at worst-case tolerances sums up the others and is none of them. Of two
             # that are equally small either may be named.
             margins = {c.name: c.margin for c in design.checks if c.name != "smallest_margin_worst"}
             least = pytest.approx(min(margins.values()), rel=1e-9, abs=1e-12)
-            assert found["smallest_margin"][place] == least
-            assert margins[found["worst_check"][place]] == least
+            assert found.smallest_margin[place] == least
+            assert margins[found.worst_check[place]] == least

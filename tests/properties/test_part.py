@@ -159,9 +159,9 @@ def clearance(dog: Dog, radius: float, points: np.ndarray) -> np.ndarray:
     radius, the distance to its axis counts.
     """
     planes = dog_planes(dog)
-    x, y, z = rotation(dog.pitch_angle) @ planes["braking"].normal
+    x, y, z = rotation(dog.pitch_angle) @ planes.braking.normal
     floor = Plane(np.array([0.0, 0.0, 1.0]), -0.5 * dog.height)
-    walls = (planes["traction"], Plane(np.array([x, y, z]), planes["braking"].offset))
+    walls = (planes.traction, Plane(np.array([x, y, z]), planes.braking.offset))
     low = points @ floor.normal - floor.offset
     result = low
     for wall in walls:

@@ -10,7 +10,15 @@ from xml.etree import ElementTree
 import pytest
 
 import dogshape as ds
-from dogshape.app import FILES, LivePage, answer_at_once, build_app, link_files, open_live_page
+from dogshape.app import (
+    FILES,
+    LivePage,
+    Question,
+    answer_at_once,
+    build_app,
+    link_files,
+    open_live_page,
+)
 from dogshape.pipeline.config.study_file import bundled_studies, load_study, replace_keys
 from dogshape.pipeline.export.drawing import open_section_svg
 from dogshape.pipeline.store.folder import StudyFolder
@@ -26,10 +34,10 @@ def live_page() -> LivePage:
     return open_live_page(ds.Study("mq200_paper"))
 
 
-def _asked(live_page: LivePage, where: str = "all", **changed: str) -> dict[str, Any]:
+def _asked(live_page: LivePage, where: str = "all", **changed: str) -> Question:
     texts = {one.key: one.text for one in live_page.numbers}
     changes = {key.replace("__", "."): text for key, text in changed.items()}
-    return {"texts": texts | changes, "where": where}
+    return Question(texts | changes, where)
 
 
 @pytest.mark.parametrize("name", bundled_studies())

@@ -221,16 +221,17 @@ def test_a_limit_of_python_is_raised_as_its_message_says() -> None:
     draft = ds.BenchDraft("m.csv", limits=ds.TableLimits(rows=2))
     with pytest.raises(DataError, match=r"limits=ds\.TableLimits\(rows=5\)"):
         ds.write_bench("b", draft)
-    assert ds.write_bench("b", ds.BenchDraft("m.csv", limits=ds.TableLimits(rows=5)))["rows"] == 4
+    written = ds.write_bench("b", ds.BenchDraft("m.csv", limits=ds.TableLimits(rows=5)))
+    assert written.reading.rows == 4
 
 
 def test_a_draft_of_python_is_written_as_by_the_command_line(dogshape: Call) -> None:
     Path("m.csv").write_text(TABLE)
     draft = ds.BenchDraft([Path("m.csv")], values={"record.sense": "known"})
-    record = ds.write_bench("a", draft)
+    written = ds.write_bench("a", draft)
     assert dogshape("init", "bench", "m.csv", "--out", "b", "--set",
                     "record.sense=known").status == 0  # fmt: skip
-    assert (record["folder"], record["shifts"]) == ("a", 4)
+    assert (written.folder, written.reading.shifts) == (Path("a"), 4)
     for name in ("shifts.csv", "as_measured/m.csv"):
         assert Path("a", name).read_text() == Path("b", name).read_text()
     assert ds.diagnose("a").to_dict()["reading"] is None
@@ -248,6 +249,6 @@ def test_tables_of_one_file_name_are_refused_though_their_sheets_differ() -> Non
         book.save(f"{folder}/m.xlsx")
     with pytest.raises(InputError, match="have the same file name"):
         ds.write_bench("b", ds.BenchDraft(("x/m.xlsx#A", "y/m.xlsx#B")))
-    record = ds.write_bench("b", ds.BenchDraft(("x/m.xlsx#A", "x/m.xlsx#B")))
-    assert record["shifts"] == 8
+    written = ds.write_bench("b", ds.BenchDraft(("x/m.xlsx#A", "x/m.xlsx#B")))
+    assert written.reading.shifts == 8
     assert [path.name for path in Path("b/as_measured").iterdir()] == ["m.xlsx"]

@@ -16,7 +16,7 @@ import dogshape as ds
 from dogshape.bench.bench_data import Bench
 from dogshape.bench.table import COLUMNS
 from dogshape.diagnosis.terms import NONE, UNKNOWN
-from dogshape.pipeline.diagnose.gap_update import sentence
+from dogshape.pipeline.diagnose.gap_update import DiagnosisRecord, HypothesisRecord, sentence
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
@@ -112,7 +112,7 @@ def test_where_it_was_stopped_the_same_command_gives_the_same(
         with pytest.raises(KeyboardInterrupt):
             ds.update_diagnosis(stand / "out", new)
     (stand / "out" / "data").rename(stand / "out" / "data.before")
-    assert ds.update_diagnosis(stand / "out", new).record["update"] == 1
+    assert ds.update_diagnosis(stand / "out", new).record.update == 1
     assert json.loads((stand / "out" / "gap-0.json").read_text()) == earlier
     assert len(json.loads((stand / "out" / "updates.json").read_text())) == 1
     rows = (stand / "out" / "data" / "shifts.csv").read_text().count("\n")
@@ -175,9 +175,14 @@ def test_traces_go_along(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "data" / "traces" / "update-1" / "traces" / "0041.csv").is_file()
 
 
-def _state(*chances: tuple[tuple[str, ...], float, float]) -> dict[str, Any]:
-    names = "effects", "probability", "evidence_probability"
-    return {"hypotheses": [dict(zip(names, (list(h), *p), strict=True)) for h, *p in chances]}
+def _state(*chances: tuple[tuple[str, ...], float, float]) -> DiagnosisRecord:
+    entries = [
+        HypothesisRecord(effects=effects, probability=probability, evidence_probability=evidence)
+        for effects, probability, evidence in chances
+    ]
+    return DiagnosisRecord(
+        engine="planar", verdict="unknown", causes=[], credible_set=[], hypotheses=entries
+    )
 
 
 def test_the_sentence_has_odds_in_closed_form() -> None:

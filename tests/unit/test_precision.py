@@ -15,14 +15,14 @@ from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import FIRST_ANGLES, MAX_ANGLES, expect_to_precision
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import REPEAT_INTERVAL, Block, numerical_error
-from dogshape.sim.statistics.expectation import Expectation, even_phases
+from dogshape.sim.statistics.expectation import MixExpectation, even_phases
 from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import Listener, Point
 
 Time = Callable[[float], float | None]
 
 
-def _run(study: Setup, time: Time, precision: float, said: list[str]) -> Expectation:
+def _run(study: Setup, time: Time, precision: float, said: list[str]) -> MixExpectation:
     """Expect a shift time that is a function of the share of the pitch."""
 
     def run(blocks: Sequence[Block]) -> list[list[Record]]:
@@ -92,13 +92,13 @@ def test_a_precision_out_of_reach_is_told(study: Setup) -> None:
     found = _run(study, lambda phase: 0.05 + 0.06 * ((1e4 * phase) % 1.0), 0.0001, said)
     assert {p.n for p in found.points} == {MAX_ANGLES}
     share = found.engaged_error / found.engaged_mean
-    result = results.Expectation(study, found, 0.0001)
+    result = results.MixExpectation(study, found, 0.0001)
     (line,) = (part for part in result.to_parts() if str(part).startswith("warning: precision not"))
     assert (
         f"error {share:.3g}, wanted 0.0001 ({share - 0.0001:.3g} more), with {MAX_ANGLES}"
         in str(line)
     )
     assert result.to_dict()["precision"] == {"wanted": 0.0001, "reached": share}
-    assert not results.Expectation(study, found, 0.1).shortfall
+    assert not results.MixExpectation(study, found, 0.1).shortfall
     assert not _run(study, lambda _: None, 0.01, said).engages
     assert said[-1] == "nothing engages at some operating point: no precision can be reached"

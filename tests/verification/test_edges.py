@@ -42,7 +42,7 @@ def test_planes_of_an_edge_touch_its_cylinder_and_stand_out_by_a_micrometre(
 ) -> None:
     dog = replace(prototype, edge_radius=radius)
     planes = dog_planes(dog)
-    faces = (planes["traction"], planes["face"], planes["braking"])
+    faces = (planes.traction, planes.face, planes.braking)
     for edge, before, after in zip(tip_edges(dog), faces, faces[1:], strict=False):
         around = [before, *edge.planes, after]
         for plane in around:

@@ -13,7 +13,7 @@ from dogshape import expectation as results
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import (
-    Expectation,
+    MixExpectation,
     ShiftResult,
     even_phases,
     expect,
@@ -67,8 +67,8 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
     assert "none of 3 shifts hung" in _printed(whole)
 
 
-def _printed(result: Expectation) -> str:
-    parts = results.Expectation(load_study("mq200_paper"), result).to_parts()
+def _printed(result: MixExpectation) -> str:
+    parts = results.MixExpectation(load_study("mq200_paper"), result).to_parts()
     return "\n".join(part for part in parts if isinstance(part, str))
 
 

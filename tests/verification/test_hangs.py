@@ -11,7 +11,7 @@ from scipy import stats
 
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import (
-    Expectation,
+    MixExpectation,
     ShiftResult,
     expect,
     expect_point,
@@ -34,7 +34,7 @@ ENGAGED = 0.03  #: s
 LEAST_COVERAGE = 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / REPLICATIONS)
 
 
-def _expectation(point: Point, hangs: np.ndarray, shifts: int) -> Expectation:
+def _expectation(point: Point, hangs: np.ndarray, shifts: int) -> MixExpectation:
     """Make an expectation over operating points of equal weight with so many hangs each."""
     engaged = ShiftResult(Outcome.ENGAGED, ENGAGED)
     hung = ShiftResult(Outcome.TIMED_OUT, None)
@@ -45,9 +45,9 @@ def _expectation(point: Point, hangs: np.ndarray, shifts: int) -> Expectation:
     return expect([replace(one, point=replace(one.point, weight=1.0)) for one in places])
 
 
-def _cached(point: Point, rate: float, points: int) -> list[Expectation]:
+def _cached(point: Point, rate: float, points: int) -> list[MixExpectation]:
     rng = np.random.default_rng(5)
-    shifts, known = SHIFTS // points, dict[tuple[int, ...], Expectation]()
+    shifts, known = SHIFTS // points, dict[tuple[int, ...], MixExpectation]()
     drawn = []
     for _ in range(REPLICATIONS):
         hangs = np.sort(rng.binomial(shifts, rate, size=points))

@@ -19,7 +19,7 @@ from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import OVERLAPS
-from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Landing, Wear, demand_checks, demand_of, wear_crests
 from dogshape.sim.strength.load_case import LoadCase
@@ -64,7 +64,7 @@ def _landing(**classes: float) -> Landing:
     return tuple(loads)
 
 
-def _checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[Check, ...]:
+def _checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[LimitCheck, ...]:
     return demand_checks(demand_of(dog, landing, limits), limits)
 
 

@@ -12,7 +12,7 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import dog_corners, lands
 from dogshape.sim.shift.geometry import FLANKS, LAND, Dog, flank_contact, root_radius_room
-from dogshape.sim.strength.checks import Check, Rule, safety_factor
+from dogshape.sim.strength.checks import LimitCheck, Rule, safety_factor
 from dogshape.sim.strength.dog_strength import (
     Limits,
     Root,
@@ -145,23 +145,23 @@ def test_life_factor_of_case_hardened_steel() -> None:
 def test_margin_is_the_share_of_the_limit_that_is_left() -> None:
     most = Rule("a", "load", "", "", "", "MPa", "", True)
     least = replace(most, at_most=False)
-    assert Check(most, 150.0, 200.0).margin == pytest.approx(0.25)
-    assert Check(least, 3.0, 2.0).margin == pytest.approx(0.5)
-    assert not Check(most, 201.0, 200.0).passed
-    assert Check(most, 200.0, 200.0).passed
-    assert [Check(most, value, 200.0).utilisation for value in (150.0, -5.0)] == [0.75, 0.0]
-    assert Check(least, 3.0, 2.0).utilisation == pytest.approx(2 / 3)
-    assert Check(least, -1.0, 2.0).utilisation == 1000.0
-    factors = [safety_factor(most, Check(most, one, 200.0).margin) for one in (150.0, 250.0)]
+    assert LimitCheck(most, 150.0, 200.0).margin == pytest.approx(0.25)
+    assert LimitCheck(least, 3.0, 2.0).margin == pytest.approx(0.5)
+    assert not LimitCheck(most, 201.0, 200.0).passed
+    assert LimitCheck(most, 200.0, 200.0).passed
+    assert [LimitCheck(most, value, 200.0).utilisation for value in (150.0, -5.0)] == [0.75, 0.0]
+    assert LimitCheck(least, 3.0, 2.0).utilisation == pytest.approx(2 / 3)
+    assert LimitCheck(least, -1.0, 2.0).utilisation == 1000.0
+    factors = [safety_factor(most, LimitCheck(most, one, 200.0).margin) for one in (150.0, 250.0)]
     assert factors == [pytest.approx(200 / 150), pytest.approx(0.8)]
     # Neither a lower limit, nor a stress that is none, nor an angle has a safety factor.
     angle = replace(most, unit="deg")
-    none = (Check(least, 3.0, 2.0), Check(most, -5.0, 200.0), Check(angle, 1.0, 2.0))
+    none = (LimitCheck(least, 3.0, 2.0), LimitCheck(most, -5.0, 200.0), LimitCheck(angle, 1.0, 2.0))
     assert [safety_factor(check.rule, check.margin) for check in none] == [None] * 3
 
 
 def test_every_limit_moves_with_the_key_that_its_rule_names(prototype: Dog) -> None:
-    def checks(limits: Limits) -> tuple[Check, ...]:
+    def checks(limits: Limits) -> tuple[LimitCheck, ...]:
         return (*strength_checks(prototype, limits), *demand_checks(Demand(), limits))
 
     everything = checks(Limits())

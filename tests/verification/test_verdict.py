@@ -16,7 +16,7 @@ from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.trace import OVERLAPS
-from dogshape.sim.strength.checks import RULES, Check
+from dogshape.sim.strength.checks import RULES, LimitCheck
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import Demand, Landings, demand_checks, tail_interval
 from dogshape.sim.strength.load_case import LoadCase
@@ -69,7 +69,7 @@ def test_states_without_intervals(
 def test_a_margin_within_its_interval_is_not_clear(
     value: float, ends: tuple[float, float], clear: bool, state: str
 ) -> None:
-    check = Check(RULES["face_pressure_impact"], value, 100.0, interval=ends)
+    check = LimitCheck(RULES["face_pressure_impact"], value, 100.0, interval=ends)
     assert check.clear is clear
     low, high = check.margin_interval or (math.nan, math.nan)
     assert (low, high) == pytest.approx((1.0 - ends[1] / 100.0, 1.0 - ends[0] / 100.0))

@@ -23,7 +23,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from dogshape.pipeline.record import Record, Table, key
+from dogshape.pipeline.record import Record, Table
+from dogshape.sim.clutch_tables import key
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank
 from dogshape.sim.shift.mesh import rotation

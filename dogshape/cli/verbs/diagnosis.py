@@ -116,18 +116,17 @@ def diagnose(
         show(diagnosis, json)
         return
     try:
-        calibrated = diagnosis.calibrated(write, base, draws, effect_names).to_dict(write)
+        calibrated = diagnosis.calibrated(write, base, draws, effect_names)
     except (DogshapeError, OSError):
         show(diagnosis, json)  # long work, and an answer by itself
         raise
     lines = [
         "",
-        f"study: {calibrated['study']} "
-        f"({', '.join(calibrated['effects']) or 'its own keys'}); "
-        f"{calibrated['n_draws']} draws from the posterior: {calibrated['draws']}",
-        *(f"note: {remark}" for remark in calibrated["remarks"]),
+        f"study: {write} ({', '.join(calibrated.effects) or 'its own keys'}); "
+        f"{len(calibrated.draws)} draws from the posterior: {calibrated_study.draws_beside(write)}",
+        *(f"note: {remark}" for remark in calibrated.remarks),
     ]
-    record = {**diagnosis.to_dict(), "calibrated": calibrated}
+    record = {**diagnosis.to_dict(), "calibrated": calibrated.to_dict(write)}
     emit(record, json, lambda: [*diagnosis.to_parts(), *lines])
 
 
@@ -151,9 +150,9 @@ def _table_draft(bench: str, **options: Any) -> ds.BenchDraft | None:
     draft = bench_draft([bench], **options)
     if dialogue.may_ask():
         return dialogue.correct_reading(draft, confirm=False)[0]
-    reading = guess_readings(draft)
-    if not reading["faults"]:
-        dialogue.print_reading(reading)
+    report = guess_readings(draft)
+    if not report.faults:
+        dialogue.print_reading(report)
     return draft
 
 

@@ -34,6 +34,8 @@ from dogshape.sim.errors import GeometryError, InputError
 
 if TYPE_CHECKING:
     from dogshape.bench.bench_draft import BenchDraft
+    from dogshape.pipeline.drafts.reading_table import BenchReading
+    from dogshape.pipeline.drafts.study_folder import WrittenStudy
     from dogshape.pipeline.record import Table
 
 init = typer.Typer(name="init", help="Begin a study or a bench: a commented folder.", **PLAIN)
@@ -76,29 +78,30 @@ def study(
     study_folder.require_free(out, force)
     values = dict(pair_of(text) for text in set_ or [])
     write = _ask_study if dialogue.may_ask(yes) else study_folder.write_study
-    record = write(out, origin, values, force=force)
+    written = write(out, origin, values, force=force)
     lines = [
-        f"wrote {record['file']} from {record['from']}: {record['dogs']} dogs, "
-        f"{record['operating_points']} operating points"
+        f"wrote {written.file} from {written.origin}: {written.dogs} dogs, "
+        f"{written.points} operating points"
     ]
-    for key, value in record["set"].items():
+    for key, value in written.values.items():
         lines.append(f"left out {key}" if value is None else f"set {key} = {toml_value(value)}")
-    lines += _remarks(record)
-    lines.append(f"next: look through {record['file']}, then")
+    lines += _remarks(written)
+    lines.append(f"next: look through {written.file}, then")
     for verb in ("check", "expect", "study"):
-        lines.append(f"  dogshape {verb} {quote(record['folder'])}")
-    emit(record, json, lambda: lines)
+        lines.append(f"  dogshape {verb} {quote(str(written.folder))}")
+    emit(written.to_dict(), json, lambda: lines)
 
 
-def _remarks(record: Mapping[str, Any]) -> list[str]:
+def _remarks(draft: WrittenStudy | BenchReading) -> list[str]:
+    """List assumptions and warnings of a written draft, a line each."""
     from dogshape.pipeline.drafts.reading_table import assumption_lines  # noqa: PLC0415
 
-    warnings = [f"warning: {line}" for line in record["warnings"]]
-    return assumption_lines(record) + warnings
+    warnings = [f"warning: {line}" for line in draft.warnings]
+    return assumption_lines(draft.assumed) + warnings
 
 
-def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
-    """Ask for the values of a study, part by part, and write its folder; returns the record."""
+def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> WrittenStudy:
+    """Ask for the values of a study, part by part, and write its folder."""
     from dogshape.pipeline.drafts import study_folder as draft  # noqa: PLC0415
 
     typer.echo(f"kinds of clutch: {draft.bundled_kinds()}", err=True)
@@ -166,7 +169,7 @@ def bench(
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
     """
     from dogshape.pipeline.drafts.bench_folder import write_bench  # noqa: PLC0415
-    from dogshape.pipeline.drafts.reading_table import count_text, reading_parts  # noqa: PLC0415
+    from dogshape.pipeline.drafts.reading_table import reading_parts  # noqa: PLC0415
     from dogshape.pipeline.drafts.study_folder import require_free  # noqa: PLC0415
 
     draft = bench_draft(
@@ -191,16 +194,17 @@ def bench(
         return
     if dialogue.may_ask(yes):
         draft = _ask_bench(draft, target)
-    record = write_bench(target, draft, force=force)
-    folder = record["folder"]
+    written = write_bench(target, draft, force=force)
+    reading = written.reading
+    folder = str(written.folder)
     lines = [
-        f"wrote {folder}: {count_text(record)}",
-        *_remarks(record),
-        "next:" if record["with_time"] else "next: fill in shifts.csv, then",
+        f"wrote {folder}: {reading.count_text}",
+        *_remarks(reading),
+        "next:" if reading.timed_shifts else "next: fill in shifts.csv, then",
         f"  dogshape validate {quote(folder)}",
         f"  dogshape diagnose {quote(folder)} --out {quote(folder + '/gap')}",
     ]
-    emit(record, json, lambda: [*reading_parts(record), *lines])
+    emit(written.to_dict(), json, lambda: [*reading_parts(reading.report), *lines])
 
 
 def _explain(draft: BenchDraft, json: bool) -> None:
@@ -212,30 +216,30 @@ def _explain(draft: BenchDraft, json: bool) -> None:
     )
     from dogshape.sim.errors import DataError  # noqa: PLC0415
 
-    record = explain_reading(draft)
+    reading = explain_reading(draft)
+    report = reading.report
     lines: list[str | Table] = []
     previous_file = ""
     previous_step = ""
-    for step in record["steps"]:
-        if step["file"] != previous_file:
-            lines.append(f"{step['file']}: {step['step']}")
-        elif step["step"] != previous_step:
-            lines.append(step["step"])
-        lines.append(f"  {step['line']}")
-        previous_file = step["file"]
-        previous_step = step["step"]
-    lines += ["readings", *reading_parts(record), *assumption_lines(record)]
-    emit(record, json, lambda: lines)
-    if record["faults"]:
-        raise DataError("\n".join(record["faults"]))
+    for file, step, line in reading.lines:
+        if file != previous_file:
+            lines.append(f"{file}: {step}")
+        elif step != previous_step:
+            lines.append(step)
+        lines.append(f"  {line}")
+        previous_file = file
+        previous_step = step
+    lines += ["readings", *reading_parts(report), *assumption_lines(report.assumed)]
+    emit(reading.to_dict(), json, lambda: lines)
+    if report.faults:
+        raise DataError("\n".join(dict.fromkeys(report.faults)))
 
 
 def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand; returns the draft with the answers."""
     from dogshape.pipeline.drafts.study_folder import MASS, WORDS, source_of  # noqa: PLC0415
 
-    draft, reading = dialogue.correct_reading(draft, confirm=True)
-    has_empty_cells = bool(reading["empty"])
+    draft, report = dialogue.correct_reading(draft, confirm=True)
     values = {"name": dialogue.ask("name of the data set", target.name)} | dict(draft.values)
     values = {"source": dialogue.ask("who measured it, and when", "not said")} | values
     origin = dialogue.ask("clutch of the stand, as in (study or bench)", draft.origin)
@@ -244,7 +248,7 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
         questions = WORDS | {MASS: "moving mass, with fork and rod, kg"}
         values = changed_values(ask_values(dog_values, questions), dog_values) | values
     for key, (question, choices) in RECORD_QUESTIONS.items():
-        if key not in values and (key != EMPTY_CELLS or has_empty_cells):
+        if key not in values and (key != EMPTY_CELLS or report.empty_rows):
             values[key] = dialogue.ask(f"{question}: {', '.join(choices)}", "unknown", choices)
     if "timeout_s" not in values and dialogue.ask("has the stand a time-out of its own?", False):
         values["timeout_s"] = dialogue.ask("time-out, s", 1.0)

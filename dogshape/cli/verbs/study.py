@@ -297,7 +297,7 @@ def predict(
     )
     for line in predictions.notes:
         echo(line, err=True)
-    show(predictions, json, ok=not predictions.to_dict()["impossible"])
+    show(predictions, json, ok=not predictions.impossible)
 
 
 def search(
