@@ -27,9 +27,10 @@ from dogshape.diagnosis.inference.static_readings import (
 )
 from dogshape.diagnosis.inference.verdict import (
     CauseVerdict,
-    MarginProbabilities,
+    NoneEvidence,
     Probabilities,
     decide,
+    excluded_share,
     fold_invisible,
     inclusion,
     invisible_shares,
@@ -312,6 +313,7 @@ class _Answer:
 
     record: Mapping[str, str]
     ranking: Ranking
+    log_priors: Mapping[Hypothesis, float]
     logs: Mapping[Hypothesis, float]
     log_total: float  #: of all hypotheses together
 
@@ -407,9 +409,23 @@ def _conclude(
             posterior[h] = posterior.get(h, 0.0) + weight * p
     posterior = dict(sorted(posterior.items(), key=lambda pair: -pair[1]))
     best, _ = max(pairs, key=lambda pair: max(answer.log_total for answer in pair[1]))
-    margin = MarginProbabilities(gap=within_margin, none=best.margin_probabilities[NONE])
-    verdict = decide(posterior, best.fits, margin, settings)
+    all_answers = [answer for _, answers in pairs for answer in answers]
+    exclusion = excluded_share(
+        prior=_sum_weights([answer.log_priors for answer in all_answers]),
+        evidence=_sum_weights([answer.logs for answer in all_answers]),
+    )
+    verdict = decide(posterior, best.fits, NoneEvidence(within_margin, exclusion), settings)
     return _Conclusion(best, log_total, posterior, within_margin, verdict)
+
+
+def _sum_weights(logs: Sequence[Mapping[Hypothesis, float]]) -> dict[Hypothesis, float]:
+    """Sum the weights of hypotheses over answers, relative to the largest."""
+    largest = max(max(answer.values()) for answer in logs)
+    weights: dict[Hypothesis, float] = {}
+    for answer in logs:
+        for h, log in answer.items():
+            weights[h] = weights.get(h, 0.0) + float(np.exp(log - largest))
+    return weights
 
 
 def _rank_meanings(
@@ -443,9 +459,15 @@ def _rank_meanings(
     for values in itertools.product(*priors.values()):
         meaning = dict(zip(priors, values, strict=True))
         log_meaning = sum(np.log(priors[key][value]) for key, value in meaning.items())
-        hypotheses = (*ranking.samples, UNKNOWN)
-        logs = {h: log_meaning + _log_evidence(ranking, h, meaning) for h in hypotheses}
-        answers.append(_Answer(meaning, ranking, logs, float(logsumexp(list(logs.values())))))
+        log_evidences = {h: sample.log_evidence for h, sample in ranking.samples.items()}
+        log_evidences[UNKNOWN] = ranking.log_unknown
+        log_priors = {}
+        logs = {}
+        for h, log_evidence in log_evidences.items():
+            log_priors[h] = log_meaning + _log_weight(ranking, h, meaning, 0.0)
+            logs[h] = log_meaning + _log_weight(ranking, h, meaning, log_evidence)
+        log_total = float(logsumexp(list(logs.values())))
+        answers.append(_Answer(meaning, ranking, log_priors, logs, log_total))
     return answers
 
 
@@ -468,13 +490,15 @@ def _meaning_priors(
     return priors
 
 
-def _log_evidence(ranking: Ranking, h: Hypothesis, meaning: Mapping[str, str]) -> float:
+def _log_weight(
+    ranking: Ranking, h: Hypothesis, meaning: Mapping[str, str], log_evidence: float
+) -> float:
     """Compute log of prior times evidence of a hypothesis under a meaning of the record."""
     log = ranking.log_prior[h]
     settings = ranking.likelihood.settings
+    log += log_evidence
     if h == UNKNOWN:
-        return log + ranking.log_unknown
-    log += ranking.samples[h].log_evidence
+        return log
     if meaning.get("time_zero") == "force":
         if DELAY in h:
             return float(-np.inf)
