@@ -282,9 +282,7 @@ def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
     ({LAG: 0.85, UNKNOWN: 0.1, NONE: 0.05}, (0.1, 0.9), "effect"),
     ({("a",): 0.85, ("a", *MASS): 0.1, UNKNOWN: 0.05, NONE: 0.0}, (0.1, 0.9), "unknown"),
 ])  # fmt: skip
-def test_verdict(
-    posterior: dict[Hypothesis, float], none: tuple[float, float], kind: str
-) -> None:
+def test_verdict(posterior: dict[Hypothesis, float], none: tuple[float, float], kind: str) -> None:
     """The added mass fails its predictive check, alone or with one that is not fitted alone."""
     fitted = {*posterior} - {UNKNOWN, ("a",)}
     fits: Any = {h: SimpleNamespace(p=0.001 if MASS[0] in h else 0.5) for h in fitted}
