@@ -88,18 +88,18 @@ class Diagnosis(Result):
         parts: list[str | Table] = [
             headline(inference),
             "",
-            *_wrapped(f"Where: {inference.where}"),
-            "Gap in ms (standard errors) over force and mismatch:",
+            *_wrapped(f"where: {inference.where}"),
+            "gap in ms (standard errors) over force and mismatch:",
             gap_page.map_table(inference, TEXT_WIDTH),
             "",
-            *_wrapped(f"Which: {cause_sentence(inference)}"),
+            *_wrapped(f"which: {cause_sentence(inference)}"),
             gap_page.effect_table(inference),
         ]
         for remark in remarks(inference):
             parts += _wrapped(remark)
-        parts += ["", *_wrapped(f"How far: {shrink_sentence(inference)}")]
+        parts += ["", *_wrapped(f"how far: {shrink_sentence(inference)}")]
         test = inference.tests[0]
-        parts += ["", *_wrapped(f"Next test: {test.name}, {test.hours:.2g} h")]
+        parts += ["", *_wrapped(f"next test: {test.name}, {test.hours:.2g} h")]
         if self.consequence:
             parts += _wrapped(self.consequence.sentence)
         if self.folder:

@@ -157,7 +157,7 @@ def compose_page(
     page = Report(title, headline(diagnosis))
     page.add("", _pictures(diagnosis))
     page.add("Effects", effect_table(diagnosis), *remarks(diagnosis))
-    page.add("Next test", advice_table(diagnosis))
+    page.add("Next test", advice_table(diagnosis), diagnosis.tests[0].why)
     page.add("Hypotheses", hypothesis_table(diagnosis))
     page.add("Residuals", residual_table(diagnosis), *_held_out_parts(diagnosis))
     if consequence is not None:

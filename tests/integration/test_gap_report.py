@@ -264,7 +264,7 @@ def test_a_diagnosis_is_what_the_command_line_prints(
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 100
     text = " ".join(" ".join(lines).split())
-    heads = ("Where: ", "Which: ", "How far: ", "Next test: ")
+    heads = ("where: ", "which: ", "how far: ", "next test: ")
     assert [text.count(head) for head in heads] == [1, 1, 1, 1]
     assert sorted(heads, key=text.index) == [*heads]
     assert record["where_sentence"] in text
