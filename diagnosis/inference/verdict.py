@@ -113,7 +113,8 @@ def decide(
 ) -> CauseVerdict:
     """Decide on a verdict.
 
-    *None* where the gap is within its margin, or where nothing acts and the data exclude effects.
+    *None* where the gap is within its margin, or where nothing acts, passes the predictive check,
+    and the data exclude effects.
     *Unknown* where nothing listed explains the gap, or only what fails the predictive check.
     *Effect* where one hypothesis is named that passes it. Otherwise *ambiguous*, with the effects
     that are part of the cause under nearly all hypotheses.
@@ -122,8 +123,8 @@ def decide(
     cumulative = np.cumsum([0.0, *(posterior[h] for h in order)])[:-1]
     credible = tuple(h for h, p in zip(order, cumulative, strict=True) if p < settings.credible)
     inadequate = [h for h in order if not _is_adequate(h, fits, settings)]
-    is_excluded = none.exclusion > settings.excluded
-    if none.within_margin > settings.named or (is_excluded and posterior[NONE] > settings.named):
+    shows_none = none.exclusion > settings.excluded and NONE not in inadequate
+    if none.within_margin > settings.named or (shows_none and posterior[NONE] > settings.named):
         return CauseVerdict("none", (), credible)
     if posterior[UNKNOWN] + sum(posterior[h] for h in inadequate) > settings.named:
         return CauseVerdict("unknown", (), credible)

@@ -75,7 +75,7 @@ def _cell_elements(cell: MapCell, x: float, y: float, width: float) -> Iterator[
         colour = _mix(ORANGE if cell.gap > 0.0 else BLUE, tint)
     yield _rectangle(x + 1.0, y + 1.0, width - 2.0, MAP_ROW - 2.0, colour)
     middle = x + 0.5 * width
-    gap = minus(f"{1e3 * cell.gap:+.0f}")
+    gap = minus(f"{1e3 * cell.gap:+z.0f}")
     yield _text(middle, y + 0.5 * MAP_ROW, gap, anchor="middle")
     errors = f"({abs(cell.z):.0f})"
     yield _text(middle, y + 0.5 * MAP_ROW + 14.0, errors, anchor="middle", small=True)

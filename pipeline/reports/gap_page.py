@@ -238,7 +238,7 @@ def _map_table(gap_map: GapMap) -> Table:
 
 def _gap_text(cell: MapCell) -> str:
     """Write a gap in ms with its standard errors in brackets."""
-    return minus(f"{1e3 * cell.gap:.0f} ({abs(cell.z):.0f})")
+    return minus(f"{1e3 * cell.gap:z.0f} ({abs(cell.z):.0f})")
 
 
 def _text_width(table: Table) -> int:

@@ -179,12 +179,12 @@ def test_a_size_at_the_end_of_its_range_is_said_in_verdict_table_and_text() -> N
 
 
 def test_one_probability_of_an_effect_in_table_and_text() -> None:
-    named = diagnosis_of({NAMED: 0.85, HEAVY: 0.1, UNKNOWN: 0.05})
+    named = diagnosis_of({NAMED: 0.87, HEAVY: 0.1, UNKNOWN: 0.03})
     table = effect_table(named)
-    assert [row[1] for row in table.rows] == ["95 % ± 1", "95 % ± 1", "10 % ± 1"]
+    assert [row[1] for row in table.rows] == ["97 % ± 1", "97 % ± 1", "10 % ± 1"]
     said = cause_sentence(named)
-    assert said.count("(95 %)") == 2
-    assert said.endswith("nothing else acts, with 85 %.")
+    assert said.count("(97 %)") == 2
+    assert said.endswith("nothing else acts, with 87 %.")
 
 
 def test_a_key_of_the_record_that_only_has_its_prior_is_no_answer() -> None:

@@ -289,6 +289,12 @@ def test_verdict(posterior: dict[Hypothesis, float], none: tuple[float, float], 
     assert decide(posterior, fits, NoneEvidence(*none), USUAL).kind == kind
 
 
+def test_a_probable_none_that_fails_its_check_is_unknown() -> None:
+    posterior = {NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}
+    fits: Any = {NONE: SimpleNamespace(p=0.001), LAG: SimpleNamespace(p=0.5)}
+    assert decide(posterior, fits, NoneEvidence(0.1, 0.9), USUAL).kind == "unknown"
+
+
 def test_the_share_of_effects_that_data_exclude() -> None:
     """Nothing by data without information, whatever they say on the sense of rotation."""
     prior = {NONE: 0.2, LAG: 0.3, MASS: 0.1, (REVERSED,): 0.2, UNKNOWN: 0.2}
