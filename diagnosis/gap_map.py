@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM, short
 
+Mask = NDArray[np.bool_]  #: of points, (n,)
 CLEAR_ERRORS = 2.0  #: standard errors from which a gap has a sign
 SPLIT_COST = 2.0  #: points that a split must explain beyond a pattern without one
 MIN_PATTERN_SHARE = 0.6  #: of the points, from which a pattern is stated
@@ -77,16 +79,16 @@ class _Points(NamedTuple):
 class _Pattern(NamedTuple):
     """Signs of the gap inside and outside a part of the points."""
 
-    inside: Array  #: whether a point is in the part, (n,)
+    inside: Mask  #: whether a point is in the part, (n,)
     sign: int
     outside_sign: int
     place: str  #: of the part, in words; empty for all points
     outside_place: str
     cost: float  #: points that it must explain beyond a pattern of no cost
 
-    def follows(self, signs: Array) -> Array:
+    def follows(self, signs: Array) -> Mask:
         """Mark the points that follow the pattern, (n,)."""
-        return np.asarray(signs == np.where(self.inside, self.sign, self.outside_sign))
+        return np.asarray(signs == np.where(self.inside, self.sign, self.outside_sign), dtype=bool)
 
     def score(self, signs: Array) -> float:
         """Count the points that follow the pattern, less its cost."""
@@ -166,7 +168,7 @@ def _patterns(points: _Points) -> Iterator[_Pattern]:
                 )
 
 
-def _pattern_clause(points: _Points, pattern: _Pattern, follows: Array) -> str:
+def _pattern_clause(points: _Points, pattern: _Pattern, follows: Mask) -> str:
     """State a pattern with the gaps of the points that follow it."""
     inside = pattern.inside
     clauses = [_part_clause(points, inside, follows, pattern.sign, pattern.place)]
@@ -176,7 +178,7 @@ def _pattern_clause(points: _Points, pattern: _Pattern, follows: Array) -> str:
     return ", ".join(clauses)
 
 
-def _part_clause(points: _Points, part: Array, follows: Array, sign: int, place: str) -> str:
+def _part_clause(points: _Points, part: Mask, follows: Mask, sign: int, place: str) -> str:
     """State sign and range of the gaps in a part of the points, and how many follow the pattern."""
     words = [SIGNS[sign]]
     counted = part & follows

@@ -256,11 +256,11 @@ def effect_table(diagnosis: Diagnosis) -> Table:
         if name in causes:
             looks[len(rows)] = "best"
         error = 100.0 * diagnosis.inclusion_error[name]
-        probability = f"{chance(diagnosis.inclusion[name])} ± {max(1.0, error):.0f}"
+        inclusion = f"{chance(diagnosis.inclusion[name])} ± {max(1.0, error):.0f}"
         sizes = "\n".join(size_lines(diagnosis, name))
         excess = "\n".join(excess_lines(diagnosis, name))
         title = "\n".join(textwrap.wrap(diagnosis.effects[name].plain, TITLE_WIDTH))
-        rows.append((title, probability, sizes, excess))
+        rows.append((title, inclusion, sizes, excess))
     for hypothesis in (NONE, UNKNOWN):
         probability = diagnosis.posterior.get(hypothesis, 0.0)
         if probability > MIN_STATED_PROBABILITY:
