@@ -23,6 +23,7 @@ from benchmarks import constants, field_table
 from dogshape.pipeline.record import Record
 from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.sim.clutch_tables import declared_key
+from dogshape.sim.effects import EFFECTS
 
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"
@@ -157,19 +158,6 @@ def rms_text(bench: str, name: str, digits: int = 0) -> str:
     return f"{1e3 * gap(bench)['gap'][f'{name}_rmse_s']:.{digits}f} ms"
 
 
-def summary_number(pattern: str) -> str:
-    """Return a number of the paragraph on the stand.
-
-    Raises
-    ------
-    LookupError : the paragraph has no such words.
-    """
-    match = re.search(pattern, gap("stand")["summary"])
-    if match is None:
-        raise LookupError(f"the paragraph on the stand has no {pattern!r}")
-    return f"{float(match[1]):.0f}"
-
-
 def field_text(words: str) -> str:
     """Write a headline figure of the field set with its interval and its number of cases."""
     _, value, n, *_ = next(
@@ -247,7 +235,10 @@ def main_findings() -> str:
 
 def ordinary_drags() -> str:
     """Write the ratio of the stand's drag to the drag of bearings and seals."""
-    return summary_number(r"Drag of [\d.]+ N m is ([\d.]+) times")
+    (parameter,) = EFFECTS["drag_torque"].parameters
+    assert parameter.ordinary is not None
+    drag = gap("stand")["sizes"]["drag_torque"][parameter.name]["mean"]
+    return f"{drag / parameter.ordinary.high:.0f}"
 
 
 def paper_design() -> str:

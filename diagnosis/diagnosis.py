@@ -15,6 +15,7 @@ from scipy.special import logsumexp
 from dogshape.bench.bench_data import Bench
 from dogshape.bench.stand_file import EmptyCells
 from dogshape.diagnosis.comparison import PointGap
+from dogshape.diagnosis.gap_map import describe_gaps
 from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, predict_held_out
 from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.ranking import Ranking, Search, rank
@@ -27,9 +28,10 @@ from dogshape.diagnosis.inference.static_readings import (
 )
 from dogshape.diagnosis.inference.verdict import (
     CauseVerdict,
-    MarginProbabilities,
+    NoneEvidence,
     Probabilities,
     decide,
+    excluded_share,
     fold_invisible,
     inclusion,
     invisible_shares,
@@ -40,6 +42,7 @@ from dogshape.diagnosis.likelihood.observed import Observations, observe
 from dogshape.diagnosis.prediction.flights import Flights, log_flights
 from dogshape.diagnosis.prediction.flights import log_unknown as log_unknown_flights
 from dogshape.diagnosis.prediction.model import Model
+from dogshape.diagnosis.range_ends import RangeEnd, find_end
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import (
     DELAY,
@@ -56,6 +59,8 @@ from dogshape.sim.units import RPM
 
 Record = dict[str, Any]  #: gap.json
 MIN_FITTED_PROBABILITY = 1e-3  #: from which a hypothesis is fitted
+MIN_LISTED_PROBABILITY = 0.05  #: of an effect whose size is compared with its range
+STEP_DRAWS = 64  #: draws of the leading hypothesis from which the steps of the gap are predicted
 RECORDED_TESTS = 8  #: tests in ``gap.json``
 MIN_GAP_BEYOND_CHANCE_S = 1e-6  #: s, to divide by
 
@@ -66,9 +71,17 @@ class RecordMeaning:
 
     key: str
     value: str
+    prior: float  #: probability without the data
     probability: float
     verdict: CauseVerdict
     posterior: Mapping[Hypothesis, float]
+
+
+class GapStep(NamedTuple):
+    """Gap that is left with an effect of the leading hypothesis added to those before it."""
+
+    effect: str
+    rmse: float  #: root mean square over the operating points, s
 
 
 @dataclass(frozen=True)
@@ -153,9 +166,14 @@ class Diagnosis:
         return tuple(itertools.starmap(PointGap, points))
 
     @cached_property
-    def sizes(self) -> dict[str, dict[str, Interval]]:
-        """Sizes of each effect over all plausible hypotheses that have it."""
-        sizes: dict[str, dict[str, Interval]] = {}
+    def where(self) -> str:
+        """Sentence on the operating points at which the bench differs."""
+        return describe_gaps(self.gaps)
+
+    @cached_property
+    def _size_draws(self) -> dict[str, Array]:
+        """Draws of the parameters of each effect over all plausible hypotheses, (n, p) each."""
+        all_draws: dict[str, Array] = {}
         for name, effect in self.effects.items():
             members = [h for h in self.posterior if name in h and h in self.fits]
             probability = sum(self.posterior[h] for h in members)
@@ -169,9 +187,58 @@ class Diagnosis:
                 rows = np.linspace(0, draw_count - 1, count).astype(int)
                 columns = fitted.space.columns(name) if effect.parameters else slice(0)
                 draws.append(fitted.values[rows][:, columns])
-            columns_of = zip(effect.parameters, np.vstack(draws).T, strict=True)
+            all_draws[name] = np.vstack(draws)
+        return all_draws
+
+    @cached_property
+    def sizes(self) -> dict[str, dict[str, Interval]]:
+        """Sizes of each effect over all plausible hypotheses that have it."""
+        sizes: dict[str, dict[str, Interval]] = {}
+        for name, draws in self._size_draws.items():
+            columns_of = zip(self.effects[name].parameters, draws.T, strict=True)
             sizes[name] = {parameter.name: Interval.of(column) for parameter, column in columns_of}
         return sizes
+
+    @cached_property
+    def range_ends(self) -> tuple[RangeEnd, ...]:
+        """Sizes of plausible effects that lie at an end of the range of their parameter."""
+        range_ends = []
+        for name, draws in self._size_draws.items():
+            if self.inclusion.get(name, 0.0) < MIN_LISTED_PROBABILITY:
+                continue
+            neutral = self.effects[name].neutral(self.model.setting)
+            for parameter, column in zip(self.effects[name].parameters, draws.T, strict=True):
+                end = find_end(parameter, column, neutral[parameter.name])
+                if end is not None:
+                    value = parameter.low if end == "low" else parameter.high
+                    range_ends.append(RangeEnd(name, parameter.name, end, value))
+        return tuple(range_ends)
+
+    @cached_property
+    def gap_steps(self) -> tuple[GapStep, ...]:
+        """Gaps left by the effects of the leading hypothesis, one more each; the largest first."""
+        steps = list[GapStep]()
+        names = [*self.leading]
+        while names:
+            added = [step.effect for step in steps]
+            candidates = [GapStep(name, self._partial_gap([*added, name])) for name in names]
+            best = min(candidates, key=lambda step: step.rmse)
+            steps.append(best)
+            names.remove(best.effect)
+        return tuple(steps)
+
+    def _partial_gap(self, names: Sequence[str]) -> float:
+        """Compute the root-mean-square gap that effects of the leading hypothesis leave, s."""
+        fitted = self.fits[self.leading]
+        hypothesis = tuple(sorted(names))
+        rows = np.linspace(0, len(fitted.shares) - 1, STEP_DRAWS).astype(int)
+        columns = [np.zeros((STEP_DRAWS, 0))]
+        for name in strip_sense(hypothesis):
+            columns.append(fitted.shares[rows][:, fitted.space.columns(name)])
+        predicted = self.model.predict(hypothesis, np.hstack(columns))
+        mean = self.likelihood.mean_with_late(predicted).mean(axis=0)
+        times = np.array([cell.time for cell in self.bench.cells], dtype=float)
+        return float(np.sqrt(np.nanmean((times - mean) ** 2)))
 
     def to_dict(self) -> Record:
         """Write ``gap.json``."""
@@ -187,15 +254,18 @@ class Diagnosis:
             "inclusion": self.inclusion,
             "inclusion_error": self.inclusion_error,
             "sizes": {name: _interval_records(sizes) for name, sizes in self.sizes.items()},
+            "at_range_end": [range_end.to_dict() for range_end in self.range_ends],
             "gap": self._gap_record(),
             "margin_s": self.margin_s,
             "within_margin": self.within_margin,
             "discrepancy": {"amplitude": asdict(amplitude)},
+            "where_sentence": self.where,
             "where": [
                 {
                     "mismatch_rpm": gap.cell.point.mismatch / RPM,
                     "force_N": gap.cell.point.profile.force,
                     "gap_s": gap.gap,
+                    "standard_error_s": None if gap.gap is None else gap.standard_error,
                     "z": gap.z,
                 }
                 for gap in self.gaps
@@ -205,6 +275,7 @@ class Diagnosis:
                 {
                     "key": meaning.key,
                     "value": meaning.value,
+                    "prior": meaning.prior,
                     "probability": meaning.probability,
                     "verdict": meaning.verdict.kind,
                     "causes": list(meaning.verdict.causes),
@@ -240,6 +311,7 @@ class Diagnosis:
             "shrink": float(np.clip(shrink, -1.0, 1.0)),
             "rival": None if gaps.rival is None else list(gaps.rival),
             "rival_heldout_rmse_s": gaps.rival_held_out,
+            "steps": [{"effect": step.effect, "rmse_s": step.rmse} for step in self.gap_steps],
         }
 
     def _hypothesis_record(self, h: Hypothesis) -> Record:
@@ -313,6 +385,7 @@ class _Answer:
 
     record: Mapping[str, str]
     ranking: Ranking
+    log_priors: Mapping[Hypothesis, float]
     logs: Mapping[Hypothesis, float]
     log_total: float  #: of all hypotheses together
 
@@ -369,16 +442,29 @@ def _record_meanings(
     fitted: Sequence[_FittedRanking], conclusion: _Conclusion, settings: Settings
 ) -> tuple[RecordMeaning, ...]:
     """List the answers by each value that a key of the record may have."""
-    answers = itertools.chain.from_iterable(ranking.answers for ranking in fitted)
+    answers = [answer for ranking in fitted for answer in ranking.answers]
     items = dict.fromkeys(item for answer in answers for item in answer.record.items())
     keys = [key for key, _ in items]
+    log_priors = [float(logsumexp(list(answer.log_priors.values()))) for answer in answers]
     meanings = []
     for key, value in items:
         answer = _conclude(fitted, settings, (key, value))
         probability = float(np.exp(answer.log_total - conclusion.log_total))
         floor = settings.floor * (1.0 / keys.count(key))
         probability = (1.0 - settings.floor) * probability + floor
-        meaning = RecordMeaning(key, value, probability, answer.verdict, answer.posterior)
+        members = [
+            log_prior
+            for log_prior, other in zip(log_priors, answers, strict=True)
+            if (key, value) in other.record.items()
+        ]
+        meaning = RecordMeaning(
+            key=key,
+            value=value,
+            prior=float(np.exp(logsumexp(members) - logsumexp(log_priors))),
+            probability=probability,
+            verdict=answer.verdict,
+            posterior=answer.posterior,
+        )
         meanings.append(meaning)
     return tuple(meanings)
 
@@ -409,9 +495,23 @@ def _conclude(
             posterior[h] = posterior.get(h, 0.0) + weight * p
     posterior = dict(sorted(posterior.items(), key=lambda pair: -pair[1]))
     best, _ = max(pairs, key=lambda pair: max(answer.log_total for answer in pair[1]))
-    margin = MarginProbabilities(gap=within_margin, none=best.margin_probabilities[NONE])
-    verdict = decide(posterior, best.fits, margin, settings)
+    all_answers = [answer for _, answers in pairs for answer in answers]
+    exclusion = excluded_share(
+        prior=_sum_weights([answer.log_priors for answer in all_answers]),
+        evidence=_sum_weights([answer.logs for answer in all_answers]),
+    )
+    verdict = decide(posterior, best.fits, NoneEvidence(within_margin, exclusion), settings)
     return _Conclusion(best, log_total, posterior, within_margin, verdict)
+
+
+def _sum_weights(logs: Sequence[Mapping[Hypothesis, float]]) -> dict[Hypothesis, float]:
+    """Sum the weights of hypotheses over answers, relative to the largest."""
+    largest = max(max(answer.values()) for answer in logs)
+    weights: dict[Hypothesis, float] = {}
+    for answer in logs:
+        for h, log in answer.items():
+            weights[h] = weights.get(h, 0.0) + float(np.exp(log - largest))
+    return weights
 
 
 class _Reading(NamedTuple):
@@ -458,9 +558,15 @@ def _answers_of(bench: Bench, reading: _Reading, ranking: Ranking) -> list[_Answ
     for values in itertools.product(*priors.values()):
         meaning = dict(zip(priors, values, strict=True))
         log_meaning = sum(np.log(priors[key][value]) for key, value in meaning.items())
-        hypotheses = (*ranking.samples, UNKNOWN)
-        logs = {h: log_meaning + _log_evidence(ranking, h, meaning) for h in hypotheses}
-        answers.append(_Answer(meaning, ranking, logs, float(logsumexp(list(logs.values())))))
+        log_evidences = {h: sample.log_evidence for h, sample in ranking.samples.items()}
+        log_evidences[UNKNOWN] = ranking.log_unknown
+        log_priors = {}
+        logs = {}
+        for h, log_evidence in log_evidences.items():
+            log_priors[h] = log_meaning + _log_weight(ranking, h, meaning, 0.0)
+            logs[h] = log_meaning + _log_weight(ranking, h, meaning, log_evidence)
+        log_total = float(logsumexp(list(logs.values())))
+        answers.append(_Answer(meaning, ranking, log_priors, logs, log_total))
     return answers
 
 
@@ -493,13 +599,15 @@ def _meaning_priors(
     return priors
 
 
-def _log_evidence(ranking: Ranking, h: Hypothesis, meaning: Mapping[str, str]) -> float:
+def _log_weight(
+    ranking: Ranking, h: Hypothesis, meaning: Mapping[str, str], log_evidence: float
+) -> float:
     """Compute log of prior times evidence of a hypothesis under a meaning of the record."""
     log = ranking.log_prior[h]
     settings = ranking.likelihood.settings
+    log += log_evidence
     if h == UNKNOWN:
-        return log + ranking.log_unknown
-    log += ranking.samples[h].log_evidence
+        return log
     if meaning.get("time_zero") == "force":
         if DELAY in h:
             return float(-np.inf)

@@ -144,6 +144,10 @@ class Settings:
     named: float = constant(
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",
         "wrong once in five at most, if probabilities hold")
+    excluded: float = constant(
+        0.5, "share of the prior odds of effects",
+        "that data must exclude before *none* is said by its probability", "judged",
+        "data that show nothing exclude nothing and leave all to effects too weak to be seen")
     named_at_once: int = constant(
         2, "effects", "that are named as the whole cause", "judged", "of three some always fit")
     part: float = constant(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -21,7 +22,15 @@ from dogshape.diagnosis.inference.outcome import (
     ShiftPlan,
     shift_plan,
 )
-from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
+from dogshape.diagnosis.report.wording import (
+    cause_sentence,
+    chance,
+    findings_record,
+    headline,
+    remarks,
+    shrink_sentence,
+    summary,
+)
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import calibrated_study, gap_update
 from dogshape.pipeline.diagnose.bank_diagnosis import (
@@ -42,16 +51,17 @@ from dogshape.pipeline.drafts.reading_table import (
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of
 from dogshape.pipeline.reports import gap_page
+from dogshape.pipeline.reports.text import bind_units
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.result import Result
 from dogshape.running import receiver
-from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError, number
 from dogshape.sim.files import write_frame
 from dogshape.sim.interface import argument
 from dogshape.sim.units import RPM
 
+TEXT_WIDTH = 80  #: characters of sentences and of the map of a diagnosis
 SHOWN_HYPOTHESES = 6  #: in the table of an update
 SHOWN_RIVALS = 4  #: in a row of a plan
 MIN_DISTINCT_SHARE = 0.5  #: share of strengths from which two causes count as distinguished
@@ -98,25 +108,24 @@ class Diagnosis(Result):
         return None if self.folder is None else self.folder / "report.html"
 
     def to_parts(self) -> list[str | Table]:
-        """Describe verdict and next test, with tables of hypotheses and residuals."""
+        """Answer in order: where, which, how far, next test; then the files and the reading."""
         inference = self.inference
         parts: list[str | Table] = [
-            summary(inference),
+            headline(inference),
             "",
-            gap_page.hypothesis_table(inference),
+            *_wrapped(f"where: {inference.where}"),
+            "gap in ms (standard errors) over force and mismatch:",
+            gap_page.map_table(inference, TEXT_WIDTH),
             "",
-            gap_page.residual_table(inference),
-            "",
-            f"Monte Carlo error of the leading probability: {100 * inference.leading_error:.2g} %",
+            *_wrapped(f"which: {cause_sentence(inference)}"),
+            gap_page.effect_table(inference),
         ]
-        bundled_effects = load()
-        for effect in inference.effects:
-            if effect not in bundled_effects:
-                probability = inference.inclusion.get(effect, 0.0)
-                parts.append(f"own effect {effect}: {chance(probability)}")
-        parts.append(self.next_test_line)
+        for remark in remarks(inference):
+            parts += _wrapped(remark)
+        parts += ["", *_wrapped(f"how far: {shrink_sentence(inference)}")]
+        parts += ["", *_wrapped(self.next_test_line)]
         if self.consequence:
-            parts.append(self.consequence.sentence)
+            parts += _wrapped(self.consequence.sentence)
         if self.folder:
             parts.append(f"report: {self.report_file}")
         parts += gap_page.examined_lines(inference.bench)
@@ -131,6 +140,7 @@ class Diagnosis(Result):
         return {
             **self.inference.to_dict(),
             "summary": summary(self.inference),
+            "remarks": remarks(self.inference),
             **findings_record(self.inference.bench),
             "so_what": self.consequence.record if self.consequence else None,
             "report": str(self.report_file) if self.report_file else None,
@@ -174,6 +184,14 @@ class Diagnosis(Result):
         study = calibrated_study.calibrated_study(self.inference, target, base, draws, causes)
         study.write(target)
         return study
+
+
+def _wrapped(sentence: str) -> list[str]:
+    """Break a sentence into lines, between numbers and their units nowhere."""
+    lines = textwrap.wrap(
+        bind_units(sentence), TEXT_WIDTH, break_long_words=False, break_on_hyphens=False
+    )
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
 def _bank_options(
@@ -258,9 +276,8 @@ def diagnose(
                 gap_update.keep_data(data, folder, options.effects)
             if study is None:
                 return Diagnosis(inference, None, folder, reading)
-            headline = headline_of(inference.verdict, inference.effects)
             next_step = f"The report is {report_state}; next: simulation of the study's designs"
-            listener.say(f"{headline}. {next_step}")
+            listener.say(f"{headline(inference)}. {next_step}")
             consequence = compute_consequence(inference, study, options, folder or options.bank)
             if folder is not None:
                 gap_page.publish(inference, folder, consequence)

@@ -34,6 +34,15 @@ SCALES: tuple[Scale, ...] = get_args(Scale)
 
 
 @dataclass(frozen=True)
+class Ordinary:
+    """Range of a parameter by an ordinary source; a size outside it needs another explanation."""
+
+    source: str
+    low: float = -math.inf
+    high: float = math.inf
+
+
+@dataclass(frozen=True)
 class Parameter:
     """One number of an effect, in the unit that its name ends in."""
 
@@ -45,8 +54,7 @@ class Parameter:
     source: str = ""  #: source of the range, for the reader of the file
     least: float = -math.inf  #: smallest possible value, to which the range can be widened
     most: float = math.inf  #: largest possible value
-    #: largest size of an ordinary source, and that source; None without one
-    ordinary: tuple[float, str] | None = None
+    ordinary: Ordinary | None = None  #: None for a place or a phase, of which none is ordinary
 
     def __post_init__(self) -> None:
         require_known(f"scale of {self.name}", self.scale, "a scale", SCALES)

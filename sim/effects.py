@@ -17,7 +17,7 @@ from operator import add, attrgetter, mul
 from pathlib import Path
 from typing import Any
 
-from dogshape.sim.effect import BenchTest, Effect, Parameter, Scale, Values
+from dogshape.sim.effect import BenchTest, Effect, Ordinary, Parameter, Scale, Values
 from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.drive import EngineSide
@@ -113,6 +113,7 @@ _EFFECTS = (
                 scale=LINEAR,
                 least=0.01,
                 most=1.0,
+                ordinary=Ordinary("steel, from oiled to dry", low=0.08, high=0.4),
             ),
             Parameter(
                 "dynamic_friction",
@@ -122,6 +123,7 @@ _EFFECTS = (
                 scale=LINEAR,
                 least=0.01,
                 most=1.0,
+                ordinary=Ordinary("steel, from oiled to dry", low=0.05, high=0.3),
             ),
         ),
         change=_change_of("contact", _set_value, "static_friction", "dynamic_friction"),
@@ -143,6 +145,9 @@ _EFFECTS = (
                 scale=LOG,
                 least=1e10,
                 most=1e14,
+                ordinary=Ordinary(
+                    "flanks of steel after ISO 6336-1, down to edges", low=1.5e11, high=1.8e13
+                ),
             ),
         ),
         change=_change_of("contact", _set_value, "stiffness_Pa_m"),
@@ -163,6 +168,7 @@ _EFFECTS = (
                 scale=LOG,
                 least=0.1,
                 most=3000.0,
+                ordinary=Ordinary("dogs from dry to flooded with oil", low=1.0, high=300.0),
             ),
         ),
         change=_change_of("contact", _set_value, "dissipation_s_m"),
@@ -177,7 +183,14 @@ _EFFECTS = (
         title="other creep of held faces",
         parameters=(
             Parameter(
-                "stiction_factor", neutral=1.0, low=0.5, high=2.0, scale=LOG, least=0.5, most=2.0
+                "stiction_factor",
+                neutral=1.0,
+                low=0.5,
+                high=2.0,
+                scale=LOG,
+                least=0.5,
+                most=2.0,
+                ordinary=Ordinary("a stated contact set (assumption)", low=0.87, high=1.15),
             ),
         ),
         change=_change_of("contact", mul, stiction_velocity="stiction_factor"),
@@ -191,7 +204,14 @@ _EFFECTS = (
         "chamfer_angle",
         title="chamfer angle off nominal",
         parameters=(
-            Parameter("chamfer_offset_deg", neutral=0.0, low=-4.0, high=4.0, scale=LINEAR),
+            Parameter(
+                "chamfer_offset_deg",
+                neutral=0.0,
+                low=-4.0,
+                high=4.0,
+                scale=LINEAR,
+                ordinary=Ordinary("worn or hand-dressed faces", low=-2.0, high=2.0),
+            ),
         ),
         change=_change_of("dog", add, chamfer="chamfer_offset_deg"),
         test=BenchTest(
@@ -202,7 +222,16 @@ _EFFECTS = (
     Effect(
         "axial_gap",
         title="axial gap off nominal",
-        parameters=(Parameter("gap_offset_mm", neutral=0.0, low=-0.8, high=0.8, scale=LINEAR),),
+        parameters=(
+            Parameter(
+                "gap_offset_mm",
+                neutral=0.0,
+                low=-0.8,
+                high=0.8,
+                scale=LINEAR,
+                ordinary=Ordinary("a neutral position without a stop", low=-0.5, high=0.5),
+            ),
+        ),
         change=_change_of("dog", add, axial_gap="gap_offset_mm"),
         test=BenchTest(
             "gap by feeler or travel",
@@ -221,7 +250,7 @@ _EFFECTS = (
                 high=2.0,
                 scale=LOG,
                 most=6.0,
-                ordinary=(0.3, "a new fork in its groove"),
+                ordinary=Ordinary("a new fork in its groove", high=0.3),
             ),
         ),
         change=_change_of("mechanism", _set_value, "free_play_mm"),
@@ -241,7 +270,7 @@ _EFFECTS = (
                 high=35.0,
                 scale=LOG,
                 most=120.0,
-                ordinary=(4.3, "Bowden cables"),
+                ordinary=Ordinary("Bowden cables", high=4.3),
             ),
             Parameter(
                 "mass_behind_kg",
@@ -250,7 +279,7 @@ _EFFECTS = (
                 high=18.0,
                 scale=LOG,
                 most=60.0,
-                ordinary=(1.0, "fork and rod"),
+                ordinary=Ordinary("fork and rod", high=1.0),
             ),
         ),
         change=_with_elastic_linkage,
@@ -271,7 +300,7 @@ _EFFECTS = (
                 high=18.0,
                 scale=LOG,
                 most=60.0,
-                ordinary=(1.0, "fork and rod"),
+                ordinary=Ordinary("fork and rod", high=1.0),
             ),
         ),
         change=_change_of("mechanism", add, "added_mass_kg"),
@@ -285,7 +314,15 @@ _EFFECTS = (
         "sleeve_friction",
         title="dry friction of the sliding ring",
         parameters=(
-            Parameter("friction_N", neutral=0.0, low=3.0, high=200.0, scale=LOG, most=1000.0),
+            Parameter(
+                "friction_N",
+                neutral=0.0,
+                low=3.0,
+                high=200.0,
+                scale=LOG,
+                most=1000.0,
+                ordinary=Ordinary("seals and a tilted fork", high=50.0),
+            ),
         ),
         change=_change_of("mechanism", _set_value, "friction_N"),
         test=_SLOW_PUSH,
@@ -301,7 +338,7 @@ _EFFECTS = (
                 high=1600.0,
                 scale=LOG,
                 most=6000.0,
-                ordinary=(5.0, "shear of oil in a spline"),
+                ordinary=Ordinary("shear of oil in a spline", high=5.0),
             ),
         ),
         change=_change_of("mechanism", _set_value, "damping_Ns_m"),
@@ -322,7 +359,7 @@ _EFFECTS = (
                 high=200.0,
                 scale=LOG,
                 most=1000.0,
-                ordinary=(100.0, "ball detents of passenger cars"),
+                ordinary=Ordinary("ball detents of passenger cars", high=100.0),
             ),
             Parameter(
                 "position_mm", neutral=0.5, low=0.5, high=4.5, scale=LINEAR, least=0.5, most=4.5
@@ -338,7 +375,15 @@ _EFFECTS = (
         "spline_friction",
         title="friction in the loaded spline",
         parameters=(
-            Parameter("spline_friction", neutral=0.0, low=0.01, high=0.3, scale=LOG, most=1.0),
+            Parameter(
+                "spline_friction",
+                neutral=0.0,
+                low=0.01,
+                high=0.3,
+                scale=LOG,
+                most=1.0,
+                ordinary=Ordinary("oiled steel", high=0.15),
+            ),
         ),
         change=_unless_zero("spline_friction", _with_spline),
         test=BenchTest(
@@ -358,7 +403,7 @@ _EFFECTS = (
                 high=8.0,
                 scale=LOG,
                 most=40.0,
-                ordinary=(0.5, "bearings and seals of an input shaft"),
+                ordinary=Ordinary("bearings and seals of an input shaft", high=0.5),
             ),
         ),
         change=_change_of("mechanism", _set_value, drag_torque="drag_Nm"),
@@ -380,7 +425,7 @@ _EFFECTS = (
                 scale=LOG,
                 least=0.1,
                 most=50.0,
-                ordinary=(2.0, "other wheels in mesh"),
+                ordinary=Ordinary("other wheels in mesh", high=2.0),
             ),
         ),
         change=_change_of("rings", mul, sliding_inertia="inertia_factor"),
@@ -402,7 +447,7 @@ _EFFECTS = (
                 scale=LINEAR,
                 least=0.0,
                 most=1.0,
-                ordinary=(0.15, "valve, pipe and filling of a cylinder"),
+                ordinary=Ordinary("valve, pipe and filling of a cylinder", high=0.15),
             ),
         ),
         change=lambda setting, values: replace(setting, delay=setting.delay + values["delay_s"]),
@@ -424,7 +469,7 @@ _EFFECTS = (
                 high=0.45,
                 scale=LOG,
                 most=1.0,
-                ordinary=(0.3, "a cylinder behind its valve"),
+                ordinary=Ordinary("a cylinder behind its valve", high=0.3),
             ),
         ),
         change=_change_of("profile", lambda old, value: value or old, "lag_s"),
@@ -439,7 +484,16 @@ _EFFECTS = (
         title="rise time of the shift force off nominal",
         parameters=(
             Parameter(
-                "rise_factor", neutral=1.0, low=0.4, high=2.5, scale=LOG, least=0.05, most=20.0
+                "rise_factor",
+                neutral=1.0,
+                low=0.4,
+                high=2.5,
+                scale=LOG,
+                least=0.05,
+                most=20.0,
+                ordinary=Ordinary(
+                    "another threshold of the reading, or half of the flow", low=0.6, high=2.0
+                ),
             ),
         ),
         change=_change_of("profile", mul, rise="rise_factor"),
@@ -454,7 +508,14 @@ _EFFECTS = (
         title="shift force off nominal",
         parameters=(
             Parameter(
-                "force_factor", neutral=1.0, low=0.5, high=1.5, scale=LINEAR, least=0.05, most=3.0
+                "force_factor",
+                neutral=1.0,
+                low=0.5,
+                high=1.5,
+                scale=LINEAR,
+                least=0.05,
+                most=3.0,
+                ordinary=Ordinary("an assumed efficiency of a cable", low=0.63, high=1.25),
             ),
         ),
         change=_change_of("profile", mul, force="force_factor"),
@@ -475,7 +536,7 @@ _EFFECTS = (
                 high=150.0,
                 scale=LOG,
                 most=1000.0,
-                ordinary=(50.0, "return spring and seals of a cylinder"),
+                ordinary=Ordinary("return spring and seals of a cylinder", high=50.0),
             ),
         ),
         change=_change_of("profile", add, loss="loss_N"),
@@ -489,7 +550,14 @@ _EFFECTS = (
         "mismatch_speed",
         title="mismatch off nominal",
         parameters=(
-            Parameter("offset_rpm", neutral=0.0, low=-4.0, high=4.0, scale=LINEAR),
+            Parameter(
+                "offset_rpm",
+                neutral=0.0,
+                low=-4.0,
+                high=4.0,
+                scale=LINEAR,
+                ordinary=Ordinary("run-down of a flywheel within a shift", low=-3.0, high=3.0),
+            ),
             Parameter(
                 "mismatch_factor",
                 neutral=1.0,
@@ -498,6 +566,7 @@ _EFFECTS = (
                 scale=LINEAR,
                 least=0.05,
                 most=3.0,
+                ordinary=Ordinary("a miscounted tooth", low=0.9, high=1.1),
             ),
         ),
         change=_with_mismatch,
@@ -522,7 +591,15 @@ _EFFECTS = (
         "relative_angle",
         title="uneven relative angles",
         parameters=(
-            Parameter("concentration", neutral=0.0, low=0.1, high=10.0, scale=LOG, most=100.0),
+            Parameter(
+                "concentration",
+                neutral=0.0,
+                low=0.1,
+                high=10.0,
+                scale=LOG,
+                most=100.0,
+                ordinary=Ordinary("a ring that coasts to rest (assumption)", high=1.0),
+            ),
             Parameter(
                 "centre_pitch", neutral=0.0, low=0.0, high=1.0, scale=LINEAR, least=0.0, most=1.0
             ),

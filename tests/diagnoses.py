@@ -12,7 +12,8 @@ import numpy as np
 
 from dogshape.bench.bench_data import Bench, Reading, gather, load_bench, setting_of
 from dogshape.diagnosis.comparison import PointGap
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.diagnosis import Diagnosis, GapStep, diagnose
+from dogshape.diagnosis.gap_map import describe_gaps
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import CauseVerdict, inclusion
@@ -125,6 +126,10 @@ def diagnosis_of(
         verdict=verdict,
         within_margin=0.01,
         gaps=gaps,
+        where=describe_gaps(gaps),
+        range_ends=(),
+        gap_steps=tuple(GapStep(name, 0.1 / k) for k, name in enumerate(leading, start=1)),
+        settings=USUAL,
         leading=leading,
         rival=rival,
         record_meanings=(),
@@ -199,10 +204,14 @@ def record_of(diagnosis: Any) -> dict[str, Any]:
     }
 
 
-def reading(key: str, value: str, probability: float, causes: tuple[str, ...]) -> Any:
+def reading(
+    key: str, value: str, probability: float, causes: tuple[str, ...], prior: float = 0.5
+) -> Any:
     """Make a reading of the record by which some effects are named."""
     verdict = replace(stand_diagnosis().verdict, causes=causes)
-    return SimpleNamespace(key=key, value=value, probability=probability, verdict=verdict)
+    return SimpleNamespace(
+        key=key, value=value, prior=prior, probability=probability, verdict=verdict
+    )
 
 
 #: Operating points of the closed form: mismatch in 1/min and force in N.

@@ -44,11 +44,11 @@ class CauseVerdict:
     credible: Sequence[Hypothesis]
 
 
-class MarginProbabilities(NamedTuple):
-    """Probabilities that the gap is below its margin."""
+class NoneEvidence(NamedTuple):
+    """Evidence for *none* beside the posterior."""
 
-    gap: float  #: over all hypotheses
-    none: float  #: if nothing acts
+    within_margin: float  #: probability that the gap is below its margin
+    exclusion: float  #: share of the prior odds of any effect that the data exclude
 
 
 def inclusion(posterior: Mapping[Hypothesis, float]) -> dict[str, float]:
@@ -78,6 +78,28 @@ def margin_probability(likelihood: Likelihood, fitted: Fit) -> float:
     return float((mean_square < 1.0).mean())
 
 
+def excluded_share(
+    prior: Mapping[Hypothesis, float], evidence: Mapping[Hypothesis, float]
+) -> float:
+    """Compute the share of the prior odds of effects against none that the data exclude.
+
+    0 for data that would not show an effect; below 0 where the odds have risen.
+    """
+    return 1.0 - _effect_odds(evidence) / _effect_odds(prior)
+
+
+def _effect_odds(weights: Mapping[Hypothesis, float]) -> float:
+    """Compute the odds of all sets of effects against none, in either sense of rotation."""
+    effects = 0.0
+    none = 0.0
+    for h, weight in weights.items():
+        if not strip_sense(h):
+            none += weight
+        elif h != UNKNOWN:
+            effects += weight
+    return effects / none
+
+
 def is_nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
     """Check that a hypothesis may be named as the whole cause, however probable it is."""
     return len(strip_sense(hypothesis)) <= settings.named_at_once
@@ -86,12 +108,13 @@ def is_nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
 def decide(
     posterior: Probabilities,
     fits: Mapping[Hypothesis, Fit],
-    margin: MarginProbabilities,
+    none: NoneEvidence,
     settings: Settings,
 ) -> CauseVerdict:
     """Decide on a verdict.
 
-    *None* where the gap is within its margin, or nothing acts and its effect on the gap would show.
+    *None* where the gap is within its margin, or where nothing acts, passes the predictive check,
+    and the data exclude effects.
     *Unknown* where nothing listed explains the gap, or only what fails the predictive check.
     *Effect* where one hypothesis is named that passes it. Otherwise *ambiguous*, with the effects
     that are part of the cause under nearly all hypotheses.
@@ -100,7 +123,8 @@ def decide(
     cumulative = np.cumsum([0.0, *(posterior[h] for h in order)])[:-1]
     credible = tuple(h for h, p in zip(order, cumulative, strict=True) if p < settings.credible)
     inadequate = [h for h in order if not _is_adequate(h, fits, settings)]
-    if max(margin.gap, min(posterior[NONE], margin.none)) > settings.named:
+    shows_none = none.exclusion > settings.excluded and NONE not in inadequate
+    if none.within_margin > settings.named or (shows_none and posterior[NONE] > settings.named):
         return CauseVerdict("none", (), credible)
     if posterior[UNKNOWN] + sum(posterior[h] for h in inadequate) > settings.named:
         return CauseVerdict("unknown", (), credible)

@@ -1,16 +1,17 @@
-"""Words of a diagnosis: headline, summary paragraph, and numbers with their units."""
+"""Words of a diagnosis: headline, summary, remarks, and numbers with their units."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from dogshape.bench.bench_data import Bench
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Diagnosis, RecordMeaning
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import gap_decrease
 from dogshape.diagnosis.inference.verdict import CauseVerdict
-from dogshape.diagnosis.terms import UNKNOWN, hypothesis_name, join_words
+from dogshape.diagnosis.terms import NONE, UNKNOWN, hypothesis_name, join_words
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.units import short, suffix_of, unit_of
 
@@ -19,7 +20,8 @@ MIN_SIZED_PROBABILITY = 0.5  #: of an open effect whose size is compared with it
 MAX_OPEN_EFFECTS = 4  #: in a sentence
 MIN_EXPLAINED_SHARE = 0.1  #: of the gap, below which a reading at rest is refuted as its cause
 WIDE_RANGE_SHARE = 0.2  #: of its larger end, from which a range has two digits
-LARGE_SIZE_RATIO = 1.5  #: of a size over the usual one, from which it is called large
+MIN_BAYES_FACTOR = 3.0  #: of meanings of the record, from which the data decide between them
+END_WORDS = ("its range", "their ranges")
 #: Meanings of a record by key and value, as the clause "where ...".
 RECORD_MEANINGS = {
     ("time_zero", "command"): "times start with the command",
@@ -81,54 +83,73 @@ def headline_of(verdict: CauseVerdict, effects: Mapping[str, Effect]) -> str:
     if verdict.kind == "effect":
         return f"{'Causes' if len(verdict.causes) > 1 else 'Cause'}: {names}"
     if verdict.kind == "none":
-        return "No effect needed: the gap lies within the margin"
+        return "No effect needed"
     if verdict.kind == "unknown":
         return "Unknown: no known effect explains the gap"
     if names:
         return f"Part of the cause: {names}; the rest is open"
-    return f"Open: {hypothesis_name(verdict.credible[0], effects)} is most probable"
+    return f"Open; most probable: {hypothesis_name(verdict.credible[0], effects)}"
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Write the verdict of a diagnosis in a line, with sizes of causes at an end of their range."""
+    causes = diagnosis.verdict.causes
+    quantities = [
+        quantity(range_end.parameter)
+        for range_end in diagnosis.range_ends
+        if range_end.effect in causes
+    ]
+    line = headline_of(diagnosis.verdict, diagnosis.effects)
+    if quantities:
+        line += f" ({join_words(quantities)} at the end of {END_WORDS[len(quantities) > 1]})"
+    return line
 
 
 def summary(diagnosis: Diagnosis) -> str:
-    """Write the result as one paragraph: gap, cause, refuted readings, sizes, questions."""
-    gaps = diagnosis.held_out
-    points = sum(gap.gap is not None for gap in diagnosis.gaps)
-    sentences = [
-        f"Bench and simulation differ by {ms(gaps.baseline)} (root mean square over {points} "
-        f"operating point{'s' if points > 1 else ''}); chance alone leaves {ms(gaps.chance)}.",
-        _cause_sentence(diagnosis),
-        _refutation(diagnosis),
-        *_size_sentences(diagnosis),
-    ]
-    answer = (diagnosis.verdict.kind, diagnosis.verdict.causes)
-    for meaning in diagnosis.record_meanings:
-        is_stated = meaning.probability > MIN_STATED_PROBABILITY
-        if is_stated and (meaning.verdict.kind, meaning.verdict.causes) != answer:
-            clause = (
-                f"{RECORD_MEANINGS[meaning.key, meaning.value]} ({chance(meaning.probability)})"
-            )
-            headline = headline_of(meaning.verdict, diagnosis.effects)
-            sentences.append(f"If {clause}, the answer is '{headline}'.")
-    return " ".join(sentence for sentence in sentences if sentence)
+    """Write the result in three sentences: where the gap is, which cause, how far it closes."""
+    return " ".join([diagnosis.where, cause_sentence(diagnosis), shrink_sentence(diagnosis)])
 
 
-def _cause_sentence(diagnosis: Diagnosis) -> str:
-    """State the cause with its sizes, and the effects that may be part of it."""
+def cause_sentence(diagnosis: Diagnosis) -> str:
+    """State the cause with sizes and probabilities, and the effects that may be part of it."""
     verdict = diagnosis.verdict
     if verdict.kind == "none":
-        margin = ms(diagnosis.margin_s)
-        return f"The gap without scatter is below {margin} with {chance(diagnosis.within_margin)}."
+        if diagnosis.within_margin > diagnosis.settings.named:
+            margin = ms(diagnosis.margin_s)
+            probability = chance(diagnosis.within_margin)
+            return f"The gap without scatter is below {margin} with {probability}."
+        return f"No effect acts, with {chance(diagnosis.posterior[NONE])}."
     if verdict.kind == "unknown":
         return "No known effect, alone or with others, explains all of the data."
     open_effects = join_words(_open_effects(diagnosis), "or")
     if not verdict.causes:
         return f"The cause is open: {open_effects}."
-    causes = join_words([_name_with_size(diagnosis, name) for name in verdict.causes])
-    if any(diagnosis.sizes.get(name) for name in verdict.causes):
-        causes += " (90 % intervals over all plausible hypotheses)"
+    causes = join_words(
+        [
+            f"{_name_with_size(diagnosis, name)} ({chance(diagnosis.inclusion[name])})"
+            for name in verdict.causes
+        ]
+    )
     if verdict.kind == "effect":
-        return f"Cause, with {chance(diagnosis.posterior[diagnosis.leading])}: {causes}."
-    return f"Part of the cause: {causes}. Open beside: {open_effects or 'nothing'}."
+        word = "Causes" if len(verdict.causes) > 1 else "Cause"
+        alone = chance(diagnosis.posterior[diagnosis.leading])
+        return f"{word}: {causes}; nothing else acts, with {alone}."
+    return f"Part of the cause: {causes}; open beside: {open_effects or 'nothing'}."
+
+
+def shrink_sentence(diagnosis: Diagnosis) -> str:
+    """State the gap before, at points held out of the fit, and by chance, root mean square."""
+    gaps = diagnosis.held_out
+    points = sum(gap.gap is not None for gap in diagnosis.gaps)
+    before = (
+        f"The gap is {ms(gaps.baseline)} (root mean square, "
+        f"{points} operating point{'s' if points > 1 else ''})"
+    )
+    after = ""
+    if diagnosis.leading != NONE:
+        name = hypothesis_name(diagnosis.leading, diagnosis.effects)
+        after = f"; {ms(gaps.held_out)} are left at held-out points with {name}"
+    return f"{before}{after}; chance alone leaves {ms(gaps.chance)}."
 
 
 def _open_effects(diagnosis: Diagnosis) -> list[str]:
@@ -155,6 +176,178 @@ def _name_with_size(diagnosis: Diagnosis, name: str) -> str:
     return f"{diagnosis.effects[name].plain} {preposition}{words}".rstrip()
 
 
+def remarks(diagnosis: Diagnosis) -> list[str]:
+    """List sentences on sizes, refuted readings, and readings of the record that decide."""
+    sentences = [
+        *_range_end_sentences(diagnosis),
+        *_ordinary_sentences(diagnosis),
+        _arm_sentence(diagnosis),
+        _refutation(diagnosis),
+    ]
+    answer = (diagnosis.verdict.kind, diagnosis.verdict.causes)
+    for meaning in diagnosis.record_meanings:
+        is_stated = meaning.probability > MIN_STATED_PROBABILITY
+        if is_stated and (meaning.verdict.kind, meaning.verdict.causes) != answer:
+            clause = (
+                f"{RECORD_MEANINGS[meaning.key, meaning.value]} ({chance(meaning.probability)})"
+            )
+            verdict = headline_of(meaning.verdict, diagnosis.effects)
+            sentences.append(f"If {clause}, the answer is '{verdict}'.")
+    return [sentence for sentence in sentences if sentence]
+
+
+def answered_meanings(diagnosis: Diagnosis) -> list[RecordMeaning]:
+    """List the meanings of keys of the record that the data decide, or that decide the verdict.
+
+    A Bayes factor below 3 is not worth more than a bare mention (Kass and Raftery 1995, J. Am.
+    Stat. Assoc. 90): the probability is the prior.
+    """
+    answered = []
+    for key in dict.fromkeys(meaning.key for meaning in diagnosis.record_meanings):
+        meanings = [meaning for meaning in diagnosis.record_meanings if meaning.key == key]
+        factors = [meaning.probability / meaning.prior for meaning in meanings]
+        verdicts = {(m.verdict.kind, tuple(m.verdict.causes)) for m in meanings}
+        if max(factors) >= MIN_BAYES_FACTOR * min(factors) or len(verdicts) > 1:
+            answered += meanings
+    return answered
+
+
+def listed_effects(diagnosis: Diagnosis) -> list[str]:
+    """List the named effects and the plausible ones, the most probable first."""
+    return [
+        name
+        for name, probability in diagnosis.inclusion.items()
+        if probability > MIN_STATED_PROBABILITY or name in diagnosis.verdict.causes
+    ]
+
+
+def size_lines(diagnosis: Diagnosis, effect: str) -> list[str]:
+    """Write each parameter of an effect with mean, 90 % interval and unit."""
+    lines = []
+    for name, interval in diagnosis.sizes.get(effect, {}).items():
+        unit = amount(name, 0.0).partition(" ")[2]
+        mean, low, high = (
+            amount(name, value, digits=2).partition(" ")[0]
+            for value in (interval.mean, interval.low, interval.high)
+        )
+        lines.append(f"{quantity(name)} {mean} ({low} to {high}) {unit}".rstrip())
+    return lines
+
+
+def excess_lines(diagnosis: Diagnosis, effect: str) -> list[str]:
+    """Write for each parameter of an effect what is extraordinary: its size, an end of a range."""
+    pressed = {end.parameter for end in diagnosis.range_ends if end.effect == effect}
+    lines = []
+    for parameter in _sized_parameters(diagnosis, effect):
+        words = [_excess(parameter, diagnosis.sizes[effect][parameter.name])]
+        if parameter.name in pressed:
+            words.append("range end")
+        lines.append(", ".join(word for word in words if word))
+    return lines
+
+
+def _sized_parameters(diagnosis: Diagnosis, effect: str) -> list[Parameter]:
+    """List the parameters of an effect; none where no hypothesis with the effect is fitted."""
+    return [*diagnosis.effects[effect].parameters] if effect in diagnosis.sizes else []
+
+
+def _is_remarked(diagnosis: Diagnosis, effect: str) -> bool:
+    """Check that an effect is a cause or so probable that its sizes are compared."""
+    probability = diagnosis.inclusion.get(effect, 0.0)
+    return effect in diagnosis.verdict.causes or probability > MIN_SIZED_PROBABILITY
+
+
+def _excess(parameter: Parameter, size: Interval) -> str:
+    """Write how far a whole interval lies beyond the ordinary range; empty for one that does not.
+
+    A multiple of the largest ordinary size where the smallest is not stated.
+    """
+    ordinary = parameter.ordinary
+    if ordinary is None or (ordinary.low <= size.high and size.low <= ordinary.high):
+        return ""
+    if math.isfinite(ordinary.low):
+        return "below" if size.high < ordinary.low else "above"
+    return f"{short(size.mean / ordinary.high, 2)} times"
+
+
+def _ordinary_sentences(diagnosis: Diagnosis) -> list[str]:
+    """State sizes beyond an ordinary source, and the test that measures them.
+
+    A mass behind an arm is compared at the arm, by another sentence.
+    """
+    sentences = []
+    for effect in listed_effects(diagnosis):
+        if not _is_remarked(diagnosis, effect):
+            continue
+        for parameter in _sized_parameters(diagnosis, effect):
+            is_at_arm = suffix_of(parameter.name) == "_kg" and _arm_ratio(diagnosis) is not None
+            excess = _excess(parameter, diagnosis.sizes[effect][parameter.name])
+            if excess and not is_at_arm:
+                sentences.append(_ordinary_sentence(diagnosis, effect, parameter, excess))
+    return sentences
+
+
+def _ordinary_sentence(diagnosis: Diagnosis, effect: str, parameter: Parameter, excess: str) -> str:
+    """Compare a size with its ordinary source."""
+    ordinary = parameter.ordinary
+    assert ordinary is not None  # it has an excess
+    if excess.endswith("times"):
+        limits = amount(parameter.name, ordinary.high, digits=2)
+        comparison = f"{excess} that of {ordinary.source} ({limits})"
+    else:
+        limits = amount(parameter.name, ordinary.low, ordinary.high, digits=2)
+        comparison = f"{excess} that of {ordinary.source} ({limits})"
+    direct_tests = [t for t in diagnosis.tests if t.kind == "direct" and effect in t.effects]
+    measurement = ""
+    if direct_tests:
+        test = min(direct_tests, key=lambda test: test.hours)
+        measurement = f"; {test.name} measures it in {test.hours:.2g} h"
+    clause = _size_clause(parameter, diagnosis.sizes[effect][parameter.name].mean)
+    return f"{clause[:1].upper()}{clause[1:]} {comparison}{measurement}."
+
+
+def _range_end_sentences(diagnosis: Diagnosis) -> list[str]:
+    """State the sizes that lie at an end of their range."""
+    sentences = []
+    for range_end in diagnosis.range_ends:
+        if not _is_remarked(diagnosis, range_end.effect):
+            continue
+        effect = diagnosis.effects[range_end.effect].plain
+        side = "less" if range_end.end == "low" else "more"
+        sentences.append(
+            f"{effect[:1].upper()}{effect[1:]}, {quantity(range_end.parameter)}: the data want "
+            f"{side} than {amount(range_end.parameter, range_end.value)}; the list ends there."
+        )
+    return sentences
+
+
+def _arm_ratio(diagnosis: Diagnosis) -> float | None:
+    """Look up the ratio of the linkage."""
+    return diagnosis.bench.sensor.linkage_ratio
+
+
+def _arm_sentence(diagnosis: Diagnosis) -> str:
+    """State masses at the arm of the actuator: those at the sleeve over the ratio squared."""
+    ratio = _arm_ratio(diagnosis)
+    if ratio is None:
+        return ""
+    clauses = []
+    for effect in listed_effects(diagnosis):
+        for parameter in _sized_parameters(diagnosis, effect):
+            if suffix_of(parameter.name) == "_kg":
+                size = diagnosis.sizes[effect][parameter.name].mean
+                arm_size = amount(parameter.name, size / ratio**2, digits=2)
+                clauses.append(f"{_size_clause(parameter, size)} {arm_size}")
+    if not clauses:
+        return ""
+    return f"At the arm, {join_words(clauses)} (ratio {ratio:.3g} squared)."
+
+
+def _size_clause(parameter: Parameter, size: float) -> str:
+    """Write the size of a parameter as the head of a clause."""
+    return f"{quantity(parameter.name)} of {amount(parameter.name, size, digits=2)} is"
+
+
 def _refutation(diagnosis: Diagnosis) -> str:
     """State the parts of the gap that readings at rest explain, where these are small."""
     gap = diagnosis.held_out.baseline
@@ -170,59 +363,6 @@ def _refutation(diagnosis: Diagnosis) -> str:
     if not clauses:
         return ""
     return f"Alone and as read at rest, {join_words(clauses)} of {1e3 * gap:.0f} ms."
-
-
-def _size_sentences(diagnosis: Diagnosis) -> list[str]:
-    """State masses also at the arm of the actuator, and sizes beyond an ordinary source.
-
-    A mass that an arm with a known ratio moves is that at the sleeve over the ratio squared.
-    """
-    ratio = diagnosis.bench.sensor.linkage_ratio
-    arm_clauses = []
-    sentences = []
-    for effect in diagnosis.sizes:
-        probability = diagnosis.inclusion.get(effect, 0.0)
-        if effect in diagnosis.verdict.causes:
-            probability = 1.0
-        if probability <= MIN_STATED_PROBABILITY:
-            continue
-        for parameter in diagnosis.effects[effect].parameters:
-            size = diagnosis.sizes[effect][parameter.name].mean
-            if suffix_of(parameter.name) == "_kg" and ratio is not None:
-                arm_size = amount(parameter.name, size / ratio**2, digits=2)
-                arm_clauses.append(f"{_size_clause(parameter, size)} {arm_size}")
-            elif probability > MIN_SIZED_PROBABILITY:
-                sentences.append(_large_size_sentence(diagnosis, effect, parameter, size))
-    arm_sentence = ""
-    if arm_clauses:
-        arm_sentence = f"At the arm, {join_words(arm_clauses)} (ratio {ratio or 1.0:.3g} squared)."
-    return [arm_sentence, *sentences]
-
-
-def _size_clause(parameter: Parameter, size: float) -> str:
-    """Write the size of a parameter as the head of a clause."""
-    return f"{quantity(parameter.name)} of {amount(parameter.name, size, digits=2)} is"
-
-
-def _large_size_sentence(
-    diagnosis: Diagnosis, effect: str, parameter: Parameter, size: float
-) -> str:
-    """Compare a size with an ordinary source; empty for a size that is not large."""
-    if parameter.ordinary is None:
-        return ""
-    ordinary_size, source = parameter.ordinary
-    if size < LARGE_SIZE_RATIO * ordinary_size:
-        return ""
-    direct_tests = [t for t in diagnosis.tests if t.kind == "direct" and effect in t.effects]
-    measurement = ""
-    if direct_tests:
-        test = min(direct_tests, key=lambda test: test.hours)
-        measurement = f"; {test.name} measures it in {test.hours:.2g} h"
-    clause = _size_clause(parameter, size)
-    return (
-        f"{clause[:1].upper()}{clause[1:]} {size / ordinary_size:.2g} times that of {source} "
-        f"({amount(parameter.name, ordinary_size, digits=2)}){measurement}."
-    )
 
 
 def findings_record(bench: Bench) -> dict[str, Any]:

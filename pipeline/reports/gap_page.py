@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,22 +12,33 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 
 from dogshape.bench.bench_data import Bench
+from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.gap_map import GapMap, MapCell, describe_gaps, map_gaps
 from dogshape.diagnosis.inference.outcome import MIN_INFORMATION_NATS
 from dogshape.diagnosis.report.wording import (
+    MIN_STATED_PROBABILITY,
     RECORD_MEANINGS,
+    answered_meanings,
+    cause_sentence,
     chance,
     describe_parameter,
+    excess_lines,
+    headline,
     headline_of,
+    listed_effects,
     ms,
-    summary,
+    remarks,
+    shrink_sentence,
+    size_lines,
 )
-from dogshape.diagnosis.terms import NONE, hypothesis_name
+from dogshape.diagnosis.terms import NONE, UNKNOWN, hypothesis_name
 from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Table, frame_of, number_or_none
 from dogshape.pipeline.reports.charts import TimeMark, times_by_point
+from dogshape.pipeline.reports.gap_charts import effects_picture, map_picture, steps_picture
 from dogshape.pipeline.reports.report import Report
-from dogshape.pipeline.reports.text import ENGINES, axis, bind_units, place_name
+from dogshape.pipeline.reports.text import ENGINES, axis, bind_units, minus, place_name
 from dogshape.pipeline.store.result_records import PlaceRow
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.files import without_formulas, write_whole
@@ -36,8 +48,11 @@ from dogshape.sim.versions import engine
 REPORT = "report.html"
 RECORD = "gap.json"
 TABLE = "cells.csv"
-MAX_ROWS = 8  #: tests, and hypotheses, in a table
-MIN_PROBABILITY = 0.005  #: of a hypothesis, or an effect, in a table
+MAX_ROWS = 8  #: tests in a table
+MAP_COLUMNS = 8  #: groups of mismatch in a map, at most
+MAP_ROWS = 6  #: groups of force in a map, at most
+TITLE_WIDTH = 32  #: characters of an effect in a line of a table
+COLUMN_GAP = 2  #: characters between columns of a table
 
 
 class CellRow(PlaceRow):
@@ -140,13 +155,12 @@ def compose_page(
     sentences on updates, by name.
     """
     title = f"{diagnosis.bench.name}: difference between bench and simulation"
-    page = Report(title, headline_of(diagnosis.verdict, diagnosis.effects))
-    page.add("", Markup("<p>{}</p>").format(bind_units(summary(diagnosis))))
-    page.add("Hypotheses", hypothesis_table(diagnosis), inclusion_table(diagnosis))
-    page.add("Next test", advice_table(diagnosis))
-    figure = cells_figure(cells_of(diagnosis))
-    caption = "Mean shift times with 95 % intervals."
-    page.add("Residuals", residual_table(diagnosis), figure, caption)
+    page = Report(title, headline(diagnosis))
+    page.add("", _pictures(diagnosis))
+    page.add("Effects", effect_table(diagnosis), *remarks(diagnosis))
+    page.add("Next test", advice_table(diagnosis), diagnosis.tests[0].why)
+    page.add("Hypotheses", hypothesis_table(diagnosis))
+    page.add("Residuals", residual_table(diagnosis), *_held_out_parts(diagnosis))
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
     facts = _facts(diagnosis) | dict(history or {})
@@ -154,22 +168,119 @@ def compose_page(
     return page
 
 
+def _pictures(diagnosis: Diagnosis) -> Markup:
+    """Draw where the gap is, which effects explain it and how far it closes, a sentence each."""
+    gap_map = map_gaps(diagnosis.gaps, MAP_COLUMNS, MAP_ROWS)
+    pictures = [
+        ("Where", map_picture(gap_map), diagnosis.where),
+        ("Which", effects_picture(diagnosis), cause_sentence(diagnosis)),
+        ("How far", steps_picture(diagnosis), shrink_sentence(diagnosis)),
+    ]
+    figures = [
+        Markup("<figure><h3>{}</h3>{}<figcaption>{}</figcaption></figure>").format(
+            name, picture, bind_units(sentence)
+        )
+        for name, picture, sentence in pictures
+    ]
+    return Markup('<div class="pictures">{}</div>').format(Markup("\n").join(figures))
+
+
+def _held_out_parts(diagnosis: Diagnosis) -> list[Markup | str]:
+    """Draw the gap that the leading hypothesis leaves at held-out points; nothing for *none*."""
+    if diagnosis.leading == NONE:
+        return []
+    gaps = [
+        PointGap(cell, number_or_none(mean), error)
+        for cell, mean, error in zip(
+            diagnosis.bench.cells,
+            diagnosis.held_out.mean.tolist(),
+            diagnosis.held_out.sd.tolist(),
+            strict=True,
+        )
+    ]
+    picture = map_picture(map_gaps(gaps, MAP_COLUMNS, MAP_ROWS))
+    name = hypothesis_name(diagnosis.leading, diagnosis.effects)
+    caption = f"Held-out points with {name}: {describe_gaps(gaps)}"
+    return [Markup('<div class="pictures">{}</div>').format(picture), caption]
+
+
 def _meaning_table(diagnosis: Diagnosis) -> Table:
-    """Tabulate the meanings of ambiguous records with probability and headline."""
+    """Tabulate the meanings of ambiguous records that the data decide or that decide the answer."""
     rows = []
-    for meaning in diagnosis.record_meanings:
+    for meaning in answered_meanings(diagnosis):
         condition = RECORD_MEANINGS[meaning.key, meaning.value]
-        headline = headline_of(meaning.verdict, diagnosis.effects)
-        rows.append((condition, chance(meaning.probability), headline))
+        answer = headline_of(meaning.verdict, diagnosis.effects)
+        rows.append((condition, chance(meaning.probability), answer))
     return Table(("if", "probability", "answer"), rows, {}, (2,))
 
 
-def hypothesis_table(diagnosis: Diagnosis) -> Table:
-    """Tabulate the most probable hypotheses with probability, sizes and p-value."""
-    credible = diagnosis.verdict.credible
-    probable = [h for h, p in diagnosis.posterior.items() if p >= MIN_PROBABILITY or h in credible]
+def map_table(diagnosis: Diagnosis, width: int) -> Table:
+    """Tabulate the gap in ms, and its standard errors, over force and mismatch.
+
+    Neighbouring mismatches join until the table has at most ``width`` characters.
+    """
+    tables = [
+        _map_table(map_gaps(diagnosis.gaps, columns, MAP_ROWS))
+        for columns in range(MAP_COLUMNS, 0, -1)
+    ]
+    return next((table for table in tables if _text_width(table) <= width), tables[-1])
+
+
+def _map_table(gap_map: GapMap) -> Table:
+    """Tabulate a map of gaps."""
     rows = []
-    for hypothesis in dict.fromkeys([*probable[:MAX_ROWS], diagnosis.leading]):
+    for i, force in enumerate(gap_map.forces):
+        cells = [gap_map.cells.get((i, j)) for j in range(len(gap_map.mismatches))]
+        texts = ["-" if cell is None else _gap_text(cell) for cell in cells]
+        rows.append([force.label, *texts])
+    heads = ["N \\ 1/min", *(mismatch.label for mismatch in gap_map.mismatches)]
+    return Table(heads, rows)
+
+
+def _gap_text(cell: MapCell) -> str:
+    """Write a gap in ms with its standard errors in brackets."""
+    return minus(f"{1e3 * cell.gap:z.0f} ({abs(cell.z):.0f})")
+
+
+def _text_width(table: Table) -> int:
+    """Count the characters of a line of a table."""
+    columns = zip(table.heads, *table.rows, strict=True)
+    return sum(max(map(len, column)) + COLUMN_GAP for column in columns) - COLUMN_GAP
+
+
+def effect_table(diagnosis: Diagnosis) -> Table:
+    """Tabulate the plausible effects: probability to be part of the cause, sizes; causes marked."""
+    causes = diagnosis.verdict.causes
+    rows = list[Sequence[str]]()
+    looks = {}
+    for name in listed_effects(diagnosis):
+        if name in causes:
+            looks[len(rows)] = "best"
+        error = 100.0 * diagnosis.inclusion_error[name]
+        inclusion = f"{chance(diagnosis.inclusion[name])} ± {max(1.0, error):.0f}"
+        sizes = "\n".join(size_lines(diagnosis, name))
+        excess = "\n".join(excess_lines(diagnosis, name))
+        title = "\n".join(textwrap.wrap(diagnosis.effects[name].plain, TITLE_WIDTH))
+        rows.append((title, inclusion, sizes, excess))
+    for hypothesis in (NONE, UNKNOWN):
+        probability = diagnosis.posterior.get(hypothesis, 0.0)
+        if probability > MIN_STATED_PROBABILITY:
+            name = hypothesis_name(hypothesis, diagnosis.effects)
+            rows.append((name, chance(probability), "", ""))
+    note = (
+        "Probability that the effect is part of the cause, ± its standard error by finite numbers "
+        "of draws and of simulated benches. A size too small for these data to show counts as "
+        "absent. Range end: the data want a size beyond the last one of the list."
+    )
+    heads = "effect", "probability", "size (90 % interval)", "beyond ordinary"
+    return Table(heads, rows, looks, (2, 3), note)
+
+
+def hypothesis_table(diagnosis: Diagnosis) -> Table:
+    """Tabulate the plausible sets of effects with probability, sizes and p-value."""
+    plausible = [h for h, p in diagnosis.posterior.items() if p > MIN_STATED_PROBABILITY]
+    rows = []
+    for hypothesis in dict.fromkeys([*plausible, diagnosis.leading]):
         sizes = ""
         p_value = ""
         fit = diagnosis.fits.get(hypothesis)
@@ -182,30 +293,11 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
         rows.append((name, probability, sizes, p_value))
     looks = {0: "best"} if diagnosis.verdict.kind == "effect" else {}
     note = (
-        "p: probability of data as far from the hypothesis as these, if the hypothesis is true. An "
-        "effect too weak to be seen counts as absent."
+        "p: probability of data as far from the hypothesis as these, if the hypothesis is true. A "
+        "wrong hypothesis may have a large p."
     )
     heads = "hypothesis", "probability", "sizes (90 % interval)", "p"
     return Table(heads, rows, looks, (2,), note)
-
-
-def inclusion_table(diagnosis: Diagnosis) -> Table:
-    """Tabulate the probability that an effect is part of the cause; causes are marked."""
-    causes = diagnosis.verdict.causes
-    rows = list[Sequence[str]]()
-    looks = {}
-    for name, probability in diagnosis.inclusion.items():
-        if probability < MIN_PROBABILITY and name not in causes:
-            continue
-        if name in causes:
-            looks[len(rows)] = "best"
-        error = chance(diagnosis.inclusion_error[name])
-        rows.append((diagnosis.effects[name].plain, chance(probability), error))
-    note = (
-        "Sum over hypotheses with the effect. Error: one standard error by finite numbers of draws "
-        "and of simulated benches."
-    )
-    return Table(("effect", "probability", "error"), rows, looks, (), note)
 
 
 def residual_table(diagnosis: Diagnosis) -> Table:

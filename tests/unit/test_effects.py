@@ -42,6 +42,22 @@ def test_effects_are_those_of_the_contract_and_work(setting: Setting) -> None:
     assert reversed_.apply(still, {}).block((0.1,)).keys == still.block((0.1,)).keys
 
 
+def test_each_size_has_an_ordinary_range_that_holds_its_neutral_value(setting: Setting) -> None:
+    """A place or a phase has none; the page of the effects lists each."""
+    page = (Path(__file__).parents[2] / "docs" / "effects.md").read_text("utf-8")
+    listed = page.partition("| ordinary source |")[2]
+    for effect in EFFECTS.values():
+        for parameter in effect.parameters:
+            ordinary = parameter.ordinary
+            if parameter.name in ("position_mm", "centre_pitch"):
+                assert ordinary is None
+                continue
+            assert ordinary is not None
+            assert ordinary.source
+            assert ordinary.low < parameter.neutral_of(setting) < ordinary.high
+            assert f"`{parameter.name}`" in listed
+
+
 @pytest.mark.parametrize("effect", [e for e in EFFECTS.values() if e.parameters])
 def test_neutral_values_change_nothing(effect: Effect, setting: Setting) -> None:
     same = effect.apply(setting, effect.neutral(setting))

@@ -22,13 +22,18 @@ from dogshape.diagnosis.inference.ranking import (
     log_prior,
     rank,
 )
-from dogshape.diagnosis.inference.verdict import MarginProbabilities, decide, invisible_shares
+from dogshape.diagnosis.inference.verdict import (
+    NoneEvidence,
+    decide,
+    excluded_share,
+    invisible_shares,
+)
 from dogshape.diagnosis.likelihood.likelihood import NODES, WEIGHTS, Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.settings import USUAL
-from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+from dogshape.diagnosis.terms import NONE, REVERSED, UNKNOWN, Array, Hypothesis
 from tests.analytic import ANALYTIC_EFFECTS, mean_time, small_model
 from tests.verification.test_likelihood import world
 
@@ -320,15 +325,34 @@ def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
     assert invisible_shares(replace(unshown, side_likelihood=traces), one, {NONE}) == {}
 
 
-@pytest.mark.parametrize(("left", "inside", "kind"), [
-    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, (0.7, 0.9), "none"),
-    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, (0.7, 0.5), "ambiguous"),  # it would not show
+@pytest.mark.parametrize(("posterior", "none", "kind"), [
+    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, (0.9, 0.1), "none"),  # the gap is within its margin
+    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, (0.6, 0.9), "none"),  # or nothing acts
+    ({NONE: 0.75, LAG: 0.2, UNKNOWN: 0.05}, (0.6, 0.9), "ambiguous"),
+    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, (0.6, 0.1), "ambiguous"),  # it would not show
     ({MASS: 0.5, UNKNOWN: 0.35, LAG: 0.1, NONE: 0.05}, (0.1, 0.9), "unknown"),
     ({LAG: 0.85, UNKNOWN: 0.1, NONE: 0.05}, (0.1, 0.9), "effect"),
     ({("a",): 0.85, ("a", *MASS): 0.1, UNKNOWN: 0.05, NONE: 0.0}, (0.1, 0.9), "unknown"),
 ])  # fmt: skip
-def test_verdict(left: dict[Hypothesis, float], inside: tuple[float, float], kind: str) -> None:
+def test_verdict(posterior: dict[Hypothesis, float], none: tuple[float, float], kind: str) -> None:
     """The added mass fails its predictive check, alone or with one that is not fitted alone."""
-    some = {*left} - {UNKNOWN, ("a",)}
-    fits: Any = {h: SimpleNamespace(p=0.001 if MASS[0] in h else 0.5) for h in some}
-    assert decide(left, fits, MarginProbabilities(*inside), USUAL).kind == kind
+    fitted = {*posterior} - {UNKNOWN, ("a",)}
+    fits: Any = {h: SimpleNamespace(p=0.001 if MASS[0] in h else 0.5) for h in fitted}
+    assert decide(posterior, fits, NoneEvidence(*none), USUAL).kind == kind
+
+
+def test_a_probable_none_that_fails_its_check_is_unknown() -> None:
+    posterior = {NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}
+    fits: Any = {NONE: SimpleNamespace(p=0.001), LAG: SimpleNamespace(p=0.5)}
+    assert decide(posterior, fits, NoneEvidence(0.1, 0.9), USUAL).kind == "unknown"
+
+
+def test_the_share_of_effects_that_data_exclude() -> None:
+    """Nothing by data without information, whatever they say on the sense of rotation."""
+    prior = {NONE: 0.2, LAG: 0.3, MASS: 0.1, (REVERSED,): 0.2, UNKNOWN: 0.2}
+    assert excluded_share(prior, prior) == 0.0
+    same_sense = prior | {NONE: 0.4, (REVERSED,): 0.0}
+    assert excluded_share(prior, same_sense) == pytest.approx(0.0)
+    less_likely = prior | {LAG: 0.03, MASS: 0.01, UNKNOWN: 0.9}
+    assert excluded_share(prior, less_likely) == pytest.approx(0.9)
+    assert excluded_share(prior, prior | {LAG: 0.9}) < 0.0
