@@ -17,7 +17,7 @@ from operator import add, attrgetter, mul
 from pathlib import Path
 from typing import Any
 
-from dogshape.sim.effect import BenchTest, Effect, Parameter, Scale, Values
+from dogshape.sim.effect import BenchTest, Effect, InstrumentError, Parameter, Scale, Values
 from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.drive import EngineSide
@@ -129,6 +129,20 @@ _EFFECTS = (
             "tilt test of the dogs",
             "Press two dog faces on each other under a known load and measure the tangential "
             "force, at rest and while sliding, oiled as on the bench.",
+            errors=(
+                InstrumentError(
+                    "static_friction",
+                    0.05,
+                    0.01,
+                    source="assumption: two push scales, and a film of oil that no two runs share",
+                ),
+                InstrumentError(
+                    "dynamic_friction",
+                    0.05,
+                    0.01,
+                    source="assumption: two push scales, and a film of oil that no two runs share",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -149,6 +163,11 @@ _EFFECTS = (
         test=BenchTest(
             "static stiffness of the engaged pair",
             "Load the engaged pair with a torque and measure the twist between both rings.",
+            errors=(
+                InstrumentError(
+                    "stiffness_Pa_m", 0.1, 1e10, source="assumption: torque wrench and dial gauge"
+                ),
+            ),
         ),
     ),
     Effect(
@@ -170,6 +189,14 @@ _EFFECTS = (
             "drop test of the ring",
             "Drop the ring on the fixed output ring, dog on dog, from some millimetres and record "
             "the rebound.",
+            errors=(
+                InstrumentError(
+                    "dissipation_s_m",
+                    0.2,
+                    0.5,
+                    source="assumption: rebound read from a recording of the displacement",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -185,6 +212,11 @@ _EFFECTS = (
             "creep of held faces",
             "Press two dog faces on each other under a known load, pull with half the friction "
             "and record how fast they slip.",
+            errors=(
+                InstrumentError(
+                    "stiction_factor", 0.1, 0.05, source="assumption: dial gauge and stopwatch"
+                ),
+            ),
         ),
     ),
     Effect(
@@ -197,6 +229,14 @@ _EFFECTS = (
         test=BenchTest(
             "chamfer by profile",
             "Measure the profile of some dogs of either ring on a measuring machine or an imprint.",
+            errors=(
+                InstrumentError(
+                    "chamfer_offset_deg",
+                    0.0,
+                    0.1,
+                    source="assumption: profile projector, and the scatter between dogs",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -208,6 +248,7 @@ _EFFECTS = (
             "gap by feeler or travel",
             "Push the ring from neutral until dogs meet dogs, face on face, and read the "
             "displacement.",
+            errors=(InstrumentError("gap_offset_mm", 0.0, 0.02, source="assumption: caliper"),),
         ),
     ),
     Effect(
@@ -228,6 +269,11 @@ _EFFECTS = (
         test=BenchTest(
             "hand test of the play",
             "Hold the ring and move the actuator to and fro by hand with a dial gauge on it.",
+            errors=(
+                InstrumentError(
+                    "free_play_mm", 0.0, 0.02, source="assumption: dial gauge, read like a caliper"
+                ),
+            ),
         ),
     ),
     Effect(
@@ -258,6 +304,20 @@ _EFFECTS = (
             "static stiffness of the linkage",
             "Block the ring, raise the force in steps and read the displacement at the actuator; "
             "then strike the actuator and record its swing: frequency and stiffness give the mass.",
+            errors=(
+                InstrumentError(
+                    "compliance_mm_kN",
+                    0.03,
+                    0.05,
+                    source="assumption: push scale, and dial gauge at some hundred newtons",
+                ),
+                InstrumentError(
+                    "mass_behind_kg",
+                    0.05,
+                    0.02,
+                    source="assumption: stiffness by a push scale, frequency by a recording",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -279,6 +339,14 @@ _EFFECTS = (
             "free flight at the sleeve",
             "Shift with the output ring taken out and record the displacement at the sleeve: its "
             "acceleration under a known force is the mass.",
+            errors=(
+                InstrumentError(
+                    "added_mass_kg",
+                    0.03,
+                    0.02,
+                    source="assumption: load cell, and acceleration from a recording",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -288,7 +356,12 @@ _EFFECTS = (
             Parameter("friction_N", neutral=0.0, low=3.0, high=200.0, scale=LOG, most=1000.0),
         ),
         change=_change_of("mechanism", _set_value, "friction_N"),
-        test=_SLOW_PUSH,
+        test=replace(
+            _SLOW_PUSH,
+            errors=(
+                InstrumentError("friction_N", 0.02, 0.5, source="assumption: push scale of 2 %"),
+            ),
+        ),
     ),
     Effect(
         "viscous_damping",
@@ -309,6 +382,14 @@ _EFFECTS = (
             "free flight at two forces",
             "Shift with the output ring taken out at two forces and two oil temperatures and "
             "record the displacement.",
+            errors=(
+                InstrumentError(
+                    "damping_Ns_m",
+                    0.1,
+                    2.0,
+                    source="assumption: load cell, and speed from a recording",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -332,7 +413,18 @@ _EFFECTS = (
             "detent_N",
             _change_of("mechanism", _set_value, "detent_N", detent_position="position_mm"),
         ),
-        test=_SLOW_PUSH,
+        test=replace(
+            _SLOW_PUSH,
+            errors=(
+                InstrumentError("detent_N", 0.02, 0.5, source="assumption: push scale of 2 %"),
+                InstrumentError(
+                    "position_mm",
+                    0.0,
+                    0.1,
+                    source="assumption: displacement at the peak of the force",
+                ),
+            ),
+        ),
     ),
     Effect(
         "spline_friction",
@@ -345,6 +437,14 @@ _EFFECTS = (
             "push of the ring under torque",
             "Hold the output ring, load the sliding ring with a known torque and measure the "
             "force that moves it along its shaft.",
+            errors=(
+                InstrumentError(
+                    "spline_friction",
+                    0.06,
+                    0.005,
+                    source="assumption: torque wrench of 5 % and push scale of 2 %",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -366,6 +466,14 @@ _EFFECTS = (
             "run-down of the sliding ring",
             "Turn the free sliding ring and record how its speed falls, or turn it by a torque "
             "wrench.",
+            errors=(
+                InstrumentError(
+                    "drag_Nm",
+                    0.05,
+                    0.02,
+                    source="assumption: torque wrench of 5 %, or tachometer and inertia",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -388,6 +496,14 @@ _EFFECTS = (
             "run-up of the sliding side",
             "Turn the free sliding side by a weight on a cord and record its speed: torque over "
             "acceleration is its inertia.",
+            errors=(
+                InstrumentError(
+                    "inertia_factor",
+                    0.03,
+                    0.02,
+                    source="assumption: weight on a cord and tachometer",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -410,6 +526,11 @@ _EFFECTS = (
             _FORCE,
             "Record the trigger and the force at the shift fork on one clock: the force must "
             "begin to rise at time zero.",
+            errors=(
+                InstrumentError(
+                    "delay_s", 0.0, 0.001, source="assumption: clock of a recording of 1 ms"
+                ),
+            ),
         ),
         aliases=("a shifted time zero of the record",),
     ),
@@ -432,6 +553,14 @@ _EFFECTS = (
             _FORCE,
             "Record the force at the shift fork while the ring is blocked: its course after the "
             "nominal rise shows the lag.",
+            errors=(
+                InstrumentError(
+                    "lag_s",
+                    0.05,
+                    0.001,
+                    source="assumption: load cell, and clock of a recording of 1 ms",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -447,6 +576,14 @@ _EFFECTS = (
             _FORCE,
             "Record the force at the shift fork while the ring is blocked: from its first rise to "
             "its final value is the rise time.",
+            errors=(
+                InstrumentError(
+                    "rise_factor",
+                    0.03,
+                    0.02,
+                    source="assumption: load cell, and clock of a recording of 1 ms",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -462,6 +599,9 @@ _EFFECTS = (
             "static force at the sleeve",
             "Block the ring and measure the force at the shift fork with a load cell at each "
             "pressure.",
+            errors=(
+                InstrumentError("force_factor", 0.02, 0.005, source="assumption: load cell of 2 %"),
+            ),
         ),
     ),
     Effect(
@@ -483,6 +623,14 @@ _EFFECTS = (
             "static force at the sleeve",
             "Block the ring and measure the force at the shift fork with a load cell at each "
             "pressure: the same difference from nominal at all of them is a loss.",
+            errors=(
+                InstrumentError(
+                    "loss_N",
+                    0.02,
+                    2.0,
+                    source="assumption: load cell, line through the forces at each pressure",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -505,6 +653,20 @@ _EFFECTS = (
             "both speeds at the first touch",
             "Record the speeds of both rings with encoders on the clock of the displacement and "
             "read them at the first touch.",
+            errors=(
+                InstrumentError(
+                    "offset_rpm",
+                    0.0,
+                    0.1,
+                    source="assumption: encoders, line through the speeds at each mismatch",
+                ),
+                InstrumentError(
+                    "mismatch_factor",
+                    0.0,
+                    0.002,
+                    source="assumption: encoders, line through the speeds at each mismatch",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -532,6 +694,14 @@ _EFFECTS = (
             "angle of each shift",
             "Record the relative angle at the trigger with encoders of both rings, for some thirty "
             "shifts.",
+            errors=(
+                InstrumentError(
+                    "concentration", 0.2, 0.25, source="assumption: angles of thirty shifts"
+                ),
+                InstrumentError(
+                    "centre_pitch", 0.0, 0.05, source="assumption: angles of thirty shifts"
+                ),
+            ),
         ),
     ),
 )
