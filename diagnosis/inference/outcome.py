@@ -275,7 +275,7 @@ class NextTest:
         sentences = [self.how]
         if self.information >= MIN_INFORMATION_NATS:
             gain = f"{100.0 * self.gain:.0f} %"
-            sentences.append(f"It adds {gain} to the probability that the answer is right.")
+            sentences.append(f"Expected rise of the answer's probability: {gain}.")
         sentences.append(f"Work: {number(self.hours)} h.")
         if self.refutes:
             sentences.append(self.refutes)
