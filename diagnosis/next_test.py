@@ -48,8 +48,9 @@ from dogshape.diagnosis.terms import (
     hypothesis_name,
     join_words,
 )
-from dogshape.sim.effect import Effect, InstrumentError
+from dogshape.sim.effect import Effect, InstrumentError, Parameter
 from dogshape.sim.errors import DataError, number, require_known
+from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import RPM
 
@@ -99,6 +100,15 @@ class PlausibleFit(NamedTuple):
 
     fit: Fit
     draws: np.ndarray
+
+
+class ReadQuantity(NamedTuple):
+    """Quantity that a direct test reads."""
+
+    effect: Effect
+    parameter: Parameter | None  #: None where presence is read, 1 or 0
+    neutral: float  #: value without the effect
+    error: InstrumentError
 
 
 class StandTerms(NamedTuple):
@@ -320,20 +330,26 @@ def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
     return tests
 
 
-def reading_errors(effect: Effect) -> list[InstrumentError]:
-    """List the errors with which the direct test of an effect reads its parameters.
+def quantities_of(effects: Iterable[Effect], setting: Setting) -> list[ReadQuantity]:
+    """List what a direct test of some effects reads: their parameters, or their presence."""
+    quantities = []
+    for effect in effects:
+        neutral = effect.neutral(setting)
+        for parameter in effect.parameters:
+            error = effect.instrument_error(parameter)
+            quantities.append(ReadQuantity(effect, parameter, neutral[parameter.name], error))
+        if not effect.parameters:
+            source = "assumption: look at the stand"
+            error = InstrumentError(effect.name, 0.0, PRESENCE_ERROR, source)
+            quantities.append(ReadQuantity(effect, None, 0.0, error))
+    return quantities
 
-    An effect without parameters is present, 1, or absent, 0.
-    """
-    if not effect.parameters:
-        return [InstrumentError(effect.name, 0.0, PRESENCE_ERROR, "assumption: look at the stand")]
-    return [effect.instrument_error(parameter) for parameter in effect.parameters]
 
-
-def _reading_covariance(errors: Sequence[InstrumentError], values: Array) -> Array:
+def _reading_covariance(quantities: Sequence[ReadQuantity], values: Array) -> Array:
     """Compute the covariance of readings of values (k, d), (k, d, d)."""
-    sds = np.stack([e.at(column) for e, column in zip(errors, values.T, strict=True)], axis=1)
-    return np.asarray(sds[:, :, None] ** 2 * np.eye(len(errors)))
+    columns = zip(quantities, values.T, strict=True)
+    sds = np.stack([read.error.at(column) for read, column in columns], axis=1)
+    return np.asarray(sds[:, :, None] ** 2 * np.eye(len(quantities)))
 
 
 def _predict_reading(diagnosis: Diagnosis, effects: Sequence[Effect]) -> PredictedOutcome:
@@ -341,13 +357,11 @@ def _predict_reading(diagnosis: Diagnosis, effects: Sequence[Effect]) -> Predict
 
     An effect without parameters reads 1 where it is present, else 0.
     """
-    errors: list[InstrumentError] = []
-    absent: list[float] = []
-    columns: dict[str, slice] = {}
-    for effect in effects:
-        errors += reading_errors(effect)
-        absent += effect.neutral(diagnosis.model.setting).values() or [0.0]
-        columns[effect.name] = slice(len(absent) - max(1, len(effect.parameters)), len(absent))
+    quantities = quantities_of(effects, diagnosis.model.setting)
+    absent = [read.neutral for read in quantities]
+    columns: dict[str, list[int]] = {}
+    for column, read in enumerate(quantities):
+        columns.setdefault(read.effect.name, []).append(column)
     parts = {}
     for hypothesis, (fit, draws) in _plausible_fits(diagnosis).items():
         values = np.tile(absent, (draws.size, 1))
@@ -358,10 +372,10 @@ def _predict_reading(diagnosis: Diagnosis, effects: Sequence[Effect]) -> Predict
             if effect.parameters:
                 sizes = fit.values[draws][:, fit.space.columns(effect.name)]
                 values[:, columns[effect.name]] = sizes
-        parts[hypothesis] = smooth_draws(values, _reading_covariance(errors, values))
+        parts[hypothesis] = smooth_draws(values, _reading_covariance(quantities, values))
     # Unknown: nothing, or one of the effects with any value of its range.
     nothing = np.array([absent])
-    unlisted = [Densities(np.ones(1), nothing, _reading_covariance(errors, nothing))]
+    unlisted = [Densities(np.ones(1), nothing, _reading_covariance(quantities, nothing))]
     for effect in effects:
         share = 0.5 / len(effects)
         count = UNKNOWN_VALUES
@@ -370,7 +384,7 @@ def _predict_reading(diagnosis: Diagnosis, effects: Sequence[Effect]) -> Predict
             count = 1
         values = np.tile(absent, (count, 1))
         values[:, columns[effect.name]] = _range_values(effect, count)
-        densities = smooth_draws(values, _reading_covariance(errors, values))
+        densities = smooth_draws(values, _reading_covariance(quantities, values))
         unlisted[0] = unlisted[0]._replace(share=unlisted[0].share - share)
         unlisted.append(densities._replace(share=share * densities.share))
     parts[UNKNOWN] = Densities.concatenate(unlisted)
@@ -427,38 +441,31 @@ def _refuting_reading(diagnosis: Diagnosis, test: NextTest, answer: Hypothesis) 
     assert test.outcome is not None
     effects = [diagnosis.effects[name] for name in test.effects]
     words = _claim(diagnosis, answer)
-    neutral: list[float] = []
-    for effect in effects:
-        neutral += effect.neutral(diagnosis.model.setting).values() or [0.0]
-    intervals = []
-    for column in range(len(neutral)):
-        ends = test.outcome.interval(answer, column, diagnosis.settings.adequate)
-        intervals.append(ends)
-    read_effects = {*test.effects} & {*answer}
-    if not read_effects:
-        low, high = intervals[0]
-        name = test.parameters[0]
-        whole = f"refutes {words}." if answer == NONE else f"refutes {words} as the whole cause."
-        if not effects[0].parameters:
-            return f"A yes {whole}"
-        if effects[0].parameters[0].low >= neutral[0]:
-            return f"A reading of {quantity(name)} above {amount(name, high)} {whole}"
-        return f"A reading of {quantity(name)} outside {amount(name, low, high)} {whole}"
     distances = []
-    for (low, high), value in zip(intervals, neutral, strict=True):
-        distances.append(max(low - value, value - high) / (high - low))
-    column = int(np.argmax(distances))
-    low, high = intervals[column]
-    name = test.parameters[column]
-    if name in diagnosis.effects:
-        return f"A no refutes {words}."
-    if distances[column] <= 0.0:
-        ends_text = amount(name, low, high)
+    intervals = []
+    for column, read in enumerate(quantities_of(effects, diagnosis.model.setting)):
+        low, high = test.outcome.interval(answer, column, diagnosis.settings.adequate)
+        distance = max(low - read.neutral, read.neutral - high) / (high - low)
+        distances.append(distance if read.effect.name in answer else -np.inf)
+        intervals.append((read, low, high))
+    read, low, high = intervals[int(np.argmax(distances))]
+    name = read.error.parameter
+    if not {*test.effects} & {*answer}:
+        if answer != NONE:
+            words = f"{words} as the whole cause"
+        if read.parameter is None:
+            return f"The presence of {read.effect.plain} refutes {words}."
+        if read.parameter.low >= read.neutral:
+            return f"A reading of {quantity(name)} above {amount(name, high)} refutes {words}."
+        return f"A reading of {quantity(name)} outside {amount(name, low, high)} refutes {words}."
+    if read.parameter is None:
+        return f"The absence of {read.effect.plain} refutes {words}."
+    if max(distances) <= 0.0:
         return (
-            f"No reading refutes {words} by itself: a {quantity(name)} of {ends_text} is expected, "
-            f"and {amount(name, neutral[column])} without the effect."
+            f"No reading refutes {words} by itself: with the effect {quantity(name)} reads "
+            f"{amount(name, low, high)}, without it {amount(name, read.neutral)}."
         )
-    side, limit = ("below", low) if neutral[column] < low else ("above", high)
+    side, limit = ("below", low) if read.neutral < low else ("above", high)
     return f"A reading of {quantity(name)} {side} {amount(name, limit)} refutes {words}."
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from dogshape.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.inference.outcome import NextTest
-from dogshape.diagnosis.next_test import PRESENCE_ERROR
+from dogshape.diagnosis.next_test import PRESENCE_ERROR, quantities_of
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import advised_test, data, field_set, score, sealed
@@ -163,9 +163,10 @@ def _direct(*effects: str) -> NextTest:
 
 def test_direct_tests_read_the_truth_with_the_errors_of_their_instruments() -> None:
     test = _direct("moving_mass", "reversed_mismatch", "actuation_delay")
-    assert readings_of(MASS, DIAGNOSIS, test) == pytest.approx([1.0, 0.0, 0.0])
+    quantities = quantities_of([EFFECTS[name] for name in test.effects], DIAGNOSIS.model.setting)
+    assert readings_of(MASS, quantities) == pytest.approx([1.0, 0.0, 0.0])
     reversed_case = replace(MASS, parameters={**MASS.parameters, "reversed_mismatch": {}})
-    assert readings_of(reversed_case, DIAGNOSIS, test)[1] == 1.0
+    assert readings_of(reversed_case, quantities)[1] == 1.0
     outcomes = [outcome_of(Path(), replace(MASS, seed=k), DIAGNOSIS, test) for k in range(300)]
     mass, presence, delay = np.std(np.array(outcomes), axis=0)
     # 3 % of 1 kg and 20 g; a clock of 1 ms.

@@ -253,6 +253,22 @@ def test_each_kind_of_test_has_a_result_that_refutes_the_leading_hypothesis() ->
         r"dead time of the actuation\.",
         ten.refutes,
     )
+    spline = ("spline_friction",)
+    fits = {spline: fit_of(spline), REVERSED: fit_of(REVERSED)}
+    tests = rank_tests(diagnosis_of({spline: 0.6, REVERSED: 0.4}, fits))
+    words = EFFECTS[spline[0]].plain
+    assert _named(tests, EFFECTS[REVERSED[0]].test.name).refutes == (
+        f"The presence of reversed sense of rotation refutes {words} as the whole cause."
+    )
+    # In the middle of its prior, 0.0548, read to 6 % and 0.005.
+    low = 0.0548 - norm.ppf(0.995) * np.hypot(0.06 * 0.0548, 0.005)
+    assert _named(tests, EFFECTS[spline[0]].test.name).refutes == (
+        f"A reading of spline friction below {low:.3g} refutes {words}."
+    )
+    tests = rank_tests(diagnosis_of({REVERSED: 0.6, spline: 0.4}, fits))
+    assert _named(tests, EFFECTS[REVERSED[0]].test.name).refutes == (
+        "The absence of reversed sense of rotation refutes reversed sense of rotation."
+    )
     diagnosis = diagnosis_of({NONE: 0.6, DRAG: 0.4}, {NONE: fit_of(NONE), DRAG: fit_of(DRAG)})
     (test,) = (t for t in rank_tests(diagnosis) if t.kind == "direct")
     assert test.refutes == f"A reading of drag above {drag} N m refutes that no effect acts."

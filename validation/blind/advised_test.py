@@ -25,7 +25,7 @@ from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.verdict import is_nameable
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
-from dogshape.diagnosis.next_test import reading_errors, update_posterior
+from dogshape.diagnosis.next_test import ReadQuantity, quantities_of, update_posterior
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, diagnose_bench, models_of
 from dogshape.sim.effects import load
@@ -115,16 +115,17 @@ def outcome_of(
     if test.kind == "record":
         return {"time_zero": "command", "displacement_at": case.sensor}[test.question]
     if test.kind == "direct":
-        errors = [e for name in test.effects for e in reading_errors(diagnosis.effects[name])]
-        readings = zip(readings_of(case, diagnosis, test), errors, strict=True)
-        return [float(generator.normal(exact, error.at(exact))) for exact, error in readings]
+        effects = [diagnosis.effects[name] for name in test.effects]
+        quantities = quantities_of(effects, diagnosis.model.setting)
+        readings = zip(quantities, readings_of(case, quantities), strict=True)
+        return [float(generator.normal(exact, read.error.at(exact))) for read, exact in readings]
     assert test.cell is not None
     cell_point = diagnosis.bench.cells[test.cell].point
     point = Point(cell_point.mismatch, cell_point.profile.force, cell_point.profile.rise)
     return _repeat_shifts(folder, case, test, point=point, generator=generator)
 
 
-def readings_of(case: Case, diagnosis: Diagnosis, test: NextTest) -> list[float]:
+def readings_of(case: Case, quantities: Sequence[ReadQuantity]) -> list[float]:
     """Compute the exact readings of a direct test, in the parameters' units.
 
     An effect without parameters reads 1 where it acts, else 0. A valve that sticks reads as its
@@ -133,14 +134,14 @@ def readings_of(case: Case, diagnosis: Diagnosis, test: NextTest) -> list[float]
     truth = case.truth
     offsets = {"delay_s": truth.delay_moments[0], "gap_offset_mm": -truth.high_dog / MM}
     readings = []
-    for name in test.effects:
-        effect = diagnosis.effects[name]
-        values = case.parameters.get(name)
-        if not effect.parameters:
+    for read in quantities:
+        values = case.parameters.get(read.effect.name)
+        if read.parameter is None:
             readings.append(float(values is not None))
-        for parameter, neutral in effect.neutral(diagnosis.model.setting).items():
-            value = (values or {}).get(parameter, neutral)
-            readings.append(value + offsets.get(parameter, 0.0))
+            continue
+        name = read.parameter.name
+        value = (values or {}).get(name, read.neutral)
+        readings.append(value + offsets.get(name, 0.0))
     return readings
 
 
