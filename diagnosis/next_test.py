@@ -1,25 +1,26 @@
 """Next bench test: the menu of a stand with cost and worth, and its order.
 
-Direct tests read the parameters of effects as shares of their ranges, neutral where the effect is
-absent. More shifts at an operating point give a mean time and a share that engages; traces give the
-marks of the flight. *Unknown* predicts as well: a direct test finds nothing or anything, half and
-half, and its offset of a mean comes again or, a slip of the record, does not.
+Direct tests read the parameters of effects with the errors of their instruments, neutral where the
+effect is absent. More shifts at an operating point give a mean time and a share that engages;
+traces give the marks of the flight. *Unknown* predicts as well: a direct test finds nothing or
+anything, half and half, and its offset of a mean comes again or, a slip of the record, does not.
 
-The value of a test is its chance to settle, less four times its chance to mislead, less 0.04 for
-each hour. Of tests that settle about as surely the cheapest leads. Where no test is worth its cost,
-or the cause is named, the information an hour decides; the direct test of a named cause leads if it
-costs no more than the first. Where *unknown* leads, traces do.
+Tests are ranked by their gain per hour (``inference.outcome``), equal ones by hours. Where the
+cause is named, or no test earns its hours, the direct test of the least supported effect of the
+answer leads: of that effect whose removal or replacement costs the least probability. Where
+*unknown* leads, traces do.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import rel_entr
+from scipy.stats import qmc
 
 from dogshape.bench.bench_data import Bench
 from dogshape.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
@@ -33,19 +34,28 @@ from dogshape.diagnosis.inference.outcome import (
     Densities,
     NextTest,
     PredictedOutcome,
+    answer_gain,
     smooth_draws,
 )
 from dogshape.diagnosis.inference.verdict import is_nameable
+from dogshape.diagnosis.report.wording import amount, quantity
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
-from dogshape.sim.effect import Effect
+from dogshape.diagnosis.terms import (
+    NONE,
+    UNKNOWN,
+    Array,
+    Hypothesis,
+    hypothesis_name,
+    join_words,
+)
+from dogshape.sim.effect import Effect, InstrumentError, Parameter
 from dogshape.sim.errors import DataError, number, require_known
+from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import RPM
 
 MIN_PROBABILITY = 5e-3  #: from which a hypothesis predicts a test
 POSTERIOR_DRAWS = 64  #: of each hypothesis
-CHANCE_TOLERANCE = 0.1  #: of chances to settle, within which the cost decides
 FURTHER_SHIFTS = (10, 40)  #: numbers that may be added at an operating point
 TRACED_SHIFTS = 10  #: shifts of which traces are recorded
 GENERIC = ("more shifts", "traces")  #: tests of no effect, by the names of a data set
@@ -76,6 +86,10 @@ RECORD_QUESTIONS = {  #: name and instruction of the question about a key of the
         "Look up whether shifts without a time were not made, or failed.",
     ),
 }
+PRESENCE_ERROR = 0.2  #: of 1, of a look whether an effect acts: wrong once in 160
+UNKNOWN_VALUES = 32  #: of an effect's range, which a test may read of an unlisted cause
+MAX_REFUTED = 0.05  #: probability of the answer after a word that refutes it
+GAIN_STEP = 1e-3  #: per hour, to which gains are compared
 SAMPLING_STEP_S = 1e-3  #: s, of a recording
 OFFSET_SDS_S = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
 OFFSET_CORRELATION = 0.9  #: of offsets between marks of displacement, and between those of force
@@ -86,6 +100,15 @@ class PlausibleFit(NamedTuple):
 
     fit: Fit
     draws: np.ndarray
+
+
+class ReadQuantity(NamedTuple):
+    """Quantity that a direct test reads."""
+
+    effect: Effect
+    parameter: Parameter | None  #: None where presence is read, 1 or 0
+    neutral: float  #: value without the effect
+    error: InstrumentError
 
 
 class StandTerms(NamedTuple):
@@ -130,6 +153,7 @@ def rank_tests(diagnosis: Diagnosis) -> tuple[NextTest, ...]:
     for test in (*_direct_tests(diagnosis), *_questions(diagnosis)):
         tests_by_name[test.name] = test
     tests = [*tests_by_name.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis)]
+    tests = [replace(test, refutes=_refutation(diagnosis, test)) for test in tests]
     first, *further = _order_tests(diagnosis, [_add_worth(diagnosis, test) for test in tests])
     # The best of many by drawn outcomes looks better than it is: its worth is of other draws.
     return (_add_worth(diagnosis, first, seed=2), *further)
@@ -176,53 +200,42 @@ def _prior(diagnosis: Diagnosis, outcome: PredictedOutcome) -> Array:
     return np.asarray(prior / prior.sum())
 
 
-@dataclass(frozen=True)
-class _Decision:
-    """Values of tests for the decision of a diagnosis."""
-
-    settings: Settings
-    is_decided: bool  #: whether the cause is named
-
-    def chance(self, test: NextTest) -> float:
-        """Compute the chance to settle less the weighted chance to mislead."""
-        odds = self.settings.named / (1.0 - self.settings.named)
-        return test.settles - odds * test.misleads
-
-    def is_worthwhile(self, test: NextTest) -> bool:
-        """Check that a test is worth its cost."""
-        return not self.is_decided and self._value(test) > 0.0
-
-    def _value(self, test: NextTest) -> float:
-        return self.chance(test) - self.settings.hour * test.hours
-
-    def rank(self, test: NextTest) -> tuple[bool, float]:
-        """Compute a key by which the best test comes first."""
-        if self.is_worthwhile(test):
-            return False, -self._value(test)
-        return True, -test.information / test.hours
-
-
 def _order_tests(diagnosis: Diagnosis, tests: Sequence[NextTest]) -> list[NextTest]:
-    """Order tests: those worth their cost by their value, all others by information an hour."""
+    """Order tests by gain per hour, but the first by what the answer needs."""
     settings = diagnosis.settings
-    top = _most_probable(diagnosis.posterior, diagnosis.posterior)
-    is_decided = diagnosis.posterior[top] > settings.named and is_nameable(top, settings)
-    decision = _Decision(settings, is_decided)
-    ordered = sorted(tests, key=decision.rank)
-    best = ordered[0]
+    posterior = diagnosis.posterior
+    top = _most_probable(posterior, posterior)
+    ordered = sorted(tests, key=lambda t: (-round(t.gain_per_hour / GAIN_STEP), t.hours))
+    is_decided = posterior[top] > settings.named and is_nameable(top, settings)
+    candidates: list[NextTest] = []
     if top == UNKNOWN:
         candidates = [test for test in ordered if test.kind == "traces"]
-    elif is_decided:
-        candidates = [t for t in ordered if set(top) & set(t.effects) and t.hours <= best.hours]
-    else:
-        min_chance = decision.chance(best) - CHANCE_TOLERANCE
-        candidates = [
-            test
-            for test in ordered
-            if decision.is_worthwhile(test) and decision.chance(test) >= min_chance
-        ]
-    first = min(candidates, key=lambda t: (t.hours, t.kind != "direct"), default=None)
+    elif is_decided or max(test.gain_per_hour for test in tests) < settings.hour:
+        for name in rank_support(posterior, top):
+            candidates += [t for t in ordered if t.kind == "direct" and name in t.effects]
+    first = candidates[0] if candidates else ordered[0]
     return sorted(ordered, key=lambda test: test is not first)
+
+
+def rank_support(posterior: Mapping[Hypothesis, float], hypothesis: Hypothesis) -> list[str]:
+    """Rank the effects of a hypothesis, the least supported first.
+
+    The support of an effect is the ratio of the probabilities of the hypothesis and of the best one
+    that lacks the effect, or has another one in its place.
+    """
+    rivals = {}
+    for name in hypothesis:
+        remaining = {*hypothesis} - {name}
+        probabilities = [
+            probability
+            for rival, probability in posterior.items()
+            if rival != UNKNOWN
+            and name not in rival
+            and remaining <= {*rival}
+            and len(rival) <= len(hypothesis)
+        ]
+        rivals[name] = max(probabilities, default=0.0)
+    return sorted(hypothesis, key=lambda name: -rivals[name])
 
 
 def _most_probable(
@@ -263,9 +276,16 @@ def _question(diagnosis: Diagnosis, key: str) -> NextTest:
         itertools.chain.from_iterable(answer.posterior for answer in answers)
     )
     posterior = np.array([[a.posterior.get(h, 0.0) for h in hypotheses] for a in answers])
-    gain = float((rel_entr(posterior, chance @ posterior) * chance[:, None]).sum())
+    before = chance @ posterior
+    information = float((rel_entr(posterior, before) * chance[:, None]).sum())
     best = posterior.max(axis=1)
     is_decided = np.array([answer.verdict.kind != "ambiguous" for answer in answers])
+    settles = float(chance @ (is_decided * best))
+    misleads = float(chance @ (is_decided * (1.0 - best)))
+    top = [*hypotheses][int(before.argmax())]
+    if before.max() > diagnosis.settings.named and is_nameable(top, diagnosis.settings):
+        settles -= float(before.max())
+        misleads -= 1.0 - float(before.max())
     name, how = RECORD_QUESTIONS[key]
     return NextTest(
         name=name,
@@ -274,9 +294,10 @@ def _question(diagnosis: Diagnosis, key: str) -> NextTest:
         hours=QUESTION_HOURS,
         effects=tuple(e.name for e in diagnosis.effects.values() if e.test.name == name),
         question=key,
-        information=gain,
-        settles=float(chance @ (is_decided * best)),
-        misleads=float(chance @ (is_decided * (1.0 - best))),
+        information=information,
+        gain=answer_gain(before, posterior, chance),
+        settles=settles,
+        misleads=misleads,
     )
 
 
@@ -309,48 +330,160 @@ def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
     return tests
 
 
+def quantities_of(effects: Iterable[Effect], setting: Setting) -> list[ReadQuantity]:
+    """List what a direct test of some effects reads: their parameters, or their presence."""
+    quantities = []
+    for effect in effects:
+        neutral = effect.neutral(setting)
+        for parameter in effect.parameters:
+            error = effect.instrument_error(parameter)
+            quantities.append(ReadQuantity(effect, parameter, neutral[parameter.name], error))
+        if not effect.parameters:
+            source = "assumption: look at the stand"
+            error = InstrumentError(effect.name, 0.0, PRESENCE_ERROR, source)
+            quantities.append(ReadQuantity(effect, None, 0.0, error))
+    return quantities
+
+
+def _reading_covariance(quantities: Sequence[ReadQuantity], values: Array) -> Array:
+    """Compute the covariance of readings of values (k, d), (k, d, d)."""
+    columns = zip(quantities, values.T, strict=True)
+    sds = np.stack([read.error.at(column) for read, column in columns], axis=1)
+    return np.asarray(sds[:, :, None] ** 2 * np.eye(len(quantities)))
+
+
 def _predict_reading(diagnosis: Diagnosis, effects: Sequence[Effect]) -> PredictedOutcome:
-    """Predict the reading of a direct test, shares of the ranges of its d parameters.
+    """Predict the reading of a direct test, values of its d parameters.
 
     An effect without parameters reads 1 where it is present, else 0.
     """
-    setting = diagnosis.model.setting
-    absent: list[float] = []
-    columns: dict[str, slice] = {}
-    for effect in effects:
-        shares = [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0]
-        columns[effect.name] = slice(len(absent), len(absent) + len(shares))
-        absent += shares
-    covariance = diagnosis.settings.test_error**2 * np.eye(len(absent))
+    quantities = quantities_of(effects, diagnosis.model.setting)
+    absent = [read.neutral for read in quantities]
+    columns: dict[str, list[int]] = {}
+    for column, read in enumerate(quantities):
+        columns.setdefault(read.effect.name, []).append(column)
     parts = {}
     for hypothesis, (fit, draws) in _plausible_fits(diagnosis).items():
-        mean = np.tile(absent, (draws.size, 1))
+        values = np.tile(absent, (draws.size, 1))
         for effect in fit.space.effects:
             if effect.name not in columns:
                 continue
-            values: Array | float = 1.0
+            values[:, columns[effect.name]] = 1.0
             if effect.parameters:
-                values = fit.shares[draws][:, fit.space.columns(effect.name)]
-            mean[:, columns[effect.name]] = values
-        parts[hypothesis] = smooth_draws(mean, np.tile(covariance, (draws.size, 1, 1)))
-    # Unknown: nothing, or one of the effects with a normal density as wide as its range.
-    count = 1 + len(effects)
-    unknown = Densities(
-        share=np.zeros(count),
-        mean=np.tile(absent, (count, 1)),
-        covariance=np.tile(covariance, (count, 1, 1)),
-    )
-    for k, effect in enumerate(effects, start=1):
-        effect_columns = np.arange(len(absent))[columns[effect.name]]
-        if effect.parameters:
-            unknown.mean[k, effect_columns] = 0.5
-            unknown.covariance[k, effect_columns, effect_columns] += 1.0 / 12.0
-            unknown.share[k] = 0.5 / len(effects)
-        else:
-            unknown.mean[k, effect_columns] = 1.0
-            unknown.share[k] = diagnosis.settings.prior(effect.name) / len(effects)
-    unknown.share[0] = 1.0 - unknown.share.sum()
-    return PredictedOutcome.of(parts | {UNKNOWN: unknown}, lambda h: bool(set(columns) & set(h)))
+                sizes = fit.values[draws][:, fit.space.columns(effect.name)]
+                values[:, columns[effect.name]] = sizes
+        parts[hypothesis] = smooth_draws(values, _reading_covariance(quantities, values))
+    # Unknown: nothing, or one of the effects with any value of its range.
+    nothing = np.array([absent])
+    unlisted = [Densities(np.ones(1), nothing, _reading_covariance(quantities, nothing))]
+    for effect in effects:
+        share = 0.5 / len(effects)
+        count = UNKNOWN_VALUES
+        if not effect.parameters:
+            share = diagnosis.settings.prior(effect.name) / len(effects)
+            count = 1
+        values = np.tile(absent, (count, 1))
+        values[:, columns[effect.name]] = _range_values(effect, count)
+        densities = smooth_draws(values, _reading_covariance(quantities, values))
+        unlisted[0] = unlisted[0]._replace(share=unlisted[0].share - share)
+        unlisted.append(densities._replace(share=share * densities.share))
+    parts[UNKNOWN] = Densities.concatenate(unlisted)
+    return PredictedOutcome.of(parts, lambda h: bool(set(columns) & set(h)))
+
+
+def _range_values(effect: Effect, count: int) -> Array:
+    """List values that fill the ranges of an effect's parameters, (count, d); 1 without any."""
+    if not effect.parameters:
+        return np.ones((count, 1))
+    shares = qmc.Sobol(len(effect.parameters), seed=1).random(count)
+    columns = zip(effect.parameters, shares.T, strict=True)
+    return np.stack([parameter.at(column) for parameter, column in columns], axis=1)
+
+
+def _refutation(diagnosis: Diagnosis, test: NextTest) -> str:
+    """Write a sentence with the result of a test that refutes the most probable known hypothesis.
+
+    The hypothesis gives such a result or a further one with the p-value that refutes it; after a
+    word of the record it has 5 % at most.
+    """
+    answer = _most_probable(diagnosis.posterior, diagnosis.fits)
+    words = _claim(diagnosis, answer)
+    if test.kind == "record":
+        meanings = [m for m in diagnosis.record_meanings if m.key == test.question]
+        refuting = [m.value for m in meanings if m.posterior.get(answer, 0.0) <= MAX_REFUTED]
+        quoted = join_words([f"'{value}'" for value in refuting], "or")
+        return f"The answer {quoted} refutes {words}." if refuting else ""
+    if test.outcome is None or answer not in test.outcome.hypotheses:
+        return ""
+    if test.kind == "direct":
+        return _refuting_reading(diagnosis, test, answer)
+    column = 0
+    label = f"A mean time of the {test.shifts} shifts"
+    if test.kind == "traces":
+        column = _clearest_mark(test.outcome, answer)
+        label = f"A mean time until {_mark_name(column)}"
+    ends = test.outcome.interval(answer, column, diagnosis.settings.adequate)
+    return f"{label} outside {amount('time_s', *ends, digits=3)} refutes {words}."
+
+
+def _claim(diagnosis: Diagnosis, hypothesis: Hypothesis) -> str:
+    """Write a hypothesis in words, as the object of a sentence."""
+    if hypothesis == NONE:
+        return "that no effect acts"
+    return hypothesis_name(hypothesis, diagnosis.effects)
+
+
+def _refuting_reading(diagnosis: Diagnosis, test: NextTest, answer: Hypothesis) -> str:
+    """Write a sentence with the reading of a direct test that refutes a hypothesis.
+
+    Of several parameters the one that the hypothesis moves furthest; without any, the first.
+    """
+    assert test.outcome is not None
+    effects = [diagnosis.effects[name] for name in test.effects]
+    words = _claim(diagnosis, answer)
+    distances = []
+    intervals = []
+    for column, read in enumerate(quantities_of(effects, diagnosis.model.setting)):
+        low, high = test.outcome.interval(answer, column, diagnosis.settings.adequate)
+        distance = max(low - read.neutral, read.neutral - high) / (high - low)
+        distances.append(distance if read.effect.name in answer else -np.inf)
+        intervals.append((read, low, high))
+    read, low, high = intervals[int(np.argmax(distances))]
+    name = read.error.parameter
+    if not {*test.effects} & {*answer}:
+        if answer != NONE:
+            words = f"{words} as the whole cause"
+        if read.parameter is None:
+            return f"The presence of {read.effect.plain} refutes {words}."
+        if read.parameter.low >= read.neutral:
+            return f"A reading of {quantity(name)} above {amount(name, high)} refutes {words}."
+        return f"A reading of {quantity(name)} outside {amount(name, low, high)} refutes {words}."
+    if read.parameter is None:
+        return f"The absence of {read.effect.plain} refutes {words}."
+    if max(distances) <= 0.0:
+        return (
+            f"No reading refutes {words} by itself: with the effect {quantity(name)} reads "
+            f"{amount(name, low, high)}, without it {amount(name, read.neutral)}."
+        )
+    side, limit = ("below", low) if read.neutral < low else ("above", high)
+    return f"A reading of {quantity(name)} {side} {amount(name, limit)} refutes {words}."
+
+
+def _clearest_mark(outcome: PredictedOutcome, answer: Hypothesis) -> int:
+    """Find the mark in which a hypothesis differs most from the others, an index."""
+    is_answer = outcome.hypothesis_index == outcome.hypotheses.index(answer)
+    means = outcome.share[is_answer] @ outcome.mean[is_answer]
+    variances = np.diagonal(outcome.covariance[is_answer], axis1=1, axis2=2)
+    variance = outcome.share[is_answer] @ (variances + (outcome.mean[is_answer] - means) ** 2)
+    distance = abs(outcome.mean[~is_answer] - means) / np.sqrt(variance)
+    return int(distance.mean(axis=0).argmax())
+
+
+def _mark_name(column: int) -> str:
+    """Write the event that a mark of the flight times."""
+    if column < len(WAYS):
+        return f"the displacement reaches {100.0 * WAYS[column]:.0f} % of the axial gap"
+    return f"the force reaches {100.0 * FORCES[column - len(WAYS)]:.0f} % of its final value"
 
 
 def _locate(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:

@@ -108,10 +108,8 @@ class Settings:
     imitated: float = constant(
         0.5, "probability", "that something unlisted acts on shift times as an effect does",
         "judged", "of what is not on the list, half looks like something on it")
-    test_error: float = constant(
-        0.05, "of a range", "standard error of a direct test", "judged", "")
     hour: float = constant(
-        0.04, "probability", "to settle the cause that an hour of work has to earn", "judged", "")
+        0.04, "probability", "gain of a bench test that an hour of work has to earn", "judged", "")
     # computation
     seed: int = constant(
         1, "", "seed of all random draws of an inference", "judged",

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from dogshape.shift import Shift as Shift
     from dogshape.sim.effect import BenchTest as BenchTest
     from dogshape.sim.effect import Effect as Effect
+    from dogshape.sim.effect import InstrumentError as InstrumentError
     from dogshape.sim.effect import Ordinary as Ordinary
     from dogshape.sim.effect import Parameter as Parameter
     from dogshape.sim.errors import DogshapeError as DogshapeError

@@ -32,6 +32,9 @@ Share = TypeVar("Share", float, Array)  #: one share of a range or its value, or
 Scale = Literal["uniform", "log-uniform"]
 SCALES: tuple[Scale, ...] = get_args(Scale)
 
+UNSTATED_RELATIVE_ERROR = 0.05  #: of a value, by an instrument that a test does not state
+UNSTATED_RANGE_ERROR = 0.02  #: of the prior's range, the same
+
 
 @dataclass(frozen=True)
 class Ordinary:
@@ -93,11 +96,34 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class InstrumentError:
+    """Standard error with which a bench test reads a parameter, by its instrument."""
+
+    parameter: str  #: name of the parameter, with its unit
+    relative: float  #: of the value
+    absolute: float  #: in the parameter's unit, above 0
+    source: str  #: of both numbers
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.relative < math.inf and 0.0 < self.absolute < math.inf):
+            quantity = f"instrument error of {self.parameter}"
+            rule = "the absolute part must be above 0, the relative part must not be negative"
+            remedy = f"correct it; the relative part is {self.relative:.6g}"
+            unit = unit_of(self.parameter)
+            raise InputError(Refusal(quantity, self.absolute, unit, rule=rule, remedy=remedy))
+
+    def at(self, value: Share) -> Share:
+        """Compute the standard error of the reading of a value, in the parameter's unit."""
+        return np.hypot(self.absolute, self.relative * value)
+
+
+@dataclass(frozen=True)
 class BenchTest:
     """The measurement that would show an effect directly."""
 
     name: str
     how: str  #: instruction in one sentence
+    errors: tuple[InstrumentError, ...] = ()  #: of the effect's parameters
 
 
 @dataclass(frozen=True)
@@ -113,10 +139,28 @@ class Effect:
     title: str = ""  #: displayed name; by default the name without underscores
     meaning: str = ""  #: in one line, for the reader of the file
 
+    def __post_init__(self) -> None:
+        names = [parameter.name for parameter in self.parameters]
+        for error in self.test.errors:
+            label = f"instrument error of {self.name}"
+            require_known(label, error.parameter, "a parameter of the effect", names)
+
     @property
     def plain(self) -> str:
         """Displayed name."""
         return self.title or self.name.replace("_", " ")
+
+    def instrument_error(self, parameter: Parameter) -> InstrumentError:
+        """Return the error with which the effect's test reads a parameter.
+
+        A test that states none reads to 5 % of the value and 2 % of the range.
+        """
+        for error in self.test.errors:
+            if error.parameter == parameter.name:
+                return error
+        absolute = UNSTATED_RANGE_ERROR * (parameter.high - parameter.low)
+        source = "assumption: instrument of a workshop"
+        return InstrumentError(parameter.name, UNSTATED_RELATIVE_ERROR, absolute, source)
 
     def apply(self, setting: Setting, values: Values) -> Setting:
         """Return the setting with the effect.

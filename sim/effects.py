@@ -17,7 +17,15 @@ from operator import add, attrgetter, mul
 from pathlib import Path
 from typing import Any
 
-from dogshape.sim.effect import BenchTest, Effect, Ordinary, Parameter, Scale, Values
+from dogshape.sim.effect import (
+    BenchTest,
+    Effect,
+    InstrumentError,
+    Ordinary,
+    Parameter,
+    Scale,
+    Values,
+)
 from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.drive import EngineSide
@@ -131,6 +139,20 @@ _EFFECTS = (
             "tilt test of the dogs",
             "Press two dog faces on each other under a known load and measure the tangential "
             "force, at rest and while sliding, oiled as on the bench.",
+            errors=(
+                InstrumentError(
+                    "static_friction",
+                    0.05,
+                    0.01,
+                    source="assumption: two push scales, and a film of oil that no two runs share",
+                ),
+                InstrumentError(
+                    "dynamic_friction",
+                    0.05,
+                    0.01,
+                    source="assumption: two push scales, and a film of oil that no two runs share",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -154,6 +176,11 @@ _EFFECTS = (
         test=BenchTest(
             "static stiffness of the engaged pair",
             "Load the engaged pair with a torque and measure the twist between both rings.",
+            errors=(
+                InstrumentError(
+                    "stiffness_Pa_m", 0.1, 1e10, source="assumption: torque wrench and dial gauge"
+                ),
+            ),
         ),
     ),
     Effect(
@@ -176,6 +203,14 @@ _EFFECTS = (
             "drop test of the ring",
             "Drop the ring on the fixed output ring, dog on dog, from some millimetres and record "
             "the rebound.",
+            errors=(
+                InstrumentError(
+                    "dissipation_s_m",
+                    0.2,
+                    0.5,
+                    source="assumption: rebound read from a recording of the displacement",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -198,6 +233,11 @@ _EFFECTS = (
             "creep of held faces",
             "Press two dog faces on each other under a known load, pull with half the friction "
             "and record how fast they slip.",
+            errors=(
+                InstrumentError(
+                    "stiction_factor", 0.1, 0.05, source="assumption: dial gauge and stopwatch"
+                ),
+            ),
         ),
     ),
     Effect(
@@ -217,6 +257,14 @@ _EFFECTS = (
         test=BenchTest(
             "chamfer by profile",
             "Measure the profile of some dogs of either ring on a measuring machine or an imprint.",
+            errors=(
+                InstrumentError(
+                    "chamfer_offset_deg",
+                    0.0,
+                    0.1,
+                    source="assumption: profile projector, and the scatter between dogs",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -237,6 +285,7 @@ _EFFECTS = (
             "gap by feeler or travel",
             "Push the ring from neutral until dogs meet dogs, face on face, and read the "
             "displacement.",
+            errors=(InstrumentError("gap_offset_mm", 0.0, 0.02, source="assumption: caliper"),),
         ),
     ),
     Effect(
@@ -257,6 +306,11 @@ _EFFECTS = (
         test=BenchTest(
             "hand test of the play",
             "Hold the ring and move the actuator to and fro by hand with a dial gauge on it.",
+            errors=(
+                InstrumentError(
+                    "free_play_mm", 0.0, 0.02, source="assumption: dial gauge, read like a caliper"
+                ),
+            ),
         ),
     ),
     Effect(
@@ -287,6 +341,20 @@ _EFFECTS = (
             "static stiffness of the linkage",
             "Block the ring, raise the force in steps and read the displacement at the actuator; "
             "then strike the actuator and record its swing: frequency and stiffness give the mass.",
+            errors=(
+                InstrumentError(
+                    "compliance_mm_kN",
+                    0.03,
+                    0.05,
+                    source="assumption: push scale, and dial gauge at some hundred newtons",
+                ),
+                InstrumentError(
+                    "mass_behind_kg",
+                    0.05,
+                    0.02,
+                    source="assumption: stiffness by a push scale, frequency by a recording",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -308,6 +376,14 @@ _EFFECTS = (
             "free flight at the sleeve",
             "Shift with the output ring taken out and record the displacement at the sleeve: its "
             "acceleration under a known force is the mass.",
+            errors=(
+                InstrumentError(
+                    "added_mass_kg",
+                    0.03,
+                    0.02,
+                    source="assumption: load cell, and acceleration from a recording",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -325,7 +401,12 @@ _EFFECTS = (
             ),
         ),
         change=_change_of("mechanism", _set_value, "friction_N"),
-        test=_SLOW_PUSH,
+        test=replace(
+            _SLOW_PUSH,
+            errors=(
+                InstrumentError("friction_N", 0.02, 0.5, source="assumption: push scale of 2 %"),
+            ),
+        ),
     ),
     Effect(
         "viscous_damping",
@@ -346,6 +427,14 @@ _EFFECTS = (
             "free flight at two forces",
             "Shift with the output ring taken out at two forces and two oil temperatures and "
             "record the displacement.",
+            errors=(
+                InstrumentError(
+                    "damping_Ns_m",
+                    0.1,
+                    2.0,
+                    source="assumption: load cell, and speed from a recording",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -369,7 +458,18 @@ _EFFECTS = (
             "detent_N",
             _change_of("mechanism", _set_value, "detent_N", detent_position="position_mm"),
         ),
-        test=_SLOW_PUSH,
+        test=replace(
+            _SLOW_PUSH,
+            errors=(
+                InstrumentError("detent_N", 0.02, 0.5, source="assumption: push scale of 2 %"),
+                InstrumentError(
+                    "position_mm",
+                    0.0,
+                    0.1,
+                    source="assumption: displacement at the peak of the force",
+                ),
+            ),
+        ),
     ),
     Effect(
         "spline_friction",
@@ -390,6 +490,14 @@ _EFFECTS = (
             "push of the ring under torque",
             "Hold the output ring, load the sliding ring with a known torque and measure the "
             "force that moves it along its shaft.",
+            errors=(
+                InstrumentError(
+                    "spline_friction",
+                    0.06,
+                    0.005,
+                    source="assumption: torque wrench of 5 % and push scale of 2 %",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -411,6 +519,14 @@ _EFFECTS = (
             "run-down of the sliding ring",
             "Turn the free sliding ring and record how its speed falls, or turn it by a torque "
             "wrench.",
+            errors=(
+                InstrumentError(
+                    "drag_Nm",
+                    0.05,
+                    0.02,
+                    source="assumption: torque wrench of 5 %, or tachometer and inertia",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -433,6 +549,14 @@ _EFFECTS = (
             "run-up of the sliding side",
             "Turn the free sliding side by a weight on a cord and record its speed: torque over "
             "acceleration is its inertia.",
+            errors=(
+                InstrumentError(
+                    "inertia_factor",
+                    0.03,
+                    0.02,
+                    source="assumption: weight on a cord and tachometer",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -455,6 +579,11 @@ _EFFECTS = (
             _FORCE,
             "Record the trigger and the force at the shift fork on one clock: the force must "
             "begin to rise at time zero.",
+            errors=(
+                InstrumentError(
+                    "delay_s", 0.0, 0.001, source="assumption: clock of a recording of 1 ms"
+                ),
+            ),
         ),
         aliases=("a shifted time zero of the record",),
     ),
@@ -477,6 +606,14 @@ _EFFECTS = (
             _FORCE,
             "Record the force at the shift fork while the ring is blocked: its course after the "
             "nominal rise shows the lag.",
+            errors=(
+                InstrumentError(
+                    "lag_s",
+                    0.05,
+                    0.001,
+                    source="assumption: load cell, and clock of a recording of 1 ms",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -501,6 +638,14 @@ _EFFECTS = (
             _FORCE,
             "Record the force at the shift fork while the ring is blocked: from its first rise to "
             "its final value is the rise time.",
+            errors=(
+                InstrumentError(
+                    "rise_factor",
+                    0.03,
+                    0.02,
+                    source="assumption: load cell, and clock of a recording of 1 ms",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -523,6 +668,9 @@ _EFFECTS = (
             "static force at the sleeve",
             "Block the ring and measure the force at the shift fork with a load cell at each "
             "pressure.",
+            errors=(
+                InstrumentError("force_factor", 0.02, 0.005, source="assumption: load cell of 2 %"),
+            ),
         ),
     ),
     Effect(
@@ -544,6 +692,14 @@ _EFFECTS = (
             "static force at the sleeve",
             "Block the ring and measure the force at the shift fork with a load cell at each "
             "pressure: the same difference from nominal at all of them is a loss.",
+            errors=(
+                InstrumentError(
+                    "loss_N",
+                    0.02,
+                    2.0,
+                    source="assumption: load cell, line through the forces at each pressure",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -574,6 +730,20 @@ _EFFECTS = (
             "both speeds at the first touch",
             "Record the speeds of both rings with encoders on the clock of the displacement and "
             "read them at the first touch.",
+            errors=(
+                InstrumentError(
+                    "offset_rpm",
+                    0.0,
+                    0.1,
+                    source="assumption: encoders, line through the speeds at each mismatch",
+                ),
+                InstrumentError(
+                    "mismatch_factor",
+                    0.0,
+                    0.002,
+                    source="assumption: encoders, line through the speeds at each mismatch",
+                ),
+            ),
         ),
     ),
     Effect(
@@ -609,6 +779,14 @@ _EFFECTS = (
             "angle of each shift",
             "Record the relative angle at the trigger with encoders of both rings, for some thirty "
             "shifts.",
+            errors=(
+                InstrumentError(
+                    "concentration", 0.2, 0.25, source="assumption: angles of thirty shifts"
+                ),
+                InstrumentError(
+                    "centre_pitch", 0.0, 0.05, source="assumption: angles of thirty shifts"
+                ),
+            ),
         ),
     ),
 )

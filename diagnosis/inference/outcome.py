@@ -9,6 +9,14 @@ the errors of the test, so the probability after it is
 Technometrics 19). Beside each effect stands an *imitator*, a cause outside the list that acts on
 shift times in the same way: a test of the effect reads the imitator as it reads *unknown*.
 
+The *answer* is the named hypothesis, or where none is named the leading one: in both cases the most
+probable. The *gain* of a test is the expected rise of the answer's probability by the outcome,
+
+.. math:: G = \int p(y) [P(a_y | y) - P(a_y)] dy, \quad a_y = \arg\max_h P(h | y).
+
+It is never negative, since :math:`\int p(y) P(a_y | y) dy \ge \max_h P(h) \ge \int p(y) P(a_y) dy`.
+A test that cannot change the answer gains 0; a perfect test gains :math:`1 - \sum P(h)^2`.
+
 A *plan* has operating points, numbers and order of shifts, and the pairs that they distinguish.
 With the errors that *n* shifts at each operating point leave, the distance of two values is
 
@@ -29,6 +37,7 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.spatial.distance import cdist
 from scipy.special import logsumexp, ndtr, polygamma
 from scipy.stats import qmc
@@ -44,6 +53,7 @@ from dogshape.sim.units import RPM
 MIN_INFORMATION_NATS = 0.005  #: of a test, from which its chances are stated
 OUTCOME_DRAWS = 256  #: outcomes drawn of each test
 NEAREST_DRAWS = 8  #: draws that give the width of a density
+MAX_SIGMAS = 9.0  #: standard errors to the ends of a density
 MIN_SHARE = 0.02  #: of shifts that engage or fail, and its simulated error
 SETUP_HOURS = 0.5  #: h, for an operating point
 TRACING_HOURS = 1.5  #: h, for traces
@@ -64,11 +74,25 @@ class Densities(NamedTuple):
 
 
 class Worth(NamedTuple):
-    """Worth of a test to the decision."""
+    """Worth of a test to the decision, over doing nothing."""
 
     information: float  #: nats
-    settles: float  #: chance that the truth is named
-    misleads: float  #: chance that anything else is named
+    gain: float  #: expected rise of the answer's probability
+    settles: float  #: rise of the chance that the truth is named
+    misleads: float  #: rise of the chance that anything else is named
+
+
+def answer_gain(before: Array, after: Array, weights: Array) -> float:
+    """Compute the expected rise of the answer's probability by the outcome of a test.
+
+    ``before`` are the probabilities of h hypotheses, (h,), ``after`` those after n outcomes of
+    probabilities ``weights``, (n, h) and (n,).
+    """
+    leader = before.argmax()
+    answer = after.argmax(axis=1)
+    # The leader's probability rises by 0 in expectation: without it no outcome counts below 0.
+    rise = after.max(axis=1) - after[:, leader] + before[leader] - before[answer]
+    return float(weights @ rise)
 
 
 def smooth_draws(mean: Array, covariance: Array) -> Densities:
@@ -158,9 +182,9 @@ class PredictedOutcome:
         return np.asarray(posterior / posterior.sum(axis=1, keepdims=True))
 
     def worth(self, prior: Array, odds: float, settings: Settings, seed: int = 1) -> Worth:
-        """Compute information, and the chances to settle and to mislead.
+        """Compute information and gain, and by how much chances to settle and to mislead rise.
 
-        A test settles if the truth is named afterwards, and misleads if anything else is. An
+        The truth is named afterwards if a test settles, anything else if it misleads. An
         imitator's truth is *unknown*. ``prior`` are the probabilities before the test,
         (hypotheses,), ``odds`` those of an imitator to its hypothesis.
         """
@@ -181,16 +205,41 @@ class PredictedOutcome:
         log = self.log_density(self.draw(source[causes], generator))
         rows = np.arange(causes.size)
         log_mixture = logsumexp(log[:, source], axis=1, b=probability)
-        gain = float(weights @ (log[rows, source[causes]] - log_mixture))
+        information = float(weights @ (log[rows, source[causes]] - log_mixture))
+        is_truth = truth[:, None] == indices
+        after = probability * np.exp(log[:, source] - log_mixture[:, None]) @ is_truth
+        before = probability @ is_truth
         nameable = [is_nameable(h, settings) for h in self.hypotheses]
+        is_named_before = (prior > settings.named) & nameable
         is_named = (self.update(prior, log, odds) > settings.named) & nameable
         is_right = is_named[rows, truth[causes]]
         is_wrong = is_named.any(axis=1) & ~is_right
+        right_before = float(before @ is_named_before)
         return Worth(
-            information=max(0.0, gain),
-            settles=float(weights @ is_right),
-            misleads=float(weights @ is_wrong),
+            information=max(0.0, information),
+            gain=answer_gain(before, after, weights),
+            settles=float(weights @ is_right) - right_before,
+            misleads=float(weights @ is_wrong) - (float(is_named_before.any()) - right_before),
         )
+
+    def interval(self, hypothesis: Hypothesis, column: int, outside: float) -> tuple[float, float]:
+        """Compute the ends of a value of the outcome under a hypothesis.
+
+        The probability ``outside`` lies beyond them, half of it at either end.
+        """
+        is_member = self.hypothesis_index == self.hypotheses.index(hypothesis)
+        share = self.share[is_member]
+        mean = self.mean[is_member, column]
+        sd = np.sqrt(self.covariance[is_member, column, column])
+        low = float((mean - MAX_SIGMAS * sd).min())
+        high = float((mean + MAX_SIGMAS * sd).max())
+
+        def excess(value: float, probability: float) -> float:
+            return float(share @ ndtr((value - mean) / sd)) - probability
+
+        first = brentq(excess, low, high, args=(0.5 * outside,))
+        last = brentq(excess, low, high, args=(1.0 - 0.5 * outside,))
+        return float(first), float(last)
 
 
 @dataclass(frozen=True)
@@ -207,19 +256,30 @@ class NextTest:
     point: tuple[float, float] | None = None  #: its mismatch in rad/s and force in N
     shifts: int = 0  #: number of shifts there
     question: str = ""  #: key of the record in question
-    #: Shares of ranges; or mean, s, and share engaged; or marks, s.
+    #: Values in the parameters' units; or mean, s, and share engaged; or marks, s.
     outcome: PredictedOutcome | None = None
     information: float = 0.0  #: nats
-    settles: float = 0.0  #: chance
-    misleads: float = 0.0  #: chance
+    gain: float = 0.0  #: expected rise of the answer's probability
+    settles: float = 0.0  #: rise of the chance that the truth is named
+    misleads: float = 0.0  #: rise of the chance that anything else is named
+    refutes: str = ""  #: sentence with the result that refutes the answer, '' for none
+
+    @property
+    def gain_per_hour(self) -> float:
+        """Gain for each hour of work."""
+        return self.gain / self.hours
 
     @property
     def why(self) -> str:
-        """Sentences of the test, its chance to settle the cause and its cost."""
-        chance = ""
+        """Sentences of the test, its gain, its cost and the result that refutes the answer."""
+        sentences = [self.how]
         if self.information >= MIN_INFORMATION_NATS:
-            chance = f" Chance to settle the cause: {100.0 * self.settles:.0f} %."
-        return f"{self.how}{chance} Work: {number(self.hours)} h."
+            gain = f"{100.0 * self.gain:.0f} %"
+            sentences.append(f"Expected rise of the answer's probability: {gain}.")
+        sentences.append(f"Work: {number(self.hours)} h.")
+        if self.refutes:
+            sentences.append(self.refutes)
+        return " ".join(sentences)
 
     def to_dict(self) -> dict[str, Any]:
         """Write the record ``next_test``."""
@@ -228,9 +288,11 @@ class NextTest:
             "why": self.why,
             "kind": self.kind,
             "information_nats": self.information,
+            "gain": self.gain,
             "chance_to_settle": self.settles,
             "misleads": self.misleads,
             "hours": self.hours,
+            "refutes": self.refutes,
         }
         if self.kind == "direct":
             record["parameters"] = list(self.parameters)

@@ -319,20 +319,18 @@ def residual_table(diagnosis: Diagnosis) -> Table:
 
 
 def advice_table(diagnosis: Diagnosis) -> Table:
-    """Tabulate the advised tests with chances to settle and to mislead, information and hours."""
+    """Tabulate the advised tests with gain, hours, information and the refuting result."""
     rows = []
     note = ""
     for index, test in enumerate(diagnosis.tests[:MAX_ROWS]):
-        settles = chance(test.settles)
-        misleads = chance(test.misleads)
+        gain = chance(test.gain)
         if test.information < MIN_INFORMATION_NATS:
             if index > 0:
                 continue
-            settles = "-"
-            misleads = "-"
+            gain = "-"
             note = "Dash: the outcome would not change the probabilities."
-        rows.append((test.name, settles, misleads, f"{test.information:.2f}", f"{test.hours:.2g}"))
-    heads = "test", "chance to settle", "to mislead", "information, nats", "work, h"
+        rows.append((test.name, gain, f"{test.hours:.2g}", f"{test.information:.2f}", test.refutes))
+    heads = "test", "gain", "work, h", "information, nats", "refuting result"
     return Table(heads, rows, {0: "best"}, (), note)
 
 

@@ -14,11 +14,17 @@ import pytest
 
 from dogshape.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.inference.outcome import NextTest
+from dogshape.diagnosis.next_test import PRESENCE_ERROR, quantities_of
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import advised_test, data, field_set, score, sealed
 from dogshape.validation.blind import cases as field_cases
-from dogshape.validation.blind.advised_test import judge_test, outcome_of, readings_of
+from dogshape.validation.blind.advised_test import (
+    hindsight_menu,
+    judge_test,
+    outcome_of,
+    readings_of,
+)
 from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.data import expect, true_points
 from dogshape.validation.blind.field_set import base, cases_of, make_field
@@ -143,7 +149,7 @@ BENCH, EFFECTS = load_bench(base("prototype")), load(None)
 DIAGNOSIS: Any = SimpleNamespace(
     bench=BENCH,
     effects=EFFECTS,
-    settings=SimpleNamespace(named=0.8, named_at_once=2, test_error=0.02),
+    settings=SimpleNamespace(named=0.8, named_at_once=2),
     model=SimpleNamespace(setting=setting_of(BENCH)),
     flights=SimpleNamespace(marks=None),
 )
@@ -152,17 +158,21 @@ MASS = Case("single", "means", "planar", "prototype", 3, {"moving_mass": {"added
 
 def _direct(*effects: str) -> NextTest:
     names = tuple(p.name for e in effects for p in EFFECTS[e].parameters or [EFFECTS[e]])
-    return NextTest("look", "Look.", "direct", 1.0, effects, names, information=1.0, settles=0.6)
+    return NextTest("look", "Look.", "direct", 1.0, effects, names, information=1.0, gain=0.3)
 
 
-def test_direct_tests_read_the_truth_as_shares_of_the_ranges() -> None:
+def test_direct_tests_read_the_truth_with_the_errors_of_their_instruments() -> None:
     test = _direct("moving_mass", "reversed_mismatch", "actuation_delay")
-    share = EFFECTS["moving_mass"].parameters[0].share(1.0)
-    assert readings_of(MASS, DIAGNOSIS, test) == pytest.approx([share, 0.0, 0.0])
+    quantities = quantities_of([EFFECTS[name] for name in test.effects], DIAGNOSIS.model.setting)
+    assert readings_of(MASS, quantities) == pytest.approx([1.0, 0.0, 0.0])
     reversed_case = replace(MASS, parameters={**MASS.parameters, "reversed_mismatch": {}})
-    assert readings_of(reversed_case, DIAGNOSIS, test)[1] == 1.0
+    assert readings_of(reversed_case, quantities)[1] == 1.0
     outcomes = [outcome_of(Path(), replace(MASS, seed=k), DIAGNOSIS, test) for k in range(300)]
-    assert np.std(np.array(outcomes)[:, 0]) == pytest.approx(0.02, rel=0.15)
+    mass, presence, delay = np.std(np.array(outcomes), axis=0)
+    # 3 % of 1 kg and 20 g; a clock of 1 ms.
+    assert mass == pytest.approx(np.hypot(0.03, 0.02), rel=0.15)
+    assert presence == pytest.approx(PRESENCE_ERROR, rel=0.15)
+    assert delay == pytest.approx(1e-3, rel=0.15)
 
 
 def test_more_shifts_have_the_mean_that_the_engine_expects() -> None:
@@ -177,19 +187,41 @@ def test_more_shifts_have_the_mean_that_the_engine_expects() -> None:
 
 
 @pytest.mark.parametrize(
-    ("after", "settled", "misled"),
+    ("after", "rise", "realised", "misled"),
     [
-        ({("moving_mass",): 0.9, (): 0.1}, True, False),
-        ({(): 0.9, ("moving_mass",): 0.1}, False, False),
-        ({("detent_force",): 0.9, ("moving_mass",): 0.1}, False, True),
-        ({("detent_force",): 0.6, ("moving_mass",): 0.4}, False, False),
+        ({("moving_mass",): 0.9, (): 0.1}, 0.5, 0.6, False),
+        ({(): 0.9, ("moving_mass",): 0.1}, -0.3, -0.5, False),
+        ({("detent_force",): 0.9, ("moving_mass",): 0.1}, -0.3, -0.1, True),
+        ({("detent_force",): 0.6, ("moving_mass",): 0.4}, 0.0, -0.1, False),
     ],
 )
-def test_a_test_settles_on_the_truth_or_misleads(
-    after: Any, settled: bool, misled: bool, monkeypatch: pytest.MonkeyPatch
+def test_a_test_lifts_the_truth_or_misleads(
+    after: Any, rise: float, realised: float, misled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(advised_test, "update_posterior", lambda *_: after)
-    diagnosis = SimpleNamespace(**{**vars(DIAGNOSIS), "tests": [_direct("moving_mass")]})
-    advised = judge_test(Path(), MASS, diagnosis, [("moving_mass",)])  # type: ignore[arg-type]
+    """The second test of the menu names the truth: it is the best one in hindsight."""
+    better = replace(_direct("moving_mass"), name="better")
+
+    def update(_: Any, test: NextTest, __: Any) -> Any:
+        return {("moving_mass",): 1.0} if test is better else after
+
+    monkeypatch.setattr(advised_test, "update_posterior", update)
+    posterior = {(): 0.5, ("moving_mass",): 0.4, ("detent_force",): 0.1}
+    tests = [_direct("moving_mass"), better]
+    fields = {**vars(DIAGNOSIS), "tests": tests, "posterior": posterior}
+    diagnosis: Any = SimpleNamespace(**fields)
+    correct = [("moving_mass",)]
+    advised = judge_test(Path(), MASS, diagnosis, correct)
     assert advised is not None
-    assert (advised.settled, advised.misled, advised.foreseen) == (settled, misled, 0.6)
+    assert (advised.rise, advised.realised) == pytest.approx((rise, realised))
+    assert (advised.misled, advised.foreseen) == (misled, 0.3)
+    assert (advised.best_test, advised.best_rise) == ("better", pytest.approx(0.6))
+
+
+def test_of_more_shifts_at_a_point_the_larger_number_counts_in_hindsight() -> None:
+    counts = [
+        NextTest(f"{n} at {cell}", "", "shifts", 1.0, cell=cell, shifts=n)
+        for cell in (0, 1)
+        for n in (10, 40)
+    ]
+    menu = [test.name for test in hindsight_menu([*counts, _direct("moving_mass")])]
+    assert menu == ["10 at 0", "40 at 0", "40 at 1", "look"]

@@ -64,7 +64,10 @@ RESULTS: dict[str, dict[str, Any]] = {
     "case_03": _result({DELAY: 0.7, (*DELAY, *MASS): 0.3}, "effect", ["actuation_delay"]),
     "case_04": {"refused": "the times cannot be", "cpu_s": 1.0},
 }  # fmt: skip
-TEST = Advised("slow push", "direct", ("sleeve_friction",), 0.9, True, False, 0.6)
+TEST = Advised(
+    test="slow push", kind="direct", hours=1.0, top=("sleeve_friction",), probability=0.9,
+    misled=False, rise=0.55, foreseen=0.25, realised=0.65, best_test="drop", best_rise=0.6,
+)  # fmt: skip
 
 
 def _advise(folder: Path, truth: dict[str, Any], right: Any) -> Advised:
@@ -89,7 +92,8 @@ def test_figures_of_made_up_results() -> None:
     assert figures["credible"] == (0.5, 4)
     assert figures["sizes"] == (1.0, 1)
     assert figures["pairs_said"] == (pytest.approx(0.7), 1)
-    assert figures["test_settles"] == (1.0, 1)
+    assert figures["test_rise"] == (0.55, 1)
+    assert figures["best_rise"] == (0.6, 1)
     assert figures["test_misleads"] == (0.0, 1)
     assert figures["test_foreseen"] == (pytest.approx(-0.4), 1)
     assert figures["cpu_s"] == (pytest.approx(2.6), 5)

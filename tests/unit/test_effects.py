@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
@@ -12,7 +13,7 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import ShiftJournal
-from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.effect import BenchTest, Effect, InstrumentError, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import EffectError, GeometryError, InputError
 from dogshape.sim.setting import Setting
@@ -21,6 +22,8 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import FIELDS, Mechanism
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import clutch_record
+from dogshape.sim.units import unit_of
+from dogshape.sim.versions import bundled_root
 from tests.conftest import CommandResult
 
 EFFECTS = load()
@@ -122,6 +125,36 @@ def test_mistakes_are_sentences(setting: Setting) -> None:
     crossed = {"static_friction": 0.1, "dynamic_friction": 0.2}
     assert not EFFECTS["contact_friction"].possible(setting, crossed)
     assert friction.possible(setting, {"friction_N": 20.0})
+
+
+def test_each_parameter_has_the_error_of_an_instrument_and_docs_list_it() -> None:
+    rows = (bundled_root().parent / "docs/effects.md").read_text(encoding="utf-8").splitlines()
+    for effect in EFFECTS.values():
+        names = [error.parameter for error in effect.test.errors]
+        assert names == [parameter.name for parameter in effect.parameters]
+        for error in effect.test.errors:
+            parts = [f"{100.0 * error.relative:g} %"] if error.relative else []
+            parts.append(f"{error.absolute:g} {unit_of(error.parameter)}".rstrip())
+            cells = f"`{error.parameter}`", effect.test.name, " and ".join(parts), error.source
+            assert f"| {' | '.join(cells)} |" in rows
+    friction = EFFECTS["sleeve_friction"]
+    scale = friction.instrument_error(friction.parameters[0])
+    assert scale.at(50.0) == pytest.approx(math.hypot(0.02 * 50.0, 0.5))
+
+
+def test_an_error_that_a_test_does_not_state_and_wrong_ones() -> None:
+    friction = EFFECTS["sleeve_friction"]
+    unstated = replace(friction, test=BenchTest("look", "Look."))
+    (parameter,) = friction.parameters
+    error = unstated.instrument_error(parameter)
+    width = parameter.high - parameter.low
+    assert error.at(100.0) == pytest.approx(math.hypot(0.05 * 100.0, 0.02 * width))
+    for absolute in (0.0, -1.0, math.inf):
+        with pytest.raises(InputError, match="instrument error of friction_N"):
+            InstrumentError("friction_N", 0.02, absolute, "a guess")
+    wrong = InstrumentError("friction_kN", 0.02, 0.5, "a guess")
+    with pytest.raises(InputError, match=r"friction_kN.*friction_N"):
+        replace(friction, test=BenchTest("look", "Look.", (wrong,)))
 
 
 OWN = """

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis.extra.numpy import arrays
+from hypothesis.strategies import floats
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
@@ -26,6 +30,7 @@ from dogshape.diagnosis.next_test import (
     FURTHER_SHIFTS,
     TRACED_SHIFTS,
     imitator_odds,
+    rank_support,
     rank_tests,
     update_posterior,
 )
@@ -58,10 +63,10 @@ def test_a_direct_test_that_reads_a_parameter_settles_the_cause() -> None:
     real = 0.98 / (1.0 + imitator_odds(SETTINGS))
     assert first.settles == pytest.approx(real, abs=0.03)
     assert first.misleads < 1.0 - real + 0.01
-    # The truth of the delay reads 0.6 of its range at the sleeve.
+    # The delay is 0.12 to 0.28 s.
     force = _named(rank_tests(diagnosis), FORCE)
     assert force.parameters == ("delay_s",)
-    assert update_posterior(diagnosis, force, [0.6])[DELAY] > 0.95
+    assert update_posterior(diagnosis, force, [0.24])[DELAY] > 0.95
     nothing = update_posterior(diagnosis, force, [0.0])
     assert nothing[DELAY] < 1e-3 < nothing[UNKNOWN]
     assert sum(nothing.values()) == pytest.approx(1.0)
@@ -74,8 +79,43 @@ def test_effects_of_one_test_share_its_outcome() -> None:
     test = _named(rank_tests(diagnosis), FORCE)
     assert test.effects == (*DELAY, *LAG)
     assert test.parameters == ("delay_s", "lag_s")
-    assert update_posterior(diagnosis, test, [0.5, 0.0])[DELAY] > 0.95
-    assert update_posterior(diagnosis, test, [np.nan, 0.5])[LAG] > 0.9
+    lag = EFFECTS[LAG[0]].parameters[0].at(0.5)
+    assert update_posterior(diagnosis, test, [0.2, 0.0])[DELAY] > 0.95
+    assert update_posterior(diagnosis, test, [np.nan, lag])[LAG] > 0.9
+
+
+def test_a_direct_test_reads_with_the_error_of_its_instrument() -> None:
+    """A push scale of 2 % and 0.5 N reads 50 N, or nothing; a fit without scatter."""
+    share = EFFECTS[FRICTION[0]].parameters[0].share(50.0)
+    fits = {FRICTION: fit_of(FRICTION, share), DRAG: fit_of(DRAG, SPREAD)}
+    diagnosis = diagnosis_of({FRICTION: 0.5, DRAG: 0.5}, fits)
+    test = _named(rank_tests(diagnosis), EFFECTS[FRICTION[0]].test.name)
+    assert test.outcome is not None
+    density = np.exp(test.outcome.log_density(np.array([[48.0], [1.0]])))
+    sd = np.hypot(0.02 * 50.0, 0.5)
+    assert density[0, 0] == pytest.approx(norm.pdf(48.0, 50.0, sd))
+    assert density[1, 1] == pytest.approx(norm.pdf(1.0, 0.0, 0.5))
+    # 1 % of the readings of 50 N lie outside 2.576 errors; below them friction is refuted.
+    low = 50.0 - norm.ppf(0.995) * sd
+    assert test.refutes == f"A reading of friction below {low:.3g} N refutes " + (
+        "dry friction of the sliding ring."
+    )
+
+
+def test_wide_priors_make_no_instrument_worse() -> None:
+    """Of an unlisted cause alone the range decides what is read."""
+    fits = {FRICTION: fit_of(FRICTION), DRAG: fit_of(DRAG)}
+    outcomes = []
+    for share in (0.0, 1.0):
+        diagnosis = diagnosis_of({FRICTION: 0.5, DRAG: 0.5}, fits)
+        effect = diagnosis.effects[FRICTION[0]]
+        widened = effect.parameters[0].widened(share, upper=True)
+        diagnosis.effects[FRICTION[0]] = replace(effect, parameters=(widened,))
+        outcome = _named(rank_tests(diagnosis), effect.test.name).outcome
+        assert outcome is not None
+        outcomes.append(outcome.log_density(np.array([[24.0], [0.2]])))
+    assert outcomes[0][:, :2].tolist() == outcomes[1][:, :2].tolist()
+    assert outcomes[0][0, 2] != outcomes[1][0, 2]
 
 
 def test_further_shifts_tell_means_apart_as_two_normal_densities() -> None:
@@ -143,40 +183,95 @@ def test_traces_lead_where_unknown_does_at_the_largest_residual() -> None:
     assert "traces" not in {test.kind for test in rank_tests(diagnosis)}
 
 
-def _worth(monkeypatch: pytest.MonkeyPatch, worth: dict[str, tuple[float, float, float]]) -> None:
-    """Give tests of some names or kinds a worth: information, chance to settle, to mislead."""
+def _gain(monkeypatch: pytest.MonkeyPatch, gains: dict[str, float]) -> None:
+    """Give tests of some names or kinds a gain."""
 
     def judged(diagnosis: Any, test: NextTest, seed: int = 1) -> NextTest:
-        found = worth.get(test.name, worth.get(test.kind, (0.0, 0.0, 0.0)))
-        return replace(test, information=found[0], settles=found[1], misleads=found[2])
+        return replace(test, gain=gains.get(test.name, gains.get(test.kind, 0.0)))
 
     monkeypatch.setattr("dogshape.diagnosis.next_test._add_worth", judged)
 
 
-@pytest.mark.parametrize(("settles", "kind"), [(0.62, "direct"), (0.8, "shifts")])
-def test_of_tests_that_settle_about_as_surely_the_cheapest_leads(
-    monkeypatch: pytest.MonkeyPatch, settles: float, kind: str
+@pytest.mark.parametrize(("gain", "kind"), [(0.35, "direct"), (0.42, "direct"), (0.49, "shifts")])
+def test_gain_per_hour_ranks_tests_and_hours_equal_ones(
+    monkeypatch: pytest.MonkeyPatch, gain: float, kind: str
 ) -> None:
-    """Shifts of 0.7 h, and a run-down that costs 0.5 h here."""
+    """Shifts of 0.7 h, and a run-down of 0.5 h that gains 0.3."""
     name = EFFECTS["drag_torque"].test.name
-    _worth(monkeypatch, {"shifts": (0.4, settles, 0.0), name: (0.4, 0.55, 0.0)})
+    _gain(monkeypatch, {"shifts": gain, name: 0.3})
     diagnosis = _open(bench=replace(BENCH, tests=(TestTerms(name=name, hours=0.5),)))
     first = rank_tests(diagnosis)[0]
     assert first.kind == kind
-    dear = replace(BENCH, tests=(TestTerms(name=name, hours=20.0),))
-    assert rank_tests(_open(bench=dear))[0].kind == "shifts"
 
 
-@pytest.mark.parametrize(("hours", "leads"), [(0.1, True), (0.65, True), (9.0, False)])
-def test_the_direct_test_of_a_named_cause_leads_where_it_costs_least(
-    monkeypatch: pytest.MonkeyPatch, hours: float, leads: bool
+BOTH = (*DELAY, *FRICTION)
+SLOW_PUSH = EFFECTS[FRICTION[0]].test.name
+
+
+def test_the_effect_that_a_rival_replaces_at_least_cost_is_the_least_supported() -> None:
+    posterior = {
+        BOTH: 0.85,
+        (*DELAY, *DRAG): 0.08,  # drag in the place of friction
+        FRICTION: 0.04,  # delay removed
+        DRAG: 0.02,  # shares no effect
+        (*DELAY, *DRAG, *LAG): 0.005,  # larger
+        UNKNOWN: 0.005,
+    }
+    assert rank_support(posterior, BOTH) == [*FRICTION, *DELAY]
+    assert rank_support({BOTH: 0.9, DELAY: 0.04, FRICTION: 0.05}, BOTH) == [*DELAY, *FRICTION]
+    assert rank_support({DELAY: 0.9, NONE: 0.1}, DELAY) == [*DELAY]
+
+
+@pytest.mark.parametrize(("probability", "gain"), [(0.9, 0.6), (0.7, 0.02)])
+def test_the_least_supported_effect_is_tested_where_a_set_is_named_or_nothing_gains(
+    monkeypatch: pytest.MonkeyPatch, probability: float, gain: float
 ) -> None:
-    """Ten more shifts of 0.7 h would tell something, the direct test nothing."""
-    _worth(monkeypatch, {"shifts": (0.5, 0.97, 0.0)})
-    fits = {DELAY: fit_of(DELAY), DRAG: fit_of(DRAG)}
-    bench = replace(BENCH, tests=(TestTerms(name=FORCE, hours=hours),))
-    diagnosis = diagnosis_of({DELAY: 0.97, DRAG: 0.03}, fits, bench=bench)
-    assert (rank_tests(diagnosis)[0].name == FORCE) == leads
+    """However many hours its test takes; the other effect's where it is impossible."""
+    _gain(monkeypatch, {"shifts": gain})
+    fits = {BOTH: fit_of(BOTH), DELAY: fit_of(DELAY)}
+    posterior = {BOTH: probability, DELAY: 1.0 - probability}
+    bench = replace(BENCH, tests=(TestTerms(name=SLOW_PUSH, hours=9.0),))
+    first = rank_tests(diagnosis_of(posterior, fits, bench=bench))[0]
+    assert first.name == SLOW_PUSH
+    assert "A reading of friction below" in first.refutes
+    assert first.refutes in first.why
+    assert first.to_dict()["refutes"] == first.refutes
+    bench = replace(BENCH, tests=(TestTerms(name=SLOW_PUSH, possible=False),))
+    assert rank_tests(diagnosis_of(posterior, fits, bench=bench))[0].name == FORCE
+
+
+def test_each_kind_of_test_has_a_result_that_refutes_the_leading_hypothesis() -> None:
+    tests = rank_tests(_open())
+    run_down = _named(tests, EFFECTS[DRAG[0]].test.name)
+    # Without drag a torque wrench reads 0 N m to 0.02 N m.
+    drag = f"{norm.ppf(0.995) * 0.02:.3g}"
+    end = "refutes dead time of the actuation as the whole cause."
+    assert run_down.refutes == f"A reading of drag above {drag} N m {end}"
+    ten = next(test for test in tests if test.shifts == min(FURTHER_SHIFTS))
+    assert re.fullmatch(
+        r"A mean time of the 10 shifts outside 2\d\d to 3\d\d ms refutes "
+        r"dead time of the actuation\.",
+        ten.refutes,
+    )
+    spline = ("spline_friction",)
+    fits = {spline: fit_of(spline), REVERSED: fit_of(REVERSED)}
+    tests = rank_tests(diagnosis_of({spline: 0.6, REVERSED: 0.4}, fits))
+    words = EFFECTS[spline[0]].plain
+    assert _named(tests, EFFECTS[REVERSED[0]].test.name).refutes == (
+        f"The presence of reversed sense of rotation refutes {words} as the whole cause."
+    )
+    # In the middle of its prior, 0.0548, read to 6 % and 0.005.
+    low = 0.0548 - norm.ppf(0.995) * np.hypot(0.06 * 0.0548, 0.005)
+    assert _named(tests, EFFECTS[spline[0]].test.name).refutes == (
+        f"A reading of spline friction below {low:.3g} refutes {words}."
+    )
+    tests = rank_tests(diagnosis_of({REVERSED: 0.6, spline: 0.4}, fits))
+    assert _named(tests, EFFECTS[REVERSED[0]].test.name).refutes == (
+        "The absence of reversed sense of rotation refutes reversed sense of rotation."
+    )
+    diagnosis = diagnosis_of({NONE: 0.6, DRAG: 0.4}, {NONE: fit_of(NONE), DRAG: fit_of(DRAG)})
+    (test,) = (t for t in rank_tests(diagnosis) if t.kind == "direct")
+    assert test.refutes == f"A reading of drag above {drag} N m refutes that no effect acts."
 
 
 def test_a_question_about_the_record_settles_by_its_answers() -> None:
@@ -194,6 +289,9 @@ def test_a_question_about_the_record_settles_by_its_answers() -> None:
     diagnosis = _open(record_meanings=readings)
     (test,) = (t for t in rank_tests(diagnosis) if t.kind == "record")
     assert (test.settles, test.misleads) == pytest.approx((0.54, 0.06))
+    # From 0.54 to 0.9 by either answer, of the set of three from 0.36.
+    assert test.gain == pytest.approx(0.6 * (0.9 - 0.54) + 0.4 * (0.9 - 0.36))
+    assert test.refutes == "The answer 'force' refutes dead time of the actuation."
     mixed = {h: 0.6 * command.get(h, 0.0) + 0.4 * force.get(h, 0.0) for h in (*force, DRAG)}
     every = mixed, command, force
     before, first, second = (-sum(p * np.log(p) for p in one.values() if p) for one in every)
@@ -248,18 +346,65 @@ def test_information_and_chances_of_two_normal_densities(apart: float, chance: f
     )
     right = chance * norm.cdf(first) + (1.0 - chance) * norm.sf(second, apart)
     wrong = chance * norm.sf(second) + (1.0 - chance) * norm.cdf(first, apart)
+    # The answer changes where the odds are even.
+    even = apart / 2.0 + np.log(chance / (1.0 - chance)) / apart
+    first_right, first_wrong = norm.cdf(even), norm.cdf(even, apart)
+    share = chance * first_right + (1.0 - chance) * first_wrong
+    gained = chance * first_right + (1.0 - chance) * (1.0 - first_wrong)
+    gained -= chance * share + (1.0 - chance) * (1.0 - share)
     before = _before(*chances.values())
     found = np.array([outcome.worth(before, 0.0, SETTINGS, k) for k in range(100)])
     mean, error = found.mean(axis=0), 4.0 * found.std(axis=0) / np.sqrt(len(found))
-    assert abs(mean - [information, right, wrong]) == pytest.approx(0.0, abs=float(max(error)))
+    exact = [information, gained, right, wrong]
+    assert abs(mean - exact) == pytest.approx(0.0, abs=float(max(error)))
     assert max(error) < 0.02
+
+
+def test_a_perfect_test_of_an_even_pair_gains_half_and_a_useless_test_nothing() -> None:
+    for apart, gain in ((0.0, 0.0), (60.0, 0.5)):
+        worth = _normal({LAG: 0.0, MASS: apart}).worth(_before(0.5, 0.5), 0.0, SETTINGS)
+        assert worth.gain == pytest.approx(gain, abs=1e-9)
+
+
+def test_a_useless_test_inherits_nothing_from_the_leader() -> None:
+    """A named leader stays named with or without the test, right or wrong."""
+    worth = _normal({LAG: 0.0, MASS: 0.0}).worth(_before(0.9, 0.1), 0.0, SETTINGS)
+    assert worth == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-9)
+
+
+@given(
+    probabilities=arrays(float, 4, elements=floats(0.01, 1.0)),
+    means=arrays(float, 4, elements=floats(-3.0, 3.0)),
+    odds=floats(0.0, 0.3),
+)
+def test_no_test_loses_in_expectation(probabilities: Array, means: Array, odds: float) -> None:
+    """Gain by the law of total probability, with imitators too; at most that of a perfect test."""
+    hypotheses = (LAG, MASS, DRAG, UNKNOWN)
+    parts = {
+        h: Densities(np.ones(1), np.array([[mean]]), np.ones((1, 1, 1)))
+        for h, mean in zip(hypotheses, means, strict=True)
+    }
+    outcome = PredictedOutcome.of(parts, lambda h: h == LAG)
+    before = probabilities / probabilities.sum()
+    gain = outcome.worth(before, odds, SETTINGS).gain
+    assert 0.0 <= gain <= 1.0 - 1.0 / 4.0
 
 
 def test_a_set_of_three_is_no_settled_cause() -> None:
     for causes, settles in ((LAG, 0.6), ((*DRAG, *LAG, *FRICTION), 0.0)):
         outcome = _normal({causes: 0.0, MASS: 9.0})
         worth = outcome.worth(_before(0.6, 0.4), 0.0, SETTINGS)
-        assert worth[1:] == pytest.approx((settles + 0.4, 0.0), abs=1e-3)
+        assert worth[1:] == pytest.approx((0.48, settles + 0.4, 0.0), abs=1e-3)
+
+
+def test_the_interval_of_a_mixture_leaves_its_share_outside() -> None:
+    parts = {
+        LAG: Densities(np.array([0.5, 0.5]), np.array([[0.0], [9.0]]), np.ones((2, 1, 1))),
+        UNKNOWN: Densities(np.ones(1), np.array([[99.0]]), np.ones((1, 1, 1))),
+    }
+    low, high = PredictedOutcome.of(parts, lambda _: True).interval(LAG, 0, 0.01)
+    # Half of each density: 1 % beyond its outer end.
+    assert (low, high) == pytest.approx((norm.ppf(0.01), 9.0 + norm.ppf(0.99)), abs=1e-6)
 
 
 def test_few_draws_give_the_density_of_many() -> None:

@@ -1,10 +1,10 @@
 """Diagnosis of a blind case as a user gets it, and the check of its advised test.
 
-The outcome comes from the case's truth, never from the diagnosis: true parameters as shares of
-their ranges with the error of the test, more shifts of the same engine, or marks of traces. The
-diagnosis then updates its probabilities (``diagnosis.next_test.update_posterior``). The case is
-*settled* if the truth, or its visible part, is named then, and *misled* if a hypothesis with a
-cause that does not act is named.
+The outcome comes from the case's truth, never from the diagnosis: true parameters with the errors
+of their instruments, more shifts of the same engine, or marks of traces. The diagnosis then updates
+its probabilities (``diagnosis.next_test.update_posterior``). The *rise* is that of the probability
+of the truth, or its visible part; the case is *misled* if a hypothesis with a cause that does not
+act is named. The best test in hindsight is that of the menu with the largest rise.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.verdict import is_nameable
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
-from dogshape.diagnosis.next_test import update_posterior
+from dogshape.diagnosis.next_test import ReadQuantity, quantities_of, update_posterior
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, diagnose_bench, models_of
 from dogshape.sim.effects import load
@@ -43,39 +43,68 @@ OUTCOME_SEED = 73  #: beside a case's seed, of the outcome of a test
 
 @dataclass(frozen=True)
 class Advised:
-    """Outcome of the advised test of a case."""
+    """Outcome of the advised test of a case, beside that of the best test in hindsight."""
 
     test: str  #: name
     kind: str
+    hours: float
     top: Names  #: leading hypothesis after the test
     probability: float  #: of the leading hypothesis
-    settled: bool  #: whether the truth is named
     misled: bool  #: whether a cause that does not act is named
-    foreseen: float  #: probability to settle by the diagnosis
+    rise: float  #: of the probability of the truth
+    foreseen: float  #: gain by the diagnosis
+    realised: (
+        float  #: gain: 1 where the answer after the test is right, less its probability before
+    )
+    best_test: str  #: name of the best test in hindsight
+    best_rise: float  #: of the probability of the truth by that test
 
 
 def judge_test(
     folder: Path, case: Case, diagnosis: Diagnosis, correct: Sequence[Names]
 ) -> Advised | None:
-    """Make the advised test of a case by its truth, and judge the diagnosis after it.
+    """Make the tests of a case by its truth, and judge the advised one.
 
     ``correct`` are hypotheses that are correct to name, the truth first. The same case gives the
-    same outcome.
+    same outcomes.
     """
-    test = diagnosis.tests[0]
-    outcome = outcome_of(folder, case, diagnosis, test)
-    posterior: Mapping[Names, float] = update_posterior(diagnosis, test, outcome)
+    advised = diagnosis.tests[0]
+    probability_before = _probability(diagnosis.posterior, correct)
+    posteriors: dict[str, Mapping[Names, float]] = {}
+    rises: dict[str, float] = {}
+    for test in hindsight_menu(diagnosis.tests):
+        outcome = outcome_of(folder, case, diagnosis, test)
+        posteriors[test.name] = update_posterior(diagnosis, test, outcome)
+        rises[test.name] = _probability(posteriors[test.name], correct) - probability_before
+    posterior = posteriors[advised.name]
     top = max(posterior, key=lambda h: posterior[h])
     named = posterior[top] > diagnosis.settings.named and is_nameable(top, diagnosis.settings)
+    best_test = max(rises, key=lambda name: rises[name])
     return Advised(
-        test=test.name,
-        kind=test.kind,
+        test=advised.name,
+        kind=advised.kind,
+        hours=advised.hours,
         top=top,
         probability=float(posterior[top]),
-        settled=named and top in correct,
         misled=named and not set(top) <= set(correct[0]),
-        foreseen=test.settles,
+        rise=rises[advised.name],
+        foreseen=advised.gain,
+        realised=float(top in correct) - diagnosis.posterior.get(top, 0.0),
+        best_test=best_test,
+        best_rise=rises[best_test],
     )
+
+
+def hindsight_menu(tests: Sequence[NextTest]) -> list[NextTest]:
+    """List the first test and all others; of more shifts at a point the largest number alone."""
+    max_shifts = max((test.shifts for test in tests if test.kind == "shifts"), default=0)
+    first, *further = tests
+    return [first, *(t for t in further if t.kind != "shifts" or t.shifts == max_shifts)]
+
+
+def _probability(posterior: Mapping[Names, float], hypotheses: Sequence[Names]) -> float:
+    """Sum the probabilities of some hypotheses."""
+    return float(sum(posterior.get(hypothesis, 0.0) for hypothesis in hypotheses))
 
 
 def outcome_of(
@@ -86,16 +115,18 @@ def outcome_of(
     if test.kind == "record":
         return {"time_zero": "command", "displacement_at": case.sensor}[test.question]
     if test.kind == "direct":
-        exact = readings_of(case, diagnosis, test)
-        return generator.normal(exact, diagnosis.settings.test_error).tolist()
+        effects = [diagnosis.effects[name] for name in test.effects]
+        quantities = quantities_of(effects, diagnosis.model.setting)
+        readings = zip(quantities, readings_of(case, quantities), strict=True)
+        return [float(generator.normal(exact, read.error.at(exact))) for read, exact in readings]
     assert test.cell is not None
     cell_point = diagnosis.bench.cells[test.cell].point
     point = Point(cell_point.mismatch, cell_point.profile.force, cell_point.profile.rise)
     return _repeat_shifts(folder, case, test, point=point, generator=generator)
 
 
-def readings_of(case: Case, diagnosis: Diagnosis, test: NextTest) -> list[float]:
-    """Compute the exact readings of a direct test, as shares of the parameters' ranges.
+def readings_of(case: Case, quantities: Sequence[ReadQuantity]) -> list[float]:
+    """Compute the exact readings of a direct test, in the parameters' units.
 
     An effect without parameters reads 1 where it acts, else 0. A valve that sticks reads as its
     mean delay, a high dog as a smaller gap.
@@ -103,15 +134,14 @@ def readings_of(case: Case, diagnosis: Diagnosis, test: NextTest) -> list[float]
     truth = case.truth
     offsets = {"delay_s": truth.delay_moments[0], "gap_offset_mm": -truth.high_dog / MM}
     readings = []
-    for name in test.effects:
-        effect = diagnosis.effects[name]
-        values = case.parameters.get(name)
-        if not effect.parameters:
+    for read in quantities:
+        values = case.parameters.get(read.effect.name)
+        if read.parameter is None:
             readings.append(float(values is not None))
-        for parameter in effect.parameters:
-            neutral = parameter.neutral_of(diagnosis.model.setting)
-            value = (values or {}).get(parameter.name, neutral)
-            readings.append(parameter.share(value + offsets.get(parameter.name, 0.0)))
+            continue
+        name = read.parameter.name
+        value = (values or {}).get(name, read.neutral)
+        readings.append(value + offsets.get(name, 0.0))
     return readings
 
 
