@@ -324,7 +324,9 @@ def print_figures(answers: Sequence[Answer]) -> None:
     for part in sorted({name for a in answers for name in a.checks}):
         part_ps = np.array([a.checks[part] for a in answers if part in a.checks])
         quartiles = np.quantile(part_ps, (0.25, 0.5, 0.75)).round(2)
-        print(f"{f'p of {part}: quartiles, below 0.01':40}{quartiles} {format_share(part_ps < 0.01)}")
+        print(
+            f"{f'p of {part}: quartiles, below 0.01':40}{quartiles} {format_share(part_ps < 0.01)}"
+        )
     seconds = np.array([a.seconds for a in answers])
     median, late_time = np.quantile(seconds, (0.5, 0.95))
     print(f"{'s of a decision, median and 95 %':40}{median:.1f} {late_time:.1f}")

@@ -7,37 +7,45 @@ priors of these errors are. Of the mean of each operating point that is
 .. math:: z_k = (r_k - c_k) / \sigma_k \sim N(0, 1),
 
 with residual *r*, common error *c* and single error :math:`\sigma`. Each part has a p-value at each
-draw. Draws, then parts, are combined by Cauchy's distribution whatever their dependence:
+draw. Draws depend on each other and are combined by Cauchy's distribution:
 
 .. math:: p = 1/2 - \arctan(\overline{\tan(\pi (1/2 - p_i))}) / \pi
 
-(Liu and Xie 2020, J. Am. Stat. Assoc. 115), with no :math:`p_i` above 0.99, so that one good part
-hides no bad one (Fang et al. 2023, Statistica Sinica 33).
+(Liu and Xie 2020, J. Am. Stat. Assoc. 115), with no :math:`p_i` above 0.99, so that one good draw
+hides no bad one (Fang et al. 2023, Statistica Sinica 33). Parts nearly do not, and the least of
+*n* is combined: :math:`1 - (1 - p_{\min})^n` (Tippett 1931).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
-from scipy.stats import chi2, norm, rankdata, spearmanr
+from scipy.stats import chi2, combine_pvalues, norm, rankdata, spearmanr
 
 from dogshape.diagnosis.likelihood.likelihood import CommonErrors, Likelihood, Terms
 from dogshape.diagnosis.likelihood.observed import single_series
 from dogshape.diagnosis.prediction.model import Prediction
 from dogshape.diagnosis.terms import Array
 
-MAX_P = 0.99  #: of a part that is combined
-MIN_P = 1e-15
+MAX_P = 0.99  #: of a draw that is combined
+MIN_P = 1e-15  #: of a draw that is combined
 MIN_RANKED = 5  #: points of a rank test
 PERMUTATIONS = 400  #: of the order of shifts
 
 
-def combine_p(p_values: Array) -> float:
-    """Combine p-values (n,) by Cauchy's distribution; NaN does not count."""
+def combine_draws(p_values: Array) -> float:
+    """Combine p-values (m,) at draws of a posterior; NaN does not count, NaN for none."""
     finite = p_values[np.isfinite(p_values)]
     if finite.size == 0:
         return float("nan")
     scores = np.tan(np.pi * (0.5 - np.clip(finite, MIN_P, MAX_P)))
     return float(0.5 - np.arctan(scores.mean()) / np.pi)
+
+
+def combine_parts(p_values: Iterable[float]) -> float:
+    """Combine the p-values of parts by the least of them."""
+    return float(combine_pvalues([*p_values], method="tippett").pvalue)
 
 
 def check_parts(
@@ -53,10 +61,11 @@ def check_parts(
         largest deviate of means and spreads
     direction
         smooth gap over the points that is known best
-    force, mismatch
-        rank correlation of the deviates of means, and of spreads, with force and mismatch
+    spreads_by_force, spreads_by_mismatch
+        rank correlation of the deviates of spreads with force and mismatch; deviates of means have
+        the smooth scatter of drawn errors in common, which correlates by itself
     order
-        rank correlation of successive shifts
+        alternation of successive shifts
     """
     points = likelihood.measured_points
     terms = likelihood.terms(p)
@@ -65,18 +74,17 @@ def check_parts(
     all_scores = np.hstack([mean_scores, spread_scores])
     force = likelihood.observed.force[points]
     mismatch = abs(likelihood.observed.mismatch[points])
-    groups = (mean_scores, spread_scores)
     parts = {
         "means": sum_of_squares_p(mean_scores),
         "spreads": sum_of_squares_p(spread_scores),
         "marks": sum_of_squares_p(marks),
         "worst": worst_p(all_scores),
         "direction": best_direction_p(likelihood, p, terms, errors.amplitude),
-        "force": np.concatenate([rank_p(scores, force) for scores in groups]),
-        "mismatch": np.concatenate([rank_p(scores, mismatch) for scores in groups]),
+        "spreads_by_force": rank_p(spread_scores, force),
+        "spreads_by_mismatch": rank_p(spread_scores, mismatch),
         "order": np.array([order_p(likelihood)]),
     }
-    combined = {name: combine_p(p_values) for name, p_values in parts.items()}
+    combined = {name: combine_draws(p_values) for name, p_values in parts.items()}
     return {name: p_value for name, p_value in combined.items() if np.isfinite(p_value)}
 
 
@@ -126,11 +134,12 @@ def rank_p(scores: Array, values: Array) -> Array:
 
 
 def order_p(likelihood: Likelihood) -> float:
-    """Compute the p-value of the rank correlation of successive shifts, NaN without a series.
+    """Compute the p-value of the alternation of successive shifts, NaN without a series.
 
     Ranks are those among the single shifts of an operating point. Without a cause that changes
     from shift to shift their order is random, so permutations within each point give mean and
     standard deviation of the sum of products (Wald and Wolfowitz 1943, Ann. Math. Stat. 14).
+    One-sided: any drift that is not linear makes successive shifts alike, whatever the cause.
     """
     generator = np.random.default_rng(likelihood.settings.seed)
     places = list[Array]()
@@ -149,4 +158,4 @@ def order_p(likelihood: Likelihood) -> float:
     sd = permuted_sums.std()
     if sd == 0.0:
         return float("nan")
-    return float(2.0 * norm.sf(abs(observed_sum - permuted_sums.mean()) / sd))
+    return float(norm.cdf((observed_sum - permuted_sums.mean()) / sd))

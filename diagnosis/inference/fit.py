@@ -23,7 +23,7 @@ from scipy.spatial.distance import cdist
 from scipy.special import gammaln, logsumexp
 from scipy.stats import qmc
 
-from dogshape.diagnosis.inference.adequacy import check_parts, combine_p
+from dogshape.diagnosis.inference.adequacy import check_parts, combine_parts
 from dogshape.diagnosis.likelihood.likelihood import CommonErrors, Likelihood
 from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.flights import Flights, flight_scores
@@ -327,7 +327,7 @@ class Fit:
     @cached_property
     def p(self) -> float:
         """P-value of all parts of the check together."""
-        return combine_p(np.array([*self.checks.values()]))
+        return combine_parts(self.checks.values())
 
     @cached_property
     def values(self) -> Array:

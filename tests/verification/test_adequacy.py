@@ -11,7 +11,8 @@ from scipy.stats import chi2, kstest, norm
 from dogshape.bench.bench_data import Cell, Reading
 from dogshape.diagnosis.inference.adequacy import (
     best_direction_p,
-    combine_p,
+    combine_draws,
+    combine_parts,
     order_p,
     rank_p,
     sum_of_squares_p,
@@ -27,23 +28,30 @@ SETS = 2000
 SHIFTS = 12  #: at an operating point
 
 
-def test_combined_p_is_uniform_whatever_the_dependence() -> None:
+def test_p_of_draws_is_uniform_whatever_their_dependence() -> None:
     generator = np.random.default_rng(1)
     for correlation in (0.0, 0.7, 1.0):
         common = generator.normal(size=(SETS, 1))
         single = generator.normal(size=(SETS, 6))
         scores = correlation**0.5 * common + (1.0 - correlation) ** 0.5 * single
-        p_values = np.array([combine_p(row) for row in norm.sf(scores)])
+        p_values = np.array([combine_draws(row) for row in norm.sf(scores)])
         for level in (0.01, 0.05):
             error = (level * (1.0 - level) / SETS) ** 0.5
             assert (p_values < level).mean() < level + 3.5 * error
         assert (p_values < 0.05).mean() > 0.03
 
 
-def test_combined_p_of_one_part_is_its_own() -> None:
-    assert combine_p(np.array([0.3, np.nan])) == pytest.approx(0.3)
-    assert combine_p(np.array([1e-6, 1.0, 1.0, 1.0])) == pytest.approx(4e-6, rel=0.01)
-    assert np.isnan(combine_p(np.array([np.nan])))
+def test_p_of_one_draw_is_its_own() -> None:
+    assert combine_draws(np.array([0.3, np.nan])) == pytest.approx(0.3)
+    assert combine_draws(np.array([1e-6, 1.0, 1.0, 1.0])) == pytest.approx(4e-6, rel=0.01)
+    assert np.isnan(combine_draws(np.array([np.nan])))
+
+
+def test_p_of_parts_is_uniform_and_that_of_the_least() -> None:
+    parts = np.random.default_rng(6).random((SETS, 7))
+    p_values = [combine_parts(row) for row in parts]
+    assert kstest(p_values, "uniform").pvalue > 0.003
+    assert combine_parts([0.001, 1.0, 0.9]) == pytest.approx(0.003, rel=0.01)
 
 
 def test_sum_and_largest_of_deviates_are_those_of_normal_ones() -> None:
@@ -85,14 +93,15 @@ def _series(delays: Array, seed: int = 1) -> Likelihood:
     return Likelihood(bench, observe(bench, model), model, USUAL)
 
 
-def test_order_finds_what_changes_from_shift_to_shift() -> None:
+def test_order_finds_shifts_that_alternate_and_no_drift() -> None:
     count = SHIFTS * 6
     places = np.arange(count)
+    alternation = (places + places // 6) % 2  # at each point, and from point to point
     p_values = [order_p(_series(np.zeros(count), seed)) for seed in range(60)]
     assert kstest(p_values, "uniform").pvalue > 0.003
-    # A valve that hangs in every other round of the points, and force that fades half way.
-    assert order_p(_series(0.05 * (places // 6 % 2))) < 0.001
-    assert order_p(_series(0.03 * (places > count / 3))) < 0.001
+    # A valve that hangs in every other shift, and force that fades at once.
+    assert order_p(_series(0.02 * alternation)) < 0.001
+    assert order_p(_series(0.03 * (places > count / 3))) > 0.5
     bench, model = world()
     assert np.isnan(order_p(Likelihood(bench, observe(bench, model), model, USUAL)))
 
