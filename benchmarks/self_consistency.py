@@ -64,6 +64,7 @@ class Answer:
     leads: float
     pairs: float  #: probability of all pairs
     p: float | None  #: predictive, of the truth
+    checks: dict[str, float]  #: p-value of each part, of the truth
     ranks: list[float]  #: of the true sizes among the draws
     verdict: str
     causes: list[str]
@@ -158,7 +159,7 @@ def draw_means(
     if unlisted:
         unlisted_size = float(generator.choice(USUAL.unlisted_sizes))
         length = float(generator.choice(USUAL.unlisted_lengths))
-        columns.append(unlisted_size * simulated[:, None] * likelihood._unlisted_root(length))
+        columns.append(unlisted_size * simulated[:, None] * likelihood.unlisted_root(length))
         variance = variance + (1.0 - USUAL.unlisted_smooth) * (unlisted_size * simulated) ** 2
     factors = np.hstack(columns)
     means = p.mean[0] + factors @ generator.standard_normal(factors.shape[1])
@@ -247,6 +248,7 @@ def compare_truth(truth: Truth, diagnosis: Diagnosis) -> Answer:
         leads=evidence[leading],
         pairs=sum(value for h, value in evidence.items() if len(h) == 2),
         p=fitted.p if fitted is not None else None,
+        checks=dict(fitted.checks) if fitted is not None else {},
         ranks=ranks,
         verdict=diagnosis.verdict.kind,
         causes=list(diagnosis.verdict.causes),
@@ -319,6 +321,12 @@ def print_figures(answers: Sequence[Answer]) -> None:
     print(f"{'ranks uniform, p of Kolmogorov':40}{kstest(ranks, 'uniform').pvalue:.3f}")
     print(f"{'p uniform, p of Kolmogorov':40}{kstest(ps, 'uniform').pvalue:.3f}")
     print(f"{'predictive p, quartiles':40}{np.quantile(ps, (0.25, 0.5, 0.75)).round(2)}")
+    for part in sorted({name for a in answers for name in a.checks}):
+        part_ps = np.array([a.checks[part] for a in answers if part in a.checks])
+        quartiles = np.quantile(part_ps, (0.25, 0.5, 0.75)).round(2)
+        print(
+            f"{f'p of {part}: quartiles, below 0.01':40}{quartiles} {format_share(part_ps < 0.01)}"
+        )
     seconds = np.array([a.seconds for a in answers])
     median, late_time = np.quantile(seconds, (0.5, 0.95))
     print(f"{'s of a decision, median and 95 %':40}{median:.1f} {late_time:.1f}")

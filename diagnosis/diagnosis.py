@@ -329,6 +329,7 @@ class Diagnosis:
                 "log_evidence": fitted.log_evidence,
                 "log_evidence_error": fitted.error,
                 "predictive_p": fitted.p,
+                "checks": dict(fitted.checks),
             }
         return record
 

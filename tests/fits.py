@@ -73,7 +73,7 @@ def fit_of(
     mean = np.full((count, CELLS), time)
     amplitude = np.zeros(count)
     draws = np.array(rows), prediction_of(mean), amplitude, 0.0 * mean, 0.0 * mean
-    return Fit(hypothesis, space, *draws, log_evidence=0.0, error=0.0, p=0.5)
+    return Fit(hypothesis, space, *draws, log_evidence=0.0, error=0.0, checks={"means": 0.5})
 
 
 def diagnosis_of(

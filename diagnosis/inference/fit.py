@@ -21,9 +21,10 @@ from zlib import crc32
 import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.special import gammaln, logsumexp
-from scipy.stats import chi2, qmc
+from scipy.stats import qmc
 
-from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
+from dogshape.diagnosis.inference.adequacy import check_parts, combine_parts
+from dogshape.diagnosis.likelihood.likelihood import CommonErrors, Likelihood
 from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.flights import Flights, flight_scores
 from dogshape.diagnosis.prediction.model import Prediction
@@ -293,7 +294,7 @@ def refine(
 
 
 POSTERIOR_DRAWS = 400
-CHECK_DRAWS = 60  #: of these, for the predictive check
+CHECK_DRAWS = 60  #: of these, for the check of adequacy
 HELD_OUT_DRAWS = 100  #: of these, for predictions of held-out points
 
 
@@ -325,7 +326,12 @@ class Fit:
     nuisance: Array  #: the part of ``offset`` by nuisances, s, (K, C)
     log_evidence: float
     error: float  #: standard error of ``log_evidence`` by numbers of draws and of benches
-    p: float  #: predictive p-value
+    checks: Mapping[str, float]  #: p-value of each part of the check of adequacy
+
+    @cached_property
+    def p(self) -> float:
+        """P-value of all parts of the check together."""
+        return combine_parts(self.checks.values())
 
     @cached_property
     def values(self) -> Array:
@@ -353,7 +359,8 @@ def fit(likelihood: Likelihood, sample: Sample, flights: Flights, emulation_erro
     checked = np.linspace(0, POSTERIOR_DRAWS - 1, CHECK_DRAWS).astype(int)
     values = space.values(shares[checked])
     marks = flight_scores(likelihood.observed.flights, flights, space.hypothesis, values)
-    p = predictive_p(likelihood, predicted.select(checked), errors.amplitude[checked], marks)
+    checked_errors = CommonErrors(*(part[checked] for part in errors))
+    checks = check_parts(likelihood, predicted.select(checked), checked_errors, marks)
     return Fit(
         hypothesis=sample.hypothesis,
         space=space,
@@ -364,24 +371,8 @@ def fit(likelihood: Likelihood, sample: Sample, flights: Flights, emulation_erro
         nuisance=errors.nuisance,
         log_evidence=sample.log_evidence,
         error=float(np.hypot(sample.error, emulation_error)),
-        p=p,
+        checks=checks,
     )
-
-
-def predictive_p(likelihood: Likelihood, p: Prediction, amplitude: Array, marks: Array) -> float:
-    """Compute the p-value of the squared distance of means, spreads and marks, mean over draws.
-
-    The distance at a posterior draw is chi-square with all observations as degrees of freedom
-    (Johnson 2004, A Bayesian chi-squared test for goodness-of-fit, Annals of Statistics 32).
-    ``marks`` are normal deviates of the marks of each profile, (m, profiles).
-    """
-    terms = likelihood.terms(p)
-    columns = likelihood.all_common_errors(p, amplitude)[:, likelihood.measured_points]
-    distance = squared_distance(terms.residual, terms.variance, columns)
-    spread = likelihood.spread_scores(p)
-    distance = distance + np.nansum(spread**2, axis=1) + (marks**2).sum(axis=1)
-    count = terms.residual.shape[1] + np.isfinite(spread[0]).sum() + marks.shape[1]
-    return float(chi2.sf(distance, count).mean())
 
 
 @dataclass(frozen=True)

@@ -241,7 +241,7 @@ class Likelihood:
             size, length = unlisted
             single_share = 1.0 - self.settings.unlisted_smooth
             variance = variance + single_share * (size * simulated) ** 2
-            unlisted_errors = simulated[..., None] * self._unlisted_root(length)
+            unlisted_errors = simulated[..., None] * self.unlisted_root(length)
             common = np.concatenate([common, size * unlisted_errors], axis=2)
         means = self._choose_means(q, variance, discrepancy, common)
         log, nodes = integrate_common_errors(
@@ -250,7 +250,7 @@ class Likelihood:
         log_rest = means.log_probability + self.log_engaged(p)
         return Terms(log + log_rest, nodes + log_rest[:, None], means.residual, means.variance)
 
-    def _unlisted_root(self, length: float) -> Array:
+    def unlisted_root(self, length: float) -> Array:
         """Compute the root of the correlation of a gap that no effect explains, (c, r)."""
         x = np.log([self.observed.force, abs(self.observed.mismatch) + RPM])
         x = x[:, self.measured_points]

@@ -11,7 +11,7 @@ is an error that all points have in common.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -142,6 +142,29 @@ def _summarise(cell: Cell, min_delay: float, drift_shares: Array | float) -> _Ce
         late_count=float(is_late.sum()),
         hides_late=float(hides_late),
     )
+
+
+class SingleSeries(NamedTuple):
+    """Timely single shifts of one operating point, (k,) each."""
+
+    times: Array  #: without drift, s
+    places: Array  #: in the series of all shifts
+
+
+def single_series(bench: Bench, model: Model, drift: Drift | None) -> Iterator[SingleSeries]:
+    """Yield the single shifts of each operating point that has some, where their order is known."""
+    if drift is None:
+        return
+    delays = model.min_late_delay.tolist()
+    for cell, min_delay, places in zip(bench.cells, delays, drift.places, strict=True):
+        readings = [reading for reading in cell.readings if reading.time is not None]
+        if not readings:
+            continue
+        times, counts, is_late = _read_times(readings, min_delay)
+        is_single = (counts == 1) & ~is_late
+        if is_single.sum() >= MIN_SINGLE_SHIFTS:
+            single_times = times[is_single] * (1.0 - drift.mean * places[is_single])
+            yield SingleSeries(single_times, places[is_single])
 
 
 def _read_times(readings: Sequence[Reading], min_delay: float) -> _Times:
