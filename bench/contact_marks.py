@@ -28,7 +28,7 @@ from dogshape.sim.units import RPM
 NODES = 3  #: parts of a face of which each has its slip and force
 MAX_SAMPLES = 600  #: of a trace; longer ones are averaged in blocks
 MIN_FACE_SAMPLES = 9  #: of a face
-MIN_FACE_SHARE = 0.6  #: of the dog's width, least slip on a face; the end meets another radius
+MIN_FACE_SHARE = 0.6  #: of the dog's width, least slip on a face: its end meets at other radii
 MAX_FACE_SLOPE = 0.45  #: of displacement over slip, between a chamfer and a flank
 FACE_NOISE = 4.0  #: scatters by which a sample of a face may be off the line
 MIN_FACE_NOISE_M = 3e-6  #: m, least scatter of the displacement
@@ -37,14 +37,16 @@ MAX_TRAVEL_SHARE = 0.95  #: of the travel, to which a face may reach
 TOUCH_SHARE = 0.3  #: of the axial gap, up to which no dogs have touched
 MIN_REST_SAMPLES = 5  #: before the touch, and after the shift
 END_SHARE = 0.98  #: of the travel, from which the rings are engaged
+MIN_SPEED_SHARE = 0.25  #: of the nominal mismatch, below which speeds were not recorded
 TURNING_RAD_S = 0.2  #: rad/s, sliding speed from which the ring counts as turning
 SPEED_ERROR_RAD_S = 0.2 * RPM  #: rad/s, error of a mean speed beside its noise
+MAX_BEND = 2.0  #: scatters by which the speed on a face may be off a cubic: beyond, a blow moved it
 SPEED_GAIN = 0.01  #: error of a speed difference by the sensors' gain
 
 
 @dataclass(frozen=True)
 class SpeedMarks:
-    """Speed difference before the touch at each of a operating points, (a,) each."""
+    """Speed differences before the touch at a operating points, (a,) each."""
 
     cell: np.ndarray  #: index of the operating point
     value: Array  #: magnitude, rad/s
@@ -79,6 +81,9 @@ class FaceMarks:
     acceleration_error: Array  #: (w,)
 
 
+FACE_SIZE = 4 * NODES + 7  #: values of a face
+
+
 @dataclass(frozen=True)
 class SeenContacts:
     """Marks of the contact in all traces of a bench."""
@@ -89,7 +94,7 @@ class SeenContacts:
 
 
 def contacts_of(bench: Bench) -> SeenContacts | None:
-    """Gather the marks of the contact; None without traces, or where no balance is known.
+    """Gather the marks of the contact; None without traces that show speeds.
 
     Shafts that turn, their drive and elastic shafts take part in the balance, and a ridge within
     the tip has two chamfers: such clutches have no marks.
@@ -101,11 +106,12 @@ def contacts_of(bench: Bench) -> SeenContacts | None:
         return None
     speeds = list[tuple[float, ...]]()
     balances = list[tuple[float, ...]]()
-    faces = list[list[float | Array]]()
+    faces = list[Array]()
+    face_cells = []
     for k, cell in enumerate(bench.cells):
         differences = []
         for trace in cell.traces:
-            motion = _motion_of(trace, clutch)
+            motion = _motion_of(trace, clutch, cell.point.mismatch)
             if motion is None:
                 continue
             differences.append(motion.difference)
@@ -113,21 +119,21 @@ def contacts_of(bench: Bench) -> SeenContacts | None:
                 balances.append(motion.balance)
             face = _face_of(motion, clutch)
             if face is not None:
-                faces.append([float(k), *face])
+                faces.append(face)
+                face_cells.append(k)
         if differences:
             values, errors = np.array(differences).T
             error = float(np.sqrt((errors**2).mean() / len(errors)))
             speeds.append((float(k), float(values.mean()), error))
     if not speeds:
         return None
-    cell, value, error = np.array(speeds).reshape(-1, 3).T
-    columns = [np.array(column) for column in zip(*faces, strict=True)]
-    if not faces:
-        columns = [np.zeros((0, NODES) if 1 <= k <= 4 else 0) for k in range(12)]
+    cell, value, error = np.array(speeds).T
+    face_table = np.array(faces).reshape(len(faces), FACE_SIZE)
+    nodes = face_table[:, : 4 * NODES].reshape(-1, 4, NODES).swapaxes(0, 1)
     return SeenContacts(
         speeds=SpeedMarks(cell.astype(int), value, error),
         balances=BalanceMarks(*np.array(balances).reshape(-1, 4).T),
-        faces=FaceMarks(columns[0].astype(int), *columns[1:]),
+        faces=FaceMarks(np.array(face_cells, dtype=int), *nodes, *face_table[:, 4 * NODES :].T),
     )
 
 
@@ -146,8 +152,11 @@ class _Motion:
     speed_noise: float  #: scatter of the sliding speed, rad/s
 
 
-def _motion_of(trace: BenchTrace, clutch: Clutch) -> _Motion | None:
-    """Read the motion of a trace; None where a part of it is missing."""
+def _motion_of(trace: BenchTrace, clutch: Clutch, mismatch: float) -> _Motion | None:
+    """Read the motion of a trace; None where a part of it is missing.
+
+    ``mismatch`` is the nominal one, rad/s.
+    """
     block = max(1, trace.time.size // MAX_SAMPLES)
     count = trace.time.size // block
     columns = (
@@ -162,6 +171,8 @@ def _motion_of(trace: BenchTrace, clutch: Clutch) -> _Motion | None:
     if not is_touching.any() or touch < MIN_REST_SAMPLES:
         return None
     difference = float((output[:touch] - sliding[:touch]).mean())
+    if mismatch == 0.0 or abs(difference) < MIN_SPEED_SHARE * abs(mismatch):
+        return None
     sense = float(np.sign(difference))
     noise = scatter(sliding)
     output_noise = scatter(output)
@@ -196,8 +207,8 @@ def _motion_of(trace: BenchTrace, clutch: Clutch) -> _Motion | None:
     )
 
 
-def _face_of(motion: _Motion, clutch: Clutch) -> list[float | Array] | None:
-    """Read the marks of a face, in the order of ``FaceMarks`` from ``time`` on; None without."""
+def _face_of(motion: _Motion, clutch: Clutch) -> Array | None:
+    """Read the marks of a face in the order of ``FaceMarks``, (FACE_SIZE,); None without a face."""
     bounds = _face_samples(motion, clutch)
     if bounds is None:
         return None
@@ -209,26 +220,29 @@ def _face_of(motion: _Motion, clutch: Clutch) -> list[float | Array] | None:
     noise = max(scatter(motion.displacement), MIN_FACE_NOISE_M)
     slope = float(np.polyfit(slip, displacement, 1)[0])
     acceleration = float(np.polyfit(time, sliding_speed, 1)[0])
+    acceleration_error = float(motion.speed_noise / (time.std() * time.size**0.5))
+    centred_time = (time - time.mean()) / time.std()
+    curve = np.polyval(np.polyfit(centred_time, sliding_speed, 3), centred_time)
+    bend = float((sliding_speed - curve).std())
+    if bend > MAX_BEND * max(motion.speed_noise, SPEED_ERROR_RAD_S):
+        acceleration_error = float(np.ptp(sliding_speed)) / float(np.ptp(time))
     parts = np.array_split(np.arange(time.size), NODES)
     durations = np.array([time[part[-1]] - time[part[0]] for part in parts])
     ways = np.array([slip[part[-1]] - slip[part[0]] for part in parts])
 
-    def means(values: Array) -> Array:
-        return np.array([values[part].mean() for part in parts])
-
-    return [
-        means(time),
-        ways / durations,
-        means(motion.force[face]),
-        means(displacement),
+    force = motion.force[face]
+    channels = (time, force, displacement)
+    means = [np.array([values[part].mean() for part in parts]) for values in channels]
+    scalars = [
         float(np.polyfit(time, displacement, 1)[0]),
         float(sliding_speed.mean()),
         slope,
-        float(noise / (slip.std() * slip.size**0.5)),
-        float(np.polyfit(slip, motion.force[face], 1)[0]),
+        noise / float(slip.std() * slip.size**0.5),
+        float(np.polyfit(slip, force, 1)[0]),
         acceleration,
-        float(motion.speed_noise / (time.std() * time.size**0.5)),
+        acceleration_error,
     ]
+    return np.concatenate([means[0], ways / durations, *means[1:], scalars])
 
 
 def _face_samples(motion: _Motion, clutch: Clutch) -> tuple[int, int] | None:

@@ -44,7 +44,8 @@ MIN_FORCE_N = 0.5  #: of a profile, below which it has no ratio to another one
 MAX_FORCE_RATIO = 20.0
 TURNING_RAD_S = 0.2  #: rad/s, sliding speed from which the drag is that of a turning ring
 FACE_LAW = 0.05  #: of friction and chamfer, error of the slope and of the acceleration in common
-SINGLE_FACE = 0.05  #: the same of each face by itself
+CREEP_LAW = USUAL.nuisance["contact_creep"] - 1.0  #: of the stiction velocity, error in common
+SINGLE_FACE = 0.05  #: of friction and chamfer, error of each face by itself
 BALANCE_LAW = 0.02  #: of the sliding side's gain, error in common
 HELD_LAW = 0.5  #: of the drag's part in a balance, error in common: a held ring shows no sense
 MIN_SPEED_SHARE = 0.01  #: of a mismatch, error of a nominal value beside a stated one
@@ -71,7 +72,15 @@ class ClutchQuantities(NamedTuple):
     log_force: Array  #: ln of the force over the nominal one on each face, (m, w NODES)
 
 
-#: Sizes of the columns of a row that are no scalar stand at the end.
+class FaceTorques(NamedTuple):
+    """Torques of w faces on the sliding ring at m values, N m, (m, w) each."""
+
+    mean: Array
+    single_error: Array  #: standard error by the law, of each face by itself
+    common_error: Array  #: the same in common
+
+
+#: Number of the first columns of a row, which are scalars.
 SCALARS = len(ClutchQuantities._fields) - 2
 
 
@@ -148,8 +157,6 @@ class Contacts:
     ) -> Array:
         """Compute the log density of slopes and accelerations on the faces, (m,)."""
         seen = self.marks.faces
-        if not seen.cell.size:
-            return np.zeros(len(q.chamfer))
         senses = sense * self.senses[seen.cell]
         radius = 0.5 * (self.dog.inner_radius + self.dog.mean_radius)
         tangent = np.tan(q.chamfer)[:, None]
@@ -158,23 +165,22 @@ class Contacts:
         single = seen.slope_error**2 + (factor * SINGLE_FACE * tangent) ** 2
         common = np.broadcast_to(factor * FACE_LAW * tangent, slope.shape)
         log = _log_student(seen.slope - slope, single, common)
-        torque, scale = self._face_torques(q, senses, log_force, radius)
+        torques = self._face_torques(q, senses, log_force, radius)
+        torque = torques.mean
         drag = q.drag[:, None]
         speed = seen.sliding_speed
         turning = torque - drag * np.sign(speed)
         resting = np.sign(torque) * np.maximum(abs(torque) - drag, 0.0)
         net = np.where(abs(speed) > TURNING_RAD_S, turning, resting)
         inertia = q.sliding_inertia[:, None]
-        acceleration = net / inertia
-        scale = scale / inertia
-        single = seen.acceleration_error**2 + (factor * SINGLE_FACE * scale) ** 2
-        residual = seen.acceleration - acceleration
-        return log + _log_student(residual, single, factor * FACE_LAW * scale)
+        single = seen.acceleration_error**2 + (factor * torques.single_error / inertia) ** 2
+        residual = seen.acceleration - net / inertia
+        return log + _log_student(residual, single, factor * torques.common_error / inertia)
 
     def _face_torques(
         self, q: ClutchQuantities, senses: Array, log_force: Array, radius: float
-    ) -> tuple[Array, Array]:
-        """Compute mean torques of the faces on the sliding ring, and their scale, N m, (m, w)."""
+    ) -> FaceTorques:
+        """Compute mean torques of the faces on the sliding ring."""
         seen = self.marks.faces
         shape = (len(q.chamfer), *seen.slip.shape)
         friction = friction_coefficient(
@@ -195,9 +201,14 @@ class Contacts:
         axial = axial - q.detent[:, None, None] * climb
         spline = q.spline[:, None, None] * radius * abs(ratio) * direction
         normal = np.maximum(axial, 0.0) / np.maximum(1.0 + spline, 0.1)
-        torque = (normal * ratio).mean(axis=2) * radius
-        scale = (normal * (friction + np.tan(chamfer))).mean(axis=2) * radius
-        return torque, scale
+        sum_of_slopes = friction + np.tan(chamfer)
+        creep_share = 1.0 / (1.0 + (seen.slip / q.stiction_velocity[:, None, None]) ** 2)
+        common = np.hypot(FACE_LAW * sum_of_slopes, CREEP_LAW * creep_share * friction)
+        return FaceTorques(
+            mean=(normal * ratio).mean(axis=2) * radius,
+            single_error=SINGLE_FACE * (normal * sum_of_slopes).mean(axis=2) * radius,
+            common_error=(normal * common).mean(axis=2) * radius,
+        )
 
     def _quantities(self, h: Hypothesis, values: Array) -> ClutchQuantities:
         """Look up the quantities at values (m, p) of a hypothesis."""
@@ -264,7 +275,7 @@ class Contacts:
             return None
 
     def _row(self, settings: Sequence[Setting], baseline: Array | None = None) -> Array:
-        """Compute the quantities of a bench as one row; points of ``baseline`` where it is given."""
+        """Compute the quantities of a bench as one row, its operating points from ``baseline``."""
         first = settings[0]
         clutch = first.clutch
         mechanism = clutch.mechanism
