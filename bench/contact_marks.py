@@ -35,6 +35,7 @@ MIN_FACE_NOISE_M = 3e-6  #: m, least scatter of the displacement
 MIN_APPROACH_RATIO = 1.5  #: of the speed before the touch to that on the face
 MAX_TRAVEL_SHARE = 0.95  #: of the travel, to which a face may reach
 TOUCH_SHARE = 0.3  #: of the axial gap, up to which no dogs have touched
+REST_TIME_S = 0.05  #: s, before the touch and after the shift, of which speeds are taken
 MIN_REST_SAMPLES = 5  #: before the touch, and after the shift
 END_SHARE = 0.98  #: of the travel, from which the rings are engaged
 MIN_SPEED_SHARE = 0.25  #: of the nominal mismatch, below which speeds were not recorded
@@ -96,13 +97,15 @@ class SeenContacts:
 def contacts_of(bench: Bench) -> SeenContacts | None:
     """Gather the marks of the contact; None without traces that show speeds.
 
-    Shafts that turn, their drive and elastic shafts take part in the balance, and a ridge within
-    the tip has two chamfers: such clutches have no marks.
+    Shafts that turn, their drive and elastic shafts take part in the balance, a ridge within the
+    tip has two chamfers, and faces may have a friction of their own: such clutches have no marks.
     """
     clutch = bench.clutch
     mechanism = clutch.mechanism
     has_shafts = mechanism.ring_inertia > 0.0 or mechanism.wheel_inertia > 0.0
-    if clutch.drive.turns or clutch.drive.has_torques or has_shafts or clutch.dog.has_back:
+    has_drive = clutch.drive.turns or clutch.drive.has_torques
+    has_two_laws = clutch.contact.impact is not None or clutch.contact.face_friction is not None
+    if has_drive or has_shafts or has_two_laws or clutch.dog.has_back:
         return None
     speeds = list[tuple[float, ...]]()
     balances = list[tuple[float, ...]]()
@@ -157,15 +160,8 @@ def _motion_of(trace: BenchTrace, clutch: Clutch, mismatch: float) -> _Motion | 
 
     ``mismatch`` is the nominal one, rad/s.
     """
-    block = max(1, trace.time.size // MAX_SAMPLES)
-    count = trace.time.size // block
-    columns = (
-        *(trace.time, trace.displacement, trace.force),
-        *(trace.sliding_speed, trace.output_speed),
-    )
-    time, displacement, force, sliding, output = (
-        column[: count * block].reshape(count, block).mean(axis=1) for column in columns
-    )
+    time, displacement, force, sliding, output = _shift_samples(trace, clutch)
+    count = time.size
     is_touching = smoothed(displacement) > TOUCH_SHARE * clutch.dog.axial_gap
     touch = int(np.argmax(is_touching))
     if not is_touching.any() or touch < MIN_REST_SAMPLES:
@@ -204,6 +200,24 @@ def _motion_of(trace: BenchTrace, clutch: Clutch, mismatch: float) -> _Motion | 
         difference=(abs(difference), float(np.hypot(mean_error, SPEED_ERROR_RAD_S))),
         balance=balance,
         speed_noise=noise,
+    )
+
+
+def _shift_samples(trace: BenchTrace, clutch: Clutch) -> tuple[Array, ...]:
+    """Select the samples about a shift, averaged in blocks: the channels of a trace, (n,) each."""
+    displacement = smoothed(trace.displacement)
+    touch = int(np.argmax(displacement > TOUCH_SHARE * clutch.dog.axial_gap))
+    end = int(np.argmax(displacement > END_SHARE * float(displacement.max())))
+    is_near = trace.time >= trace.time[touch] - REST_TIME_S
+    is_near &= trace.time <= trace.time[end] + REST_TIME_S
+    channels = (
+        *(trace.time, trace.displacement, trace.force),
+        *(trace.sliding_speed, trace.output_speed),
+    )
+    block = max(1, int(is_near.sum()) // MAX_SAMPLES)
+    count = int(is_near.sum()) // block
+    return tuple(
+        channel[is_near][: count * block].reshape(count, block).mean(axis=1) for channel in channels
     )
 
 
