@@ -97,15 +97,15 @@ class SeenContacts:
 def contacts_of(bench: Bench) -> SeenContacts | None:
     """Gather the marks of the contact; None without traces that show speeds.
 
-    Shafts that turn, their drive and elastic shafts take part in the balance, a ridge within the
-    tip has two chamfers, and faces may have a friction of their own: such clutches have no marks.
+    Shafts that turn, their drive and elastic shafts take part in the balance, a tip may fall to
+    the traction flank, and faces may have a friction of their own: such clutches have no marks.
     """
     clutch = bench.clutch
     mechanism = clutch.mechanism
     has_shafts = mechanism.ring_inertia > 0.0 or mechanism.wheel_inertia > 0.0
     has_drive = clutch.drive.turns or clutch.drive.has_torques
     has_two_laws = clutch.contact.impact is not None or clutch.contact.face_friction is not None
-    if has_drive or has_shafts or has_two_laws or clutch.dog.has_back:
+    if has_drive or has_shafts or has_two_laws or clutch.dog.crest < 1.0:
         return None
     speeds = list[tuple[float, ...]]()
     balances = list[tuple[float, ...]]()
