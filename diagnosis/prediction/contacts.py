@@ -43,7 +43,10 @@ REFERENCE_SHARES = (0.5, 0.0, 1.0)
 MIN_FORCE_N = 0.5  #: of a profile, below which it has no ratio to another one
 MAX_FORCE_RATIO = 20.0
 TURNING_RAD_S = 0.2  #: rad/s, sliding speed from which the drag is that of a turning ring
-FACE_LAW = 0.05  #: of friction and chamfer, error of the slope and of the acceleration in common
+#: Share of the way from the inner to the mean radius at which faces meet: turned against each other,
+#: rigid ones meet at the inner radius, those of the compiled engine up to half way.
+FACE_RADIUS_SHARE = 0.25
+FACE_LAW = 0.06  #: of friction and chamfer, error of the slope and of the acceleration in common
 CREEP_LAW = USUAL.nuisance["contact_creep"] - 1.0  #: of the stiction velocity, error in common
 SINGLE_FACE = 0.05  #: of friction and chamfer, error of each face by itself
 BALANCE_LAW = 0.02  #: of the sliding side's gain, error in common
@@ -158,7 +161,8 @@ class Contacts:
         """Compute the log density of slopes and accelerations on the faces, (m,)."""
         seen = self.marks.faces
         senses = sense * self.senses[seen.cell]
-        radius = 0.5 * (self.dog.inner_radius + self.dog.mean_radius)
+        inner = self.dog.inner_radius
+        radius = inner + FACE_RADIUS_SHARE * (self.dog.mean_radius - inner)
         tangent = np.tan(q.chamfer)[:, None]
         slope = senses * tangent * (radius / self.dog.mean_radius)
         slope = slope + q.compliance[:, None] * seen.force_slope
