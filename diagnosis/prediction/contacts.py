@@ -43,7 +43,7 @@ REFERENCE_SHARES = (0.5, 0.0, 1.0)
 MIN_FORCE_N = 0.5  #: of a profile, below which it has no ratio to another one
 MAX_FORCE_RATIO = 20.0
 TURNING_RAD_S = 0.2  #: rad/s, sliding speed from which the drag is that of a turning ring
-#: Share of the way from the inner to the mean radius at which faces meet: turned against each other,
+#: Share of the way from inner to mean radius at which faces meet. Turned against each other,
 #: rigid ones meet at the inner radius, those of the compiled engine up to half way.
 FACE_RADIUS_SHARE = 0.25
 FACE_LAW = 0.06  #: of friction and chamfer, error of the slope and of the acceleration in common
