@@ -39,6 +39,7 @@ from dogshape.diagnosis.inference.verdict import (
 )
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import Observations, observe
+from dogshape.diagnosis.prediction.contacts import Contacts
 from dogshape.diagnosis.prediction.flights import Flights, log_flights
 from dogshape.diagnosis.prediction.flights import log_unknown as log_unknown_flights
 from dogshape.diagnosis.prediction.model import Model
@@ -528,16 +529,24 @@ def _search_of(bench: Bench, model: Model, reading: _Reading, settings: Settings
     observed = observe(bench, model)
     flights = Flights(model.effects, model.settings)
     facts = measured_facts(bench, model.effects)
+    contacts = None
+    if observed.contacts is not None:
+        contacts = Contacts(bench, observed.contacts, model.effects, model.settings)
 
     def side_likelihood(hypothesis: Hypothesis, shares: Array) -> Array:
         """Compute the log likelihood of traces and direct tests, (n,)."""
         space = model.space(hypothesis)
         values = space.values(shares)
-        marks = log_flights(observed.flights, flights, space.hypothesis, values)
+        log_contacts = contacts.log_density(hypothesis, values) if contacts else 0.0
+        marks = log_flights(
+            observed.flights, flights, space.hypothesis, values, log_contacts=log_contacts
+        )
         return log_density(facts, space, values) + marks
 
     log_side_unknown = sum(log_unknown(fact, model.effects) for fact in facts)
     log_side_unknown += log_unknown_flights(observed.flights, flights)
+    if contacts is not None:
+        log_side_unknown += contacts.log_unknown()
     reversed_prior = settings.reversed_unknown
     if bench.record.sense == "known":
         reversed_prior = settings.reversed_known

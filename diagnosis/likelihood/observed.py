@@ -20,6 +20,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from dogshape.bench.bench_data import Bench, Cell, Reading
+from dogshape.bench.contact_marks import SeenContacts, contacts_of
 from dogshape.bench.flight_marks import SeenFlight, flights_of
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.prediction.moments import MIN_SD_S, mark_late
@@ -64,6 +65,7 @@ class Observations:
     force: Array  #: N, (C,)
     drift: Drift | None  #: None where the order of the shifts is not known
     flights: tuple[SeenFlight, ...]  #: marks of the free flight in traces
+    contacts: SeenContacts | None  #: marks of the contact in traces
 
 
 class _CellSummary(NamedTuple):
@@ -110,6 +112,7 @@ def observe(bench: Bench, model: Model) -> Observations:
         force=force,
         drift=drift,
         flights=flights_of(bench),
+        contacts=contacts_of(bench),
     )
 
 

@@ -342,16 +342,23 @@ class Flights:
 
 
 def log_flights(
-    observed: Sequence[SeenFlight], flights: Flights, h: Hypothesis, values: Array
+    observed: Sequence[SeenFlight],
+    flights: Flights,
+    h: Hypothesis,
+    values: Array,
+    log_contacts: Array | float = 0.0,
 ) -> Array:
-    """Compute the log density of all profiles' marks at values (m, p) of a hypothesis, (m,)."""
+    """Compute the log density of all profiles' marks at values (m, p) of a hypothesis, (m,).
+
+    ``log_contacts`` is that of the same traces' contacts with acting and nominal force, (2, m).
+    """
     log = np.zeros((2, len(values)))  # with acting and nominal force
     for squared, log_determinant, size in _distances(observed, flights, h, values):
         constant = gammaln((FREEDOM + size) / 2.0) - gammaln(FREEDOM / 2.0)
         constant = constant - 0.5 * size * np.log(FREEDOM * np.pi)
         tail = 0.5 * (FREEDOM + size) * np.log1p(squared / FREEDOM)
         log += constant - 0.5 * log_determinant - tail
-    return np.asarray(np.logaddexp(*log) - np.log(2.0))
+    return np.asarray(np.logaddexp(*(log + log_contacts)) - np.log(2.0))
 
 
 def flight_scores(

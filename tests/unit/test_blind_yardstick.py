@@ -59,7 +59,7 @@ def _yardstick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float =
     zeros, count = np.zeros(CELLS), np.full(CELLS, n)
     seen = Observations(
         count, zeros + BASE, zeros + SD**2, zeros, zeros, zeros > 0.0,
-        count, zeros, SPEEDS.ravel(), FORCES.ravel(), None, (),
+        count, zeros, SPEEDS.ravel(), FORCES.ravel(), None, (), None,
     )  # fmt: skip
     bench: Any = SimpleNamespace(
         measured=(), errors=NominalErrors(), margin=RelativeMargin(), clock_step=0.0
