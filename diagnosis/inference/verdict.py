@@ -7,6 +7,7 @@ data's errors of that without one of its effects counts with the hypothesis that
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -83,13 +84,18 @@ def excluded_share(
 ) -> float:
     """Compute the share of the prior odds of effects against none that the data exclude.
 
-    0 for data that would not show an effect; below 0 where the odds have risen.
+    0 for data that would not show an effect; below 0 where the odds have risen, without bound where
+    nothing is left of none.
     """
-    return 1.0 - _effect_odds(evidence) / _effect_odds(prior)
+    odds = _effect_odds(evidence)
+    return -math.inf if math.isinf(odds) else 1.0 - odds / _effect_odds(prior)
 
 
 def _effect_odds(weights: Mapping[Hypothesis, float]) -> float:
-    """Compute the odds of all sets of effects against none, in either sense of rotation."""
+    """Compute the odds of all sets of effects against none, in either sense of rotation.
+
+    Infinite where none has no weight.
+    """
     effects = 0.0
     none = 0.0
     for h, weight in weights.items():
@@ -97,7 +103,7 @@ def _effect_odds(weights: Mapping[Hypothesis, float]) -> float:
             none += weight
         elif h != UNKNOWN:
             effects += weight
-    return effects / none
+    return effects / none if none > 0.0 else math.inf
 
 
 def is_nameable(hypothesis: Hypothesis, settings: Settings) -> bool:

@@ -92,13 +92,13 @@ def test_a_precision_out_of_reach_is_told(study: Setup) -> None:
     found = _run(study, lambda phase: 0.05 + 0.06 * ((1e4 * phase) % 1.0), 0.0001, said)
     assert {p.n for p in found.points} == {MAX_ANGLES}
     share = found.engaged_error / found.engaged_mean
-    result = results.MixExpectation(study, found, 0.0001)
+    result = results.Expectation(study, found, 0.0001)
     (line,) = (part for part in result.to_parts() if str(part).startswith("warning: precision not"))
     assert (
         f"error {share:.3g}, wanted 0.0001 ({share - 0.0001:.3g} more), with {MAX_ANGLES}"
         in str(line)
     )
     assert result.to_dict()["precision"] == {"wanted": 0.0001, "reached": share}
-    assert not results.MixExpectation(study, found, 0.1).shortfall
+    assert not results.Expectation(study, found, 0.1).shortfall
     assert not _run(study, lambda _: None, 0.01, said).engages
     assert said[-1] == "nothing engages at some operating point: no precision can be reached"
