@@ -15,6 +15,7 @@ from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis, GapStep, diagnose
 from dogshape.diagnosis.gap_map import describe_gaps
 from dogshape.diagnosis.inference.fit import Interval
+from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import CauseVerdict, inclusion
 from dogshape.diagnosis.next_test import rank_tests
@@ -160,32 +161,26 @@ def diagnosis_of(
     return diagnosis
 
 
-def advised_tests() -> tuple[Any, ...]:
+def advised_tests() -> tuple[NextTest, ...]:
     """List two tests: traces that settle much, and a cheap run-down."""
     return (
-        SimpleNamespace(
+        NextTest(
             name="traces of 10 shifts at 5 1/min and 235.2 N",
+            how="Record them.",
             kind="traces",
-            effects=(),
             hours=2.2,
             information=0.9,
             gain=0.4,
             refutes="A mean time above 40 ms refutes the set.",
             settles=0.55,
             misleads=0.02,
-            why="Record them. Work: 2.2 h.",
         ),
-        SimpleNamespace(
+        NextTest(
             name="run-down of the sliding ring",
+            how="Turn it.",
             kind="direct",
-            effects=("drag_torque",),
             hours=1.0,
-            information=0.0,
-            gain=0.0,
-            refutes="",
-            settles=0.0,
-            misleads=0.0,
-            why="Turn it. Work: 1 h.",
+            effects=("drag_torque",),
         ),
     )
 

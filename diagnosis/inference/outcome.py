@@ -215,11 +215,12 @@ class PredictedOutcome:
         is_right = is_named[rows, truth[causes]]
         is_wrong = is_named.any(axis=1) & ~is_right
         right_before = float(before @ is_named_before)
+        wrong_before = float(before.sum() * is_named_before.any()) - right_before
         return Worth(
             information=max(0.0, information),
             gain=answer_gain(before, after, weights),
             settles=float(weights @ is_right) - right_before,
-            misleads=float(weights @ is_wrong) - (float(is_named_before.any()) - right_before),
+            misleads=float(weights @ is_wrong) - wrong_before,
         )
 
     def interval(self, hypothesis: Hypothesis, column: int, outside: float) -> tuple[float, float]:
