@@ -6,7 +6,8 @@ None depends on the relative angle at the first touch, which no trace shows:
 - *balance* of both sides from the touch to the end: the output side loses :math:`J_2 \Delta
   \omega_2`, the sliding side gains :math:`J_1 \Delta\omega_1` and what its drag takes;
 - *face*: while faces slide on each other, displacement over slip has the slope of the chamfer, and
-  the acceleration of the sliding ring is the friction under the force at that time.
+  the acceleration of the sliding ring is the friction under the force at that time. The faces part
+  at the gap, or deeper by the depth of the chamfers.
 
 The face is the longest run of samples whose displacement is linear in the slip, flatter than any
 flank, behind a faster approach. Speeds have the sense of the observed difference.
@@ -80,9 +81,10 @@ class FaceMarks:
     force_slope: Array  #: force over slip, N/m, (w,)
     acceleration: Array  #: of the sliding ring, rad/s^2, (w,)
     acceleration_error: Array  #: (w,)
+    end: Array  #: displacement where the faces part, m, (w,)
 
 
-FACE_SIZE = 4 * NODES + 7  #: values of a face
+FACE_SIZE = 4 * NODES + 8  #: values of a face
 
 
 @dataclass(frozen=True)
@@ -255,6 +257,7 @@ def _face_of(motion: _Motion, clutch: Clutch) -> Array | None:
         float(np.polyfit(slip, force, 1)[0]),
         acceleration,
         acceleration_error,
+        float(displacement[-1]),
     ]
     return np.concatenate([means[0], ways / durations, *means[1:], scalars])
 
@@ -289,16 +292,25 @@ def _face_samples(motion: _Motion, clutch: Clutch) -> tuple[int, int] | None:
 def _line_end(slip: Array, displacement: Array, tolerance: float) -> int:
     """Count the first samples that lie on one line of a face's slope; 0 for too few."""
     accepted = 0
-    count = MIN_FACE_SAMPLES
-    while count <= slip.size:
-        x = slip[:count] - slip[:count].mean()
-        y = displacement[:count] - displacement[:count].mean()
-        square = float(x @ x)
-        if square == 0.0:
+    step = MIN_FACE_SAMPLES
+    while step > 0:
+        count = accepted + step
+        if count <= slip.size and _is_line(slip[:count], displacement[:count], tolerance):
+            accepted = count
+            step *= 2
+        elif accepted == 0:
             break
-        slope = float(x @ y) / square
-        if abs(slope) > MAX_FACE_SLOPE or abs(y - slope * x).max() > tolerance:
-            break
-        accepted = count
-        count += max(2, count // 8)
+        else:
+            step //= 2
     return accepted
+
+
+def _is_line(slip: Array, displacement: Array, tolerance: float) -> bool:
+    """Test whether displacements lie on a line of a face's slope over the slip."""
+    x = slip - slip.mean()
+    y = displacement - displacement.mean()
+    square = float(x @ x)
+    if square == 0.0:
+        return False
+    slope = float(x @ y) / square
+    return abs(slope) <= MAX_FACE_SLOPE and float(abs(y - slope * x).max()) <= tolerance

@@ -11,6 +11,8 @@ chamfer pushes it back, at the radius *r* where faces meet,
 with drag *M*, and friction, damping and detent of ``sim.shift.mechanism``. From touch to end
 :math:`J_2 |\Delta\omega_2| = J_1 \Delta\omega_1 + M t`. Before, the speeds differ by the mismatch.
 
+Faces of the width *w* part at the gap where *s* = -1, else deeper by :math:`2 w \tan\alpha`.
+
 Quantities of a clutch change along each parameter apart from all others, so that a table along each
 parameter gives them for any hypothesis. The force of the trace is the one that acts or the nominal
 one, and so are its speeds. Each kind of mark has a Student distribution with an error of its law in
@@ -48,6 +50,7 @@ TURNING_RAD_S = 0.2  #: rad/s, sliding speed from which the drag is that of a tu
 FACE_RADIUS_SHARE = 0.25
 FACE_LAW = 0.06  #: of friction and chamfer, error of the slope and of the acceleration in common
 CREEP_LAW = USUAL.nuisance["contact_creep"] - 1.0  #: of the stiction velocity, error in common
+END_ERROR_M = 5e-5  #: m, of the displacement where faces part
 SINGLE_FACE = 0.05  #: of friction and chamfer, error of each face by itself
 BALANCE_LAW = 0.02  #: of the sliding side's gain, error in common
 HELD_LAW = 0.5  #: of the drag's part in a balance, error in common: a held ring shows no sense
@@ -62,6 +65,7 @@ class ClutchQuantities(NamedTuple):
     dynamic_friction: Array
     stiction_velocity: Array  #: m/s
     chamfer: Array  #: rad
+    gap: Array  #: m
     sliding_inertia: Array  #: kg m2
     output_inertia: Array  #: kg m2
     drag: Array  #: N m
@@ -71,6 +75,7 @@ class ClutchQuantities(NamedTuple):
     detent_position: Array  #: m
     spline: Array  #: 1/m
     compliance: Array  #: of the linkage before the sensor, m/N
+    play: Array  #: of that linkage, m
     mismatch: Array  #: magnitude at each marked operating point, rad/s, (m, a)
     log_force: Array  #: ln of the force over the nominal one on each face, (m, w NODES)
 
@@ -102,6 +107,8 @@ class Contacts:
         self.settings = settings
         self.dog = bench.clutch.dog
         self.detent_width = settings[0].clutch.mechanism.detent_width
+        inner = self.dog.inner_radius
+        self.face_radius = inner + FACE_RADIUS_SHARE * (self.dog.mean_radius - inner)
         self.senses = np.array([np.sign(s.point.mismatch) or 1.0 for s in settings])
         share = bench.errors.each_point.sizes[2]
         offset = bench.errors.each_point.sizes[3]
@@ -119,8 +126,9 @@ class Contacts:
         ``factor`` multiplies all errors of laws.
         """
         q = self._quantities(h, values)
-        log = self._log_speeds(q, factor) + self._log_balances(q, factor)
         sense = -1.0 if REVERSED in h else 1.0
+        log = self._log_speeds(q, factor) + self._log_balances(q, factor)
+        log = log + self._log_ends(q, sense, factor)
         acting = self._log_faces(q, sense, np.zeros_like(q.log_force), factor)
         nominal = acting
         if q.log_force.any():
@@ -155,14 +163,33 @@ class Contacts:
         single = seen.error**2 + (factor * HELD_LAW * loss) ** 2
         return _log_student(seen.fall - gain - loss, single, factor * BALANCE_LAW * gain)
 
+    def _log_ends(self, q: ClutchQuantities, sense: float, factor: float) -> Array:
+        """Compute the log density of where faces part, median of each sense, (m,)."""
+        seen = self.marks.faces
+        senses = sense * self.senses[seen.cell]
+        tangent = np.tan(q.chamfer)
+        tip = self.dog.tip_width_at(self.face_radius)
+        drop = 2.0 * tip * tangent / (1.0 - tangent * np.tan(self.dog.braking))
+        residuals = []
+        for moves_on in (True, False):
+            group = (senses > 0.0) == moves_on
+            if group.any():
+                force = float(np.median(seen.force[group, -1]))
+                end = q.gap + moves_on * drop + q.compliance * force + 0.5 * q.play
+                residuals.append(float(np.median(seen.end[group])) - end)
+        if not residuals:
+            return np.zeros(len(q.gap))
+        residual = np.stack(residuals, axis=1)
+        variance = np.full(residual.shape, (factor * END_ERROR_M) ** 2)
+        return _log_student(residual, variance, np.zeros_like(residual))
+
     def _log_faces(
         self, q: ClutchQuantities, sense: float, log_force: Array, factor: float
     ) -> Array:
         """Compute the log density of slopes and accelerations on the faces, (m,)."""
         seen = self.marks.faces
         senses = sense * self.senses[seen.cell]
-        inner = self.dog.inner_radius
-        radius = inner + FACE_RADIUS_SHARE * (self.dog.mean_radius - inner)
+        radius = self.face_radius
         tangent = np.tan(q.chamfer)[:, None]
         slope = senses * tangent * (radius / self.dog.mean_radius)
         slope = slope + q.compliance[:, None] * seen.force_slope
@@ -291,6 +318,7 @@ class Contacts:
             contact.dynamic_friction,
             contact.stiction_velocity,
             clutch.dog.chamfer,
+            clutch.dog.axial_gap,
             numbers.sliding_inertia,
             numbers.output_inertia,
             mechanism.drag_torque,
@@ -300,6 +328,7 @@ class Contacts:
             mechanism.detent_position,
             numbers.spline_force_per_torque,
             1.0 / numbers.linkage_stiffness if is_elastic else 0.0,
+            mechanism.free_play if is_elastic else 0.0,
         ]
         if baseline is not None:
             return np.concatenate([scalars, baseline[SCALARS:]])
