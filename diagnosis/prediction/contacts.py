@@ -346,7 +346,8 @@ class Contacts:
         """Divide rows (m, K) into quantities."""
         speeds = SCALARS + self.marks.speeds.cell.size
         scalars = rows[:, :SCALARS].T
-        return ClutchQuantities(*scalars, rows[:, SCALARS:speeds], rows[:, speeds:])
+        columns = [*scalars, rows[:, SCALARS:speeds], rows[:, speeds:]]
+        return ClutchQuantities._make(columns)
 
 
 def friction_coefficient(
