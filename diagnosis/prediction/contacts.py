@@ -346,7 +346,7 @@ class Contacts:
         """Divide rows (m, K) into quantities."""
         speeds = SCALARS + self.marks.speeds.cell.size
         scalars = rows[:, :SCALARS].T
-        return ClutchQuantities(*scalars, rows[:, SCALARS:speeds], rows[:, speeds:])
+        return ClutchQuantities._make([*scalars, rows[:, SCALARS:speeds], rows[:, speeds:]])
 
 
 def friction_coefficient(
