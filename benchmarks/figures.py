@@ -382,7 +382,7 @@ def stand() -> str:
         ),
         (
             f"next test: {test['name']}",
-            f"expected to settle it with {percent(test['chance_to_settle'])}, "
+            f"expected rise of the answer's probability {percent(test['gain'])}, "
             f"{test['hours']:.1f} h",
         ),
         (
