@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from dogshape.bench.bench_data import Bench, Cell, load_bench
-from dogshape.diagnosis.comparison import Comparison, compare
+from dogshape.diagnosis.comparison import PointGaps, compare
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.kernel import crossing
 from dogshape.sim.shift.clutch import Clutch, ImpactLaw, contact_set
@@ -43,7 +43,7 @@ def laws(bench: Bench) -> dict[str, Clutch]:
     }
 
 
-def deviations(comparison: Comparison) -> dict[float, list[float]]:
+def deviations(comparison: PointGaps) -> dict[float, list[float]]:
     """Compute simulation over table less one of cells with a time, by mismatch in 1/min."""
     rows: dict[float, list[float]] = {}
     for difference in comparison.differences:

@@ -25,7 +25,7 @@ from scipy.stats import kstest
 
 from dogshape.bench.bench_data import Bench, Cell, Reading, load_bench
 from dogshape.bench.stand_file import BenchRecord
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.diagnosis import Inference, diagnose
 from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of
 from dogshape.diagnosis.likelihood.observed import observe
@@ -230,7 +230,7 @@ def draw_and_diagnose(bench: Bench, model: Model, seed: int) -> Answer:
     return compare_truth(truth, diagnose(drawn_bench, {"sleeve": replace(model, runner=None)}))
 
 
-def compare_truth(truth: Truth, diagnosis: Diagnosis) -> Answer:
+def compare_truth(truth: Truth, diagnosis: Inference) -> Answer:
     """Compare a diagnosis with the truth."""
     cause = UNKNOWN if "unknown" in truth.hypothesis else truth.hypothesis
     probability = diagnosis.evidence.get(cause, 0.0)

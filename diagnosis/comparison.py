@@ -56,7 +56,7 @@ class PointGap:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PointGaps:
     """All operating points of a data set, and the numerical error of their mean in s, if known."""
 
     bench: Bench
@@ -92,7 +92,7 @@ def compare(
     angles: int | tuple[float, ...] | None = None,
     *,
     checked: bool = False,
-) -> Comparison:
+) -> PointGaps:
     """Simulate every operating point of a data set.
 
     ``angles`` are relative angles in rad, or how many evenly spaced ones; by default those of the
@@ -116,7 +116,7 @@ def compare(
             error = math.hypot(simulated.engaged_error, retry_error, sampled)
         error = math.hypot(max(error, 1e-6), input_error)
         gaps.append(PointGap(cell, simulated.mean_engaged, error, simulated.engaged, simulated.n))
-    return Comparison(bench, tuple(gaps), numerical_error(blocks, rows, run) if checked else None)
+    return PointGaps(bench, tuple(gaps), numerical_error(blocks, rows, run) if checked else None)
 
 
 def _scatter(cell: Cell) -> float:

@@ -18,7 +18,7 @@ from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.gap_map import describe_gaps
 from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, predict_held_out
 from dogshape.diagnosis.inference.outcome import NextTest
-from dogshape.diagnosis.inference.ranking import Ranking, Search, rank
+from dogshape.diagnosis.inference.ranking import HypothesisSearch, Ranking, rank
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
     facts_of,
@@ -86,7 +86,7 @@ class GapStep(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Inference:
     """Result of a diagnosis, with its data set."""
 
     bench: Bench
@@ -340,7 +340,7 @@ def _interval_records(intervals: Mapping[str, Interval]) -> Record:
     return {name: asdict(interval) for name, interval in intervals.items()}
 
 
-def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL) -> Diagnosis:
+def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL) -> Inference:
     """Diagnose a data set by the models of each place where displacement may be read."""
     begin = time.process_time()
     has_empty_rows = any(cell.unknown for cell in bench.cells)
@@ -363,7 +363,7 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
     effects = dict(likelihood.model.effects)
     if likelihood.model.reversed_model is not None:
         effects[REVERSED] = registry.load()[REVERSED]
-    return Diagnosis(
+    return Inference(
         bench=bench,
         effects=dict(sorted(effects.items())),
         settings=settings,
@@ -523,7 +523,9 @@ class _Reading(NamedTuple):
     empty: EmptyCells  #: meaning of rows without a time
 
 
-def _search_of(bench: Bench, model: Model, reading: _Reading, settings: Settings) -> Search:
+def _search_of(
+    bench: Bench, model: Model, reading: _Reading, settings: Settings
+) -> HypothesisSearch:
     """Begin the ranking of hypotheses under one reading of the record."""
     bench = replace(bench, cells=tuple(cell.with_empty(reading.empty) for cell in bench.cells))
     observed = observe(bench, model)
@@ -552,7 +554,7 @@ def _search_of(bench: Bench, model: Model, reading: _Reading, settings: Settings
         reversed_prior = settings.reversed_known
     priors = _reading_priors(bench, reading, settings)
     log_meaning = sum(np.log(prior) for values in priors.values() for prior in values.values())
-    return Search(
+    return HypothesisSearch(
         likelihood=Likelihood(bench, observed, model, settings),
         side_likelihood=side_likelihood,
         reversed_prior=reversed_prior,

@@ -24,7 +24,7 @@ from scipy.stats import qmc
 
 from dogshape.bench.bench_data import Bench
 from dogshape.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
-from dogshape.diagnosis.diagnosis import Diagnosis, RecordMeaning
+from dogshape.diagnosis.diagnosis import Inference, RecordMeaning
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import (
     MIN_SHARE,
@@ -147,7 +147,7 @@ def imitator_odds(settings: Settings) -> float:
     return settings.unlisted * settings.imitated / (1.0 - settings.unlisted)
 
 
-def rank_tests(diagnosis: Diagnosis) -> tuple[NextTest, ...]:
+def rank_tests(diagnosis: Inference) -> tuple[NextTest, ...]:
     """Rank the tests of a diagnosis, the best first."""
     tests_by_name = {}
     for test in (*_direct_tests(diagnosis), *_questions(diagnosis)):
@@ -160,7 +160,7 @@ def rank_tests(diagnosis: Diagnosis) -> tuple[NextTest, ...]:
 
 
 def update_posterior(
-    diagnosis: Diagnosis, test: NextTest, outcome: Sequence[float] | str
+    diagnosis: Inference, test: NextTest, outcome: Sequence[float] | str
 ) -> Mapping[Hypothesis, float]:
     """Update the probabilities by the outcome of a test; unchanged where nothing predicts it.
 
@@ -183,7 +183,7 @@ def update_posterior(
     return dict(zip(predicted.hypotheses, posterior.tolist(), strict=True))
 
 
-def _add_worth(diagnosis: Diagnosis, test: NextTest, seed: int = 1) -> NextTest:
+def _add_worth(diagnosis: Inference, test: NextTest, seed: int = 1) -> NextTest:
     """Add its worth to a test whose outcome is predicted."""
     if test.outcome is None:
         return test
@@ -193,14 +193,14 @@ def _add_worth(diagnosis: Diagnosis, test: NextTest, seed: int = 1) -> NextTest:
     return replace(test, **worth._asdict())
 
 
-def _prior(diagnosis: Diagnosis, outcome: PredictedOutcome) -> Array:
+def _prior(diagnosis: Inference, outcome: PredictedOutcome) -> Array:
     """Compute the probabilities of an outcome's hypotheses before the test, all above 0."""
     posterior = diagnosis.posterior
     prior = np.array([max(1e-9, posterior.get(h, 0.0)) for h in outcome.hypotheses])
     return np.asarray(prior / prior.sum())
 
 
-def _order_tests(diagnosis: Diagnosis, tests: Sequence[NextTest]) -> list[NextTest]:
+def _order_tests(diagnosis: Inference, tests: Sequence[NextTest]) -> list[NextTest]:
     """Order tests by gain per hour, but the first by what the answer needs."""
     settings = diagnosis.settings
     posterior = diagnosis.posterior
@@ -245,7 +245,7 @@ def _most_probable(
     return max(candidates, key=lambda h: posterior.get(h, 0.0))
 
 
-def _plausible_fits(diagnosis: Diagnosis) -> dict[Hypothesis, PlausibleFit]:
+def _plausible_fits(diagnosis: Inference) -> dict[Hypothesis, PlausibleFit]:
     """List the plausible known hypotheses with their fits."""
     fits = {}
     for h, probability in diagnosis.posterior.items():
@@ -261,13 +261,13 @@ def _select_draws(fit: Fit) -> PlausibleFit:
     return PlausibleFit(fit, draws)
 
 
-def _questions(diagnosis: Diagnosis) -> list[NextTest]:
+def _questions(diagnosis: Inference) -> list[NextTest]:
     """List the questions about the record whose answers have a probability, with their worth."""
     keys = dict.fromkeys(meaning.key for meaning in diagnosis.record_meanings)
     return [_question(diagnosis, key) for key in keys]
 
 
-def _question(diagnosis: Diagnosis, key: str) -> NextTest:
+def _question(diagnosis: Inference, key: str) -> NextTest:
     """Build the question about a key of the record."""
     answers: list[RecordMeaning] = [m for m in diagnosis.record_meanings if m.key == key]
     chance = np.array([answer.probability for answer in answers])
@@ -301,7 +301,7 @@ def _question(diagnosis: Diagnosis, key: str) -> NextTest:
     )
 
 
-def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
+def _direct_tests(diagnosis: Inference) -> list[NextTest]:
     """List the direct tests of the effects that are possible and have no result yet."""
     bench = diagnosis.bench
     measured = {result.effect for result in bench.measured}
@@ -352,7 +352,7 @@ def _reading_covariance(quantities: Sequence[ReadQuantity], values: Array) -> Ar
     return np.asarray(sds[:, :, None] ** 2 * np.eye(len(quantities)))
 
 
-def _predict_reading(diagnosis: Diagnosis, effects: Sequence[Effect]) -> PredictedOutcome:
+def _predict_reading(diagnosis: Inference, effects: Sequence[Effect]) -> PredictedOutcome:
     """Predict the reading of a direct test, values of its d parameters.
 
     An effect without parameters reads 1 where it is present, else 0.
@@ -400,7 +400,7 @@ def _range_values(effect: Effect, count: int) -> Array:
     return np.stack([parameter.at(column) for parameter, column in columns], axis=1)
 
 
-def _refutation(diagnosis: Diagnosis, test: NextTest) -> str:
+def _refutation(diagnosis: Inference, test: NextTest) -> str:
     """Write a sentence with the result of a test that refutes the most probable known hypothesis.
 
     The hypothesis gives such a result or a further one with the p-value that refutes it; after a
@@ -426,14 +426,14 @@ def _refutation(diagnosis: Diagnosis, test: NextTest) -> str:
     return f"{label} outside {amount('time_s', *ends, digits=3)} refutes {words}."
 
 
-def _claim(diagnosis: Diagnosis, hypothesis: Hypothesis) -> str:
+def _claim(diagnosis: Inference, hypothesis: Hypothesis) -> str:
     """Write a hypothesis in words, as the object of a sentence."""
     if hypothesis == NONE:
         return "that no effect acts"
     return hypothesis_name(hypothesis, diagnosis.effects)
 
 
-def _refuting_reading(diagnosis: Diagnosis, test: NextTest, answer: Hypothesis) -> str:
+def _refuting_reading(diagnosis: Inference, test: NextTest, answer: Hypothesis) -> str:
     """Write a sentence with the reading of a direct test that refutes a hypothesis.
 
     Of several parameters the one that the hypothesis moves furthest; without any, the first.
@@ -493,7 +493,7 @@ def _locate(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
     return (point.mismatch, point.profile.force), words
 
 
-def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
+def _further_tests(diagnosis: Inference) -> list[NextTest]:
     """List more shifts at each operating point at which shifts can engage."""
     bench = diagnosis.bench
     hours, is_possible = terms_of(bench, "more shifts")
@@ -525,7 +525,7 @@ def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
 
 
 def _predict_shifts(
-    diagnosis: Diagnosis, plausible: PlausibleFit, cell: int, shifts: int, *, is_known: bool
+    diagnosis: Inference, plausible: PlausibleFit, cell: int, shifts: int, *, is_known: bool
 ) -> Densities:
     """Predict mean time, s, and share engaged of more shifts at an operating point.
 
@@ -561,7 +561,7 @@ def _predict_shifts(
     return densities._replace(share=densities.share / len(parts))
 
 
-def _trace_tests(diagnosis: Diagnosis) -> list[NextTest]:
+def _trace_tests(diagnosis: Inference) -> list[NextTest]:
     """List traces at the smallest force without any; where unknown leads, at any force.
 
     Of these points at the one of the largest residual.
@@ -599,7 +599,7 @@ def _trace_tests(diagnosis: Diagnosis) -> list[NextTest]:
     ]
 
 
-def _predict_traces(diagnosis: Diagnosis, profile: ForceProfile) -> PredictedOutcome:
+def _predict_traces(diagnosis: Inference, profile: ForceProfile) -> PredictedOutcome:
     """Predict the marks of the flight of some traces, s."""
     freedom = diagnosis.settings.flight_freedom
     student_factor = freedom / (freedom - 2.0)

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.bench.bench_data import load_bench, require_shifts
-from dogshape.diagnosis.comparison import ANGLES, compare
-from dogshape.diagnosis.comparison import Comparison as Compared
+from dogshape.diagnosis.comparison import ANGLES, PointGaps, compare
 from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of, percent, tabulate
@@ -39,7 +38,7 @@ class Comparison(Result):
     ``compared`` has the operating points with their differences, and the data set.
     """
 
-    compared: Compared
+    compared: PointGaps
 
     def to_parts(self) -> list[str | Table]:
         """Tabulate operating points, with lines on the gap and on doubtful values of the set."""

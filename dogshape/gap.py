@@ -15,7 +15,7 @@ import pandas as pd
 from dogshape.bench.bench_data import Bench, load_bench, require_shifts
 from dogshape.bench.bench_draft import BenchDraft, is_table
 from dogshape.bench.table import COLUMNS
-from dogshape.diagnosis.diagnosis import Diagnosis as Inference
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.outcome import (
     DISTINCT_LOG_ODDS,
     NextTest,

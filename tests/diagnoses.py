@@ -12,7 +12,7 @@ import numpy as np
 
 from dogshape.bench.bench_data import Bench, Reading, gather, load_bench, setting_of
 from dogshape.diagnosis.comparison import PointGap
-from dogshape.diagnosis.diagnosis import Diagnosis, GapStep, diagnose
+from dogshape.diagnosis.diagnosis import GapStep, Inference, diagnose
 from dogshape.diagnosis.gap_map import describe_gaps
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.outcome import NextTest
@@ -237,7 +237,7 @@ def simulated_bench(cause: Mapping[str, Mapping[str, float]], seed: int = 1) -> 
 
 def simulated_diagnosis(
     bench: Bench, settings: Settings = USUAL, *, advise: bool = False
-) -> Diagnosis:
+) -> Inference:
     """Diagnose a bench of the closed form, among a few effects."""
     models = build_models(
         bench, {name: EFFECTS[name] for name in FEW_EFFECTS}, settings, simulate_analytic

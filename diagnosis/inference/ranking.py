@@ -135,7 +135,7 @@ class _Prospect(NamedTuple):
 
 
 @dataclass
-class Search:
+class HypothesisSearch:
     """Samples while the hypotheses are ranked on a data set, under one meaning of its record."""
 
     likelihood: Likelihood
@@ -386,7 +386,7 @@ def _flattened_draws(sample: Sample) -> tuple[np.ndarray, Array]:
     return draws, sample.log_density[draws] + np.log(UNLISTED_DRAWS * weights[draws])
 
 
-def rank(searches: Sequence[Search]) -> list[Ranking]:
+def rank(searches: Sequence[HypothesisSearch]) -> list[Ranking]:
     """Rank all hypotheses on a data set, under each meaning of its record."""
     for search in searches:
         search.screen()
@@ -403,7 +403,7 @@ def rank(searches: Sequence[Search]) -> list[Ranking]:
     return [_ranking_of(search) for search in searches]
 
 
-def _simulate_plausible(searches: Sequence[Search]) -> None:
+def _simulate_plausible(searches: Sequence[HypothesisSearch]) -> None:
     """Simulate hypotheses until no error of an evidence moves a probability.
 
     The hypothesis with the most at stake comes first.
@@ -416,12 +416,12 @@ def _simulate_plausible(searches: Sequence[Search]) -> None:
 class _Stake(NamedTuple):
     """Change of a probability by the error of its log evidence."""
 
-    search: Search
+    search: HypothesisSearch
     hypothesis: Hypothesis
     change: float
 
 
-def _list_stakes(searches: Sequence[Search]) -> list[_Stake]:
+def _list_stakes(searches: Sequence[HypothesisSearch]) -> list[_Stake]:
     """List how far emulated times may move probabilities, by more than ``converged``."""
     pairs = [(search, h) for search in searches for h in search.samples]
     logs = np.array([search.value(h) + search.log_meaning for search, h in pairs])
@@ -437,7 +437,7 @@ def _list_stakes(searches: Sequence[Search]) -> list[_Stake]:
     return stakes
 
 
-def _ranking_of(search: Search) -> Ranking:
+def _ranking_of(search: HypothesisSearch) -> Ranking:
     """Build the ranking of a finished search."""
     return Ranking(
         likelihood=search.likelihood,

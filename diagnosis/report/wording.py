@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dogshape.bench.bench_data import Bench
-from dogshape.diagnosis.diagnosis import Diagnosis, RecordMeaning
+from dogshape.diagnosis.diagnosis import Inference, RecordMeaning
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import gap_decrease
 from dogshape.diagnosis.inference.verdict import CauseVerdict
@@ -91,7 +91,7 @@ def headline_of(verdict: CauseVerdict, effects: Mapping[str, Effect]) -> str:
     return f"Open; most probable: {hypothesis_name(verdict.credible[0], effects)}"
 
 
-def headline(diagnosis: Diagnosis) -> str:
+def headline(diagnosis: Inference) -> str:
     """Write the verdict of a diagnosis in a line, with sizes of causes at an end of their range."""
     causes = diagnosis.verdict.causes
     quantities = [
@@ -105,12 +105,12 @@ def headline(diagnosis: Diagnosis) -> str:
     return line
 
 
-def summary(diagnosis: Diagnosis) -> str:
+def summary(diagnosis: Inference) -> str:
     """Write the result in three sentences: where the gap is, which cause, how far it closes."""
     return " ".join([diagnosis.where, cause_sentence(diagnosis), shrink_sentence(diagnosis)])
 
 
-def cause_sentence(diagnosis: Diagnosis) -> str:
+def cause_sentence(diagnosis: Inference) -> str:
     """State the cause with sizes and probabilities, and the effects that may be part of it."""
     verdict = diagnosis.verdict
     if verdict.kind == "none":
@@ -137,7 +137,7 @@ def cause_sentence(diagnosis: Diagnosis) -> str:
     return f"Part of the cause: {causes}; open beside: {open_effects or 'nothing'}."
 
 
-def shrink_sentence(diagnosis: Diagnosis) -> str:
+def shrink_sentence(diagnosis: Inference) -> str:
     """State the gap before, at points held out of the fit, and by chance, root mean square."""
     gaps = diagnosis.held_out
     points = sum(gap.gap is not None for gap in diagnosis.gaps)
@@ -152,7 +152,7 @@ def shrink_sentence(diagnosis: Diagnosis) -> str:
     return f"{before}{after}; chance alone leaves {ms(gaps.chance)}."
 
 
-def _open_effects(diagnosis: Diagnosis) -> list[str]:
+def _open_effects(diagnosis: Inference) -> list[str]:
     """List the effects that are no named cause, nothing, and an unknown cause, with chances."""
     causes = diagnosis.verdict.causes
     effects = [(name, p) for name, p in diagnosis.inclusion.items() if name not in causes]
@@ -164,7 +164,7 @@ def _open_effects(diagnosis: Diagnosis) -> list[str]:
     return [f"{words} ({chance(p)})" for words, p in items if p > MIN_STATED_PROBABILITY]
 
 
-def _name_with_size(diagnosis: Diagnosis, name: str) -> str:
+def _name_with_size(diagnosis: Inference, name: str) -> str:
     """Write an effect's name with the ranges of its parameters."""
     sizes = []
     for key, interval in diagnosis.sizes.get(name, {}).items():
@@ -176,7 +176,7 @@ def _name_with_size(diagnosis: Diagnosis, name: str) -> str:
     return f"{diagnosis.effects[name].plain} {preposition}{words}".rstrip()
 
 
-def remarks(diagnosis: Diagnosis) -> list[str]:
+def remarks(diagnosis: Inference) -> list[str]:
     """List sentences on sizes, refuted readings, and readings of the record that decide."""
     sentences = [
         *_range_end_sentences(diagnosis),
@@ -196,7 +196,7 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
     return [sentence for sentence in sentences if sentence]
 
 
-def answered_meanings(diagnosis: Diagnosis) -> list[RecordMeaning]:
+def answered_meanings(diagnosis: Inference) -> list[RecordMeaning]:
     """List the meanings of keys of the record that the data decide, or that decide the verdict.
 
     A Bayes factor below 3 is not worth more than a bare mention (Kass and Raftery 1995, J. Am.
@@ -212,7 +212,7 @@ def answered_meanings(diagnosis: Diagnosis) -> list[RecordMeaning]:
     return answered
 
 
-def listed_effects(diagnosis: Diagnosis) -> list[str]:
+def listed_effects(diagnosis: Inference) -> list[str]:
     """List the named effects and the plausible ones, the most probable first."""
     return [
         name
@@ -221,7 +221,7 @@ def listed_effects(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def size_lines(diagnosis: Diagnosis, effect: str) -> list[str]:
+def size_lines(diagnosis: Inference, effect: str) -> list[str]:
     """Write each parameter of an effect with mean, 90 % interval and unit."""
     lines = []
     for name, interval in diagnosis.sizes.get(effect, {}).items():
@@ -234,7 +234,7 @@ def size_lines(diagnosis: Diagnosis, effect: str) -> list[str]:
     return lines
 
 
-def excess_lines(diagnosis: Diagnosis, effect: str) -> list[str]:
+def excess_lines(diagnosis: Inference, effect: str) -> list[str]:
     """Write for each parameter of an effect what is extraordinary: its size, an end of a range."""
     pressed = {end.parameter for end in diagnosis.range_ends if end.effect == effect}
     lines = []
@@ -246,12 +246,12 @@ def excess_lines(diagnosis: Diagnosis, effect: str) -> list[str]:
     return lines
 
 
-def _sized_parameters(diagnosis: Diagnosis, effect: str) -> list[Parameter]:
+def _sized_parameters(diagnosis: Inference, effect: str) -> list[Parameter]:
     """List the parameters of an effect; none where no hypothesis with the effect is fitted."""
     return [*diagnosis.effects[effect].parameters] if effect in diagnosis.sizes else []
 
 
-def _is_remarked(diagnosis: Diagnosis, effect: str) -> bool:
+def _is_remarked(diagnosis: Inference, effect: str) -> bool:
     """Check that an effect is a cause or so probable that its sizes are compared."""
     probability = diagnosis.inclusion.get(effect, 0.0)
     return effect in diagnosis.verdict.causes or probability > MIN_SIZED_PROBABILITY
@@ -270,7 +270,7 @@ def _excess(parameter: Parameter, size: Interval) -> str:
     return f"{short(size.mean / ordinary.high, 2)} times"
 
 
-def _ordinary_sentences(diagnosis: Diagnosis) -> list[str]:
+def _ordinary_sentences(diagnosis: Inference) -> list[str]:
     """State sizes beyond an ordinary source, and the test that measures them.
 
     A mass behind an arm is compared at the arm, by another sentence.
@@ -287,7 +287,7 @@ def _ordinary_sentences(diagnosis: Diagnosis) -> list[str]:
     return sentences
 
 
-def _ordinary_sentence(diagnosis: Diagnosis, effect: str, parameter: Parameter, excess: str) -> str:
+def _ordinary_sentence(diagnosis: Inference, effect: str, parameter: Parameter, excess: str) -> str:
     """Compare a size with its ordinary source."""
     ordinary = parameter.ordinary
     assert ordinary is not None  # it has an excess
@@ -306,7 +306,7 @@ def _ordinary_sentence(diagnosis: Diagnosis, effect: str, parameter: Parameter, 
     return f"{clause[:1].upper()}{clause[1:]} {comparison}{measurement}."
 
 
-def _range_end_sentences(diagnosis: Diagnosis) -> list[str]:
+def _range_end_sentences(diagnosis: Inference) -> list[str]:
     """State the sizes that lie at an end of their range."""
     sentences = []
     for range_end in diagnosis.range_ends:
@@ -321,12 +321,12 @@ def _range_end_sentences(diagnosis: Diagnosis) -> list[str]:
     return sentences
 
 
-def _arm_ratio(diagnosis: Diagnosis) -> float | None:
+def _arm_ratio(diagnosis: Inference) -> float | None:
     """Look up the ratio of the linkage."""
     return diagnosis.bench.sensor.linkage_ratio
 
 
-def _arm_sentence(diagnosis: Diagnosis) -> str:
+def _arm_sentence(diagnosis: Inference) -> str:
     """State masses at the arm of the actuator: those at the sleeve over the ratio squared."""
     ratio = _arm_ratio(diagnosis)
     if ratio is None:
@@ -348,7 +348,7 @@ def _size_clause(parameter: Parameter, size: float) -> str:
     return f"{quantity(parameter.name)} of {amount(parameter.name, size, digits=2)} is"
 
 
-def _refutation(diagnosis: Diagnosis) -> str:
+def _refutation(diagnosis: Inference) -> str:
     """State the parts of the gap that readings at rest explain, where these are small."""
     gap = diagnosis.held_out.baseline
     clauses = []

@@ -25,7 +25,7 @@ from dogshape.bench.bench_data import (
     require_shifts,
 )
 from dogshape.bench.stand_file import BenchRecord
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.diagnosis import Inference, diagnose
 from dogshape.diagnosis.inference.outcome import Field, field_of
 from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
@@ -66,7 +66,7 @@ class BankOptions:
     settings: Settings = USUAL
 
 
-def diagnose_bench(bench: Bench, options: BankOptions) -> Diagnosis:
+def diagnose_bench(bench: Bench, options: BankOptions) -> Inference:
     """Diagnose a data set; simulate the shifts that no bank has.
 
     DataError where no shift has a time, EffectError for an effect that cannot be run.

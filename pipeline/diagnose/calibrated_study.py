@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from dogshape.bench.texts import read_toml
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.report.wording import chance, describe_parameter, headline_of
 from dogshape.diagnosis.terms import Array, Hypothesis, hypothesis_name
 from dogshape.pipeline.config.schema import StudyFile
@@ -96,7 +96,7 @@ def draws_beside(path: Path) -> Path:
 
 
 def calibrated_study(
-    diagnosis: Diagnosis, path: Path, base: str | None, draws: int, causes: Sequence[str] | None
+    diagnosis: Inference, path: Path, base: str | None, draws: int, causes: Sequence[str] | None
 ) -> CalibratedStudy:
     """Add the effects of a diagnosis to a study, as ``dogshape.Diagnosis.calibrated`` writes it.
 
@@ -170,7 +170,7 @@ def calibrated_study(
 
 
 def _split_effects(
-    diagnosis: Diagnosis, hypothesis: Hypothesis, clutch: Clutch
+    diagnosis: Inference, hypothesis: Hypothesis, clutch: Clutch
 ) -> tuple[list[Effect], list[str]]:
     """List the effects that a study has keys for, and a remark on each other effect."""
     effects = []
@@ -199,7 +199,7 @@ def _friction_remarks(bench_clutch: Clutch, study_clutch: Clutch) -> list[str]:
 
 
 def _choose_hypothesis(
-    diagnosis: Diagnosis, path: Path, causes: Sequence[str] | None
+    diagnosis: Inference, path: Path, causes: Sequence[str] | None
 ) -> Hypothesis:
     """Find the hypothesis of ``causes``, or the most probable one; InputError where none fits."""
     verdict = diagnosis.verdict
@@ -250,7 +250,7 @@ def _clashing_keys(data: Data, effects: Sequence[Effect], clutch: Clutch) -> lis
 
 
 def _comments(
-    diagnosis: Diagnosis,
+    diagnosis: Inference,
     hypothesis: Hypothesis,
     base: str | None,
     *,

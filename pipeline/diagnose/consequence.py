@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
@@ -266,7 +266,7 @@ def _time_design(
 
 
 def compute_consequence(
-    diagnosis: Diagnosis, study: str, options: BankOptions, folder: Path
+    diagnosis: Inference, study: str, options: BankOptions, folder: Path
 ) -> Consequence:
     """Compute the consequence of the most probable cause for the best designs of a study.
 

@@ -26,7 +26,7 @@ from dogshape.bench.slips import examine, require_no_slip
 from dogshape.bench.stand_file import load_stand
 from dogshape.bench.table import COLUMNS, NUMERIC, Sheet
 from dogshape.bench.texts import read_table
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.verdict import CauseVerdict, Kind
 from dogshape.diagnosis.report.wording import chance, headline_of
 from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, hypothesis_name
@@ -340,7 +340,7 @@ def _read_json(path: Path, kind: Callable[[Any], T]) -> T:
 
 
 def update_record(
-    before: DiagnosisRecord, diagnosis: Diagnosis, new: Sheet, count: int
+    before: DiagnosisRecord, diagnosis: Inference, new: Sheet, count: int
 ) -> UpdateRecord:
     """Compare a diagnosis with the record before new readings, made after ``count`` updates."""
     after = DiagnosisRecord(**diagnosis.to_dict())

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from markupsafe import Markup
 
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.gap_map import CLEAR_ERRORS, GapMap, MapCell
 from dogshape.diagnosis.report.wording import chance, listed_effects, ms, size_lines
 from dogshape.diagnosis.terms import NONE
@@ -81,7 +81,7 @@ def _cell_elements(cell: MapCell, x: float, y: float, width: float) -> Iterator[
     yield _text(middle, y + 0.5 * MAP_ROW + 14.0, errors, anchor="middle", small=True)
 
 
-def effects_picture(diagnosis: Diagnosis) -> Markup:
+def effects_picture(diagnosis: Inference) -> Markup:
     """Draw the probability of each plausible effect, with its sizes."""
     bars = []
     for name in listed_effects(diagnosis)[:MAX_BARS]:
@@ -102,7 +102,7 @@ def effects_picture(diagnosis: Diagnosis) -> Markup:
     return _bars_picture(bars, 1.0, "Probability and size of each effect")
 
 
-def steps_picture(diagnosis: Diagnosis) -> Markup:
+def steps_picture(diagnosis: Inference) -> Markup:
     """Draw the steps from the gap over each effect to what held-out points and chance leave."""
     gaps = diagnosis.held_out
     bars = [Bar("gap without any effect", ms(gaps.baseline), 0.0, gaps.baseline, ORANGE)]

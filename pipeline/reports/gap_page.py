@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.comparison import PointGap
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.gap_map import GapMap, MapCell, describe_gaps, map_gaps
 from dogshape.diagnosis.inference.outcome import MIN_INFORMATION_NATS
 from dogshape.diagnosis.report.wording import (
@@ -73,7 +73,7 @@ class CellRow(PlaceRow):
     predicted_error_s: float | None = key("its standard error", "s")
 
 
-def cells_of(diagnosis: Diagnosis) -> list[CellRow]:
+def cells_of(diagnosis: Inference) -> list[CellRow]:
     """List the operating points of a diagnosis, in the order of its data set."""
     leading_prediction = diagnosis.fits[diagnosis.leading].predicted
     spread = np.sqrt((leading_prediction.sd**2).mean(axis=0))
@@ -83,7 +83,7 @@ def cells_of(diagnosis: Diagnosis) -> list[CellRow]:
     ]
 
 
-def _cell_row(diagnosis: Diagnosis, k: int, spread: float, simulation_error: float) -> CellRow:
+def _cell_row(diagnosis: Inference, k: int, spread: float, simulation_error: float) -> CellRow:
     """Describe the k-th operating point; ``spread`` of shifts and ``simulation_error`` in s."""
     gap = diagnosis.gaps[k]
     cell = gap.cell
@@ -126,7 +126,7 @@ def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
 
 
 def publish(
-    diagnosis: Diagnosis,
+    diagnosis: Inference,
     folder: Path,
     consequence: Consequence | None = None,
     history: Mapping[str, str] | None = None,
@@ -145,7 +145,7 @@ def publish(
 
 
 def compose_page(
-    diagnosis: Diagnosis,
+    diagnosis: Inference,
     consequence: Consequence | None = None,
     history: Mapping[str, str] | None = None,
 ) -> Report:
@@ -168,7 +168,7 @@ def compose_page(
     return page
 
 
-def _pictures(diagnosis: Diagnosis) -> Markup:
+def _pictures(diagnosis: Inference) -> Markup:
     """Draw where the gap is, which effects explain it and how far it closes, a sentence each."""
     gap_map = map_gaps(diagnosis.gaps, MAP_COLUMNS, MAP_ROWS)
     pictures = [
@@ -185,7 +185,7 @@ def _pictures(diagnosis: Diagnosis) -> Markup:
     return Markup('<div class="pictures">{}</div>').format(Markup("\n").join(figures))
 
 
-def _held_out_parts(diagnosis: Diagnosis) -> list[Markup | str]:
+def _held_out_parts(diagnosis: Inference) -> list[Markup | str]:
     """Draw the gap that the leading hypothesis leaves at held-out points; nothing for *none*."""
     if diagnosis.leading == NONE:
         return []
@@ -204,7 +204,7 @@ def _held_out_parts(diagnosis: Diagnosis) -> list[Markup | str]:
     return [Markup('<div class="pictures">{}</div>').format(picture), caption]
 
 
-def _meaning_table(diagnosis: Diagnosis) -> Table:
+def _meaning_table(diagnosis: Inference) -> Table:
     """Tabulate the meanings of ambiguous records that the data decide or that decide the answer."""
     rows = []
     for meaning in answered_meanings(diagnosis):
@@ -214,7 +214,7 @@ def _meaning_table(diagnosis: Diagnosis) -> Table:
     return Table(("if", "probability", "answer"), rows, {}, (2,))
 
 
-def map_table(diagnosis: Diagnosis, width: int) -> Table:
+def map_table(diagnosis: Inference, width: int) -> Table:
     """Tabulate the gap in ms, and its standard errors, over force and mismatch.
 
     Neighbouring mismatches join until the table has at most ``width`` characters.
@@ -248,7 +248,7 @@ def _text_width(table: Table) -> int:
     return sum(max(map(len, column)) + COLUMN_GAP for column in columns) - COLUMN_GAP
 
 
-def effect_table(diagnosis: Diagnosis) -> Table:
+def effect_table(diagnosis: Inference) -> Table:
     """Tabulate the plausible effects: probability to be part of the cause, sizes; causes marked."""
     causes = diagnosis.verdict.causes
     rows = list[Sequence[str]]()
@@ -276,7 +276,7 @@ def effect_table(diagnosis: Diagnosis) -> Table:
     return Table(heads, rows, looks, (2, 3), note)
 
 
-def hypothesis_table(diagnosis: Diagnosis) -> Table:
+def hypothesis_table(diagnosis: Inference) -> Table:
     """Tabulate the plausible sets of effects with probability, sizes and p-value."""
     plausible = [h for h, p in diagnosis.posterior.items() if p > MIN_STATED_PROBABILITY]
     rows = []
@@ -300,7 +300,7 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
     return Table(heads, rows, looks, (2,), note)
 
 
-def residual_table(diagnosis: Diagnosis) -> Table:
+def residual_table(diagnosis: Inference) -> Table:
     """Tabulate root-mean-square gaps, ms: without effects, at held-out points, by chance."""
     gaps = diagnosis.held_out
     rows = [("no effect", ms(gaps.baseline))]
@@ -318,7 +318,7 @@ def residual_table(diagnosis: Diagnosis) -> Table:
     return Table(("", "root-mean-square gap"), rows, note=note)
 
 
-def advice_table(diagnosis: Diagnosis) -> Table:
+def advice_table(diagnosis: Inference) -> Table:
     """Tabulate the advised tests with gain, hours, information and the refuting result."""
     rows = []
     note = ""
@@ -356,7 +356,7 @@ def choice_table(consequence: Consequence) -> Table:
     return Table(heads, rows, {len(rows) - 1: "best"})
 
 
-def _facts(diagnosis: Diagnosis) -> dict[str, str]:
+def _facts(diagnosis: Inference) -> dict[str, str]:
     """List the facts on data set, record and run by name; empty ones are left out."""
     bench = diagnosis.bench
     record = diagnosis.to_dict()["record"]

@@ -12,14 +12,14 @@ import pytest
 
 import dogshape as ds
 from dogshape.bench.bench_data import load_bench
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, diagnose_bench
 
 EVIDENCE = Path(__file__).parents[2] / "docs" / "evidence" / "gap_stand.json"
 
 
-def _diagnosed(folder: Path, seed: int) -> Diagnosis:
+def _diagnosed(folder: Path, seed: int) -> Inference:
     settings = replace(USUAL, seed=seed)
     return diagnose_bench(load_bench("mq200_stand"), BankOptions(bank=folder, settings=settings))
 
@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(folder: Path) -> Diagnosis:
+def found(folder: Path) -> Inference:
     """The diagnosis of the stand."""
     return _diagnosed(folder, USUAL.seed)
 
@@ -51,16 +51,16 @@ def _assert_same(record: dict[str, Any], expected: dict[str, Any]) -> None:
             assert mean == pytest.approx(size["mean"], abs=tenth), parameter
 
 
-def test_another_seed_gives_the_same_answer(found: Diagnosis, folder: Path) -> None:
+def test_another_seed_gives_the_same_answer(found: Inference, folder: Path) -> None:
     _assert_same(_diagnosed(folder, USUAL.seed + 1).to_dict(), found.to_dict())
 
 
-def test_this_processor_gives_the_published_answer(found: Diagnosis) -> None:
+def test_this_processor_gives_the_published_answer(found: Inference) -> None:
     """``make processors`` repeats it with other instructions and numbers of threads."""
     _assert_same(found.to_dict(), json.loads(EVIDENCE.read_text(encoding="utf-8")))
 
 
-def test_the_stand_has_a_dead_time_and_a_drag(found: Diagnosis) -> None:
+def test_the_stand_has_a_dead_time_and_a_drag(found: Inference) -> None:
     """Dead time over all plausible hypotheses, and a drag above that of bearings and seals."""
     stand = found.to_dict()
     assert {"actuation_delay", "drag_torque"} <= set(stand["inclusion"])
@@ -71,7 +71,7 @@ def test_the_stand_has_a_dead_time_and_a_drag(found: Diagnosis) -> None:
     assert found.fits[found.leading].p > 0.01
 
 
-def test_residuals_of_the_stand_at_held_out_points(found: Diagnosis) -> None:
+def test_residuals_of_the_stand_at_held_out_points(found: Inference) -> None:
     stand = found.to_dict()
     gap = stand["gap"]
     assert 0.12 < gap["baseline_rmse_s"] < 0.15

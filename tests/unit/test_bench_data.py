@@ -11,7 +11,7 @@ import pytest
 
 from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.bench.stand_file import EmptyCells, Measured, TestTerms, Tolerance
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.next_test import require_terms
 from dogshape.diagnosis.report.wording import chance, remarks
@@ -201,7 +201,7 @@ def test_empty_cells_read_as_stated(planar: Path, reading: str, failed: int, unk
     assert (other.engaged, other.failed, other.unknown) == (1, 0, 0)
 
 
-def _silent(force: float, meaning: EmptyCells, **cause: Mapping[str, float]) -> Diagnosis:
+def _silent(force: float, meaning: EmptyCells, **cause: Mapping[str, float]) -> Inference:
     """Diagnose means of shifts with a cause, beside rows of three at a force without a time."""
     bench = simulated_bench(cause)
     slips, profile = [cell.point.mismatch for cell in bench.cells[::3]], ForceProfile(force, 0.1766)

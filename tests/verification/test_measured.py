@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.bench.stand_file import Calibration, Measured, Sensor
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
     facts_of,
@@ -29,7 +29,7 @@ from tests.fits import SETTING, space_of
 DELAY = ("actuation_delay",)
 
 
-def _diagnosed(*measured: Measured, advise: bool = False) -> Diagnosis:
+def _diagnosed(*measured: Measured, advise: bool = False) -> Inference:
     """Diagnose shifts with a delay of 80 ms and some results of direct tests."""
     bench: Bench = simulated_bench({"actuation_delay": {"delay_s": 0.08}})
     return simulated_diagnosis(replace(bench, measured=measured), advise=advise)

@@ -17,8 +17,8 @@ from benchmarks.self_consistency import cause_of, draw_and_diagnose, in_credible
 from dogshape.diagnosis.inference import ranking
 from dogshape.diagnosis.inference.fit import Sample, cross_validate, fit, refine, screen, widen
 from dogshape.diagnosis.inference.ranking import (
+    HypothesisSearch,
     Ranking,
-    Search,
     log_prior,
     rank,
 )
@@ -57,9 +57,9 @@ def likelihood_with(share: float, *, scatter: float = 1.0) -> Likelihood:
     return Likelihood(bench, seen, model, USUAL)
 
 
-def search_of(likelihood: Likelihood) -> Search:
+def search_of(likelihood: Likelihood) -> HypothesisSearch:
     """Begin a ranking with nothing beside the shifts."""
-    return Search(likelihood, nothing, 0.0, log_side_unknown=0.0, log_meaning=0.0)
+    return HypothesisSearch(likelihood, nothing, 0.0, log_side_unknown=0.0, log_meaning=0.0)
 
 
 def sample_of(likelihood: Likelihood, hypothesis: Hypothesis) -> Sample:
@@ -253,7 +253,7 @@ class FakeModel:
 
 def fake_search(
     monkeypatch: pytest.MonkeyPatch, log_evidence: dict[Hypothesis, float], gain: float
-) -> Search:
+) -> HypothesisSearch:
     """Begin a search with samples of known evidence, whose first simulation gains some nats."""
     model = FakeModel()
 
@@ -262,7 +262,7 @@ def fake_search(
         return SimpleNamespace(**{**vars(sample), "log_evidence": sample.log_evidence + rise})
 
     monkeypatch.setattr(ranking, "refine", refined)
-    monkeypatch.setattr(Search, "uncertain_draws", lambda *_: np.zeros(1, dtype=int))
+    monkeypatch.setattr(HypothesisSearch, "uncertain_draws", lambda *_: np.zeros(1, dtype=int))
     likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, model))
     search = search_of(likelihood)
     shares = np.zeros((1, 2))
@@ -273,7 +273,7 @@ def fake_search(
     return search
 
 
-def simulated_by(search: Search) -> list[Hypothesis]:
+def simulated_by(search: HypothesisSearch) -> list[Hypothesis]:
     """Simulate what is plausible, and return it in order."""
     ranking._simulate_plausible([search])
     return cast(Any, search.likelihood.model).simulated

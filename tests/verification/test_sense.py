@@ -10,7 +10,7 @@ import pytest
 
 from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.bench.stand_file import Sense
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.diagnosis import Inference, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.prediction.simulations import ANGLES, DENSE_FACTOR, Level, simulate_benches
@@ -94,7 +94,7 @@ def test_hypotheses_of_both_senses_and_their_priors() -> None:
     assert reverse_sense(("moving_mass",)) in hypotheses_of(unknown, 1)
 
 
-def _found(cause: Mapping[str, Mapping[str, float]], sense: Sense, *, other: bool) -> Diagnosis:
+def _found(cause: Mapping[str, Mapping[str, float]], sense: Sense, *, other: bool) -> Inference:
     bench = _with_sense(simulated_bench(cause), sense)
     if other:
         cells = []

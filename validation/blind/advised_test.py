@@ -20,7 +20,7 @@ from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.bench.flight_marks import joined_marks
 from dogshape.bench.stand_file import Place
 from dogshape.bench.traces import BenchTrace
-from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.verdict import is_nameable
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
@@ -61,7 +61,7 @@ class Advised:
 
 
 def judge_test(
-    folder: Path, case: Case, diagnosis: Diagnosis, correct: Sequence[Names]
+    folder: Path, case: Case, diagnosis: Inference, correct: Sequence[Names]
 ) -> Advised | None:
     """Make the tests of a case by its truth, and judge the advised one.
 
@@ -108,7 +108,7 @@ def _probability(posterior: Mapping[Names, float], hypotheses: Sequence[Names]) 
 
 
 def outcome_of(
-    folder: Path, case: Case, diagnosis: Diagnosis, test: NextTest
+    folder: Path, case: Case, diagnosis: Inference, test: NextTest
 ) -> Sequence[float] | str:
     """Make the outcome of a test by the truth of a case; NaN for a quantity that it cannot show."""
     generator = np.random.default_rng([case.seed, OUTCOME_SEED])
