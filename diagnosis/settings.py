@@ -133,8 +133,8 @@ class Settings:
         0.5, "of the gain by such means", "that counts as an error of the log evidence", "judged",
         "hardly any gain is found wholly")
     converged: float = constant(
-        0.01, "probability", "that the error of an evidence may move, without further benches",
-        "judged", "a tenth of what anybody reads from a probability")
+        0.03, "probability", "that the error of an evidence may move, without further benches",
+        "judged", "0.01 takes twice the simulations and moves no answer of the published stand")
     simulations_each: int = constant(
         10, "rounds of four benches", "for one hypothesis at most", "judged",
         "20 move no probability of the published stand by more than its stated error")
