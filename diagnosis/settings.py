@@ -134,7 +134,7 @@ class Settings:
         "hardly any gain is found wholly")
     converged: float = constant(
         0.03, "probability", "that the error of an evidence may move, without further benches",
-        "judged", "0.01 takes twice the simulations and moves no answer of the published stand")
+        "judged", "inclusions of the published stand with 0.01 agree within twice their errors")
     simulations_each: int = constant(
         10, "rounds of four benches", "for one hypothesis at most", "judged",
         "20 move no probability of the published stand by more than its stated error")
