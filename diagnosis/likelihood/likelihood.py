@@ -40,7 +40,7 @@ MAX_LATE_COUNTS = 6  #: numbers of late shifts within one mean that are tried be
 MAX_LATE_SHARE = 0.9  #: of the shifts that engage
 ENGAGED_SHARES = (0.01, 0.99)  #: range of a share that engages
 TABLE_SIZE = 257  #: shares at which probabilities of numbers of shifts are computed
-DIFFERENCE_STEP = 0.05  #: of force and mismatch, by which times are differentiated
+DIFFERENCE_STEP = 0.15  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
 NUISANCE_DIRECTIONS = 2  #: of errors by each nuisance
 

@@ -68,7 +68,7 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
 
 
 def _printed(result: MixExpectation) -> str:
-    parts = results.MixExpectation(load_study("mq200_paper"), result).to_parts()
+    parts = results.Expectation(load_study("mq200_paper"), result).to_parts()
     return "\n".join(part for part in parts if isinstance(part, str))
 
 

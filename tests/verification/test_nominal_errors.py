@@ -78,8 +78,10 @@ def test_errors_add_up_as_asme_says() -> None:
 
 
 def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> None:
-    """Half the force, the least of the range, where its error is a share of it."""
-    plain, half = simulated_bench({"force_scale": {"force_factor": 0.5}}), np.zeros((1, 1))
+    """Half the force, where its error is a share of it."""
+    plain = simulated_bench({"force_scale": {"force_factor": 0.5}})
+    (parameter,) = _likelihood(plain).model.space(("force_scale",)).parameters
+    half = np.array([[parameter.share(0.5)]])
     gains = []
     for error in (0.0, 0.02, 0.25):
         stated = NominalErrors(systematic=Tolerance(force_percent=100.0 * error))

@@ -206,7 +206,7 @@ def test_probabilities_hold_what_they_say() -> None:
     assert abs((said - right).mean()) < 3.0 * np.sqrt((said * (1.0 - said)).sum()) / SETS
     ranks = [rank for one in found for rank in one.ranks]
     assert kstest(ranks, "uniform").pvalue > 0.003
-    # The mean of p-values over a posterior is never too sure by more than a factor of two.
+    # P-values of draws and parts together are too sure by a factor of two at most.
     low = np.mean([one.p < 0.01 for one in found if one.p is not None])
     assert low < 0.02 + 3.0 * (0.02 * 0.98 / SETS) ** 0.5
 

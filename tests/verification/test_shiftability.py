@@ -161,8 +161,13 @@ def test_sloped_tips_have_no_closed_form_of_direct_entries(clutch: Clutch) -> No
 
 def test_a_first_window_is_one_that_no_slot_was_passed_for() -> None:
     rows = [
-        {"shift_time_s": time, "slots_skipped": skipped}
-        for time, skipped in ((0.1, 0), (0.1, 1), (None, 0), (0.2, 0))
+        {"outcome": outcome, "shift_time_s": time, "slots_skipped": skipped}
+        for outcome, time, skipped in (
+            ("engaged", 0.1, 0),
+            ("engaged", 0.1, 1),
+            ("blocked", None, 0),
+            ("engaged", 0.2, 0),
+        )
     ]
     assert first_windows(rows) == 2
 
