@@ -2,7 +2,8 @@
 
 Each effect is part of the cause or not by itself, with its own prior; at most three act at once.
 Which sets are computed never changes a prior. All single effects and pairs are screened by prior
-draws, sets of three around the draws of their pairs; the plausible ones are refined.
+draws, sets of three around the draws of their pairs; the plausible ones are refined. Benches are
+simulated where the error of an evidence, or a prospect of effects together, moves a probability.
 *Unknown* adds a gap of larger amplitude to what any single effect or leading pair predicts.
 """
 
@@ -128,7 +129,7 @@ def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
 
 
 class _Prospect(NamedTuple):
-    """What a hypothesis may gain if it is simulated where it is most promising."""
+    """Gain that simulation may bring a hypothesis, and the draw that promises it."""
 
     gain: float  #: of the log evidence, nats
     shares: Array  #: of the ranges, (p,)
@@ -217,15 +218,15 @@ class HypothesisSearch:
 
         The rule for two effects may cost ``rule_nats`` at their true sizes.
         """
-        reading_effects = self.likelihood.model.reading_effects
+        model = self.likelihood.model
         threshold = max(map(self.value, self.samples)) - self.likelihood.settings.rule_nats
         for h in self.samples:
-            is_alone = len(set(strip_sense(h)) - reading_effects) < 2
-            if not is_alone and h not in self.prospects and self.bound_value(h) > threshold:
+            is_several = len(model.contact_effects(h)) > 1
+            if is_several and h not in self.prospects and self.bound_value(h) > threshold:
                 self.prospects[h] = self._prospect(h)
 
     def _prospect(self, h: Hypothesis) -> _Prospect:
-        """Compute what a hypothesis may gain by simulation, and its most promising draw.
+        """Compute the gain that simulation may bring a hypothesis.
 
         The gain is that of the best draw with all means as near to the data as their stated errors
         allow.
@@ -292,7 +293,7 @@ class HypothesisSearch:
         0 where all effects are of the reading of a shift: nothing is interpolated.
         """
         settings = self.likelihood.settings
-        if {*strip_sense(h)} <= self.likelihood.model.reading_effects:
+        if not self.likelihood.model.contact_effects(h):
             return 0.0
         nats = settings.emulated_nats
         rounds = self.rounds.get(h, 0)
@@ -328,7 +329,7 @@ class HypothesisSearch:
         draws = np.flatnonzero(distance < distance.min() + LIKELY_DISTANCE)
         draws = np.append(best, draws[draws != best])
         p = sample.predicted.select(draws)
-        is_single = len(set(strip_sense(h)) - self.likelihood.model.reading_effects) == 1
+        is_single = len(self.likelihood.model.contact_effects(h)) == 1
         error = p.emulation_error if is_single else p.common_error
         relative_error = ((error / p.mean) ** 2).mean(axis=1) ** 0.5
         order = np.append(0, 1 + (-relative_error[1:]).argsort())

@@ -336,7 +336,7 @@ class Model:
         simulated together correct that.
         """
         space = self.space(hypothesis)
-        contact_effects = [name for name in hypothesis if name not in self.reading_effects]
+        contact_effects = self.contact_effects(hypothesis)
         sums = self._sum_changes(space, contact_effects, values)
         mean = self.base_mean * np.exp(sums.moments[..., LOG_MEAN])
         if len(contact_effects) > 1:
@@ -443,7 +443,7 @@ class Model:
         """
         if REVERSED in hypothesis:
             return self._simulate_reversed(strip_sense(hypothesis), shares, is_dense=is_dense)
-        names = tuple(name for name in hypothesis if name not in self.reading_effects)
+        names = self.contact_effects(hypothesis)
         if self.runner is None or not names:
             return None
         if len(names) > 2:
@@ -590,6 +590,10 @@ class Model:
         """Names of the effects of the reading of a shift alone."""
         effects = self.effects.items()
         return frozenset(name for name, e in effects if changes_only_reading(e, self._extremes))
+
+    def contact_effects(self, hypothesis: Hypothesis) -> Hypothesis:
+        """List the effects of a hypothesis that act on the shift itself, without the sense."""
+        return tuple(n for n in strip_sense(hypothesis) if n not in self.reading_effects)
 
     def changes(self, name: str, values: Array) -> Changes:
         """Compute the changes by an effect at values (m, p); recent results are cached."""

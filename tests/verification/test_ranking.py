@@ -234,9 +234,7 @@ def test_a_plausible_pair_is_simulated_together() -> None:
 
 
 class FakeModel:
-    """Model whose further benches change nothing but what ``gains`` says."""
-
-    reading_effects = frozenset({"delay"})
+    """Model whose further benches change no prediction; a dead time needs none."""
 
     def __init__(self) -> None:
         self.simulated: list[Hypothesis] = []
@@ -247,8 +245,12 @@ class FakeModel:
         return self
 
     def new_effects(self, _: object) -> set[str]:
-        """Say that no other hypothesis is changed."""
+        """Return an effect that no hypothesis has."""
         return {"nothing"}
+
+    def contact_effects(self, hypothesis: Hypothesis) -> Hypothesis:
+        """List all effects but the dead time."""
+        return tuple(name for name in hypothesis if name != "delay")
 
 
 def fake_search(
