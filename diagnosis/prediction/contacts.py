@@ -26,10 +26,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import gammaln
 
 from dogshape.bench.bench_data import Bench
-from dogshape.bench.contact_marks import SPEED_GAIN, SeenContacts
+from dogshape.bench.contact_marks import SPEED_GAIN, TURNING_RAD_S, SeenContacts
+from dogshape.diagnosis.prediction.flights import log_student
 from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, REVERSED, Array, Hypothesis, strip_sense
@@ -38,13 +38,11 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.kernel.contact import FALL_AT_REST, FALL_SLIP
 from dogshape.sim.setting import Setting
 
-FREEDOM = USUAL.flight_freedom
 TABLE_NODES = 17  #: along each parameter
 #: Shares of the other parameters of an effect, of which the first that exist are taken.
 REFERENCE_SHARES = (0.5, 0.0, 1.0)
 MIN_FORCE_N = 0.5  #: of a profile, below which it has no ratio to another one
 MAX_FORCE_RATIO = 20.0
-TURNING_RAD_S = 0.2  #: rad/s, sliding speed from which the drag is that of a turning ring
 #: Share of the way from inner to mean radius at which faces meet. Turned against each other,
 #: rigid ones meet at the inner radius, those of the compiled engine up to half way.
 FACE_RADIUS_SHARE = 0.25
@@ -152,7 +150,7 @@ class Contacts:
             single = seen.error**2 + self.speed_offset**2
             single = single + (factor * self.speed_share * mismatch) ** 2
             common = factor * np.hypot(self.common_speed * mismatch, self.common_offset)
-            logs.append(_log_student(seen.value - mismatch, single, common))
+            logs.append(_log_density(seen.value - mismatch, single, common))
         return np.asarray(np.logaddexp(*logs) - np.log(2.0))
 
     def _log_balances(self, q: ClutchQuantities, factor: float) -> Array:
@@ -161,7 +159,7 @@ class Contacts:
         gain = (q.sliding_inertia / q.output_inertia)[:, None] * seen.rise
         loss = (q.drag / q.output_inertia)[:, None] * seen.turning_time
         single = seen.error**2 + (factor * HELD_LAW * loss) ** 2
-        return _log_student(seen.fall - gain - loss, single, factor * BALANCE_LAW * gain)
+        return _log_density(seen.fall - gain - loss, single, factor * BALANCE_LAW * gain)
 
     def _log_ends(self, q: ClutchQuantities, sense: float, factor: float) -> Array:
         """Compute the log density of where faces part, median of each sense, (m,)."""
@@ -181,7 +179,7 @@ class Contacts:
             return np.zeros(len(q.gap))
         residual = np.stack(residuals, axis=1)
         variance = np.full(residual.shape, (factor * END_ERROR_M) ** 2)
-        return _log_student(residual, variance, np.zeros_like(residual))
+        return _log_density(residual, variance, np.zeros_like(residual))
 
     def _log_faces(
         self, q: ClutchQuantities, sense: float, log_force: Array, factor: float
@@ -195,7 +193,7 @@ class Contacts:
         slope = slope + q.compliance[:, None] * seen.force_slope
         single = seen.slope_error**2 + (factor * SINGLE_FACE * tangent) ** 2
         common = np.broadcast_to(factor * FACE_LAW * tangent, slope.shape)
-        log = _log_student(seen.slope - slope, single, common)
+        log = _log_density(seen.slope - slope, single, common)
         torques = self._face_torques(q, senses, log_force, radius)
         torque = torques.mean
         drag = q.drag[:, None]
@@ -206,7 +204,7 @@ class Contacts:
         inertia = q.sliding_inertia[:, None]
         single = seen.acceleration_error**2 + (factor * torques.single_error / inertia) ** 2
         residual = seen.acceleration - net / inertia
-        return log + _log_student(residual, single, factor * torques.common_error / inertia)
+        return log + _log_density(residual, single, factor * torques.common_error / inertia)
 
     def _face_torques(
         self, q: ClutchQuantities, senses: Array, log_force: Array, radius: float
@@ -375,7 +373,7 @@ def _interpolate(values: Array, nodes: Array, changes: Array) -> Array:
     return np.asarray((1.0 - share) * changes[place] + share * changes[place + 1])
 
 
-def _log_student(residual: Array, variance: Array, common: Array) -> Array:
+def _log_density(residual: Array, variance: Array, common: Array) -> Array:
     """Compute Student's log density of residuals (m, k) with a common error, (m,).
 
     ``variance`` of each by itself, and ``common``, the error by one standard deviation of what all
@@ -390,7 +388,4 @@ def _log_student(residual: Array, variance: Array, common: Array) -> Array:
     projection = (common * residual / variance).sum(axis=1)
     squared = (residual**2 / variance).sum(axis=1) - projection**2 / information
     log_determinant = np.log(variance).sum(axis=1) + np.log(information)
-    constant = gammaln((FREEDOM + size) / 2.0) - gammaln(FREEDOM / 2.0)
-    constant = constant - 0.5 * size * np.log(FREEDOM * np.pi)
-    tail = 0.5 * (FREEDOM + size) * np.log1p(squared / FREEDOM)
-    return np.asarray(constant - 0.5 * log_determinant - tail)
+    return log_student(squared, log_determinant, size)

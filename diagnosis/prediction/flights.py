@@ -341,6 +341,17 @@ class Flights:
         return rows
 
 
+def log_student(squared: Array, log_determinant: Array, size: int) -> Array:
+    """Compute Student's log density of ``size`` marks, in the shape of ``squared``.
+
+    ``squared`` are their squared distances, ``log_determinant`` that of their covariance.
+    """
+    constant = gammaln((FREEDOM + size) / 2.0) - gammaln(FREEDOM / 2.0)
+    constant = constant - 0.5 * size * np.log(FREEDOM * np.pi)
+    tail = 0.5 * (FREEDOM + size) * np.log1p(squared / FREEDOM)
+    return np.asarray(constant - 0.5 * log_determinant - tail)
+
+
 def log_flights(
     observed: Sequence[SeenFlight],
     flights: Flights,
@@ -354,10 +365,7 @@ def log_flights(
     """
     log = np.zeros((2, len(values)))  # with acting and nominal force
     for squared, log_determinant, size in _distances(observed, flights, h, values):
-        constant = gammaln((FREEDOM + size) / 2.0) - gammaln(FREEDOM / 2.0)
-        constant = constant - 0.5 * size * np.log(FREEDOM * np.pi)
-        tail = 0.5 * (FREEDOM + size) * np.log1p(squared / FREEDOM)
-        log += constant - 0.5 * log_determinant - tail
+        log += log_student(squared, log_determinant, size)
     return np.asarray(np.logaddexp(*(log + log_contacts)) - np.log(2.0))
 
 

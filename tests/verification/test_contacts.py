@@ -12,7 +12,7 @@ from scipy.stats import multivariate_t
 
 from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.bench.contact_marks import SeenContacts, contacts_of
-from dogshape.diagnosis.prediction.contacts import Contacts, _log_student, friction_coefficient
+from dogshape.diagnosis.prediction.contacts import Contacts, _log_density, friction_coefficient
 from dogshape.diagnosis.prediction.simulations import settings_of
 from dogshape.diagnosis.terms import NONE, Array, Hypothesis
 from dogshape.sim.setting import Setting
@@ -167,7 +167,7 @@ def test_students_density_has_the_error_in_common() -> None:
     for row in range(5):
         covariance = np.diag(variance[row]) + np.outer(common[row], common[row])
         exact = multivariate_t.logpdf(residual[row], shape=covariance, df=5.0)
-        assert _log_student(residual, variance, common)[row] == pytest.approx(exact)
+        assert _log_density(residual, variance, common)[row] == pytest.approx(exact)
 
 
 def test_friction_falls_from_the_static_to_the_dynamic_coefficient() -> None:
