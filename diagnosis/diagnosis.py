@@ -16,7 +16,14 @@ from dogshape.bench.bench_data import Bench
 from dogshape.bench.stand_file import EmptyCells
 from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.gap_map import describe_gaps
-from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, predict_held_out
+from dogshape.diagnosis.inference.fit import (
+    Fit,
+    HeldOut,
+    Interval,
+    fit,
+    predict_held_out,
+    root_mean_square,
+)
 from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.ranking import HypothesisSearch, Ranking, rank
 from dogshape.diagnosis.inference.static_readings import (
@@ -239,7 +246,7 @@ class Inference:
         predicted = self.model.predict(hypothesis, np.hstack(columns))
         mean = self.likelihood.mean_with_late(predicted).mean(axis=0)
         times = np.array([cell.time for cell in self.bench.cells], dtype=float)
-        return float(np.sqrt(np.nanmean((times - mean) ** 2)))
+        return root_mean_square(times - mean)
 
     def to_dict(self) -> Record:
         """Write ``gap.json``."""

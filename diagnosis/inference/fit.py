@@ -412,10 +412,10 @@ def predict_held_out(
     sd[points] = validation.sd
     rival_gap = None
     if rival is not None:
-        rival_gap = _root_mean_square(cross_validate(likelihood, rival).gap)
+        rival_gap = root_mean_square(cross_validate(likelihood, rival).gap)
     return HeldOut(
-        baseline=_root_mean_square(baseline[points]),
-        held_out=_root_mean_square(validation.gap),
+        baseline=root_mean_square(baseline[points]),
+        held_out=root_mean_square(validation.gap),
         chance=validation.chance,
         rival=None if rival is None else rival.hypothesis,
         rival_held_out=rival_gap,
@@ -454,7 +454,7 @@ def cross_validate(likelihood: Likelihood, fitted: Fit) -> CrossValidation:
     )
 
 
-def _root_mean_square(values: Array) -> float:
+def root_mean_square(values: Array) -> float:
     """Compute the root mean square of finite values, 0 for none."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
