@@ -213,8 +213,11 @@ def _shift_samples(trace: BenchTrace, clutch: Clutch) -> tuple[Array, ...]:
     is_near = trace.time >= trace.time[touch] - REST_TIME_S
     is_near &= trace.time <= trace.time[end] + REST_TIME_S
     channels = (
-        *(trace.time, trace.displacement, trace.force),
-        *(trace.sliding_speed, trace.output_speed),
+        trace.time,
+        trace.displacement,
+        trace.force,
+        trace.sliding_speed,
+        trace.output_speed,
     )
     block = max(1, int(is_near.sum()) // MAX_SAMPLES)
     count = int(is_near.sum()) // block
@@ -245,7 +248,6 @@ def _face_of(motion: _Motion, clutch: Clutch) -> Array | None:
     parts = np.array_split(np.arange(time.size), NODES)
     durations = np.array([time[part[-1]] - time[part[0]] for part in parts])
     ways = np.array([slip[part[-1]] - slip[part[0]] for part in parts])
-
     force = motion.force[face]
     channels = (time, force, displacement)
     means = [np.array([values[part].mean() for part in parts]) for values in channels]

@@ -524,7 +524,7 @@ def _sum_weights(logs: Sequence[Mapping[Hypothesis, float]]) -> dict[Hypothesis,
 
 
 class _Reading(NamedTuple):
-    """Meaning of a record that changes what is simulated or counted."""
+    """Place of the sensor and meaning of empty rows, under which hypotheses are ranked."""
 
     place: str  #: where displacement is read
     empty: EmptyCells  #: meaning of rows without a time

@@ -54,7 +54,7 @@ class MapCell(NamedTuple):
 
 @dataclass(frozen=True)
 class GapMap:
-    """Gaps by groups of mismatch, 1/min, and force, N; points without a gap are left out."""
+    """Gaps of the points that have one, by groups of mismatch, 1/min, and force, N."""
 
     mismatches: tuple[Group, ...]
     forces: tuple[Group, ...]

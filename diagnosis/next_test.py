@@ -201,7 +201,7 @@ def _prior(diagnosis: Inference, outcome: PredictedOutcome) -> Array:
 
 
 def _order_tests(diagnosis: Inference, tests: Sequence[NextTest]) -> list[NextTest]:
-    """Order tests by gain per hour, but the first by what the answer needs."""
+    """Order tests by gain per hour; the test that a decided or open answer needs leads."""
     settings = diagnosis.settings
     posterior = diagnosis.posterior
     top = _most_probable(posterior, posterior)
@@ -331,7 +331,7 @@ def _direct_tests(diagnosis: Inference) -> list[NextTest]:
 
 
 def quantities_of(effects: Iterable[Effect], setting: Setting) -> list[ReadQuantity]:
-    """List what a direct test of some effects reads: their parameters, or their presence."""
+    """List the parameters, or the presence, that a direct test of some effects reads."""
     quantities = []
     for effect in effects:
         neutral = effect.neutral(setting)

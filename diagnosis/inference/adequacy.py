@@ -51,7 +51,7 @@ def combine_parts(p_values: Iterable[float]) -> float:
 def check_parts(
     likelihood: Likelihood, p: Prediction, errors: CommonErrors, marks: Array
 ) -> dict[str, float]:
-    """Compute the p-value of each part at m draws of a posterior, parts without data left out.
+    """Compute the p-value of each part that has data, over m draws of a posterior.
 
     ``marks`` are normal deviates of the marks of each profile, (m, profiles).
 
@@ -89,14 +89,14 @@ def check_parts(
 
 
 def sum_of_squares_p(scores: Array) -> Array:
-    """Compute p-values of the sums of squared normal deviates (m, n), NaN left out, (m,)."""
+    """Compute p-values (m,) of the sums of squared finite normal deviates (m, n)."""
     count = np.isfinite(scores).sum(axis=1)
     p_values = chi2.sf(np.nansum(scores**2, axis=1), np.maximum(count, 1))
     return np.where(count > 0, p_values, np.nan)
 
 
 def worst_p(scores: Array) -> Array:
-    """Compute p-values of the largest of normal deviates (m, n), NaN left out, (m,)."""
+    """Compute p-values (m,) of the largest finite normal deviate in each row (m, n)."""
     count = np.isfinite(scores).sum(axis=1)
     largest = np.nan_to_num(abs(scores)).max(axis=1)
     return np.asarray(-np.expm1(count * np.log1p(-2.0 * norm.sf(largest))))

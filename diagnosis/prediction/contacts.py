@@ -291,7 +291,7 @@ class Contacts:
         return best
 
     def _effect_row(self, effect: Effect, values: Sequence[float]) -> Array | None:
-        """Compute the row of one effect at values; None where there is no such bench."""
+        """Compute the row of one effect at values, None without such a bench."""
         level = Level((effect.name,), tuple(values))
         effects = {effect.name: effect}
         try:

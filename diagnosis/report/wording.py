@@ -235,7 +235,7 @@ def size_lines(diagnosis: Inference, effect: str) -> list[str]:
 
 
 def excess_lines(diagnosis: Inference, effect: str) -> list[str]:
-    """Write for each parameter of an effect what is extraordinary: its size, an end of a range."""
+    """List extraordinary sizes and range ends of an effect, a line for each parameter."""
     pressed = {end.parameter for end in diagnosis.range_ends if end.effect == effect}
     lines = []
     for parameter in _sized_parameters(diagnosis, effect):
