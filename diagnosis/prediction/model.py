@@ -50,6 +50,7 @@ from dogshape.diagnosis.prediction.moments import (
     MOMENTS,
     Angles,
     Modes,
+    angle_error,
     mark_late,
     mask_late,
     modes_of,
@@ -407,12 +408,12 @@ class Model:
         law_variance = self.law_error**2 * (none + sums.squared_log)
         emulation_variance = none + sums.emulation_variance
         variance = law_variance + emulation_variance - sums.common_variance + pair_error**2
-        angle_error = _angle_error(DENSE_FACTOR * ANGLES) * sd
+        mean_error = angle_error(DENSE_FACTOR * ANGLES) * sd
         kurtosis = (sums.modes.kurtosis + 3.0) * np.exp(sums.moments[..., LOG_KURTOSIS]) - 3.0
         return Prediction(
             mean=mean + sums.delay,
             sd=sd,
-            error=np.hypot(angle_error, np.sqrt(variance) * mean),
+            error=np.hypot(mean_error, np.sqrt(variance) * mean),
             emulation_error=np.sqrt(emulation_variance) * mean,
             common_error=np.sqrt(pair_error**2 + sums.common_variance) * mean,
             late_share=np.clip(late_share, 1e-3, 0.9),
@@ -751,24 +752,21 @@ class Model:
         concentration = angles.concentration[..., None]
         centre = angles.centre[..., None]
         weights = angle_weights(self._turns, concentration, centre)
-        base_changes, base_count = self._angles.changes(weights)
-        moments = base_changes[:, 0]
-        angle_variance = _angle_error(base_count[:, 0]) ** 2
-        inverse_squares = base_count[:, 0] ** -2.0
+        base = self._angles.changes(weights, np.tile([1.0, 0.0], (len(weights), 1)))
+        moments = base.moments
+        angle_variance = base.angle_variance
+        inverse_squares = base.inverse_squares
         for name, effect_x in x.items():
             curve = self._curve(name)
             noise = np.where(curve.is_dense, DENSE_NOISE, SPARSE_NOISE)
-            bench_weights = curve.emulator.weights(effect_x, noise)
-            changes, count = curve.angles.changes(weights)
-            changes = changes - base_changes[:, np.where(curve.is_dense, 0, 1)]
-            moments = moments + np.einsum("mn,mnck->mck", bench_weights, changes)
-            bench_variance = _angle_error(count) ** 2
-            angle_variance = angle_variance + np.einsum(
-                "mn,mnc->mc", bench_weights**2, bench_variance
-            )
-            inverse_squares = inverse_squares + np.einsum(
-                "mn,mnc->mc", bench_weights**2, count**-2.0
-            )
+            bench_shares = curve.emulator.weights(effect_x, noise)
+            dense_share = bench_shares @ curve.is_dense
+            base_shares = np.stack([dense_share, bench_shares.sum(axis=1) - dense_share], axis=1)
+            change_of_benches = curve.angles.changes(weights, bench_shares)
+            moments = moments + change_of_benches.moments
+            moments = moments - self._angles.changes(weights, base_shares).moments
+            angle_variance = angle_variance + change_of_benches.angle_variance
+            inverse_squares = inverse_squares + change_of_benches.inverse_squares
         log_sd = self.base_moments[:, LOG_SD] - self.base_moments[:, LOG_MEAN]
         variation = np.exp(log_sd + moments[..., LOG_SD] - moments[..., LOG_MEAN])
         variance = angle_variance * variation**2 + UNEVEN_MEAN_ERROR**2 * inverse_squares
@@ -942,8 +940,3 @@ def passing_time(setting: Setting) -> float:
     if slip == 0.0:
         return timeout
     return min(timeout, setting.clutch.dog.pitch_angle / slip)
-
-
-def _angle_error(count: Array | int) -> Array:
-    """Compute the error of the mean of even angles over the deviation (measured)."""
-    return np.asarray(0.8 * count**-0.8)

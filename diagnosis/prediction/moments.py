@@ -8,16 +8,16 @@ Trans. Syst. Man Cybern. 9). That is compiled: a diagnosis parts the angles of a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logit
 
 from dogshape.diagnosis.terms import Array
-from dogshape.sim.kernel import compiled
+from dogshape.sim.kernel.compiler import compiled, inlined, making
 
 #: Places of the moments in the last axis of an array of moments, (..., MOMENTS).
 LOG_MEAN = 0  #: ln mean of the timely shifts, ln s
@@ -27,6 +27,17 @@ ENGAGED_LOGIT = 3  #: logit of the share that engages
 LOG_KURTOSIS = 4  #: ln kurtosis of the timely shifts
 MOMENTS = 5
 
+#: Places of the values that are summed over the angles of a bench.
+TIMELY = 0  #: 1 for timely shifts, else 0
+ENGAGED = 1  #: 1 for shifts that engage, else 0
+SIMULATED = 2  #: 1 for shifts that were simulated, else 0
+DEVIATION = 3  #: of a timely shift from their mean, 0 for others, s
+SQUARED_DEVIATION = 4  #: s^2
+VALUES = 5
+SQUARED_WEIGHT = 5  #: place of the sum of squared weights of simulated shifts
+
+EVEN_ERROR = 0.8  #: of the mean of one angle over the deviation (measured)
+EVEN_POWER = 0.8  #: of the number of even angles, with which that error falls (measured)
 LATE_DISTANCES = 8.0  #: distances of the 10 % quantile behind the median, from which it is late
 MIN_SD_S = 5e-4  #: s, resolution of a shift time
 MIN_WEIGHT = 1e-9  #: sum of weights to divide by
@@ -68,6 +79,15 @@ def mask_late(times: Array, min_delay: Array) -> Array:
     return np.where(np.isfinite(times) & ~mark_late(times, min_delay), times, np.nan)
 
 
+class WeightedChanges(NamedTuple):
+    """Changes of the moments by weights of the angles, at m rows of weights and C points."""
+
+    moments: Array  #: sum over the benches, (m, C, MOMENTS)
+    inverse_squares: Array  #: 1 / squared number of angles that count, (m, C)
+    #: Squared error of the mean by angles, over the deviation, (m, C).
+    angle_variance: Array
+
+
 @dataclass(frozen=True)
 class Angles:
     """Shift times of n benches at C operating points and A relative angles, NaN where unknown."""
@@ -76,69 +96,117 @@ class Angles:
     is_late: np.ndarray  #: (n, C, A)
 
     @cached_property
-    def _is_timely(self) -> Array:
-        """1 for timely shifts, else 0, (n, C, A)."""
-        return 1.0 * (np.isfinite(self.times) & ~self.is_late)
-
-    @cached_property
-    def _is_engaged(self) -> Array:
-        """1 for shifts that engage, else 0, (n, C, A)."""
-        return 1.0 * np.isfinite(self.times)
-
-    @cached_property
-    def _is_simulated(self) -> Array:
-        """1 for shifts that were simulated, else 0, (n, C, A)."""
-        return 1.0 * ~np.isnan(self.times)
+    def _values(self) -> Array:
+        """Values that are summed over the angles, (C, A, VALUES, n); deviations are from means."""
+        is_engaged = np.isfinite(self.times)
+        is_timely = is_engaged & ~self.is_late
+        deviation = np.where(is_timely, self.times - self._mean[..., None], 0.0)
+        is_simulated = ~np.isnan(self.times)
+        values = [is_timely, is_engaged, is_simulated, deviation, deviation**2]
+        return np.ascontiguousarray(np.moveaxis(np.array(values, dtype=float), (0, 1), (2, 3)))
 
     @cached_property
     def _mean(self) -> Array:
         """Mean of the timely shifts at even angles, s, (n, C)."""
-        total = np.where(self._is_timely, self.times, 0.0).sum(axis=-1)
-        return np.asarray(total / np.maximum(self._is_timely.sum(axis=-1), 1.0))
-
-    @cached_property
-    def _deviation(self) -> Array:
-        """Deviation of each timely shift from their mean, 0 for others, s, (n, C, A)."""
-        return np.where(self._is_timely > 0.0, self.times - self._mean[..., None], 0.0)
+        is_timely = np.isfinite(self.times) & ~self.is_late
+        total = np.where(is_timely, self.times, 0.0).sum(axis=-1)
+        return np.asarray(total / np.maximum(is_timely.sum(axis=-1), 1.0))
 
     @cached_property
     def _even_moments(self) -> Array:
-        """Moments at even angles, (1, n, C, MOMENTS)."""
-        return self._moments(np.ones((1, *self.times.shape[1:])))
+        """Moments at even angles, (C, n, MOMENTS)."""
+        bench_count, cell_count, angle_count = self.times.shape
+        weights = np.ones((1, cell_count, angle_count))
+        no_moments = np.zeros((cell_count, bench_count, MOMENTS))
+        rows = [
+            self._sum(weights, share[None], no_moments).moments[0] for share in np.eye(bench_count)
+        ]
+        return np.ascontiguousarray(np.moveaxis(np.array(rows), 0, 1))
 
-    def _moments(self, weights: Array) -> Array:
-        """Compute moments by weights (m, C, A), (m, n, C, MOMENTS)."""
-        timely = np.maximum(_sum_angles(weights, self._is_timely), MIN_WEIGHT)
-        engaged = np.maximum(_sum_angles(weights, self._is_engaged), MIN_WEIGHT)
-        simulated = np.maximum(_sum_angles(weights, self._is_simulated), MIN_WEIGHT)
-        first = _sum_angles(weights, self._deviation) / timely
-        second = _sum_angles(weights, self._deviation**2) / timely
-        mean = np.maximum(self._mean + first, MIN_SD_S)
-        variance = np.maximum(second - first**2, MIN_SD_S**2)
-        moments = np.zeros((*mean.shape, MOMENTS))  # kurtosis is that of the modes
-        moments[..., LOG_MEAN] = np.log(mean)
-        moments[..., LOG_SD] = 0.5 * np.log(variance)
-        moments[..., LATE_SHARE] = 1.0 - timely / engaged
-        moments[..., ENGAGED_LOGIT] = logit(np.clip(engaged / simulated, 0.01, 0.99))
-        return moments
+    def changes(self, weights: Array, bench_shares: Array) -> WeightedChanges:
+        """Sum the changes of the moments from even angles over the benches.
 
-    def changes(self, weights: Array) -> tuple[Array, Array]:
-        """Compute changes of the moments by weights (m, C, A) of the angles.
-
-        Returns
-        -------
-        changes : (m, n, C, MOMENTS), from the moments at even angles
-        count : (m, n, C), number of even angles with the same information
+        Parameters
+        ----------
+        weights : (m, C, A), of the angles
+        bench_shares : (m, n), of the changes of each bench
         """
-        total = _sum_angles(weights, self._is_simulated)
-        squares = _sum_angles(weights**2, self._is_simulated)
-        count = total**2 / np.maximum(squares, MIN_WEIGHT)
-        return self._moments(weights) - self._even_moments, count
+        return self._sum(weights, bench_shares, self._even_moments)
+
+    def _sum(self, weights: Array, bench_shares: Array, even_moments: Array) -> WeightedChanges:
+        """Sum the moments less ``even_moments`` (C, n, MOMENTS) over the benches."""
+        shape = weights.shape[:2]
+        changes = WeightedChanges(
+            moments=np.zeros((*shape, MOMENTS)),  # kurtosis is that of the modes
+            inverse_squares=np.zeros(shape),
+            angle_variance=np.zeros(shape),
+        )
+        benches = _Benches(self._values, np.ascontiguousarray(self._mean.T), even_moments)
+        _sum_changes(
+            np.ascontiguousarray(weights), np.ascontiguousarray(bench_shares), benches, changes
+        )
+        return changes
 
 
-def _sum_angles(weights: Array, values: Array) -> Array:
-    """Sum values (n, C, A) by weights (m, C, A) over the angles, (m, n, C)."""
-    return np.moveaxis(weights.swapaxes(0, 1) @ values.transpose(1, 2, 0), 0, -1)
+class _Benches(NamedTuple):
+    """Values of n benches that weights of the angles sum."""
+
+    values: Array  #: (C, A, VALUES, n)
+    means: Array  #: of the timely shifts at even angles, s, (C, n)
+    even_moments: Array  #: from which changes count, (C, n, MOMENTS)
+
+
+@making
+def _sum_changes(weights, bench_shares, benches, changes):
+    """Fill the changes by weights (m, C, A) and shares (m, n) of the benches."""
+    sums = np.empty((VALUES + 1, bench_shares.shape[1]))
+    for row in range(weights.shape[0]):
+        for cell in range(weights.shape[1]):
+            _sum_angles(weights[row, cell], benches.values[cell], sums)
+            _add_changes((row, cell), bench_shares[row], sums, benches, changes)
+
+
+@compiled
+def _sum_angles(weights, values, sums):
+    """Sum the values (A, VALUES, n) of one operating point by weights (A,) over the angles."""
+    sums[:] = 0.0
+    for k in range(len(weights)):
+        weight = weights[k]
+        for value in range(VALUES):
+            for bench in range(sums.shape[1]):
+                sums[value, bench] += weight * values[k, value, bench]
+        for bench in range(sums.shape[1]):
+            sums[SQUARED_WEIGHT, bench] += weight * weight * values[k, SIMULATED, bench]
+
+
+@inlined
+def _add_changes(place, shares, sums, benches, changes):
+    """Add the changes of all benches, by shares (n,), at a row and operating point."""
+    cell = place[1]
+    moments = changes.moments[place]
+    for bench in range(len(shares)):
+        even = benches.even_moments[cell, bench]
+        timely = max(sums[TIMELY, bench], MIN_WEIGHT)
+        engaged = max(sums[ENGAGED, bench], MIN_WEIGHT)
+        simulated = max(sums[SIMULATED, bench], MIN_WEIGHT)
+        first = sums[DEVIATION, bench] / timely
+        variance = max(sums[SQUARED_DEVIATION, bench] / timely - first**2, MIN_SD_S**2)
+        engaged_share = min(max(engaged / simulated, 0.01), 0.99)
+        engaged_logit = math.log(engaged_share / (1.0 - engaged_share))
+        log_mean = math.log(max(benches.means[cell, bench] + first, MIN_SD_S))
+        moments[LOG_MEAN] += shares[bench] * (log_mean - even[LOG_MEAN])
+        moments[LOG_SD] += shares[bench] * (0.5 * math.log(variance) - even[LOG_SD])
+        moments[LATE_SHARE] += shares[bench] * (1.0 - timely / engaged - even[LATE_SHARE])
+        moments[ENGAGED_LOGIT] += shares[bench] * (engaged_logit - even[ENGAGED_LOGIT])
+        count = sums[SIMULATED, bench] ** 2 / max(sums[SQUARED_WEIGHT, bench], MIN_WEIGHT)
+        error = EVEN_ERROR * count**-EVEN_POWER
+        changes.inverse_squares[place] += (shares[bench] / count) ** 2
+        changes.angle_variance[place] += (shares[bench] * error) ** 2
+
+
+def angle_error(count: Array | int) -> Array:
+    """Compute the error of the mean of even angles over the deviation."""
+    return np.asarray(EVEN_ERROR * count**-EVEN_POWER)
 
 
 class Modes(NamedTuple):

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from platformdirs import user_cache_dir
+from threadpoolctl import threadpool_limits
 
 from dogshape.bench.bench_data import (
     Bench,
@@ -66,6 +67,11 @@ class BankOptions:
     settings: Settings = USUAL
 
 
+# More threads take longer for matrices of some hundred rows, and sum in another order.
+one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
+
+
+@one_thread
 def diagnose_bench(bench: Bench, options: BankOptions) -> Inference:
     """Diagnose a data set; simulate the shifts that no bank has.
 
@@ -177,6 +183,7 @@ def load_points(place: str | Path) -> Bench:
     )
 
 
+@one_thread
 def predict_field(bench: Bench, options: BankOptions) -> Field:
     """Predict the effects at the operating points of a bench; simulate missing shifts."""
     bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))

@@ -189,10 +189,11 @@ def test_two_modes_have_the_moments_of_all_times() -> None:
     expected = 0.1, 0.05 / 0.06, narrow, fourth / variance**2 - 3.0
     assert np.ravel(modes_of(times, kept, weights)) == pytest.approx(expected)
     even = np.array([0.075, np.var(times[0, :4]) ** 0.5])
-    changes, count = Angles(times[None], late[None]).changes(weights)
+    changes = Angles(times[None], late[None]).changes(weights, np.ones((1, 1)))
     given = np.log([0.06, variance**0.5] / even), [3.0 / 13.0 - 0.2, logit(0.65) - logit(5.0 / 6.0)]
-    assert changes.ravel() == pytest.approx([*np.concatenate(given), 0.0])  # kurtosis: the modes'
-    assert count.item() == pytest.approx(400.0 / 92.0)
+    expected = [*np.concatenate(given), 0.0]  # kurtosis: the modes'
+    assert changes.moments.ravel() == pytest.approx(expected)
+    assert changes.inverse_squares.item() == pytest.approx((92.0 / 400.0) ** 2)
 
 
 def test_shifts_with_and_without_the_rare_mode_have_the_moments_of_all() -> None:
