@@ -67,11 +67,6 @@ class BankOptions:
     settings: Settings = USUAL
 
 
-# More threads take longer for matrices of some hundred rows, and sum in another order.
-one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
-
-
-@one_thread
 def diagnose_bench(bench: Bench, options: BankOptions) -> Inference:
     """Diagnose a data set; simulate the shifts that no bank has.
 
@@ -83,9 +78,11 @@ def diagnose_bench(bench: Bench, options: BankOptions) -> Inference:
     measured_facts(bench, effects)  # refuses a wrong one before the long work
     _require_working(effects, bench, options)
     bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))
-    models = models_of(bench, effects, options)
-    diagnosis = diagnose(bench, models, options.settings)
-    return replace(diagnosis, tests=rank_tests(diagnosis))
+    # More threads take longer for matrices of some hundred rows, and sum in another order.
+    with threadpool_limits(limits=1, user_api="blas"):
+        models = models_of(bench, effects, options)
+        diagnosis = diagnose(bench, models, options.settings)
+        return replace(diagnosis, tests=rank_tests(diagnosis))
 
 
 def models_of(
@@ -183,7 +180,6 @@ def load_points(place: str | Path) -> Bench:
     )
 
 
-@one_thread
 def predict_field(bench: Bench, options: BankOptions) -> Field:
     """Predict the effects at the operating points of a bench; simulate missing shifts."""
     bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))

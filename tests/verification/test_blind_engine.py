@@ -181,6 +181,19 @@ def test_every_truth_makes_a_shift(stand: Stand) -> None:
         assert time is None or 0.015 < time <= 1.0, truth
 
 
+def test_what_changes_over_a_series_is_absent_at_its_start(stand: Stand) -> None:
+    point = Point(50.0 * RPM, 641.5, 0.12614)
+    base = Engine(stand, Truth()).shift(point, Draw(0.2)).time
+    assert base is not None
+    clock = Engine(stand, truth_of({}, {"clock_drift": 1.0}))
+    galling = Engine(stand, truth_of({}, {"galling": 1.0}))
+    assert clock.shift(point, Draw(0.2)).time == galling.shift(point, Draw(0.2)).time == base
+    assert clock.shift(point, Draw(0.2, progress=0.5)).time == pytest.approx(base + 0.06)
+    threefold = replace(stand, static_friction=0.9, dynamic_friction=0.48)
+    time = Engine(threefold, Truth()).shift(point, Draw(0.2)).time
+    assert galling.shift(point, Draw(0.2, progress=1.0)).time == pytest.approx(time) != base
+
+
 @pytest.mark.parametrize(
     ("name", "places"),
     [("swapped_forces", [4, 3, 2, 1, 8, 7, 6, 5]), ("swapped_speeds", [5, 6, 7, 8, 1, 2, 3, 4])],

@@ -152,11 +152,10 @@ def _repeat_shifts(
     stand = read_stand(folder)
     truth = case.truth
     engine = engine_of(case.engine, stand, truth)
-    fade = 1.0 - truth.drift  # after the series the drift is complete
     seed = int(generator.integers(2**31))
     (draws,) = draw_shifts(truth, stand, point_count=1, shift_count=test.shifts, seed=seed)
     keep = test.kind == "traces"
-    shifts = [engine.shift(point, replace(draw, fade=fade), keep) for draw in draws]
+    shifts = [engine.shift(point, replace(draw, progress=1.0), keep) for draw in draws]
     if not keep:
         times = np.array([[shift.time for shift in shifts]], dtype=float)
         engaged = float(np.isfinite(times).mean())
@@ -167,7 +166,7 @@ def _repeat_shifts(
     units = (1.0, MM, 1.0, RPM, RPM)
     traces = []
     for shift in shifts:
-        rows = measured_rows(truth, point, shift, fade=fade, generator=generator)
+        rows = measured_rows(truth, point, shift, progress=1.0, generator=generator)
         if rows is not None:
             traces.append(BenchTrace(Path("trace"), *(rows * units).T))
     if not traces:

@@ -17,7 +17,7 @@ import numpy as np
 from dogshape.validation.blind.stand import Point, Truth
 from dogshape.validation.blind.true_effects import RANGES, Values, contact_of, truth_of, values_of
 
-Kind = Literal["none", "single", "pair", "three", "outside"]
+Kind = Literal["none", "single", "pair", "outside"]
 Form = Literal["means", "singles", "traces"]
 
 #: Clutches by name: folders of the bundled data.
@@ -25,29 +25,40 @@ CLUTCHES = {"prototype": "bench/mq200_adams", "large": "blind/large", "hub": "bl
 SEED = 7042  #: of the draws, unless another is given
 #: Cases by engine and kind; those outside the list by name.
 COUNTS: dict[str, dict[str, int]] = {
-    "planar": {"none": 24, "single": 36, "pair": 16, "three": 4},
-    "mujoco": {"none": 8, "single": 8, "pair": 4, "three": 0},
+    "planar": {"none": 4, "single": 10, "pair": 6},
+    "mujoco": {"none": 6, "single": 12, "pair": 14},
 }
 OUTSIDE: dict[str, dict[str, int]] = {
-    "planar": {"sticking_valve": 6, "hanging_valve": 6, "swapped_forces": 10, "swapped_speeds": 14},
+    "planar": {
+        "sticking_valve": 1,
+        "hanging_valve": 1,
+        "swapped_forces": 1,
+        "swapped_speeds": 1,
+        "clock_drift": 1,
+        "elastic_dogs": 1,
+    },
     "mujoco": {
-        "sticking_valve": 2,
-        "hanging_valve": 2,
-        "swapped_speeds": 4,
-        "speed_ripple": 2,
-        "high_dog": 4,
+        "sticking_valve": 1,
+        "hanging_valve": 1,
+        "swapped_speeds": 1,
+        "speed_ripple": 1,
+        "high_dog": 2,
         "two_stages": 2,
+        "clock_drift": 1,
+        "galling": 2,
+        "stribeck_friction": 2,
+        "elastic_dogs": 1,
     },
 }
 #: Cases of each engine in a small set, on the first clutch.
 SMALL_COUNTS = {"none": 1, "single": 1, "pair": 1}
 #: Candidates of a case by engine and kind, where there are several.
 CANDIDATE_COUNTS: dict[str, dict[str, int]] = {
-    "planar": {"single": 10, "pair": 6, "outside": 8},
-    "mujoco": {"single": 4, "outside": 3},
+    "planar": {"single": 6, "pair": 3, "outside": 4},
+    "mujoco": {"single": 3, "pair": 2, "outside": 2},
 }
-COMMON_EFFECTS = ("actuation_delay", "sleeve_friction")  #: likely in every bench
-COMMON_SHARE = 0.4  #: of pairs and threes with a common effect
+#: Effects of the reading of a shift: a pair has none, so that both act on the contact.
+READING_EFFECTS = ("actuation_delay", "relative_angle", "reversed_mismatch")
 POINT_COUNTS = (12, 28)  #: range of the operating points of a case
 SHIFT_COUNTS = (3, 20)  #: range of the shifts of an operating point, even in the logarithm
 TRACE_COUNTS = (3, 5)  #: range of the shifts of an operating point with traces
@@ -55,15 +66,19 @@ FORCE_ERRORS = (0.01, 0.03)  #: range of the relative standard deviation of forc
 SPEED_ERRORS = (0.01, 0.02)  #: range of the relative standard deviation of mismatches
 SHUFFLED_SHARE = 0.5  #: of series of single shifts in random order
 MEANS_SHARE = 0.6  #: of cases with means only
-TRACES_SHARE = 0.05  #: of cases with traces
+TRACES_SHARE = 0.1  #: of cases with traces
 SPREADS_SHARE = 0.5  #: of cases with means only that have standard deviations
 UNKNOWN_SHARE = 0.25  #: of records that leave a convention unknown
-STRENGTHS = (0.6, 1.0)  #: range of an effect's strength
+STRENGTHS = (0.5, 1.0)  #: range of an effect's strength
+BEYOND_SHARE = 0.25  #: of effects whose size lies beyond the prior
+BEYOND = 1.3  #: greatest strength of these
 OUTSIDE_STRENGTHS = (0.7, 1.0)  #: range of the strength of a cause outside the list
 DRIFT_SHARE = 0.5  #: of series of single shifts whose force falls
 DRIFTS = (0.02, 0.1)  #: range of the share of the force that is lost
 #: Causes outside the list that the spread of single shifts shows.
 SPREAD_CAUSES = ("sticking_valve", "hanging_valve", "speed_ripple", "high_dog", "two_stages")
+#: Causes outside the list that the order of single shifts shows.
+ORDER_CAUSES = ("clock_drift", "galling")
 
 
 @dataclass(frozen=True)
@@ -143,12 +158,12 @@ def _list_kinds(
 ) -> list[tuple[Kind, str]]:
     """List the kinds of an engine's cases, each with its cause where that is fixed, else ''.
 
-    The compiled engine has each effect alone once.
+    Single effects of an engine are different ones.
     """
     effects = generator.permutation(sorted(RANGES)).tolist()
     kinds: list[tuple[Kind, str]] = []
     for kind, count in (SMALL_COUNTS if small else COUNTS[engine]).items():
-        names = effects if kind == "single" and engine == "planar" else []
+        names = effects if kind == "single" else []
         names = [*names, *[""] * count][:count]
         kinds += [(cast(Kind, kind), name) for name in names]
     outside = OUTSIDE[engine]
@@ -167,18 +182,21 @@ def _draw_causes(
         return {}, {}
     if kind == "outside":
         return {}, {name: float(generator.uniform(*OUTSIDE_STRENGTHS))}
-    rare_effects = sorted(
-        effect for effect, ranges in RANGES.items() if ranges and effect not in COMMON_EFFECTS
-    )
-    count = {"single": 1, "pair": 2}.get(kind, 3)
-    names = [name] if name else generator.choice(rare_effects, count, replace=False).tolist()
-    if count > 1 and generator.random() < COMMON_SHARE:
-        names[0] = str(generator.choice(COMMON_EFFECTS))
-    strengths = {effect: float(generator.uniform(*STRENGTHS)) for effect in sorted(names)}
+    effects = sorted({*RANGES} - {*READING_EFFECTS}) if kind == "pair" else sorted(RANGES)
+    count = 2 if kind == "pair" else 1
+    names = [name] if name else generator.choice(effects, count, replace=False).tolist()
+    strengths = {effect: _draw_strength(generator) for effect in sorted(names)}
     parameters = {
         effect: values_of(effect, strength, generator) for effect, strength in strengths.items()
     }
     return parameters, {}
+
+
+def _draw_strength(generator: np.random.Generator) -> float:
+    """Draw the strength of an effect, one in four beyond its prior."""
+    if generator.random() < BEYOND_SHARE:
+        return float(generator.uniform(1.0, BEYOND))
+    return float(generator.uniform(*STRENGTHS))
 
 
 def _draw_candidate(generator: np.random.Generator, case: Case, name: str) -> Case:
@@ -198,7 +216,7 @@ def _draw_case(
     chance = generator.random()
     places = _draw_places(generator, grid)
     form: Form = "singles"
-    if chance < MEANS_SHARE and name not in SPREAD_CAUSES:
+    if chance < MEANS_SHARE and name not in (*SPREAD_CAUSES, *ORDER_CAUSES):
         form = "means"
     if chance > 1.0 - TRACES_SHARE:
         form = "traces"

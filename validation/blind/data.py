@@ -91,7 +91,7 @@ def _draw_shift(truth: Truth, stand: Stand, generator: np.random.Generator) -> D
 
 
 def series_draws(case: Case, stand: Stand) -> list[list[Draw]]:
-    """Draw the shifts of a case by operating point; a drift follows the order of the series."""
+    """Draw the shifts of a case by operating point, in the order of the series."""
     truth = case.truth
     draws = draw_shifts(
         truth,
@@ -100,12 +100,17 @@ def series_draws(case: Case, stand: Stand) -> list[list[Draw]]:
         shift_count=max(case.numbers),
         seed=case.seed,
     )
-    last = max(1, sum(case.numbers) - 1)
     series = []
-    for point_draws, places in zip(draws, series_places(case), strict=True):
-        fades = [1.0 - truth.drift * (place - 1) / last for place in places]
-        series.append([replace(d, fade=fade) for d, fade in zip(point_draws, fades, strict=False)])
+    for point_draws, shares in zip(draws, series_progress(case), strict=True):
+        pairs = zip(point_draws, shares, strict=False)
+        series.append([replace(draw, progress=share) for draw, share in pairs])
     return series
+
+
+def series_progress(case: Case) -> list[list[float]]:
+    """Compute the share of the series before each shift, by operating point."""
+    last = max(1, sum(case.numbers) - 1)
+    return [[(place - 1) / last for place in places] for places in series_places(case)]
 
 
 def simulate_case(case: Case, stand: Stand, points: Sequence[Point]) -> list[list[Shift]]:
@@ -182,7 +187,7 @@ def _write_traces(
     names = []
     for k, (shift, draw) in enumerate(zip(shifts, draws, strict=True)):
         generator = np.random.default_rng((case.seed, place * 100 + k))
-        rows = measured_rows(case.truth, point, shift, fade=draw.fade, generator=generator)
+        rows = measured_rows(case.truth, point, shift, progress=draw.progress, generator=generator)
         if rows is None:
             names.append("")
             continue
@@ -274,13 +279,13 @@ def table_order(case: Case, points: Sequence[Point]) -> list[int]:
 
 
 def measured_rows(
-    truth: Truth, point: Point, shift: Shift, *, fade: float, generator: np.random.Generator
+    truth: Truth, point: Point, shift: Shift, *, progress: float, generator: np.random.Generator
 ) -> Array | None:
     """Sample a trace with the force at a sensor of the actuator, with noise, (n, 5).
 
     The columns are time, s, displacement, mm, force, N, and speeds of sliding and output ring,
-    1/min. None for a shift that did not engage, or without motion. ``fade`` is the share of the
-    force that remains after a drift.
+    1/min. None for a shift that did not engage, or without motion. ``progress`` is the share of
+    the series that is past.
     """
     motion = shift.motion
     if motion is None or shift.time is None:
@@ -291,7 +296,7 @@ def measured_rows(
     )
     noise = generator.normal(size=(3, len(times)))
     force_start = float(motion[0, 0])
-    force = acting_force(truth, truth.apply(point, fade), times - force_start)
+    force = acting_force(truth, truth.apply(point, progress), times - force_start)
     force += FORCE_NOISE * point.force * generator.normal(size=len(force))
     columns = [
         times,
@@ -330,14 +335,22 @@ class Expected:
 
 def expect_case(case: Case, stand: Stand, points: Sequence[Point]) -> Expected:
     """Simulate the expected data of a case's truth in the order of its table."""
-    expected = expect(case.engine, stand, points, case.truth)
+    expected = expect(case.engine, stand, points, case.truth, mean_progress(case))
     order = table_order(case, points)
     return Expected(expected.mean[order], expected.sd[order])
 
 
-def expect(name: str, stand: Stand, points: Sequence[Point], truth: Truth) -> Expected:
+def mean_progress(case: Case) -> list[float]:
+    """Compute the mean share of the series that is past at each operating point."""
+    return [float(np.mean(shares)) for shares in series_progress(case)]
+
+
+def expect(
+    name: str, stand: Stand, points: Sequence[Point], truth: Truth, progress: Sequence[float]
+) -> Expected:
     """Simulate nominal operating points at even angles, weighted by the truth.
 
+    ``progress`` is the share of the series that is past at each point.
     A valve that sticks or hangs delays by its mean; its spread is added to that of the angles.
     """
     engine = engine_of(name, stand, truth)
@@ -347,8 +360,9 @@ def expect(name: str, stand: Stand, points: Sequence[Point], truth: Truth) -> Ex
     # Phases of a ripple go round several times while the angles go round once.
     draws = [Draw(turn * stand.pitch, delay, 2.0 * np.pi * (7.0 * turn % 1.0)) for turn in turns]
     times = np.empty((len(points), count))
-    for row, point in zip(times, points, strict=True):
-        row[:] = np.array([engine.shift(point, draw).time for draw in draws], dtype=float)
+    for row, point, share in zip(times, points, progress, strict=True):
+        point_draws = [replace(draw, progress=share) for draw in draws]
+        row[:] = np.array([engine.shift(point, draw).time for draw in point_draws], dtype=float)
     waits = np.array([min(stand.timeout, stand.pitch / abs(point.mismatch)) for point in points])
     weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
     return moments(mask_late(times, waits), weights, delay_sd)

@@ -32,6 +32,7 @@ from dogshape.validation.blind.data import (
     bench_text,
     expect,
     expect_case,
+    mean_progress,
     simulate_case,
     write_case,
 )
@@ -121,7 +122,7 @@ def _make_candidates(
     stand_points = read_points(base_folder)
     points = [stand_points[k] for k in cases[0].places]
     # Candidates differ in their causes alone.
-    baseline = expect(cases[0].engine, stand, points, cases[0].baseline)
+    baseline = expect(cases[0].engine, stand, points, cases[0].baseline, mean_progress(cases[0]))
     model = None
     records = []
     for k, case in enumerate(cases):

@@ -34,6 +34,7 @@ REST_INTERVAL_S = 0.01  #: between two tests for rest
 REST_TOLERANCE = 1e-7  #: change of a resting position between two tests, m or rad
 FACE_NORMAL = 0.9  #: axial component of a normal above which faces touch
 DETENT_WIDTH = 1e-3  #: m
+STRIBECK_SPEED = 0.02  #: at which a friction at rest has fallen by a factor of e, m/s
 SPLINE_RADIUS_RATIO = 0.8  #: radius of the spline over the inner radius of the dogs
 
 
@@ -42,13 +43,13 @@ class Draw:
     """Values drawn for each shift.
 
     ``angle`` in rad between dogs at the start of the force, ``late`` in s how long the force
-    waits, ``phase`` in rad of the ripple, ``fade`` the share of the force that a drift has left.
+    waits, ``phase`` in rad of the ripple, ``progress`` the share of the series that is past.
     """
 
     angle: float
     late: float = 0.0
     phase: float = 0.0
-    fade: float = 1.0
+    progress: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -160,12 +161,14 @@ class Engine:
         self._spline_force_per_torque = max(0.0, spline_share) / spline_radius  # 1/m
         self._flank_reference = (-1.0, -1.0)
         self._face_reference = (-1.0, -1.0)
+        self._friction_factor = 1.0
         self._motion: list[tuple[float, ...]] | None = None
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
         """Simulate a shift at a nominal point, with its motion if ``keep``."""
-        point = self.truth.apply(point, draw.fade)
-        delay = self.truth.delay + draw.late
+        point = self.truth.apply(point, draw.progress)
+        delay = self.truth.delay + draw.late + self.truth.clock_drift * draw.progress
+        self._friction_factor = 1.0 + self.truth.galling * draw.progress
         self._begin(point, draw)
         self._motion = [self._state()] if keep else None
         seated_time = self._run(point, draw, self.stand.timeout - delay)
@@ -215,7 +218,7 @@ class Engine:
         self._set_friction(self.stand.radius * abs(point.mismatch))
 
     def _set_friction(self, slip: float) -> None:
-        self._friction[:] = max(1e-5, self._law.coefficient(slip))
+        self._friction[:] = max(1e-5, self._friction_factor * self._law.coefficient(slip))
 
     def _step(self, point: Point, phase: float) -> tuple[float, float]:
         """Step on; return time and displacement at the sensor before the last step, s and m."""
@@ -241,6 +244,9 @@ class Engine:
             self._set_contact()
         elif truth.spline_friction:
             model.dof_frictionloss[shift] = truth.friction
+        if truth.static_excess:
+            slip = abs(float(self._velocity[shift])) / STRIBECK_SPEED
+            model.dof_frictionloss[shift] = truth.friction + truth.static_excess * math.exp(-slip)
         if self._motion is not None:
             self._motion.append(self._state())
         return start

@@ -3,8 +3,7 @@
 It shares mechanism and geometry with the simulation and differs in the contact as two honest
 engines do: stiffness, dissipation and stiction velocity of the truth change mean times by some
 percent. So it asks for the diagnosis with a model error, and not for the models of the effects;
-MuJoCo (``validation.blind.mujoco_shift``) asks for both. It makes no ripple, no high dog and no
-force in stages.
+MuJoCo (``validation.blind.mujoco_shift``) asks for both.
 """
 
 from __future__ import annotations
@@ -30,20 +29,22 @@ class PlanarEngine:
     def __init__(self, stand: Stand, truth: Truth | None = None) -> None:
         self.stand = stand
         self.truth = truth or Truth()
-        if self.truth.ripple or self.truth.high_dog or self.truth.stage_time:
+        truth = self.truth
+        only_mujoco = truth.ripple, truth.high_dog, truth.stage_time
+        if any((*only_mujoco, truth.galling, truth.static_excess)):
             raise InputError(
-                "the compiled engine has no ripple, no high dog and no force in stages; take the "
-                "engine mujoco"
+                "the compiled engine has no ripple, no high dog, no force in stages, no galling "
+                "and no friction at rest along the shaft; take the engine mujoco"
             )
         self._plant = PlanarClutch(clutch_of(stand, self.truth).with_engine("planar"))
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
         """Simulate a shift at a nominal point, with its motion if ``keep``."""
         truth = self.truth
-        actual = truth.apply(point, draw.fade)
+        actual = truth.apply(point, draw.progress)
         profile = ForceProfile(actual.force, actual.rise, lag=truth.lag)
         result = engage(self._plant, OperatingPoint(actual.mismatch, profile), draw.angle)
-        delay = truth.delay + draw.late
+        delay = truth.delay + draw.late + truth.clock_drift * draw.progress
         at_actuator = truth.linkage and truth.sensor == "actuator"
         engaged_time = result.actuator_time if at_actuator else result.shift_time
         motion = None

@@ -104,6 +104,11 @@ class Truth:
     stage: float = 1.0  #: share of the force that comes first
     stage_time: float = 0.0  #: duration of the first share, s
     drift: float = 0.0  #: share of the force that is gone at the end of the series
+    clock_drift: float = 0.0  #: by which the clock is slow at the end of the series, s
+    galling: float = 0.0  #: rise of the dogs' friction at the end of the series, as a share
+    static_excess: float = (
+        0.0  #: friction of the ring along its shaft at rest beyond that in motion, N
+    )
 
     @property
     def linkage(self) -> bool:
@@ -116,13 +121,14 @@ class Truth:
         hang_sd = self.hang_time * math.sqrt(self.hang * (1.0 - self.hang))
         return self.sticking + self.hang * self.hang_time, math.hypot(self.sticking, hang_sd)
 
-    def apply(self, point: Point, fade: float = 1.0) -> Point:
+    def apply(self, point: Point, progress: float = 0.0) -> Point:
         """Compute the actual operating point of a shift at a nominal point.
 
-        ``fade`` is the share of the force that remains after a drift.
+        ``progress`` is the share of the series that is past.
         """
         sign = math.copysign(1.0, point.mismatch)
         mismatch = self.mismatch_factor * point.mismatch + sign * self.mismatch_offset
+        fade = 1.0 - self.drift * progress
         force = (self.force_factor * point.force - self.force_loss) * fade
         return Point(
             mismatch=-mismatch if self.reversed else mismatch,

@@ -2,7 +2,8 @@
 
 Ranges are those of the priors, written out here so that truth does not depend on ``sim.effects``
 (a test compares them). A *strength* is a share of the way from neutral to an end
-of the prior: of the range where the prior is uniform, of the logarithm where it is log-uniform.
+of the prior, beyond it above 1: of the range where the prior is uniform, of the logarithm where it
+is log-uniform.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Range:
     by_strength: bool = True  #: False for a position, such as that of a detent
 
     def value_at(self, strength: float, upwards: bool) -> float:
-        """Compute the value at a strength in [0, 1], towards the upper or the lower end."""
+        """Compute the value at a strength from 0, towards the upper or the lower end."""
         if self.log:
             start = self.neutral if self.neutral > self.low else self.low
             end = self.high if upwards or start == self.low else self.low
@@ -100,6 +101,14 @@ OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
     "high_dog": lambda s: {"high_dog": 1.6 * MM * s},
     #: A fifth of the force is there before most rings have landed: the first stage lies below.
     "two_stages": lambda s: {"stage": 0.15 - 0.14 * s, "stage_time": 0.1 + 0.2 * s},
+    #: Two loggers whose clocks part over the series.
+    "clock_drift": lambda s: {"clock_drift": 0.12 * s},
+    #: Friction of the dogs rises over the series.
+    "galling": lambda s: {"galling": 2.0 * s},
+    #: Friction along the shaft that falls with the speed.
+    "stribeck_friction": lambda s: {"static_excess": 180.0 * s},
+    #: Dogs on an elastic ring: far softer than a contact, and hardly damped.
+    "elastic_dogs": lambda s: {"stiffness": 5e11 * 0.01**s, "dissipation": 100.0 * 0.1**s},
     #: Times stand beside the wrong forces or mismatches, in reverse order: the table's fault.
     "swapped_forces": lambda s: {},
     "swapped_speeds": lambda s: {},
