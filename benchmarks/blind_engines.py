@@ -18,7 +18,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dogshape.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.model import passing_time
+from dogshape.diagnosis.prediction.baseline import passing_time
 from dogshape.diagnosis.prediction.moments import mask_late
 from dogshape.diagnosis.prediction.simulations import read_times, settings_of
 from dogshape.pipeline.simulate.executor import scratch_executor

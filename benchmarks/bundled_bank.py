@@ -18,7 +18,7 @@ from pathlib import Path
 
 from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import diagnose
-from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.prediction.building import build_models
 from dogshape.pipeline.diagnose.bank import Bank, series_key
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,

@@ -29,7 +29,7 @@ import numpy as np
 import psutil
 
 from dogshape.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.prediction.building import build_models
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
 from dogshape.pipeline.search.sampler import Space

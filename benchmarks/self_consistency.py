@@ -138,7 +138,7 @@ def draw_cells(
         engaged = _count(p.engaged_share[0, k], (0.01, 0.99), shift_count, generator)
         late = _count(p.late_share[0, k], (USUAL.late_least, 0.9), engaged, generator)
         times = mean[k] + sd[k] * _scatter(model, p, k, engaged, generator)
-        late_delay, late_delay_sd = (part[k] for part in model.late_delay)
+        late_delay, late_delay_sd = (part[k] for part in model.baseline.late_delay)
         times[:late] = mean[k] + late_delay + late_delay_sd * generator.standard_normal(late)
         times = np.maximum(times, MIN_TIME_S)
         readings = _readings(cell, row, times, shift_count, kind=kind, generator=generator)
@@ -186,7 +186,9 @@ def _scatter(
     main_mode = float(p.main_offset[0, cell])
     main_sd = float(p.main_sd[0, cell])
     if share == 1.0:
-        standard_times = mask_late(model.simulated.baseline, model.min_late_delay)[cell]
+        baseline = model.baseline
+        times = mask_late(baseline.simulated.baseline_times, baseline.min_late_delay)
+        standard_times = times[cell]
         standard_times = standard_times[np.isfinite(standard_times)]
         deviations = (standard_times - standard_times.mean()) / standard_times.std()
         return generator.choice(deviations, count)

@@ -15,7 +15,8 @@ import numpy as np
 
 from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.bench.stand_file import BenchRecord
-from dogshape.diagnosis.prediction.model import Model, build_models
+from dogshape.diagnosis.prediction.building import build_models
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.effects import load
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint

@@ -19,8 +19,8 @@ from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import CauseVerdict, inclusion
 from dogshape.diagnosis.next_test import rank_tests
+from dogshape.diagnosis.prediction.building import build_models
 from dogshape.diagnosis.prediction.curve import ParameterSpace
-from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effects import load

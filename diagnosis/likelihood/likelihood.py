@@ -291,8 +291,8 @@ class Likelihood:
         late_share = choices.late_share
         timely_share = 1.0 - late_share
         count = self.observed.count[self.measured_points][choices.point]
-        delay = self.model.late_delay.mean[self.measured_points][choices.point]
-        delay_sd = self.model.late_delay.sd[self.measured_points][choices.point]
+        delay = self.model.baseline.late_delay.mean[self.measured_points][choices.point]
+        delay_sd = self.model.baseline.late_delay.sd[self.measured_points][choices.point]
         modes = self._mode_options(q)
         single_variance = choices.by_mode(modes.variance)
         updated_variance = choices.by_mode(self._updated_variance(q, modes.variance))
@@ -390,7 +390,7 @@ class Likelihood:
         options = np.flatnonzero(self.observed.freedom[points][choices.point] > 0.0)
         point = choices.point[options]
         ratio = self.observed.variance[points][point] / variance[:, options]
-        kurtosis = np.stack(np.broadcast_arrays(q.kurtosis, self.model.kurtosis[points]))
+        kurtosis = np.stack(np.broadcast_arrays(q.kurtosis, self.model.baseline.kurtosis[points]))
         freedom = self._spread_freedom(kurtosis, q.log_sd_error)
         error = self._spread_variance(q, blur_share=0.5)
         logs = []
@@ -431,7 +431,7 @@ class Likelihood:
         odd_share = self.settings.odd_spread
         modes = self._mode_options(q)
         probability = np.zeros_like(q.sd)
-        kurtoses = (q.kurtosis, self.model.kurtosis[points])
+        kurtoses = (q.kurtosis, self.model.baseline.kurtosis[points])
         ratios = self.observed.variance[points] / modes.variance
         shares = np.exp(modes.log_probability)
         for share, ratio, kurtosis in zip(shares, ratios, kurtoses, strict=True):
@@ -463,7 +463,7 @@ class Likelihood:
     def mean_with_late(self, p: Prediction) -> Array:
         """Compute the mean of all shifts, late ones too, s, (m, C)."""
         late_share = np.clip(p.late_share, 0.0, MAX_LATE_SHARE)
-        return np.asarray(p.mean + late_share * self.model.late_delay.mean)
+        return np.asarray(p.mean + late_share * self.model.baseline.late_delay.mean)
 
     def draw_common_errors(self, p: Prediction, generator: np.random.Generator) -> CommonErrors:
         """Draw common errors of each prediction given the data."""

@@ -89,10 +89,10 @@ class _Times(NamedTuple):
 
 def observe(bench: Bench, model: Model) -> Observations:
     """Gather the observations of a data set at the operating points of a model."""
-    drift = estimate_drift(bench.cells, model.min_late_delay)
+    drift = estimate_drift(bench.cells, model.baseline.min_late_delay)
     summaries = []
     for k, (cell, min_delay) in enumerate(
-        zip(bench.cells, model.min_late_delay.tolist(), strict=True)
+        zip(bench.cells, model.baseline.min_late_delay.tolist(), strict=True)
     ):
         drift_shares = 0.0 if drift is None else drift.mean * drift.places[k]
         summaries.append(_summarise(cell, min_delay, drift_shares))
@@ -158,7 +158,7 @@ def single_series(bench: Bench, model: Model, drift: Drift | None) -> Iterator[S
     """Yield the single shifts of each operating point that has some, where their order is known."""
     if drift is None:
         return
-    delays = model.min_late_delay.tolist()
+    delays = model.baseline.min_late_delay.tolist()
     for cell, min_delay, places in zip(bench.cells, delays, drift.places, strict=True):
         readings = [reading for reading in cell.readings if reading.time is not None]
         if not readings:

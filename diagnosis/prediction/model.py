@@ -23,13 +23,17 @@ import itertools
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit, logit
+from scipy.special import expit
 
-from dogshape.bench.bench_data import Bench
+from dogshape.diagnosis.prediction.baseline import (
+    MAX_KURTOSIS,
+    MIN_KURTOSIS,
+    Baseline,
+    approach_of,
+)
 from dogshape.diagnosis.prediction.curve import (
     MIN_CONTACT_SHARE,
     AngleDistribution,
@@ -41,7 +45,6 @@ from dogshape.diagnosis.prediction.curve import (
 from dogshape.diagnosis.prediction.emulator import Emulator
 from dogshape.diagnosis.prediction.moments import (
     ENGAGED_LOGIT,
-    LATE_DISTANCES,
     LATE_SHARE,
     LOG_KURTOSIS,
     LOG_MEAN,
@@ -52,34 +55,22 @@ from dogshape.diagnosis.prediction.moments import (
     Modes,
     angle_error,
     mark_late,
-    mask_late,
     modes_of,
-    quantiles,
 )
+from dogshape.diagnosis.prediction.readings import ReadingChange, reading_change
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
     DENSE_FACTOR,
     Level,
-    SimulatedTimes,
     extremes,
-    settings_of,
-    simulate,
     simulate_benches,
-    widen_ranges,
 )
-from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import DELAY, REVERSED, Array, Hypothesis, strip_sense
+from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis, strip_sense
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.setting import Sensor, Setting, angle_weights
-from dogshape.sim.shift.planar import touch_time
+from dogshape.sim.setting import Setting, angle_weights
 from dogshape.sim.statistics.blocks import Runner
 
-MIN_LATE_DELAY_S = 8e-3  #: s, of a late shift behind the median
-MIN_LATE_PASSING = 0.5  #: of the passing time of a slot, the same
-LATE_SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
-MIN_LATE_COUNT = 8  #: late shifts from which their delays are estimated
-LATE_SHARE_PRIOR = 10.0  #: shifts that the share of late ones at all levels counts as at each
 PAIR_ERROR = 0.7  #: error of two effects over the product of their changes (measured)
 #: Variance of a change by angles of a bench over that of all changes (measured): of benches at all
 #: angles of the baseline, and at those of the levels.
@@ -91,12 +82,6 @@ GRID_STEPS = {1: 64, 2: 16}  #: steps of a range between further benches, by num
 BENCHES_PER_ROUND = 4  #: further benches that are simulated at once
 BENCHES_PER_LOOK = 2  #: the same at the angles of levels, for a first look
 DENSE_ERROR = DENSE_FACTOR**-0.8  #: error of a moment by all angles over a level's (measured)
-#: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
-#: the share of late shifts over the binomial one, of the logit of those that engage, ln kurtosis.
-LEVEL_ERRORS = (0.1, 0.25, 1.0, 0.5, 0.3)
-COMMON_ERRORS = (0.04, 0.05, 0.5, 1.0, 0.2)
-MIN_KURTOSIS = -1.5  #: excess
-MAX_KURTOSIS = 12.0  #: excess
 CACHE_SIZE = 256  #: changes of an effect that are kept
 RANGE_SHARES = 9  #: values of each parameter at which the range of an effect is examined
 
@@ -135,42 +120,12 @@ class Prediction:
         return Prediction(*columns)
 
 
-class LateDelay(NamedTuple):
-    """Delay of a late shift behind timely ones, s, (C,) each."""
-
-    mean: Array
-    sd: Array
-
-
-class Approach(NamedTuple):
-    """Motion until the gap is closed, (C,) each."""
-
-    time: Array  #: s
-    pace: Array  #: mismatch, pitches/s
-
-
-class ReadingChange(NamedTuple):
-    """Change of the reading of a shift by an effect."""
-
-    delay: float  #: s
-    concentration: float  #: of the relative angles
-    centre: float  #: of the relative angles, pitches
-
-
 class FurtherBench(NamedTuple):
     """Bench of one or two effects beside the levels."""
 
     level: Level
     times: Array  #: s, (C, DENSE_FACTOR * ANGLES), NaN where not simulated
     is_dense: bool  #: whether all angles of the baseline are simulated
-
-
-class OrderedBaseline(NamedTuple):
-    """Baseline of each operating point in the order of its times, (C, A) each."""
-
-    turns: Array  #: relative angles, pitches
-    times: Array  #: s
-    is_timely: np.ndarray
 
 
 @dataclass
@@ -209,8 +164,9 @@ class Model:
     """Predictions of a clutch at a data set's operating points."""
 
     effects: Mapping[str, Effect]  #: of hypotheses, by name, with their wide ranges
-    simulated: SimulatedTimes  #: baseline and levels
+    baseline: Baseline
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
+    reading_effects: frozenset[str]  #: names of the effects of the reading of a shift alone
     law_error: float  #: error of an effect's law, as a share of the change that it makes
     #: Of the reversed sense of rotation, where that is a hypothesis.
     reversed_model: Model | None = None
@@ -227,92 +183,17 @@ class Model:
     @property
     def settings(self) -> tuple[Setting, ...]:
         """Baseline of each operating point."""
-        return self.simulated.settings
+        return self.baseline.settings
 
     @property
     def setting(self) -> Setting:
         """Baseline of the first operating point."""
-        return self.simulated.settings[0]
+        return self.baseline.settings[0]
 
     @property
     def cell_count(self) -> int:
         """Number of operating points."""
-        return len(self.simulated.settings)
-
-    @cached_property
-    def passing_times(self) -> Array:
-        """Time in which the rings turn by one pitch, at most the time-out, s, (C,)."""
-        return np.array([passing_time(setting) for setting in self.settings])
-
-    @cached_property
-    def min_late_delay(self) -> Array:
-        """Smallest delay of a late shift behind the median, s, (C,), by the dense baseline."""
-        fast, median = quantiles(self.simulated.baseline, (0.1, 0.5))
-        min_delay = np.maximum(MIN_LATE_PASSING * self.passing_times, MIN_LATE_DELAY_S)
-        return np.maximum(LATE_DISTANCES * (median - fast), min_delay)
-
-    @cached_property
-    def base_moments(self) -> Array:
-        """Moments of the baseline at all angles, (C, MOMENTS)."""
-        return self._moments(self.simulated.baseline)
-
-    @cached_property
-    def base_mean(self) -> Array:
-        """Mean of the baseline's timely shifts, s, (C,)."""
-        return np.asarray(np.exp(self.base_moments[:, LOG_MEAN]))
-
-    @cached_property
-    def kurtosis(self) -> Array:
-        """Excess kurtosis of timely shifts of the baseline, (C,)."""
-        excess = np.nan_to_num(np.exp(self.base_moments[:, LOG_KURTOSIS]) - 3.0)
-        return np.clip(excess, MIN_KURTOSIS, MAX_KURTOSIS)
-
-    @cached_property
-    def _level_times(self) -> Array:
-        """Times of all levels by operating point, s, (C, levels, angles)."""
-        return np.moveaxis(self.simulated.times, 1, 0)
-
-    @cached_property
-    def _pooled_times(self) -> Array:
-        """Times of the baseline and all levels, s, (C, n)."""
-        level_times = self._level_times.reshape(self.cell_count, -1)
-        return np.hstack([self.simulated.baseline, level_times])
-
-    @cached_property
-    def _pooled_is_late(self) -> np.ndarray:
-        """Whether the shifts of baseline and levels are late, (C, n)."""
-        late_levels = mark_late(self._level_times, self.min_late_delay[:, None])
-        late_levels = late_levels.reshape(self.cell_count, -1)
-        return np.hstack([mark_late(self.simulated.baseline, self.min_late_delay), late_levels])
-
-    @cached_property
-    def pooled_late_share(self) -> Array:
-        """Share of late shifts over baseline and all levels, (C,)."""
-        late_count = self._pooled_is_late.sum(axis=1)
-        return (late_count + 0.5) / (np.isfinite(self._pooled_times).sum(axis=1) + 50.0)
-
-    @cached_property
-    def late_delay(self) -> LateDelay:
-        """Mean and standard deviation of a late shift's delay behind timely ones.
-
-        Where hardly any shift is late, it passes ``LATE_SLOTS`` slots, and scatters as much.
-        """
-        times = self._pooled_times
-        is_late = self._pooled_is_late
-        (level_medians,) = quantiles(self._level_times, (0.5,))
-        baseline_count = self.simulated.baseline.shape[1]
-        timeout = np.array([setting.clutch.timeout for setting in self.settings])
-        mean = np.minimum(LATE_SLOTS * self.passing_times, 0.5 * timeout)
-        sd = mean.copy()
-        for cell in np.flatnonzero(is_late.sum(axis=1) >= MIN_LATE_COUNT):
-            median = np.median(times[cell][np.isfinite(times[cell])])
-            medians = np.append(
-                np.repeat(median, baseline_count), np.repeat(level_medians[cell], ANGLES)
-            )
-            delays = (times[cell] - medians)[is_late[cell]]
-            mean[cell] = delays.mean()
-            sd[cell] = delays.std(ddof=1)
-        return LateDelay(mean, sd)
+        return self.baseline.cell_count
 
     def space(self, hypothesis: Hypothesis) -> ParameterSpace:
         """Build the parameter space of a hypothesis."""
@@ -339,10 +220,10 @@ class Model:
         space = self.space(hypothesis)
         contact_effects = self.contact_effects(hypothesis)
         sums = self._sum_changes(space, contact_effects, values)
-        mean = self.base_mean * np.exp(sums.moments[..., LOG_MEAN])
+        mean = self.baseline.mean * np.exp(sums.moments[..., LOG_MEAN])
         if len(contact_effects) > 1:
-            gap_time = self._approach.time * np.exp(sums.flight)
-            contact_time = self._contact_time * np.exp(sum(sums.contact_logs))
+            gap_time = self.baseline.approach.time * np.exp(sums.flight)
+            contact_time = self.baseline.contact_time * np.exp(sum(sums.contact_logs))
             mean = (gap_time + contact_time) * np.exp(sums.reading_log)
         pair_error = np.zeros_like(mean)
         for first, second in itertools.combinations(range(len(contact_effects)), 2):
@@ -370,10 +251,9 @@ class Model:
         """
         shape = (len(values), self.cell_count)
         ones = np.ones(shape)
-        sums = _EffectSums(
-            moments=np.zeros((*shape, MOMENTS)), modes=Modes(ones, ones, ones, self.kurtosis * ones)
-        )
-        approach = self._approach
+        modes = Modes(ones, ones, ones, self.baseline.kurtosis * ones)
+        sums = _EffectSums(moments=np.zeros((*shape, MOMENTS)), modes=modes)
+        approach = self.baseline.approach
         for name in sorted(space.hypothesis, key=lambda name: name in self.reading_effects):
             change = self.changes(name, values[:, space.columns(name)])
             if change.angles is not None:
@@ -389,9 +269,9 @@ class Model:
                 sums.reading_log = sums.reading_log + log
             else:
                 gap_time = approach.time * np.exp(change.flight)
-                contact_time = self.base_mean * np.exp(log) - gap_time
-                contact_time = np.maximum(contact_time, MIN_CONTACT_SHARE * self.base_mean)
-                sums.contact_logs.append(np.log(contact_time / self._contact_time))
+                contact_time = self.baseline.mean * np.exp(log) - gap_time
+                contact_time = np.maximum(contact_time, MIN_CONTACT_SHARE * self.baseline.mean)
+                sums.contact_logs.append(np.log(contact_time / self.baseline.contact_time))
             sums.add(change)
         return sums
 
@@ -401,9 +281,9 @@ class Model:
         ``pair_error`` is the relative error of the mean by pairs of effects, (m, C).
         """
         none = np.zeros_like(mean)
-        log_sd = self.base_moments[:, LOG_SD] + sums.moments[..., LOG_SD]
-        late_share = self.base_moments[:, LATE_SHARE] + sums.moments[..., LATE_SHARE]
-        engaged_logit = self.base_moments[:, ENGAGED_LOGIT] + sums.moments[..., ENGAGED_LOGIT]
+        log_sd = self.baseline.moments[:, LOG_SD] + sums.moments[..., LOG_SD]
+        late_share = self.baseline.moments[:, LATE_SHARE] + sums.moments[..., LATE_SHARE]
+        engaged_logit = self.baseline.moments[:, ENGAGED_LOGIT] + sums.moments[..., ENGAGED_LOGIT]
         sd = np.clip(np.exp(log_sd), MIN_SD_S, np.maximum(mean, MIN_SD_S))
         law_variance = self.law_error**2 * (none + sums.squared_log)
         emulation_variance = none + sums.emulation_variance
@@ -462,7 +342,7 @@ class Model:
             density=DENSE_FACTOR if is_dense else 1,
         )
         if not is_dense:
-            times = self.simulated.spread_times(times)
+            times = self.baseline.simulated.spread_times(times)
         pairs_of_bench = zip(settings_by_level, times, strict=True)
         benches = tuple(FurtherBench(level, row, is_dense) for level, row in pairs_of_bench)
         return self._add_benches(names, benches)
@@ -537,12 +417,12 @@ class Model:
         times = np.array([bench.times for bench in benches])
         p = replace(self, pair_emulators={}).predict_values(names, values)
         rule = np.stack([np.log(p.mean - p.delay), np.log(p.sd)], axis=-1)
-        level_angles = (self._moments(self._angles.times[1:]) - self.base_moments)[..., :2]
+        level_angles = self.baseline.level_angle_change[..., :2]
         # All angles lack the error that the levels' angles have in common.
         is_dense = np.array([bench.is_dense for bench in benches])
-        misses = np.vstack([self._moments(times)[..., :2] - rule, level_angles])
+        misses = np.vstack([self.baseline.moments_of(times)[..., :2] - rule, level_angles])
         misses[:-1][is_dense] += level_angles
-        level_error, common_error = (error[:, :2].ravel() for error in self._moment_errors)
+        level_error, common_error = (error[:, :2].ravel() for error in self.baseline.moment_errors)
         factors = np.append(np.where(is_dense, DENSE_ERROR, 1.0), 1.0)
         return Emulator.fit(
             x=self._pair_coordinates(names, self.space(names), values),
@@ -570,27 +450,18 @@ class Model:
     def _limiting(self, effect: Effect) -> list[Setting]:
         """List the points that decide which values give no bench, none where all give one."""
         if effect.name not in self._limiting_settings:
+            ends = extremes(self.settings)
             shares = np.linspace(0.0, 1.0, RANGE_SHARES)
             rows = itertools.product(shares, repeat=len(effect.parameters))
-            exists = np.array([[_exists(effect, row, s) for s in self._extremes] for row in rows])
+            exists = np.array([[_exists(effect, row, s) for s in ends] for row in rows])
             if exists.all():
                 limiting = []
             elif (exists == exists[:, :1]).all():
-                limiting = self._extremes[:1]
+                limiting = ends[:1]
             else:
-                limiting = self._extremes
+                limiting = ends
             self._limiting_settings[effect.name] = limiting
         return self._limiting_settings[effect.name]
-
-    @cached_property
-    def _extremes(self) -> list[Setting]:
-        return extremes(self.settings)
-
-    @cached_property
-    def reading_effects(self) -> frozenset[str]:
-        """Names of the effects of the reading of a shift alone."""
-        effects = self.effects.items()
-        return frozenset(name for name, e in effects if changes_only_reading(e, self._extremes))
 
     def contact_effects(self, hypothesis: Hypothesis) -> Hypothesis:
         """List the effects of a hypothesis that act on the shift itself, without the sense."""
@@ -617,13 +488,14 @@ class Model:
 
     def _fit_curve(self, effect: Effect) -> Curve:
         """Fit the changes by an effect over its benches, moment by moment."""
-        indices = self.simulated.level_indices((effect.name,))
+        simulated = self.baseline.simulated
+        indices = simulated.level_indices((effect.name,))
         further = self.further_benches.get((effect.name,), ())
-        levels = [self.simulated.levels[k] for k in indices] + [bench.level for bench in further]
+        levels = [simulated.levels[k] for k in indices] + [bench.level for bench in further]
         is_dense = np.array([False] * len(indices) + [bench.is_dense for bench in further])
-        level_times = self.simulated.spread_times(self.simulated.times[indices])
+        level_times = simulated.spread_times(simulated.times[indices])
         rows = [*level_times, *(bench.times for bench in further)]
-        times = np.array(rows).reshape(len(levels), *self.simulated.angles.shape)
+        times = np.array(rows).reshape(len(levels), *simulated.angles.shape)
         # Coordinates, in the unit cube of levels and neutral values.
         neutral_values = self._neutral_values(effect) if effect.parameters else np.zeros((0, 0))
         x = coordinates(effect, np.array([level.values for level in levels]), self.setting)
@@ -632,10 +504,10 @@ class Model:
         low = corners.min(axis=0)
         width = np.maximum(np.ptp(corners, axis=0), 1e-9)
         # Moments: those of all angles lack the error that the levels' angles have in common.
-        with_baseline = np.concatenate([times, self._angles.times[1:]])
-        changes = self._moments(with_baseline) - self.base_moments
-        changes[:-1][is_dense] += changes[-1]
-        level_error, common_error = (error.ravel() for error in self._moment_errors)
+        level_angles = self.baseline.level_angle_change
+        changes = np.vstack([self.baseline.moments_of(times) - self.baseline.moments, level_angles])
+        changes[:-1][is_dense] += level_angles
+        level_error, common_error = (error.ravel() for error in self.baseline.moment_errors)
         factors = np.append(np.where(is_dense, DENSE_ERROR, 1.0), 1.0)
         emulator = Emulator.fit(
             x=np.clip((x - low) / width, 0.0, 1.0),
@@ -649,9 +521,9 @@ class Model:
             setting=self.setting,
             low=low,
             width=width,
-            gap_time=self._approach.time,
+            gap_time=self.baseline.approach.time,
             emulator=emulator,
-            angles=Angles(times, mark_late(times, self.min_late_delay)),
+            angles=Angles(times, mark_late(times, self.baseline.min_late_delay)),
             is_dense=is_dense,
             exact=self._exact_changes(effect, levels),
         )
@@ -663,29 +535,9 @@ class Model:
             settings = [level.setting({effect.name: effect}, s) for s in self.settings]
             approach = approach_of(settings)
             delays = [setting.delay for setting in settings]
-            inverse_root = approach.time**-0.5 - self._approach.time**-0.5
-            rows.append((delays, inverse_root, approach.pace - self._approach.pace))
+            inverse_root = approach.time**-0.5 - self.baseline.approach.time**-0.5
+            rows.append((delays, inverse_root, approach.pace - self.baseline.approach.pace))
         return np.array(rows).reshape(len(levels), -1)
-
-    @cached_property
-    def _approach(self) -> Approach:
-        """Approach of the baseline."""
-        return approach_of(self.settings)
-
-    @cached_property
-    def _contact_time(self) -> Array:
-        """Mean time of the baseline from the closed gap to the end, s, (C,)."""
-        contact_time = self.base_mean - self._approach.time
-        return np.maximum(contact_time, MIN_CONTACT_SHARE * self.base_mean)
-
-    @cached_property
-    def _moment_errors(self) -> tuple[Array, Array]:
-        """Errors of a level's moments by its angles: of each level, in common, (C, MOMENTS)."""
-        units = np.ones((self.cell_count, MOMENTS))
-        units[:, LOG_MEAN] = np.exp(self.base_moments[:, LOG_SD] - self.base_moments[:, LOG_MEAN])
-        late_share = self.pooled_late_share
-        units[:, LATE_SHARE] = np.sqrt(late_share * (1.0 - late_share) / ANGLES)
-        return np.array(LEVEL_ERRORS) * units, np.array(COMMON_ERRORS) * units
 
     def _neutral_values(self, effect: Effect) -> Array:
         """List neutral values of all parameters, (k, p).
@@ -713,7 +565,7 @@ class Model:
         for row in values.tolist():
             key = (effect.name, *row)
             if key not in self._cached_readings:
-                self._cached_readings[key] = _reading_change(effect, row, self.setting)
+                self._cached_readings[key] = reading_change(effect, row, self.setting)
             rows.append(self._cached_readings[key])
         delay, concentration, centre = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
         none = np.zeros((len(values), self.cell_count))
@@ -722,24 +574,6 @@ class Model:
             angles = AngleDistribution(concentration, centre)
         moments = np.zeros((*none.shape, MOMENTS))
         return Changes(moments=moments, delay=delay + none, error=none, angles=angles)
-
-    @cached_property
-    def _turns(self) -> Array:
-        """Angles of the baseline, pitches, (C, A)."""
-        pitch = np.array([[setting.clutch.dog.pitch_angle] for setting in self.settings])
-        return np.asarray(self.simulated.angles / pitch)
-
-    @cached_property
-    def _ordered_baseline(self) -> OrderedBaseline:
-        """Baseline in the order of its times."""
-        times = self.simulated.baseline
-        order = np.argsort(times, axis=1)
-        is_timely = np.isfinite(mask_late(times, self.min_late_delay))
-        return OrderedBaseline(
-            turns=np.take_along_axis(self._turns, order, axis=1),
-            times=np.take_along_axis(times, order, axis=1),
-            is_timely=np.take_along_axis(is_timely, order, axis=1),
-        )
 
     def _weigh_angles(
         self, change: Changes, angles: AngleDistribution, turn: Array, x: Mapping[str, Array]
@@ -751,8 +585,8 @@ class Model:
         """
         concentration = angles.concentration[..., None]
         centre = angles.centre[..., None]
-        weights = angle_weights(self._turns, concentration, centre)
-        base = self._angles.changes(weights, np.tile([1.0, 0.0], (len(weights), 1)))
+        weights = angle_weights(self.baseline.turns, concentration, centre)
+        base = self.baseline.angles.changes(weights, np.tile([1.0, 0.0], (len(weights), 1)))
         moments = base.moments
         angle_variance = base.angle_variance
         inverse_squares = base.inverse_squares
@@ -764,13 +598,13 @@ class Model:
             base_shares = np.stack([dense_share, bench_shares.sum(axis=1) - dense_share], axis=1)
             change_of_benches = curve.angles.changes(weights, bench_shares)
             moments = moments + change_of_benches.moments
-            moments = moments - self._angles.changes(weights, base_shares).moments
+            moments = moments - self.baseline.angles.changes(weights, base_shares).moments
             angle_variance = angle_variance + change_of_benches.angle_variance
             inverse_squares = inverse_squares + change_of_benches.inverse_squares
-        log_sd = self.base_moments[:, LOG_SD] - self.base_moments[:, LOG_MEAN]
+        log_sd = self.baseline.moments[:, LOG_SD] - self.baseline.moments[:, LOG_MEAN]
         variation = np.exp(log_sd + moments[..., LOG_SD] - moments[..., LOG_MEAN])
         variance = angle_variance * variation**2 + UNEVEN_MEAN_ERROR**2 * inverse_squares
-        baseline = self._ordered_baseline
+        baseline = self.baseline.ordered
         weights = angle_weights(baseline.turns, concentration, centre + turn[..., None])
         return change._replace(
             moments=moments,
@@ -779,164 +613,8 @@ class Model:
             modes=modes_of(baseline.times, baseline.is_timely, weights),
         )
 
-    @cached_property
-    def _angles(self) -> Angles:
-        """Two benches: the baseline at all angles, and at the angles of the levels."""
-        simulated = self.simulated
-        level_times = np.take_along_axis(simulated.baseline, simulated.level_angles, axis=1)
-        times = np.stack([simulated.baseline, simulated.spread_times(level_times)])
-        return Angles(times, mark_late(times, self.min_late_delay))
-
-    def _moments(self, times: Array) -> Array:
-        """Compute the moments of times (..., C, n), s, (..., C, MOMENTS)."""
-        is_late = mark_late(times, self.min_late_delay)
-        is_engaged = np.isfinite(times)
-        is_timely = is_engaged & ~is_late
-        count = is_timely.sum(axis=-1)
-        mean = np.where(is_timely, times, 0.0).sum(axis=-1) / np.maximum(1, count)
-        squares = np.where(is_timely, times - mean[..., None], 0.0) ** 2
-        square_sum = np.maximum(squares.sum(axis=-1), np.maximum(1, count) * MIN_SD_S**2)
-        sd = np.sqrt(square_sum / np.maximum(1, count - 1))
-        kurtosis = count * (squares**2).sum(axis=-1) / square_sum**2
-        engaged = is_engaged.sum(axis=-1)
-        shifts = (~np.isnan(times)).sum(axis=-1)
-        late_count = is_late.sum(axis=-1) + LATE_SHARE_PRIOR * self.pooled_late_share
-        moments = np.empty((*mean.shape, MOMENTS))
-        moments[..., LOG_MEAN] = np.where(count > 0, np.log(np.maximum(mean, 1e-6)), np.nan)
-        moments[..., LOG_SD] = np.where(count > 1, np.log(sd), np.nan)
-        moments[..., LATE_SHARE] = late_count / (engaged + LATE_SHARE_PRIOR)
-        moments[..., ENGAGED_LOGIT] = logit((engaged + 0.5) / (shifts + 1.0))
-        log_kurtosis = np.log(np.maximum(kurtosis, 1.0))
-        moments[..., LOG_KURTOSIS] = np.where(count > 3, log_kurtosis, np.nan)
-        return moments
-
-
-def build_models(
-    bench: Bench, effects: Mapping[str, Effect], settings: Settings, runner: Runner
-) -> dict[str, Model]:
-    """Build the models of a data set, by the place where the displacement may be read."""
-    place = bench.record.displacement_at
-    if place == "unknown":
-        sensors: tuple[Sensor, ...] = ("sleeve", "actuator")
-        return {
-            sensor: _build_model(bench, effects, settings, runner, sensor=sensor)
-            for sensor in sensors
-        }
-    return {place: _build_model(bench, effects, settings, runner, sensor=place)}
-
-
-def _build_model(
-    bench: Bench,
-    effects: Mapping[str, Effect],
-    settings: Settings,
-    runner: Runner,
-    *,
-    sensor: Sensor,
-) -> Model:
-    """Build the model of a data set with the displacement read by a sensor."""
-    baseline = settings_of(bench, sensor)
-    wide_effects = {name: widen_ranges(effect, baseline[0]) for name, effect in effects.items()}
-    measured = {result.effect for result in bench.measured}
-    nuisances = {}
-    for name in settings.nuisance:
-        if name in wide_effects and name not in measured:
-            nuisances[name] = wide_effects.pop(name)
-    reversed_model = None
-    if wide_effects.pop(REVERSED, None) is not None:
-        is_known = bench.record.sense == "known"
-        reversed_model = _build_reversed(
-            wide_effects, baseline, settings, runner, only_reading=is_known
-        )
-    simulated = simulate({**wide_effects, **nuisances}, baseline, runner)
-    if bench.record.time_zero == "force":
-        wide_effects.pop(DELAY, None)
-    return Model(
-        effects=wide_effects,
-        simulated=simulated,
-        nuisances=nuisances,
-        law_error=settings.law,
-        reversed_model=reversed_model,
-        runner=runner,
-    )
-
-
-def _build_reversed(
-    effects: Mapping[str, Effect],
-    baseline: Sequence[Setting],
-    settings: Settings,
-    runner: Runner,
-    *,
-    only_reading: bool,
-) -> Model:
-    """Build the model of the reversed sense of rotation.
-
-    ``only_reading`` keeps the effects that change the reading alone.
-    """
-    reversed_effects = dict(effects)
-    if only_reading:
-        ends = extremes(baseline)
-        for name, effect in effects.items():
-            if not changes_only_reading(effect, ends):
-                del reversed_effects[name]
-    reversed_settings = [s.with_point(mismatch=0.0 - s.point.mismatch) for s in baseline]
-    return Model(
-        effects=reversed_effects,
-        simulated=simulate(reversed_effects, reversed_settings, runner),
-        nuisances={},
-        law_error=settings.law,
-        runner=runner,
-    )
-
 
 def _exists(effect: Effect, shares: Sequence[float], setting: Setting) -> bool:
     """Check that there is a bench with an effect at shares (p,) of its ranges."""
     values = {p.name: float(p.at(s)) for p, s in zip(effect.parameters, shares, strict=True)}
     return effect.possible(setting, values)
-
-
-def changes_only_reading(effect: Effect, settings: Sequence[Setting]) -> bool:
-    """Check that an effect changes only the reading of a shift, equally at all settings."""
-    for share in (0.3, 0.9):
-        values = {p.name: p.at(share) for p in effect.parameters}
-        changes = set()
-        for setting in settings:
-            try:
-                changed_setting = effect.apply(setting, values)
-            except DogshapeError:
-                return False
-            if (changed_setting.clutch, changed_setting.point) != (setting.clutch, setting.point):
-                return False
-            changes.add(_reading_change(effect, list(values.values()), setting))
-        if len(changes) > 1:
-            return False
-    return True
-
-
-def approach_of(settings: Sequence[Setting]) -> Approach:
-    """Compute the approach at settings (C,)."""
-    times = [max(touch_time(s.clutch, s.point.profile), MIN_SD_S) for s in settings]
-    paces = [s.point.mismatch / s.clutch.dog.pitch_angle for s in settings]
-    return Approach(np.array(times), np.array(paces))
-
-
-def _reading_change(effect: Effect, row: Sequence[float], setting: Setting) -> ReadingChange:
-    """Compute the change of the reading by an effect at values (p,), 0 for no bench."""
-    names = [p.name for p in effect.parameters]
-    try:
-        changed_setting = effect.apply(setting, dict(zip(names, row, strict=True)))
-    except DogshapeError:
-        return ReadingChange(delay=0.0, concentration=0.0, centre=0.0)
-    return ReadingChange(
-        delay=changed_setting.delay - setting.delay,
-        concentration=changed_setting.concentration,
-        centre=changed_setting.centre,
-    )
-
-
-def passing_time(setting: Setting) -> float:
-    """Compute the time in which the rings turn by one pitch, at most the time-out, s."""
-    slip = abs(setting.point.mismatch)
-    timeout = setting.clutch.timeout
-    if slip == 0.0:
-        return timeout
-    return min(timeout, setting.clutch.dog.pitch_angle / slip)

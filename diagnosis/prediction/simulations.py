@@ -60,7 +60,7 @@ class SimulatedTimes:
 
     settings: tuple[Setting, ...]  #: baseline of each operating point
     angles: Array  #: relative angles, rad, (C, DENSE_FACTOR * ANGLES)
-    baseline: Array  #: times at them, (C, DENSE_FACTOR * ANGLES)
+    baseline_times: Array  #: at these angles, (C, DENSE_FACTOR * ANGLES)
     level_angles: NDArray[np.int64]  #: indices of the levels' angles among them, (C, ANGLES)
     levels: tuple[Level, ...]  #: in the order of ``times``
     times: Array  #: without delays of the reading, (L, C, ANGLES)
@@ -196,7 +196,7 @@ def simulate(
     return SimulatedTimes(
         settings=tuple(settings),
         angles=angles,
-        baseline=baseline_times,
+        baseline_times=baseline_times,
         level_angles=np.argmin(abs(level_angles[:, :, None] - angles[:, None]), axis=2),
         levels=tuple(levels),
         times=np.array(times).reshape(len(levels), len(settings), ANGLES),

@@ -32,7 +32,8 @@ from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import rank_tests, require_terms
-from dogshape.diagnosis.prediction.model import Model, build_models
+from dogshape.diagnosis.prediction.building import build_models
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
 from dogshape.pipeline.diagnose.bank import Bank

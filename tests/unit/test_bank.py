@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from dogshape.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.prediction.model import Model, build_models
+from dogshape.diagnosis.prediction.building import build_models
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
     DENSE_FACTOR,
@@ -64,7 +65,7 @@ def test_a_bank_is_read_back_as_it_was_and_only_for_what_it_is_of(tmp_path: Path
     assert again.levels == first.levels
     for name in ("angles", "level_angles"):
         assert np.array_equal(getattr(first, name), getattr(again, name))
-    for name in ("baseline", "times"):
+    for name in ("baseline_times", "times"):
         assert getattr(again, name) == pytest.approx(getattr(first, name), abs=TICK)
     with pytest.raises(AssertionError):
         _simulated(Bank([path]), *names, run=_never)
@@ -101,7 +102,7 @@ def test_a_broken_bank_is_named(tmp_path: Path) -> None:
 
 def test_all_levels_share_the_angles_of_their_point_and_span_the_range() -> None:
     found = _simulated(None, "moving_mass")
-    assert found.baseline.shape == (2, DENSE_FACTOR * ANGLES)
+    assert found.baseline_times.shape == (2, DENSE_FACTOR * ANGLES)
     shared = np.take_along_axis(found.angles, found.level_angles, axis=1)
     assert np.diff(shared) == pytest.approx(BENCH.clutch.dog.pitch_angle / ANGLES)
     settings = settings_of(BENCH, "sleeve")
@@ -141,15 +142,15 @@ def _rows(folder: Path) -> list[Record]:
 
 
 def _same(one: Model, other: Model) -> bool:
-    pairs = (one.simulated, other.simulated)
-    return all(np.array_equal(*(getattr(p, n) for p in pairs)) for n in ("times", "baseline"))
+    pairs = (one.baseline.simulated, other.baseline.simulated)
+    return all(np.array_equal(*(getattr(p, n) for p in pairs)) for n in ("times", "baseline_times"))
 
 
 def test_an_unfinished_bank_stays_whole_beside_a_finished_one(
     tmp_path: Path, quick: AnalyticShifts
 ) -> None:
     whole = _model(tmp_path / "whole", _bench())
-    assert (quick.done, _rows(tmp_path / "whole")) == (48 + whole.simulated.times.size, [])
+    assert (quick.done, _rows(tmp_path / "whole")) == (48 + whole.baseline.simulated.times.size, [])
     done, quick.done, quick.stop = quick.done, 0, 100
     with pytest.raises(KeyboardInterrupt):
         _model(tmp_path / "stopped", _bench())

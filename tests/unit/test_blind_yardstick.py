@@ -14,7 +14,8 @@ from scipy.stats import norm
 from dogshape.bench.stand_file import NominalErrors, RelativeMargin
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import Observations
-from dogshape.diagnosis.prediction.model import LateDelay, Prediction
+from dogshape.diagnosis.prediction.baseline import LateDelay
+from dogshape.diagnosis.prediction.model import Prediction
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.validation.blind.data import Expected
@@ -33,8 +34,10 @@ class _Model:
     effects: ClassVar = dict.fromkeys(EFFECTS)
     nuisances: ClassVar[dict[str, Any]] = {}
     reversed_model, cell_count = None, CELLS
-    passing_times, kurtosis = np.full(CELLS, 0.3), np.zeros(CELLS)
-    late_delay = LateDelay(np.full(CELLS, 0.3), np.full(CELLS, 0.1))
+    baseline = SimpleNamespace(
+        kurtosis=np.zeros(CELLS),
+        late_delay=LateDelay(np.full(CELLS, 0.3), np.full(CELLS, 0.1)),
+    )
 
     def space(self, hypothesis: Hypothesis) -> Any:
         return SimpleNamespace(parameters=hypothesis)

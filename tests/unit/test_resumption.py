@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.prediction.building import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, models_of

@@ -13,7 +13,7 @@ import pytest
 from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
-from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.prediction.building import build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.diagnose.gap_update import join_readings, keep_data, read_request
@@ -163,7 +163,7 @@ def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
     """One late shift of ten makes the standard deviation; with its share known the set fits."""
     plain = simulated_bench({})
     likelihood = _likelihood(plain)
-    behind = likelihood.model.late_delay.mean
+    behind = likelihood.model.baseline.late_delay.mean
     rows = []
     for k, (cell, late) in enumerate(zip(plain.cells, behind.tolist(), strict=True), start=2):
         times = (cell.time or 0.0) + np.append(0.004 * np.linspace(-1, 1, 9), late)

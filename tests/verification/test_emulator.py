@@ -14,8 +14,9 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
+from dogshape.diagnosis.prediction.building import build_models
 from dogshape.diagnosis.prediction.emulator import AMPLITUDES, LENGTHS, Emulator, Kernel
-from dogshape.diagnosis.prediction.model import Model, build_models
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.prediction.moments import Angles, mask_late, modes_of
 from dogshape.diagnosis.prediction.simulations import Level, simulate_benches
 from dogshape.diagnosis.settings import USUAL
@@ -143,13 +144,15 @@ def test_uneven_angles_weigh_the_times_with_the_other_effect(
     there = further.predict(hypothesis, shares)
     for k, setting in enumerate(simulated.settings):
         changed = space.effects[0].apply(setting, {own.name: own.at(share)})
-        angles = simulated.simulated.angles[k]
+        angles = simulated.baseline.simulated.angles[k]
         weights = angle_weights(angles / setting.clutch.dog.pitch_angle, 6.0, centre)
         times = [
             engage(PlanarClutch(changed.clutch), changed.point, angle).shift_time
             for angle in angles
         ]
-        (soon,) = mask_late(np.array([times], dtype=float), simulated.min_late_delay[k : k + 1])
+        (soon,) = mask_late(
+            np.array([times], dtype=float), simulated.baseline.min_late_delay[k : k + 1]
+        )
         exact = np.average(soon[known := np.isfinite(soon)], weights=weights[known])
         assert p.mean[0, k] == pytest.approx(exact, abs=2.5 * p.error[0, k])
         assert there.mean[0, k] == pytest.approx(exact, rel=0.02)
@@ -163,7 +166,7 @@ def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> No
     settings, given = simulated.settings, simulated.effects
     benches = [[level.setting(given, one) for one in settings] for level in rows]
     times = simulate_benches(benches, settings, _compiled)
-    exact = np.nanmean(mask_late(times, simulated.min_late_delay), axis=2)
+    exact = np.nanmean(mask_late(times, simulated.baseline.min_late_delay), axis=2)
     model = simulated
     for share in shares[:2]:
         model = model.simulate(pair, share[None]) or model

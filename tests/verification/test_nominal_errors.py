@@ -15,7 +15,7 @@ from dogshape.bench.stand_file import NominalErrors, Tolerance
 from dogshape.diagnosis.comparison import compare
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import DRIFT_SD, Drift, estimate_drift, observe
-from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.prediction.building import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
 from dogshape.sim.statistics.blocks import Block

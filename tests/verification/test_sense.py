@@ -12,7 +12,8 @@ from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.bench.stand_file import Sense
 from dogshape.diagnosis.diagnosis import Inference, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
-from dogshape.diagnosis.prediction.model import Model, build_models
+from dogshape.diagnosis.prediction.building import build_models
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.prediction.simulations import ANGLES, DENSE_FACTOR, Level, simulate_benches
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, REVERSED, reverse_sense, strip_sense
@@ -144,8 +145,8 @@ def test_an_effect_without_parameters_has_one_level() -> None:
     bench = _with_sense(select_cells(load_bench("mq200_adams"), CELLS), "known")
     effects = {"heavier": HEAVIER, **{n: EFFECTS[n] for n in ("actuation_delay",)}}
     (model,) = build_models(bench, effects, USUAL, simulate_analytic).values()
-    (place,) = model.simulated.level_indices(("heavier",))
-    assert model.simulated.levels[place].values == ()
+    (place,) = model.baseline.simulated.level_indices(("heavier",))
+    assert model.baseline.simulated.levels[place].values == ()
     alone = model.predict(("heavier",), np.zeros((3, 0)))
     assert alone.mean.shape == (3, len(CELLS))
     for cell, setting in enumerate(model.settings):
@@ -176,7 +177,7 @@ def test_errors_of_an_interpolation_are_its_stated_ones(name: str) -> None:
     levels = [Level((name,), tuple(row)) for row in values.tolist()]
     benches = [[level.setting(model.effects, one) for one in model.settings] for level in levels]
     times = simulate_benches(benches, model.settings, _run)
-    exact = (model._moments(times) - model.base_moments)[..., 0]
+    exact = (model.baseline.moments_of(times) - model.baseline.moments)[..., 0]
     found, p = model.changes(name, values), model.predict((name,), shares)
     scatter = 0.5 * p.sd / (p.mean - p.delay) * (1.0 / DENSE_FACTOR / ANGLES) ** 0.5
     known = np.isfinite(exact)
