@@ -266,6 +266,18 @@ class Study:
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, {"why": why, **block})
 
+    def export_fmu(self, path: str | Path) -> Path:
+        """Write the clutch as an FMU, a co-simulation block for driveline models (FMI 3.0).
+
+        To ``path``; the block runs where Python with this package is installed
+        (docs/howto/own_driveline.md). InputError without the extra ``fmu``.
+        Example: ``study.export_fmu("clutch.fmu")``
+        """
+        from dogshape.pipeline.export.fmu import write_fmu  # noqa: PLC0415
+
+        write_fmu(self.config, Path(path))
+        return Path(path)
+
     def replace_keys(
         self, settings: Mapping[str, Any] | None = None, /, **dog: float | None
     ) -> Study:
