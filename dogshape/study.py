@@ -278,6 +278,33 @@ class Study:
         write_fmu(self.config, Path(path))
         return Path(path)
 
+    def export_map(
+        self,
+        path: str | Path,
+        *,
+        jobs: int = 0,
+        cluster: str | None = None,
+        keep: str | Path | None = None,
+        progress: Progress | bool = False,
+    ) -> tuple[Path, ...]:
+        """Write whether and when the clutch engages, for lumped driveline models.
+
+        Over mismatch, force and relative angle, CSV, with means over the angle, tables of Modelica
+        and parameters of Simscape's Dog Clutch beside; gives the paths of all four. InputError for
+        operating points that are no grid.
+        Example: ``study.export_map("map.csv", progress=True)``
+
+        Parameters
+        ----------
+        path : CSV file of the cells.
+        jobs, cluster, keep, progress : as in ``expect``.
+        """
+        from dogshape.pipeline.export.engagement_map import simulate_map  # noqa: PLC0415
+        from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
+
+        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        return simulate_map(self.config, options).write(Path(path))
+
     def replace_keys(
         self, settings: Mapping[str, Any] | None = None, /, **dog: float | None
     ) -> Study:

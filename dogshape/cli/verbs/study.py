@@ -46,6 +46,7 @@ ENDINGS = {
     "--report": (".html", ".htm"),
     "--trace": TABLES,
     "--fmu": (".fmu",),
+    "--map": (".csv",),
 }
 #: Words for the files of ``export``.
 FILE_LABELS = {
@@ -54,6 +55,7 @@ FILE_LABELS = {
     "step": "both rings",
     "sheet": "data sheet",
     "fmu": "FMI 3.0 co-simulation",
+    "map": "map over mismatch, force and angle",
 }
 
 
@@ -401,15 +403,21 @@ def export(
     why: Annotated[str, Option(help="with --sheet: reason of a decision")] = "",
     title: Annotated[list[str] | None, Option(metavar="KEY=TEXT", help="with --sheet")] = None,
     fmu: Annotated[Path | None, Option(help="block for driveline models; extra [fmu]")] = None,
+    map_: Annotated[
+        Path | None, Option("--map", help="CSV: engagement and time, with tables beside")
+    ] = None,
     body_mm: Annotated[float, Option(help="thickness of a ring below the slots")] = 3.0,
+    jobs: Jobs = 0,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Write geometry, drawing, data sheet and FMU of a design.
+    """Write geometry, drawing, data sheet, FMU and map of a design.
 
     The data sheet has dimensions, times, margins and provenance: those of the search for
     results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
     Its --title has number (of the drawing), revision, date, author, checker and decided_by.
+    The map has every mismatch with every force of the study at expectation.angles angles; with
+    --jobs workers.
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
@@ -424,9 +432,9 @@ def export(
     dog = setup.clutch.dog
     radius = setup.limits.root_radius
     body = body_mm * MM
-    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet, "fmu": fmu}
+    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet, "fmu": fmu, "map": map_}
     if not any(files.values()):
-        remedy = "give --stl, --step, --svg, --sheet or --fmu with a file"
+        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
         raise InputError(f"export was asked for nothing; {remedy}")
     if (why or title) and sheet is None:
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
@@ -440,8 +448,7 @@ def export(
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _warn_of_doubts(ds.Study.from_config(setup))
     _write_geometry(setup, dog_design.title, body, svg, stl, step)
-    if fmu is not None:
-        ds.Study.from_config(dog_design.prototype_study).export_fmu(fmu)
+    lines = _write_models(ds.Study.from_config(dog_design.prototype_study), fmu, map_, jobs)
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
@@ -449,7 +456,7 @@ def export(
         write_data_sheet(dog_design, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     volume = part_volume(dog, radius, body) / MM**3
-    lines = [f"wrote {path} ({FILE_LABELS[kind]})" for kind, path in written.items()]
+    lines += [f"wrote {path} ({FILE_LABELS[kind]})" for kind, path in written.items()]
     lines.append(f"volume of a ring {volume:.1f} mm3")
     sizes = {"ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
@@ -464,6 +471,16 @@ def _load_extras(step: Path | None, fmu: Path | None) -> None:
         load_cad()
     if fmu is not None:
         load_fmu_builder()
+
+
+def _write_models(study: ds.Study, fmu: Path | None, map_: Path | None, jobs: int) -> list[str]:
+    """Write block and map for driveline models; return lines on the tables beside the map."""
+    if fmu is not None:
+        study.export_fmu(fmu)
+    if map_ is None:
+        return []
+    _, *tables = study.export_map(map_, jobs=jobs, progress=True)
+    return [f"wrote {path}" for path in tables]
 
 
 def _write_geometry(
