@@ -160,7 +160,8 @@ def hold_loader(resources: Path) -> None:
     (``pyState``), which may abort the process; an instance that stays has one reference more.
     """
     library = resources.parent / "binaries" / "x86_64-linux" / f"{DogClutch.__name__}.so"
-    if library in _held_loaders or not sys.platform.startswith("linux"):
+    on_linux = sys.platform.startswith("linux") and library.is_file()
+    if library in _held_loaders or not on_linux:
         return
     _held_loaders.add(library)
     instantiate = ctypes.CDLL(str(library)).fmi3InstantiateCoSimulation

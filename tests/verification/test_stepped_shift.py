@@ -100,6 +100,24 @@ def test_a_shift_in_steps_takes_the_time_and_phases_of_the_whole(
     assert entry == pytest.approx(seating_start, abs=2.0 * step)
 
 
+@pytest.mark.parametrize("settings", [
+    {"mechanism.compliance_mm_kN": 2.0, "mechanism.free_play_mm": 0.5},
+    {"mechanism.friction_N": 30.0, "mechanism.damping_Ns_m": 20.0},
+    {"mechanism.detent_N": 60.0, "mechanism.detent_position_mm": 0.5,
+     "mechanism.detent_width_mm": 1.0},
+    {"mechanism.ring_inertia_kgm2": 0.002, "mechanism.input_stiffness_Nm_rad": 300.0},
+    {"drive.shaft_speed_rpm": 1000.0, "drive.engine_side": "output",
+     "drive.pack_viscous_Nms_rad": 0.01},
+    {"contact.set": "adams_impact"},
+], ids=lambda settings: next(iter(settings)))  # fmt: skip
+def test_mechanism_drive_and_contact_act_in_steps(settings: dict[str, object]) -> None:
+    engagement, point = _shift(settings, 50, 469.0, 10)
+    shift, _ = _stepped(
+        engagement, lambda time: StepLoads(float(point.profile.at(time)), 0.0, 0.0), 5e-4
+    )
+    assert shift.engagement_time == pytest.approx(engagement.shift_time, abs=5e-4)
+
+
 def test_rings_that_do_not_meet_move_as_free_bodies(clutch: Clutch) -> None:
     """x = F t^2/2m and w = w0 + T t/J, with the engine at either side."""
     apart = replace(clutch.with_engine("planar"), dog=replace(clutch.dog, axial_gap=90e-3))
@@ -119,6 +137,17 @@ def test_rings_that_do_not_meet_move_as_free_bodies(clutch: Clutch) -> None:
         assert motion.output_angle - start == pytest.approx(0.15 - 6.0 / 0.6048 * 0.5e-4, rel=1e-9)
         assert motion.contact_force == motion.contact_torque == 0.0
         assert shift.phase is StepPhase.FREE_FLY
+
+
+def test_flat_faces_at_rest_bear_the_shift_force(clutch: Clutch) -> None:
+    """The contact force is the shift force, and no torque acts, dog on dog."""
+    flat = replace(clutch.with_engine("planar"), dog=replace(clutch.dog, chamfer=0.0))
+    shift = SteppedShift(flat, ShiftStart(0.0, 0.0, 0.0))
+    for count in range(1, 101):
+        shift.advance(count * 1e-3, StepLoads(400.0, 0.0, 0.0))
+    assert shift.motion.contact_force == pytest.approx(400.0, rel=1e-3)
+    assert shift.motion.contact_torque == pytest.approx(0.0, abs=1e-6)
+    assert shift.phase is StepPhase.FACE_CONTACT
 
 
 def test_engaged_rings_turn_together_and_stay(clutch: Clutch) -> None:
