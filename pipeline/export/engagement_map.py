@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.record import Record, Table, frame_of, tabulate
+from dogshape.pipeline.record import Record, frame_of
 from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.elementwise import Array
@@ -47,22 +47,20 @@ class MapCell(Record):
 class MapPoint(Record):
     """Shifts at one mismatch and force, over the relative angle."""
 
-    mismatch_rpm: float = key("mismatch speed", "1/min", head="mismatch 1/min")
-    force_N: float = key("final shift force", "N", head="force N")
-    engagement_probability: float = key("share of engaged shifts", head="engage", form=".0%")
-    mean_time_s: float | None = key(
-        "mean shift time of engaged shifts", "s", head="mean time ms", scale=1e3
-    )
-    shifts: int = key("number of shifts, without diverged ones", head="shifts", form="d")
+    mismatch_rpm: float = key("mismatch speed", "1/min")
+    force_N: float = key("final shift force", "N")
+    engagement_probability: float = key("share of engaged shifts")
+    mean_time_s: float | None = key("mean shift time of engaged shifts", "s")
+    shifts: int = key("number of shifts, without diverged ones")
 
 
 class BlockParameter(Record):
     """A parameter of the Dog Clutch block of Simscape Driveline."""
 
-    parameter: str = key("name on the block", head="parameter")
-    value: float = key("value of the clutch", head="value")
-    unit: str = key("unit of the value", head="unit")
-    source: str = key("origin of the value", head="source")
+    parameter: str = key("name on the block")
+    value: float = key("value of the clutch")
+    unit: str = key("unit of the value")
+    source: str = key("origin of the value")
 
 
 @dataclass(frozen=True)
@@ -134,10 +132,6 @@ class EngagementMap:
                 break
             threshold = speed * RPM
         return threshold
-
-    def to_tables(self) -> list[Table]:
-        """Tabulate the means over the angle and the parameters of Simscape's block."""
-        return [tabulate(MapPoint, self.points), tabulate(BlockParameter, self.block_parameters)]
 
     def write(self, path: Path) -> tuple[Path, ...]:
         """Write cells to ``path``, and means, Modelica tables and parameters beside it."""
