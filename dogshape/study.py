@@ -266,6 +266,45 @@ class Study:
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, {"why": why, **block})
 
+    def export_fmu(self, path: str | Path) -> Path:
+        """Write the clutch as an FMU, a co-simulation block for driveline models (FMI 3.0).
+
+        To ``path``; the block runs where Python with this package is installed
+        (docs/howto/own_driveline.md). InputError without the extra ``fmu``.
+        Example: ``study.export_fmu("clutch.fmu")``
+        """
+        from dogshape.pipeline.export.fmu import write_fmu  # noqa: PLC0415
+
+        write_fmu(self.config, Path(path))
+        return Path(path)
+
+    def export_map(
+        self,
+        path: str | Path,
+        *,
+        jobs: int = 0,
+        cluster: str | None = None,
+        keep: str | Path | None = None,
+        progress: Progress | bool = False,
+    ) -> tuple[Path, ...]:
+        """Write whether and when the clutch engages, for lumped driveline models.
+
+        Over mismatch, force and relative angle, CSV, with means over the angle, tables of Modelica
+        and parameters of Simscape's Dog Clutch beside; gives the paths of all four. InputError for
+        operating points that are no grid.
+        Example: ``study.export_map("map.csv", progress=True)``
+
+        Parameters
+        ----------
+        path : CSV file of the cells.
+        jobs, cluster, keep, progress : as in ``expect``.
+        """
+        from dogshape.pipeline.export.engagement_map import simulate_map  # noqa: PLC0415
+        from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
+
+        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        return simulate_map(self.config, options).write(Path(path))
+
     def replace_keys(
         self, settings: Mapping[str, Any] | None = None, /, **dog: float | None
     ) -> Study:

@@ -62,7 +62,7 @@ class WorkerError(DogshapeError):
 
 
 class EngineError(DogshapeError):
-    """Engines that do not agree on the shifts of a study."""
+    """Engines that do not agree on the shifts of a study, or one that cannot go on with a shift."""
 
 
 def number(value: float) -> str:

@@ -139,6 +139,8 @@ export mq200_paper#1 --set dog.count=20 --sheet a.html | --set would change
 export mq200_paper#1 --svg a.svg --why x | --why and --title are for
 export mq200#33 --sheet a.html --title autor=x | did you mean 'author'
 export mq200_paper#1 --sheet a.pdf | must end in .html
+export mq200_paper --fmu a.zip | must end in .fmu
+export amt --map a.csv | a map needs every mismatch with every force
 compare mq200_paper | needs two or more
 compare mq200_paper nowhere | 'nowhere' is no folder of results, no study and no contact set
 compare mq200_paper adams2019 | 'adams2019' is a contact set and 'mq200_paper' is none

@@ -101,12 +101,18 @@ def test_drawing_carries_every_dimension() -> None:
     assert max(map(float, paths[0][-5:-3])) < min(map(float, paths[1][-8:-6]))
 
 
+@pytest.mark.parametrize(("option", "library", "words"), [
+    ("--step", "build123d", "STEP files need build123d"),
+    ("--fmu", "pythonfmu3", "an FMU needs pythonfmu3"),
+])  # fmt: skip
 def test_nothing_is_written_where_the_extra_is_missing(
-    dogshape: Call, monkeypatch: pytest.MonkeyPatch
+    dogshape: Call, monkeypatch: pytest.MonkeyPatch, option: str, library: str, words: str
 ) -> None:
-    monkeypatch.setitem(sys.modules, "build123d", None)
-    said = dogshape("export", "mq200_paper", "--svg", "a.svg", "--stl", "a.stl", "--step", "a.step")
-    assert "STEP files need build123d" in said.sentence
+    monkeypatch.setitem(sys.modules, library, None)
+    file = f"a.{option.removeprefix('--')}"
+    said = dogshape("export", "mq200_paper", "--svg", "a.svg", "--stl", "a.stl", option, file)
+    assert words in said.sentence
+    assert f"dogshape[{'cad' if option == '--step' else 'fmu'}]" in said.sentence
     assert list(Path().iterdir()) == []
 
 

@@ -56,6 +56,7 @@ GUARDED = {
     "asammdf": ("bench/traces.py",),
     "nptdms": ("bench/traces.py",),
     "build123d": ("pipeline/export/cad.py",),
+    "pythonfmu3": ("pipeline/export/fmu.py", "pipeline/export/fmu_slave.py"),
     "skfem": ("validation/finite_elements/root_stress.py",),
     "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),

@@ -45,6 +45,8 @@ ENDINGS = {
     "--sheet": (".html", ".json"),
     "--report": (".html", ".htm"),
     "--trace": TABLES,
+    "--fmu": (".fmu",),
+    "--map": (".csv",),
 }
 #: Words for the files of ``export``.
 FILE_LABELS = {
@@ -52,6 +54,8 @@ FILE_LABELS = {
     "stl": "one ring, both are alike",
     "step": "both rings",
     "sheet": "data sheet",
+    "fmu": "FMI 3.0 co-simulation",
+    "map": "map over mismatch, force and angle",
 }
 
 
@@ -398,19 +402,25 @@ def export(
     sheet: Annotated[Path | None, Option(help="data sheet, HTML or JSON by ending")] = None,
     why: Annotated[str, Option(help="with --sheet: reason of a decision")] = "",
     title: Annotated[list[str] | None, Option(metavar="KEY=TEXT", help="with --sheet")] = None,
+    fmu: Annotated[Path | None, Option(help="block for driveline models; extra [fmu]")] = None,
+    map_: Annotated[
+        Path | None, Option("--map", help="CSV: engagement and time, with tables beside")
+    ] = None,
     body_mm: Annotated[float, Option(help="thickness of a ring below the slots")] = 3.0,
+    jobs: Jobs = 0,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Write geometry, drawing and data sheet of a design.
+    """Write geometry, drawing, data sheet, FMU and map of a design.
 
     The data sheet has dimensions, times, margins and provenance: those of the search for
     results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
     Its --title has number (of the drawing), revision, date, author, checker and decided_by.
+    The map has every mismatch with every force of the study at expectation.angles angles; with
+    --jobs workers.
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
-    from dogshape.pipeline.export.cad import load_cad  # noqa: PLC0415
     from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
@@ -422,9 +432,9 @@ def export(
     dog = setup.clutch.dog
     radius = setup.limits.root_radius
     body = body_mm * MM
-    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
+    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet, "fmu": fmu, "map": map_}
     if not any(files.values()):
-        remedy = "give --stl, --step, --svg or --sheet with a file"
+        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
         raise InputError(f"export was asked for nothing; {remedy}")
     if (why or title) and sheet is None:
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
@@ -432,13 +442,13 @@ def export(
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     if svg or stl or step:
         require_fillets(dog, radius)
-    if step is not None:
-        load_cad()  # before anything is written
+    _load_extras(step, fmu)  # before anything is written
     design = design_of(setup, {})
     if not design.feasible:
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _warn_of_doubts(ds.Study.from_config(setup))
     _write_geometry(setup, dog_design.title, body, svg, stl, step)
+    lines = _write_models(ds.Study.from_config(dog_design.prototype_study), fmu, map_, jobs)
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
@@ -446,10 +456,31 @@ def export(
         write_data_sheet(dog_design, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     volume = part_volume(dog, radius, body) / MM**3
-    lines = [f"wrote {path} ({FILE_LABELS[kind]})" for kind, path in written.items()]
+    lines += [f"wrote {path} ({FILE_LABELS[kind]})" for kind, path in written.items()]
     lines.append(f"volume of a ring {volume:.1f} mm3")
     sizes = {"ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
+
+
+def _load_extras(step: Path | None, fmu: Path | None) -> None:
+    """Load the extras of the files that are asked for; InputError with the way to install one."""
+    from dogshape.pipeline.export.cad import load_cad  # noqa: PLC0415
+    from dogshape.pipeline.export.fmu import load_fmu_builder  # noqa: PLC0415
+
+    if step is not None:
+        load_cad()
+    if fmu is not None:
+        load_fmu_builder()
+
+
+def _write_models(study: ds.Study, fmu: Path | None, map_: Path | None, jobs: int) -> list[str]:
+    """Write block and map for driveline models; return lines on the tables beside the map."""
+    if fmu is not None:
+        study.export_fmu(fmu)
+    if map_ is None:
+        return []
+    _, *tables = study.export_map(map_, jobs=jobs, progress=True)
+    return [f"wrote {path}" for path in tables]
 
 
 def _write_geometry(

@@ -1,0 +1,129 @@
+"""The map of a clutch for lumped models: its cells are shifts, its tables their means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import dogshape as ds
+from dogshape.pipeline.export.engagement_map import EngagementMap, simulate_map
+from dogshape.pipeline.simulate.executor import RunOptions
+from dogshape.sim.errors import InputError
+from dogshape.sim.units import DEG, MM, RPM
+
+MISMATCHES = [-50.0, 25.0, 149.0]
+FORCES = [235.2, 469.0]
+SETTINGS = {
+    "operating.mismatch_rpm": MISMATCHES,
+    "operating.force_N": FORCES,
+    "expectation.angles": 5,
+}
+#: Flat tips that friction holds dog on dog: a part of the angles does not engage.
+BLOCKING = {**SETTINGS, "dog.chamfer_deg": 0.0, "operating.mismatch_rpm": [0.5, 25.0]}
+
+
+@pytest.fixture(scope="module")
+def study() -> ds.Study:
+    return ds.Study("mq200", SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def engagement_map(study: ds.Study) -> EngagementMap:
+    return simulate_map(study.config, RunOptions(jobs=1))
+
+
+@pytest.mark.parametrize("index", [0, 13, 29])
+def test_a_cell_is_a_shift(study: ds.Study, engagement_map: EngagementMap, index: int) -> None:
+    """Without the uncertain factors of the study, and at the angle of the cell."""
+    cell = engagement_map.cells[index]
+    shift = study.shift(
+        mismatch_rpm=cell.mismatch_rpm,
+        force_N=cell.force_N,
+        angle_deg=cell.angle_deg,
+        engine="planar",
+    )
+    assert study.config.uncertainty is not None
+    assert cell.outcome == shift.engagement.outcome.value
+    assert cell.shift_time_s == pytest.approx(shift.time_s, rel=1e-9)
+
+
+def test_cells_cover_the_grid_and_a_pitch(engagement_map: EngagementMap) -> None:
+    cells = engagement_map.cells
+    places = [(cell.mismatch_rpm, cell.force_N, cell.angle_deg) for cell in cells]
+    angles = [2.4, 7.2, 12.0, 16.8, 21.6]
+    expected = [(m, f, a) for m in MISMATCHES for f in FORCES for a in angles]
+    assert places == [pytest.approx(place) for place in expected]
+
+
+def test_files_hold_cells_means_and_tables(study: ds.Study, tmp_path: Path) -> None:
+    paths = study.export_map(tmp_path / "map.csv", jobs=1)
+    names = ["map.csv", "map-mean.csv", "map-modelica.txt", "map-simscape.csv"]
+    assert [path.name for path in paths] == names
+    cells = pd.read_csv(paths[0])
+    means = pd.read_csv(paths[1])
+    groups = cells.groupby(["mismatch_rpm", "force_N"], sort=False)
+    assert means["mean_time_s"].to_numpy() == pytest.approx(
+        groups["shift_time_s"].mean().to_numpy(), rel=1e-8
+    )
+    assert list(means["engagement_probability"]) == list(groups["engaged"].mean())
+    tables = _read_modelica(paths[2])
+    assert list(tables) == ["engagement_probability", "shift_time"]
+    for table in tables.values():
+        assert table[1:, 0] == pytest.approx(np.array(MISMATCHES) * RPM)
+        assert table[0, 1:] == pytest.approx(FORCES)
+    times = means["mean_time_s"].to_numpy().reshape(3, 2)
+    assert tables["shift_time"][1:, 1:] == pytest.approx(times, rel=1e-8)
+
+
+def _read_modelica(path: Path) -> dict[str, np.ndarray]:
+    """Read matrices as ``ModelicaStandardTables`` does: ``double NAME(ROWS,COLUMNS)``."""
+    head, *lines = path.read_text(encoding="ascii").splitlines()
+    assert head == "#1"
+    tables = {}
+    while lines:
+        kind, name = lines.pop(0).split(" ")
+        assert kind == "double"
+        name, _, size = name.rstrip(")").partition("(")
+        rows, columns = map(int, size.split(","))
+        tables[name] = np.array([line.split() for line in lines[:rows]], dtype=float)
+        assert tables[name].shape == (rows, columns)
+        assert lines[rows : rows + 1] in ([""], [])
+        lines = lines[rows + 1 :]
+    return tables
+
+
+def test_shifts_that_hang_lower_probability_and_threshold() -> None:
+    study = ds.Study("mq200", BLOCKING)
+    engagement_map = simulate_map(study.config, RunOptions(jobs=1))
+    cells = engagement_map.cells
+    hung = [cell for cell in cells if not cell.engaged]
+    assert hung
+    assert {cell.shift_time_s for cell in hung} == {None}
+    first = engagement_map.points[0]
+    engaged = sum(cell.engaged for cell in cells[:5])
+    assert first.engagement_probability == engaged / 5
+    assert engaged < 5
+    assert engagement_map.speed_threshold == 0.0
+
+
+def test_block_parameters_are_those_of_the_clutch(engagement_map: EngagementMap) -> None:
+    clutch = engagement_map.study.clutch
+    rows = {row.parameter: (row.value, row.unit) for row in engagement_map.block_parameters}
+    assert rows["Number of teeth"] == (15.0, "1")
+    assert rows["Tooth height"] == (pytest.approx(clutch.dog.height / MM), "mm")
+    assert rows["Ring-hub clearance when disengaged"] == (pytest.approx(1.0), "mm")
+    overlap = (clutch.shift_travel - clutch.dog.axial_gap) / MM
+    assert rows["Tooth overlap to engage"] == (pytest.approx(overlap), "mm")
+    assert rows["Backlash"] == (clutch.dog.backlash_angle / DEG, "deg")
+    assert rows["Engagement speed threshold"] == (pytest.approx(149.0), "rpm")
+    for row in engagement_map.block_parameters:
+        assert row.source
+
+
+def test_points_that_are_no_grid_are_refused(tmp_path: Path) -> None:
+    study = ds.Study("amt")
+    with pytest.raises(InputError, match="a map needs every mismatch with every force"):
+        study.export_map(tmp_path / "map.csv")

@@ -1,0 +1,257 @@
+"""The FMU of a study in FMPy: its interface, and a driveline of own inertias around it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import dogshape as ds
+from dogshape.pipeline.config.study_file import points_of
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.drive import NO_DRIVE
+from dogshape.sim.shift.stepped_shift import StepLoads, SteppedShift, start_of
+from dogshape.sim.statistics.blocks import engage
+from dogshape.sim.units import DEG, RPM
+from tests.conftest import require_program
+
+STEP_S = 2e-4  #: communication step
+TORQUE_NM = 5.0  #: of the source on the sliding side
+#: Rings, and the shafts and inertias behind them that the driveline model has.
+DRIVELINE = {
+    "mechanism.ring_inertia_kgm2": 0.002,
+    "mechanism.input_stiffness_Nm_rad": 300.0,
+    "mechanism.wheel_inertia_kgm2": 0.1,
+    "mechanism.output_stiffness_Nm_rad": 2000.0,
+}
+
+
+class Block:
+    """An instance of an FMU, its variables by name."""
+
+    def __init__(self, path: Path) -> None:
+        import fmpy
+        from fmpy.fmi3 import FMU3Slave
+
+        description = fmpy.read_model_description(str(path), validate=True)
+        self.variables = {v.name: v for v in description.modelVariables}
+        self.fmu = FMU3Slave(
+            guid=description.guid,
+            unzipDirectory=fmpy.extract(str(path)),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="clutch",
+        )
+        self.fmu.instantiate()
+
+    def __getitem__(self, name: str) -> Any:
+        variable = self.variables[name]
+        getter = getattr(self.fmu, f"get{variable.type}")
+        return getter([variable.valueReference])[0]
+
+    def __setitem__(self, name: str, value: float) -> None:
+        variable = self.variables[name]
+        getattr(self.fmu, f"set{variable.type}")([variable.valueReference], [value])
+
+    def initialize(self, **start: float) -> None:
+        for name, value in start.items():
+            self[f"start.{name}"] = value
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def step(self, count: int, step: float = STEP_S, **inputs: float) -> None:
+        for name, value in inputs.items():
+            self[name] = value
+        self.fmu.doStep(count * step, step)
+
+
+@pytest.fixture
+def load() -> Iterator[Callable[[Path], Block]]:
+    """Instantiate FMUs, and free them afterwards."""
+    blocks: list[Block] = []
+
+    def instantiate(path: Path) -> Block:
+        blocks.append(Block(path))
+        return blocks[-1]
+
+    yield instantiate
+    for block in blocks:
+        block.fmu.freeInstance()
+
+
+@pytest.fixture
+def study() -> ds.Study:
+    for name in ("pythonfmu3", "fmpy"):
+        require_program(find_spec(name) is not None, name)
+    return ds.Study("mq200_paper")
+
+
+def _start(clutch: Clutch, mismatch_rpm: float, angle_deg: float) -> dict[str, float]:
+    return start_of(clutch, mismatch_rpm * RPM, angle_deg * DEG)._asdict()
+
+
+def test_the_block_declares_the_clutch_in_si_units(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block]
+) -> None:
+    from fmpy.validation import validate_fmu
+
+    path = study.export_fmu(tmp_path / "clutch.fmu")
+    assert validate_fmu(str(path)) == []
+    block = load(path)
+    assert block["dog.chamfer"] == pytest.approx(8.0 * DEG)
+    assert block["dog.count"] == 15
+    assert block["rings.output_inertia"] == 0.6048
+    assert block["contact.dynamic_friction"] == study.config.clutch.contact.dynamic_friction
+    units = {name: variable.unit for name, variable in block.variables.items()}
+    assert units["dog.height"] == "m"
+    assert units["shift_force"] == "N"
+    assert units["sliding_torque"] == "N.m"
+    assert units["mechanism.input_stiffness"] == "N.m/rad"
+    for name, variable in block.variables.items():
+        pure = name in {"dog.count", "dog.crest", "phase", "engaged"} or "friction" in name
+        assert variable.unit or pure, name
+    with zipfile.ZipFile(path) as files:
+        tables = json.loads(files.read("resources/study.json"))
+        description = files.read("modelDescription.xml").decode()
+    assert tables["dog"]["count"] == 15
+    assert "Needs Python with the package dogshape" in description
+    assert str(tmp_path) not in description
+
+
+@pytest.mark.parametrize(
+    "point",
+    [(50, 469.0, 10), (25, 469.0, 4), (25, 235.2, 8), (50, 641.5, 20)],
+)
+def test_a_driveline_around_the_block_shifts_as_the_study_with_its_shafts(
+    study: ds.Study,
+    tmp_path: Path,
+    load: Callable[[Path], Block],
+    point: tuple[float, float, float],
+) -> None:
+    """Both sides and their shafts are outside; the shift time is that of ``shift``."""
+    whole = study.replace_keys({**DRIVELINE, "drive.sliding_torque_Nm": [TORQUE_NM]})
+    config = whole.config.in_engine("planar")
+    mismatch_rpm, force, angle_deg = point
+    (operating_point,) = points_of(config, (mismatch_rpm, force, None))
+    reference = engage(config.clutch, operating_point, angle_deg * DEG)
+    block = load(study.export_fmu(tmp_path / "clutch.fmu"))
+    shafts = config.clutch.shafts
+    block["rings.sliding_inertia"] = shafts[0].ring_inertia
+    block["rings.output_inertia"] = shafts[1].ring_inertia
+    start = _start(config.clutch, mismatch_rpm, angle_deg)
+    block.initialize(**start)
+    names = ("sliding", "output")
+    angles = [block[f"{name}_angle"] for name in names]
+    speeds = [block[f"{name}_speed"] for name in names]
+    sources = (TORQUE_NM, 0.0)
+    count = 0
+    while not block["engaged"] and count * STEP_S < 0.5:
+        torques = {}
+        for side, (name, shaft) in enumerate(zip(names, shafts, strict=True)):
+            rate = speeds[side] - block[f"{name}_speed"]
+            lead = angles[side] - block[f"{name}_angle"] + 0.5 * STEP_S * rate
+            torque = shaft.torque(lead, rate)
+            gain = STEP_S * (sources[side] - torque) / shaft.side_inertia
+            angles[side] += STEP_S * (speeds[side] + 0.5 * gain)
+            speeds[side] += gain
+            torques[f"{name}_torque"] = torque
+        push = float(operating_point.profile.at((count + 0.5) * STEP_S))
+        block.step(count, shift_force=push, **torques)
+        count += 1
+    assert reference.shift_time is not None
+    assert block["engagement_time"] == pytest.approx(reference.shift_time, abs=STEP_S)
+    assert count * STEP_S == pytest.approx(block["engagement_time"], abs=STEP_S)
+    assert block["phase"] == 4
+    assert block["travel"] >= config.clutch.shift_travel
+
+
+def test_the_block_steps_as_the_package(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block]
+) -> None:
+    """To the last digit, and again after a step back."""
+    block = load(study.export_fmu(tmp_path / "clutch.fmu"))
+    clutch = study.config.in_engine("planar").clutch
+    start = start_of(clutch, 100 * RPM, 5 * DEG)
+    block.initialize(**start._asdict())
+    shift = SteppedShift(clutch, start)
+    for count in range(60):
+        if count == 40:
+            state = block.fmu.getFMUState()
+            saved = block.fmu.serializeFMUState(state)
+            travel = block["travel"]
+        block.step(count, 1e-3, shift_force=400.0, sliding_torque=3.0, output_torque=-2.0)
+        shift.advance(count * 1e-3 + 1e-3, StepLoads(400.0, 3.0, -2.0))
+        motion = shift.motion._asdict()
+        assert {name: block[name] for name in motion} == motion
+    block.fmu.setFMUState(block.fmu.deserializeFMUState(saved))
+    assert block["travel"] == travel
+    assert block["time"] == 0.04
+    for count in range(40, 60):
+        block.step(count, 1e-3, shift_force=400.0, sliding_torque=3.0, output_torque=-2.0)
+    assert {name: block[name] for name in motion} == motion
+
+
+def test_two_blocks_in_one_process_have_their_own_clutches(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block]
+) -> None:
+    first = load(study.export_fmu(tmp_path / "first.fmu"))
+    second = load(study.replace_keys(count=18).export_fmu(tmp_path / "second.fmu"))
+    assert (first["dog.count"], second["dog.count"]) == (15, 18)
+
+
+def test_parameters_act_and_wrong_ones_are_refused(
+    study: ds.Study,
+    tmp_path: Path,
+    load: Callable[[Path], Block],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    from fmpy.fmi1 import FMICallException
+
+    path = study.export_fmu(tmp_path / "clutch.fmu")
+    light, heavy = load(path), load(path)
+    heavy["rings.mass"] = 2.0 * heavy["rings.mass"]
+    for block in (light, heavy):
+        block.initialize(**_start(study.config.clutch, 50, 0))
+        block.step(0, 1e-3, shift_force=10.0)
+    assert heavy["travel"] == pytest.approx(0.5 * light["travel"])
+    wrong = load(path)
+    wrong["dog.height"] = -1.0
+    wrong.initialize(**_start(study.config.clutch, 50, 0))
+    assert "dog.height_mm is -1000 mm" in capfd.readouterr().out
+    with pytest.raises(FMICallException):
+        wrong.step(0, 1e-3)
+
+
+def test_a_study_with_a_drive_starts_as_its_shift(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block]
+) -> None:
+    """Speeds of the first operating point; tables and control of the drive stay outside."""
+    turning = ds.Study("ev_disconnect")
+    drive = turning.config.clutch.drive
+    assert drive.control is not None
+    assert drive != NO_DRIVE
+    block = load(turning.export_fmu(tmp_path / "turning.fmu"))
+    speeds = block["start.output_speed"] - block["start.sliding_speed"]
+    mismatch = turning.config.points[0].mismatch
+    assert drive.sense * speeds == pytest.approx(mismatch)
+    wheels = {"sliding": "output", "output": "sliding"}[drive.engine_side]
+    assert block[f"start.{wheels}_speed"] == pytest.approx(drive.shaft_speed)
+    block.initialize()
+    assert block["sliding_speed"] == block["start.sliding_speed"]
+    block.step(0, 1e-3)
+    assert block["sliding_speed"] == pytest.approx(block["start.sliding_speed"], abs=0.01)
+    assert block["engagement_time"] == -1.0
+
+
+def test_processes_with_a_block_end_cleanly(study: ds.Study, tmp_path: Path) -> None:
+    """Without ``hold_loader`` a third of them aborts at its end."""
+    study.export_fmu(tmp_path / "clutch.fmu")
+    code = "import fmpy; fmpy.simulate_fmu('clutch.fmu', stop_time=0.002, output_interval=0.001)"
+    for _ in range(6):
+        subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True)
