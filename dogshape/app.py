@@ -42,6 +42,7 @@ from dogshape.pipeline.train.training_rows import matching_surrogate
 from dogshape.running import receiver
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.interface import argument, verb
+from dogshape.sim.strength.spline import require_face
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.study import Study
@@ -177,6 +178,7 @@ class LivePage:
         elif name == "dog.svg":
             path.write_text(dimensioned_svg(dog, limits, study.name), encoding="utf-8")
         else:
+            require_face(limits.sleeve)
             write_step(dog, limits.root_radius, BODY_THICKNESS, path)
 
 

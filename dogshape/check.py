@@ -572,7 +572,7 @@ class Strength(Checked):
             *(
                 f"not judged: {check}; give {keys}"
                 for check, keys in OPTIONAL.items()
-                if check not in names
+                if check not in names and self.config.limits.sleeve is None
             ),
         ]
 

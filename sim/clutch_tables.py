@@ -36,7 +36,7 @@ from dogshape.sim.errors import InputError, Refusal, did_you_mean, join_faults, 
 from dogshape.sim.quantity import Quantity, quantities_of
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
-from dogshape.sim.shift.geometry import SCOPE, Dog
+from dogshape.sim.shift.geometry import SCOPE, Dog, Mount
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
 from dogshape.sim.units import DEG, from_si, suffix_of, to_si, unit_of
 
@@ -273,7 +273,14 @@ def mm_per_deg(outer: float, inner: float) -> float:
 
 
 class DogSection(Keys, of=Dog):
-    """Geometry of the dogs of both rings."""
+    """Geometry of the dogs of both rings; ``mount`` changes no motion (``sim.strength.spline``)."""
+
+    mount: Mount = later("face")
+
+    @property
+    def value(self) -> Dog:
+        """The dog; InputError or GeometryError for mistakes."""
+        return Dog(**self.si("mount"))
 
     @model_validator(mode="before")
     @classmethod

@@ -50,6 +50,7 @@ from dogshape.sim.strength.landing import Wear
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits, Tolerances
 from dogshape.sim.strength.materials import Material, material_of
+from dogshape.sim.strength.spline import Sleeve
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.units import RPM, from_si, unit_of
 
@@ -221,6 +222,10 @@ def _require_within(
     )
 
 
+class SleeveSection(Keys, of=Sleeve):
+    """Teeth of a sleeve, with ``dog.mount = "sleeve"`` (``sim.strength.spline``)."""
+
+
 class MaterialSection(Keys, of=Material, named_by=material_of):
     """Name of a material set (``sim.strength.materials``), and values that override it."""
 
@@ -362,6 +367,7 @@ class StudyFile(Section):
     driveline: DrivelineSection = DrivelineSection()
     load: LoadSection = LoadSection()
     strike: StrikeSection | None = later()
+    sleeve: SleeveSection | None = later()
     material: MaterialSection = MaterialSection()
     manufacturing: ManufacturingSection = ManufacturingSection()
     tolerance: ToleranceSection = ToleranceSection()

@@ -50,6 +50,7 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
+from dogshape.sim.strength.spline import Sleeve
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
@@ -469,6 +470,7 @@ def _require_parts(file: StudyFile) -> None:
         file.load.case,
         *(partial(getattr, section, "value") for section in sections),
         partial(wear_of, file),
+        partial(sleeve_of, file),
         partial(getattr, file.variables, "ranges"),
     )
     faults = dict[str, DogshapeError]()  # by message: wear builds the dog a second time
@@ -516,6 +518,7 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         tolerances=file.tolerance.value,
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
         strikes=tuple(file.strike.at_ends(clutch, points)) if file.strike else (),
+        sleeve=sleeve_of(file),
     )
 
 
@@ -571,6 +574,20 @@ def wear_of(file: StudyFile) -> Wear | None:
     wear: Wear = file.wear.value
     wear.edges(file.dog.value, 1.0)  # refuses edges sharper than those of the dog
     return wear
+
+
+def sleeve_of(file: StudyFile) -> Sleeve | None:
+    """Build the teeth of a sleeve, None for dogs on a face; InputError for mistakes."""
+    if file.dog.mount == "face":
+        if file.sleeve is not None:
+            raise InputError(
+                "[sleeve] belongs to dog.mount = 'sleeve', and the dogs are mounted on a face; "
+                "give dog.mount too, or leave [sleeve] out"
+            )
+        return None
+    sleeve: Sleeve = Sleeve() if file.sleeve is None else file.sleeve.value
+    sleeve.require_height(file.dog.value)
+    return sleeve
 
 
 def require_variables(study: Setup) -> None:

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from dogshape.bench.bench_data import Bench, bundled_benches, load_bench
 from dogshape.bench.texts import text_of
@@ -36,12 +36,13 @@ from dogshape.pipeline.diagnose.study_keys import Data, clutch_tables, rounded, 
 from dogshape.pipeline.drafts.answers import read_numbers
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.sim.clutch_tables import mm_per_deg, validate
+from dogshape.sim.clutch_tables import DogSection, mm_per_deg, validate
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.interface import argument
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.drive import ENGINE_SIDES
+from dogshape.sim.shift.geometry import Mount
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import Tolerances
@@ -58,6 +59,8 @@ DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
 HEIGHT = "dog.height_mm"
 COUNT = "dog.count"
+MOUNT = "dog.mount"
+RIM = "manufacturing.rim_mm"
 BACKLASH = "dog.backlash_mm"
 BACKLASH_DEG = "dog.backlash_deg"
 CHAMFER = "dog.chamfer_deg"
@@ -92,6 +95,8 @@ OPERATION = {
 #: Words for the keys of a clutch that a dialogue asks for.
 CLUTCH = {
     COUNT: "number of dogs",
+    MOUNT: "root of the dogs: face of a ring, or sleeve for teeth rooted radially",
+    RIM: "thickness of the sleeve outside its teeth, mm; 0: unknown",
     CHAMFER: "chamfer of the face, deg; 0: flat",
     CHAMFER_BACK: "chamfer behind the ridge of a roof tip, deg; 0: no roof",
     CREST: "place of the ridge on the tip, 0 braking edge to 1 traction edge",
@@ -137,7 +142,7 @@ USE = {
     MATERIAL: "material",
 }
 WORDS = ACTUATION | OPERATION | CLUTCH | USE
-CHOICES = {MATERIAL: tuple(MATERIALS), SIDE: ENGINE_SIDES}
+CHOICES = {MATERIAL: tuple(MATERIALS), SIDE: ENGINE_SIDES, MOUNT: get_args(Mount)}
 #: Keys of which one value may stand for a list.
 LIST_KEYS = (ACTUATOR, "actuation.rise_s", *OPERATION)
 RING = (*DIAMETERS, *INERTIAS)
@@ -147,6 +152,7 @@ BOUND_KEYS: dict[tuple[str, ...], tuple[str, ...]] = {
     RING: (
         RADIUS,
         DRAG,
+        "sleeve.tooth_height_mm",
         "mechanism.ring_inertia_kgm2",
         "mechanism.input_stiffness_Nm_rad",
         "mechanism.spline_backlash_deg",
@@ -451,6 +457,8 @@ def _default_answers(look_up: LookUp) -> list[tuple[str, Any, str]]:
     ring_note = f"not judged; {mass:g} kg at the mean radius have {ring_inertia:g}"
     return [
         *answers,
+        (MOUNT, DogSection.model_fields["mount"].default, ""),
+        (RIM, 0.0, "not judged"),
         (CHAMFER_BACK, 0.0, ""),
         (CREST, ROOF_CREST, "an assumption"),
         (PLAY_DEVIATION, from_si(PLAY_DEVIATION, Tolerances.backlash), "an assumption"),
@@ -724,6 +732,13 @@ def _set_strike_mismatch(change: _Change, derived: Data) -> None:
         derived[STRIKE_MISMATCH] = [mismatch["low"], mismatch["high"]]
 
 
+def _remove_sleeve(change: _Change, derived: Data) -> None:
+    """Remove the sleeve of a copied study from dogs on a face, unless its keys are given."""
+    gives_sleeve = any(key.startswith("sleeve") for key in change.values)
+    if change.after(MOUNT) != "sleeve" and change.before("sleeve") and not gives_sleeve:
+        derived["sleeve"] = None
+
+
 def _complete_tip(change: _Change, derived: Data) -> None:
     """Add or remove the ridge of a roof, and decide whether changed faces must release.
 
@@ -773,6 +788,7 @@ RULES: tuple[Callable[[_Change, Data], None], ...] = (
     _limit_forces,
     _keep_given_strike,
     _set_strike_mismatch,
+    _remove_sleeve,
     _complete_tip,
     _widen_ranges,
 )
@@ -780,6 +796,8 @@ RULES: tuple[Callable[[_Change, Data], None], ...] = (
 
 def is_void(key: str, answers: Mapping[str, Any]) -> bool:
     """Test whether an earlier answer leaves a question without a subject."""
+    if key == RIM:
+        return answers.get(MOUNT) != "sleeve"
     part = {CREST: CHAMFER_BACK, PLAY_DEVIATION: BACKLASH}.get(key)
     return part is not None and answers.get(part) == 0
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
+from functools import partial
 from html import escape
 
 from dogshape.sim.shift.geometry import Dog, crest_loss, section, tip_radius
@@ -19,6 +20,7 @@ WIDTH = 980.0  #: of the dimensioned section, px
 HEIGHT = 592.0  #: of the dimensioned section, px
 HEAD_LENGTH = 8.0  #: of an arrow, px
 LETTER_WIDTH = 7.2  #: of a character, px; close enough for a background
+PITCHES_IN_VIEW = (-2, -1, 0, 1, 2)  #: of the dimensioned section, from its dog
 MIN_REACH = 0.775  #: reach of the dimensioned section either side of the dog, in pitches
 STYLE = """
 .drawing .part{fill:#dbe5f0;stroke:#1b2733;stroke-width:1.6}
@@ -286,15 +288,31 @@ def _auxiliary(name: str, length: float, digits: int = 2) -> str:
 def _part(drawing: _DogSection) -> str:
     """Draw the dog with the slots beside it and the ends of its neighbours."""
     dog = drawing.dog
+    if drawing.limits.sleeve is not None:
+        return _frame(drawing, "".join(map(partial(_tooth, drawing), PITCHES_IN_VIEW)))
     profile = []
-    for index in (-2, -1, 0, 1, 2):
+    for index in PITCHES_IN_VIEW:
         profile += [drawing.point(x + index * dog.pitch, z) for x, z in section(dog)]
     tips = (len(drawing.corners) - 2) * [drawing.top_radius]
     radii = 5 * [drawing.root_radius, *tips, drawing.root_radius]
     inner_radii = [radius * drawing.scale for radius in radii][1:-1]
     ends = [complex(point.real, drawing.bottom) for point in (profile[-1], profile[0])]
     back = " L".join(map(_coordinates, ends))
-    part = _path(f"{_rounded_path(profile, inner_radii)} L{back} Z", "part")
+    return _frame(drawing, _path(f"{_rounded_path(profile, inner_radii)} L{back} Z", "part"))
+
+
+def _tooth(drawing: _DogSection, index: int) -> str:
+    """Draw the end of a sleeve's tooth, ``index`` pitches from the middle; it has no floor."""
+    dog = drawing.dog
+    end = [drawing.point(x + index * dog.pitch, z) for x, z in section(dog)]
+    points = [complex(end[0].real, drawing.bottom), *end, complex(end[-1].real, drawing.bottom)]
+    tips = (len(end) - 2) * [drawing.top_radius * drawing.scale]
+    radii = [0.0, *tips, 0.0]
+    return _path(f"{_rounded_path(points, radii)} Z", "part")
+
+
+def _frame(drawing: _DogSection, part: str) -> str:
+    """Clip a part to the width of the section."""
     width = (drawing.right - drawing.left).real
     frame = f'x="{drawing.left.real:.2f}" y="0" width="{width:.2f}" height="{HEIGHT:.0f}"'
     return f'<clipPath id="frame"><rect {frame}/></clipPath><g clip-path="url(#frame)">{part}</g>'
@@ -390,6 +408,11 @@ def _radii(drawing: _DogSection) -> str:
     radius = drawing.root_radius * drawing.scale
     fillet = drawing.traction_root + cmath.rect(radius * (1.0 / math.sin(opening) - 1.0), -opening)
     root = drawing.size("root_radius", drawing.root_radius)
+    if drawing.limits.sleeve is not None:
+        words = f"tip edges R {drawing.top_radius / MM:.2f}, radial roots R {root}"
+        return _leader(
+            drawing.back, complex(drawing.right.real - 100.0, drawing.bottom + 24.0), words
+        )
     words = f"roots and tip edges R {root}"
     if dog.edge_radius > 0.0:
         words = f"roots R {root}, tip edges R {dog.edge_radius / MM:.2f}"
@@ -410,15 +433,25 @@ def _notes(drawing: _DogSection) -> list[str]:
     outer_diameter = drawing.size("outer_diameter", dog.outer_diameter)
     inner_diameter = drawing.size("inner_diameter", dog.inner_diameter)
     inner_tip_width = dog.tip_width_at(dog.inner_radius) / MM
+    ring = f"{dog.count} dogs on Ø{outer_diameter} / Ø{inner_diameter} mm"
+    pair = f"{ring}, both rings alike, one turned over"
+    flanks = "flanks are planes along radial lines"
+    if drawing.limits.sleeve is not None:
+        flanks = "flanks are simulated along radial lines"
+        lever = drawing.limits.sleeve.lever(dog)
+        root, mate_root = (2.0 * (dog.mean_radius + way) / MM for way in (lever, -lever))
+        pair = (
+            f"{ring}: teeth of a sleeve, rooted at Ø{root:.2f}, and of its mate, at "
+            f"Ø{mate_root:.2f} mm; pressure angle {drawing.limits.sleeve.pressure_angle / DEG:g}°"
+        )
     return [
-        f"{dog.count} dogs on Ø{outer_diameter} / "
-        f"Ø{inner_diameter} mm, both rings alike, one turned over",
+        pair,
         f"axial gap before the shift {drawing.size('axial_gap', dog.axial_gap)} mm, "
         f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
         f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
         "Lengths in mm to the intersection of faces, auxiliary ones in brackets; widths at mean",
         f"radius {dog.mean_radius / MM:.2f} mm (section unrolled). In the median plane {widths},",
-        f"flanks are planes along radial lines; tip {inner_tip_width:.2f}"
+        f"{flanks}; tip {inner_tip_width:.2f}"
         f" mm at the inner radius.{ridge} General tolerances ISO 2768-f.",
     ]
 

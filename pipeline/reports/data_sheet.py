@@ -61,9 +61,10 @@ from dogshape.pipeline.store.result_records import (
     hinge_table,
     not_judged_row,
 )
-from dogshape.sim.clutch_tables import DogSection, key
+from dogshape.sim.clutch_tables import key
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
 from dogshape.sim.interface import argument, verb
+from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
@@ -678,7 +679,8 @@ def _dimensions(study: Setup) -> list[Dimension]:
     dog = study.clutch.dog
     limits = study.limits
     dimensions = []
-    for name in (*DogSection.model_fields, "root_radius_mm"):
+    names = [declared.key for declared in quantities_of(Dog).values()]
+    for name in [*names, "root_radius_mm"]:
         field_name = name.removesuffix(suffix_of(name))
         size = limits.root_radius if name == "root_radius_mm" else getattr(dog, field_name)
         if size in (0.0, getattr(Dog, field_name, 0.0)):
@@ -713,11 +715,13 @@ def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
         program_versions = result.versions
         result_hash = f", result {content_key(result.to_dict())}"
     load = study.file.load
+    sleeve = study.limits.sleeve
     facts = {
         "command": command_of(study, call) or f"dogshape {call} FILE; {study.name} is in {file}",
         "simulated": simulated,
         "operating points": minus(study.operating_text),
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
+        "mount": "" if sleeve is None else sleeve.text(study.clutch.dog),
         "contact": _contact_words(study.clutch.contact),
         "shafts": study.clutch.drive.text,
         "mechanism": ", ".join(f"{name} {value:.4g}" for name, value in study.mechanism.items()),

@@ -33,7 +33,9 @@ USUAL_RATIOS = {
 def notes_of(study: Setup) -> list[str]:
     """List warnings about the study's own dog, also of a root outside its formula's fit."""
     clutch = study.clutch
-    root_faults = outside_fit(clutch.dog, study.limits.root_radius)
+    root_faults = []
+    if study.limits.sleeve is None:
+        root_faults = outside_fit(clutch.dog, study.limits.root_radius)
     notes = [f"{fault}; --fem checks it" for fault in root_faults]
     if study.limits.strikes and clutch.mechanism.ring_inertia == 0.0:
         notes.append(

@@ -49,6 +49,8 @@ LENGTH = "check the length and that it is in millimetres"
 
 Flank = Literal["traction", "braking"]
 FLANKS: tuple[Flank, ...] = ("traction", "braking")
+#: Root of the teeth: the face of a ring, or the bore of a sleeve and the rim of its mate.
+Mount = Literal["face", "sleeve"]
 
 
 @dataclass(frozen=True)

@@ -166,6 +166,12 @@ REMEDIES: dict[str, str] = {
     "load": "use a wider or larger ring, finer load.accuracy or larger root fillets",
     "flank_pressure": "use higher or more dogs, a wider or larger ring or finer load.accuracy",
     "rim": "use a thicker ring behind the roots",
+    "sleeve_hoop": "use a thicker sleeve (manufacturing.rim_mm), higher dogs or a smaller "
+    "sleeve.pressure_angle_deg",
+    **dict.fromkeys(
+        ("tooth_bending", "tooth_shear"),
+        "use higher dogs, a larger ring, less backlash or finer load.accuracy",
+    ),
     "impact": "use less shift force or moving mass, a wider ring or a larger dog.edge_radius_mm",
     "contact_ratio": "use a higher dog, a smaller chamfer or smaller tolerances",
     "clearance": "use a larger dog.axial_gap_mm or smaller tolerances",
@@ -356,6 +362,40 @@ _TABLE = (
         meaning="shear stress of the root",
         formula="1.5 F/(b s)",
         source="parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
+        unit="MPa",
+        key="material.proof_stress_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "tooth_bending_{flank}",
+        "load",
+        meaning="tension in the root fillet of a sleeve's tooth under the loaded {flank} flank",
+        formula="Y_S 6 F l/(L s^2), l from root to pitch circle, s thickness at the root circle, "
+        "L engaged length",
+        source="radial cantilever, stress correction of ISO 6336-3; limit: static strength, "
+        "ISO 6336-3",
+        unit="MPa",
+        key="material.bending_endurance_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "tooth_shear",
+        "load",
+        meaning="shear stress of a sleeve's tooth at the pitch circle, the worse flank",
+        formula="F/(L s), L engaged length, s thickness at the pitch circle",
+        source="Dudley 1957; limit: proof stress of the core over safety and sqrt(3)",
+        unit="MPa",
+        key="material.proof_stress_MPa",
+        at_most=True,
+    ),
+    Rule(
+        "sleeve_hoop",
+        "load",
+        meaning="hoop stress of the sleeve outside its teeth, the worse flank",
+        formula="T tan(phi)/(2 pi r t L) + rho w^2/4 ((3 + nu) r_o^2 + (1 - nu) r_i^2), phi "
+        "pressure angle, t rim, w speed",
+        source="Dudley 1957, rotating annulus (Timoshenko); limit: proof stress of the core over "
+        "safety",
         unit="MPa",
         key="material.proof_stress_MPa",
         at_most=True,

@@ -8,6 +8,7 @@ r"""Strength of a dog by closed forms, and the limits and checks of a design.
   t/\varrho` (Kirsch 1898)
 - fatigue: one load cycle a shift, or Miner's sum over a spectrum (``sim.strength.materials``); the
   abuse torque is carried once and meets the static limits alone
+- teeth of a sleeve have a root, shear and rim of their own (``sim.strength.spline``)
 
 Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternating load).
 """
@@ -43,6 +44,15 @@ from dogshape.sim.strength.materials import (
     STATIC_CYCLES,
     Material,
     stress_reserve,
+)
+from dogshape.sim.strength.spline import (
+    Sleeve,
+    bending,
+    fillet_room,
+    hoop_stress,
+    pitch_shear,
+    root_shear,
+    stress_correction,
 )
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.units import DEG, MM
@@ -159,7 +169,8 @@ class Limits:
     """Limits of all checks of a design.
 
     A shift may end ``seated_tolerance`` short of full depth, m. ``strikes`` are the ends of the
-    range of the flank strike; without one it is not judged.
+    range of the flank strike; without one it is not judged. Dogs without a ``sleeve`` stand on the
+    face of a ring.
     """
 
     load: LoadCase = field(default_factory=LoadCase)
@@ -168,6 +179,7 @@ class Limits:
     tolerances: Tolerances = field(default_factory=Tolerances)
     seated_tolerance: float = 5e-5
     strikes: tuple[Strike, ...] = ()
+    sleeve: Sleeve | None = None
 
     @property
     def root_radius(self) -> float:
@@ -215,6 +227,18 @@ class Root(NamedTuple):
 def root_of(dog: Dog, limits: Limits, load: Load) -> Root:
     """Compute the stresses of a root, with the factor of a thin rim and the notch below a case."""
     radius = limits.root_radius
+    depth = 1.0 + limits.material.case_depth / radius
+    notch_share = (depth**-2 + 3.0 * depth**-4) / 4.0
+    sleeve = limits.sleeve
+    if sleeve is not None:
+        length = engaged_length(dog, limits, load.flank)
+        nominal = bending(dog, sleeve, load.force, length)
+        notch = stress_correction(dog, sleeve, radius)
+        return Root(
+            tension=notch * nominal,
+            core=nominal * (1.0 + (notch - 1.0) * notch_share),
+            shear=root_shear(dog, sleeve, load.force, length),
+        )
     nominal = root_nominal(dog, load)
     notch = notch_factor(dog, radius, load.flank)
     rim_factor = 1.0
@@ -222,8 +246,6 @@ def root_of(dog: Dog, limits: Limits, load: Load) -> Root:
     if rim is not None:
         thin_rim_factor = largest(1.0, 1.6 * log(2.242 * dog.height / rim))
         rim_factor = where(rim >= THICK_RIM * dog.height, 1.0, thin_rim_factor)
-    depth = 1.0 + limits.material.case_depth / radius
-    notch_share = (depth**-2 + 3.0 * depth**-4) / 4.0
     return Root(
         tension=notch * nominal * rim_factor,
         core=nominal * (1.0 + (notch - 1.0) * notch_share) * rim_factor,
@@ -233,7 +255,16 @@ def root_of(dog: Dog, limits: Limits, load: Load) -> Root:
 
 def flank_pressure(dog: Dog, limits: Limits, flank: Flank, force: float) -> float:
     """Compute the mean pressure of a ``force`` in N on a flank, Pa."""
-    return force / largest(flank_contact(dog, limits.root_radius, flank).area, SMALLEST_AREA)
+    return force / _contact_area(dog, limits, flank)
+
+
+def engaged_length(dog: Dog, limits: Limits, flank: Flank) -> float:
+    """Compute the mean length along the shaft that touches at full depth, m."""
+    return _contact_area(dog, limits, flank) / dog.radial_width
+
+
+def _contact_area(dog: Dog, limits: Limits, flank: Flank) -> float:
+    return largest(flank_contact(dog, limits.root_radius, flank).area, SMALLEST_AREA)
 
 
 def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
@@ -329,7 +360,8 @@ def _shape_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
     """Return the checks of manufacture and of the soft core of the tip."""
     core = dog.tip_width_at(dog.inner_radius) - 2.0 * limits.material.case_depth
     core_checks = checks_of([("tip_core", core, limits.manufacturing.tip_core)])
-    return (*manufacturing_checks(dog, limits.manufacturing), *core_checks)
+    room = None if limits.sleeve is None else fillet_room(dog, limits.sleeve)
+    return (*manufacturing_checks(dog, limits.manufacturing, room), *core_checks)
 
 
 def _load_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
@@ -344,18 +376,37 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
         pressure = flank_pressure(dog, limits, flank, force)
         rows.append((f"flank_pressure_{flank}", pressure, limits.material.allowable_pressure))
     static_limit = limits.static_root_stress
-    rows += [(f"root_bending_{flank}", root.tension, static_limit) for flank, root in roots.items()]
-    shear = largest(*(root.shear for root in roots.values()))
+    is_sleeve = limits.sleeve is not None
+    bending_name = "tooth_bending" if is_sleeve else "root_bending"
+    for flank, root in roots.items():
+        rows.append((f"{bending_name}_{flank}", root.tension, static_limit))
+    shear_name = "tooth_shear" if is_sleeve else "shear_stress"
+    shear = largest(*(_shear_stress(dog, limits, flank, root) for flank, root in roots.items()))
     equivalent = largest(*(hypot(r.core, math.sqrt(3.0) * r.shear) for r in roots.values()))
     rows += [
-        ("shear_stress", shear, limits.allowable_stress / math.sqrt(3.0)),
+        (shear_name, shear, limits.allowable_stress / math.sqrt(3.0)),
         ("equivalent_stress", equivalent, limits.allowable_stress),
         ("root_fatigue", *fatigue(dog, limits)),
     ]
     rim = limits.manufacturing.rim
-    if rim is not None:
+    if rim is not None and limits.sleeve is not None:
+        hoops = []
+        for flank in FLANKS:
+            length = engaged_length(dog, limits, flank)
+            torque = case.static_torque(flank)
+            hoops.append(hoop_stress(dog, limits.sleeve, rim, torque, length))
+        rows.append(("sleeve_hoop", largest(*hoops), limits.allowable_stress))
+    elif rim is not None:
         rows.append(("rim", rim, THINNEST_RIM * dog.height))
     return checks_of(rows)
+
+
+def _shear_stress(dog: Dog, limits: Limits, flank: Flank, root: Root) -> float:
+    """Compute the shear stress of a root, or of a sleeve's tooth at the pitch circle, Pa."""
+    if limits.sleeve is None:
+        return root.shear
+    force = limits.load.force_per_dog(dog, flank)
+    return pitch_shear(dog, force, engaged_length(dog, limits, flank))
 
 
 def _strike_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:

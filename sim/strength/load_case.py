@@ -260,6 +260,10 @@ class LoadCase:
         """Return the torque of a flank over the rated one."""
         return 1.0 if flank == "traction" else self.coast_share
 
+    def static_torque(self, flank: Flank) -> float:
+        """Return the design torque of a flank, or the abuse torque where it is larger, N m."""
+        return max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
+
     def force_per_dog(
         self, dog: Dog, flank: Flank = "traction", torque: float | None = None
     ) -> float:
@@ -268,7 +272,7 @@ class LoadCase:
         ``torque`` in N m is by default the static one: design torque of the flank or abuse torque.
         """
         if torque is None:
-            torque = max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
+            torque = self.static_torque(flank)
         return torque / (dog.mean_radius * dog.count * self.sharing(dog, torque))
 
     def scatter(self, dog: Dog) -> float | None:

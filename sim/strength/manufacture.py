@@ -51,8 +51,13 @@ class ManufacturingLimits:
 MAKEABLE = tuple(n for n, rule in RULES.items() if rule.group == "make" and n != "tip_core")
 
 
-def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[LimitCheck, ...]:
-    """Return the manufacturability checks of a dog."""
+def manufacturing_checks(
+    dog: Dog, limits: ManufacturingLimits, fillet_room: float | None = None
+) -> tuple[LimitCheck, ...]:
+    """Return the manufacturability checks of a dog.
+
+    ``fillet_room`` is the largest root radius, m, of teeth of a sleeve, whose slots have no floor.
+    """
     inner = dog.inner_radius
     # The cutter enters an undercut slot by its mouth.
     slot = dog.pitch_angle * inner - largest(dog.root_width_at(inner), dog.tip_width_at(inner))
@@ -63,7 +68,10 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[LimitCh
         "flank_height": dog.height - largest(*dog.drops_at(dog.outer_radius)),
         "root_radius": root_radius_room(dog),
     }
-    if dog.edge_radius != 0.0:
+    if fillet_room is not None:
+        del values["cutter_reach"]
+        values["root_radius"] = fillet_room
+    elif dog.edge_radius != 0.0:
         values |= {"edge_clearance": dog.edge_radius}
     values |= {
         "chamfer_share": largest(*dog.drops_at(dog.mean_radius)) / dog.height,

@@ -86,6 +86,13 @@ STANDARD = (
         "a ring that does not come out under torque locks the gearbox; flanks that release by "
         "themselves judge it too",
     ),
+    Standard(
+        "sleeve_hoop",
+        ("sleeve_hoop",),
+        "manufacturing.rim_mm",
+        "inclined flanks widen the sleeve, and its speed too",
+        applies=lambda _dog, limits: limits.sleeve is not None,
+    ),
 )
 #: Optional checks with their keys; a ring without ``rim_mm`` is taken for a thick one.
 OPTIONAL = {"rim": "manufacturing.rim_mm"}

@@ -77,8 +77,9 @@ SHEETS = {
         "operating.mismatch_rpm": _between(-60.0, 60.0), "drive.shaft_speed_rpm": 1200.0,
         "load.torque_Nm": 3200.0, "load.coast_share": 1500.0 / 3200.0,
         "mechanism.drag_torque_Nm": 4.0, "load.separating_force_limit_N": 120.0,
-        "material.set": "16MnCr5",
-    }, ("pull_out_force", "equivalent_stress", "root_fatigue"), (STRIKE,), pull_out=3369.0),
+        "material.set": "16MnCr5", "dog.mount": "sleeve",
+    }, ("pull_out_force", "root_fatigue"),
+        (STRIKE, ("sleeve_hoop", "manufacturing.rim_mm")), pull_out=3369.0),
     "electric disconnect": Sheet("ev_disconnect", {
         "dog.count": 60, "dog.chamfer_deg": 0.0, "dog.chamfer_back_deg": 0.0,
         "dog.traction_deg": 5.0, "dog.braking_deg": 5.0, "dog.height_mm": 2.0,

@@ -17,6 +17,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import SOURCE
 from dogshape.pipeline.drafts.answers import read_numbers
 from dogshape.sim.shift.drive import Drive
+from dogshape.sim.strength.spline import Sleeve
 from dogshape.sim.units import DEG, RPM
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Call, CommandResult, set_options
@@ -53,7 +54,7 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     # Actuator; points, at once refused; actuator and points again; dogs, ring and what turns with
     # it; height, fork, torque, coast; toothing, shafts, engine, drag, latch, torque left, shifts,
     # strike, steel.
-    answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30 8  12 22 140 124 1 0,2  2,5"
+    answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30  8  12 22 140 124 1 0,2  2,5"
     typed = f"{answers} 0,05 0,6 5  1500   1800 output 0,8 9000 0,1 1e6 0,004&0,02 1e5 steel"
     typed = f"{typed} 20MnCr5".replace(" ", "\n").replace("&", " ")
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
@@ -103,7 +104,7 @@ def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     lines = (
-        "amt|12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|15\N{DEGREE SIGN}|15|"
+        "amt|12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|sleeve|9|15\N{DEGREE SIGN}|15|"
         "|-3|\N{MINUS SIGN}3 deg|122|110|1|1 deg|0.15|3.1 kg|0.35|45|6|1.2|3,200|3200 N m|1500 N m"
         "|58|600 to 1800|1200||4|120|0.2|5e5|200 kg cm2|90 kN m/rad|"
     )
@@ -117,6 +118,8 @@ def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.Monke
     ):
         assert words in done.stderr
     study = load_study("sleeve")
+    assert study.limits.sleeve == Sleeve()
+    assert study.limits.manufacturing.rim == pytest.approx(9e-3)
     dog, load = study.clutch.dog, study.limits.load
     assert (dog.chamfer, dog.chamfer_back, dog.crest) == pytest.approx((15 * DEG, 15 * DEG, 0.5))
     assert dog.backlash == pytest.approx(DEG * 0.058)
@@ -164,6 +167,21 @@ def test_a_flat_tip_takes_ridge_and_release_of_the_roof_along(dogshape: Call) ->
     # A flat kind that is given a roof has a ridge, and faces that slide.
     _, roof = _begun(dogshape, "dog.chamfer_deg=12", "dog.chamfer_back_deg=12", origin="motorcycle")
     assert (roof.clutch.dog.crest, roof.limits.load.faces_release) == (0.5, True)
+
+
+def test_a_mount_is_an_option(dogshape: Call) -> None:
+    """And the sleeve of a copied study goes with its mount."""
+    example = str(Path(__file__).parents[2] / "examples" / "sleeve.toml")
+    for mount, begun in (("sleeve", "amt"), ("face", example)):
+        said = dogshape("init", "study", "--like", begun, "--out", mount, "--yes", "--mount", mount)
+        assert said.status == 0, said.err
+        assert load_study(mount).file.dog.mount == mount
+    assert load_study("face").limits.sleeve is None
+    # Teeth of another ring have a height of their own.
+    ring = ("dog.outer_diameter_mm=122", "dog.inner_diameter_mm=110", "dog.backlash_mm=1.4")
+    said = dogshape("init", "study", "--like", example, "--out", "own", *set_options(ring), "--yes")
+    assert said.status == 0, said.err
+    assert load_study("own").limits.sleeve == Sleeve(speed=3000 * RPM)
 
 
 def test_ranges_of_the_search_hold_the_own_dog(dogshape: Call) -> None:

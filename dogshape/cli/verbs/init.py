@@ -62,6 +62,9 @@ def study(
     origin: Annotated[
         str, Option("--like", "--from", help="kind of clutch, study, or a bench's clutch")
     ] = "mq200",
+    mount: Annotated[
+        str | None, Option(help="root of the dogs: face, or sleeve for teeth rooted radially")
+    ] = None,
     set_: Sets = None,
     yes: Yes = False,
     force: Force = False,
@@ -77,6 +80,8 @@ def study(
 
     study_folder.require_free(out, force)
     values = dict(pair_of(text) for text in set_ or [])
+    if mount is not None:
+        values[study_folder.MOUNT] = mount
     write = _ask_study if dialogue.may_ask(yes) else study_folder.write_study
     written = write(out, origin, values, force=force)
     lines = [

@@ -236,6 +236,8 @@ def strength(
     if fem:
         from dogshape.validation.finite_elements import root_stress  # noqa: PLC0415
 
+        if problem.config.limits.sleeve is not None:
+            raise InputError("--fem has dogs on a face, and dog.mount is 'sleeve'; leave --fem out")
         roots = root_stress.root_checks(problem.config.clutch.dog, problem.config.limits)
         record["finite_elements"] = [root.to_dict() for root in roots]
         tables = [root_stress.root_table(roots)]
@@ -426,6 +428,7 @@ def export(
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
+    from dogshape.sim.strength.spline import require_face  # noqa: PLC0415
 
     dog_design = named_design(study, set_, chosen=False)
     setup = dog_design.design_study
@@ -440,7 +443,10 @@ def export(
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
     require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
-    if svg or stl or step:
+    sleeve = setup.limits.sleeve
+    if stl or step:
+        require_face(sleeve)
+    if sleeve is None and (svg or stl or step):
         require_fillets(dog, radius)
     _load_extras(step, fmu)  # before anything is written
     design = design_of(setup, {})
@@ -455,10 +461,12 @@ def export(
         block = dict(text.partition("=")[::2] for text in title or ())
         write_data_sheet(dog_design, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
-    volume = part_volume(dog, radius, body) / MM**3
     lines += [f"wrote {path} ({FILE_LABELS[kind]})" for kind, path in written.items()]
-    lines.append(f"volume of a ring {volume:.1f} mm3")
-    sizes = {"ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm}
+    sizes = {"root_radius_mm": radius / MM}
+    if sleeve is None:
+        volume = part_volume(dog, radius, body) / MM**3
+        lines.append(f"volume of a ring {volume:.1f} mm3")
+        sizes = {"ring_volume_mm3": volume, **sizes, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
 
 
