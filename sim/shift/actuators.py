@@ -89,7 +89,10 @@ class Actuator:
         if force <= self.full_force * (1.0 + FORCE_TOLERANCE):
             return
         rule = f"the {self.kind} actuator gives {self.full_force:.6g} N at its full {self.command}"
-        remedy = remedy or f"lower it, or give the actuator more {self.command}"
+        remedy = remedy or (
+            f"lower it, raise the actuator's {self.command}, or leave operating.force_N out to use "
+            "all of it"
+        )
         raise InputError(Refusal(key, force, "N", rule, remedy))
 
     def require_reach(self, force: float, travel: float) -> None:
