@@ -373,7 +373,7 @@ def replaced_keys(settings: Mapping[str, Any], tables: Mapping[str, Any]) -> lis
     void_keys = _alternatives(setting_keys)
     kind = settings.get(KIND)
     if kind is not None:
-        kind_keys = keys_of(KINDS[kind]) if kind in KINDS else PROFILE_KEYS
+        kind_keys = keys_of(kind) if kind in KINDS else PROFILE_KEYS
         void_keys |= {
             key
             for key in file_keys

@@ -39,7 +39,7 @@ from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import mm_per_deg, validate
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.interface import argument
-from dogshape.sim.quantity import quantities_of, record_quantities
+from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.actuators import (
     EXAMPLES,
@@ -47,6 +47,7 @@ from dogshape.sim.shift.actuators import (
     PROFILE,
     actuator_of,
     keys_of,
+    optional_values,
     required_keys,
 )
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -85,6 +86,7 @@ ACTUATOR = "actuation.force_N"
 OPERATING = "operating.force_N"
 MISMATCH = "operating.mismatch_rpm"
 POINTS = "operating.points"
+POINT_SET = "operating.set"
 STRIKE_MISMATCH = "strike.mismatch_rpm"
 #: Words for the kind of the actuator, which decides its other keys.
 ACTUATOR_KIND = {KIND: "kind of the actuator; profile: a force over time"}
@@ -520,12 +522,7 @@ def _actuator_defaults(kind: str | None) -> list[tuple[str, Any, str]]:
     """List the optional keys of a kind of actuator with their defaults."""
     if kind not in KINDS:
         return []
-    required = required_keys(kind)
-    return [
-        (f"actuation.{declared.key}", from_si(declared.key, getattr(KINDS[kind], name)), "")
-        for name, declared in quantities_of(KINDS[kind]).items()
-        if declared.key not in required
-    ]
+    return [(f"actuation.{key}", value, "") for key, value in optional_values(kind).items()]
 
 
 def _full_force(look_up: LookUp, derived: Mapping[str, Any]) -> float | None:
@@ -534,7 +531,7 @@ def _full_force(look_up: LookUp, derived: Mapping[str, Any]) -> float | None:
     if kind not in KINDS:
         return None
     numbers = {}
-    for key in keys_of(KINDS[kind]):
+    for key in keys_of(kind):
         value = derived.get(f"actuation.{key}", look_up(f"actuation.{key}"))
         if isinstance(value, (int, float)):
             numbers[key] = to_si(key, value)
@@ -824,8 +821,10 @@ def _limit_to_actuator(change: _Change, derived: Data, full_force: float) -> Non
         return
     if isinstance(required, Mapping) and not change.differs(KIND):
         return
+    if change.values.keys() & {POINTS, POINT_SET}:
+        return
     derived[OPERATING] = [math.floor(100.0 * full_force) / 100.0]
-    if change.after(MISMATCH) is None or change.after(POINTS) or change.after("operating.set"):
+    if change.after(MISMATCH) is None:  # a list or a set of points becomes a grid
         operating = validate(OperatingSection, change.after("operating"), "[operating]")
         derived[MISMATCH] = sorted({mismatch for mismatch, *_ in operating.rows(full_force)})
 

@@ -25,7 +25,13 @@ from dogshape.sim.kernel_layout import (
     SOLENOID,
     SPRING,
 )
-from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
+from dogshape.sim.quantity import (
+    Quantity,
+    quantities_of,
+    quantity,
+    record_quantities,
+    require_ranges,
+)
 from dogshape.sim.shift.actuation import SMALLEST_FORCE, ForceProfile
 from dogshape.sim.units import from_si, short, unit_of
 
@@ -46,6 +52,8 @@ class Actuator:
     #: what delays the force by itself, in words; empty for a kind that a lag of first order may
     own_course: ClassVar[str] = ""
     command: ClassVar[str]  #: quantity that gives the force of a point, in words
+    remedy: ClassVar[str] = "raise its force"  #: for a static force that is too small
+    reach_remedy: ClassVar[str] = "raise actuation.stroke_mm"  #: for a travel that is too short
 
     def __post_init__(self) -> None:
         require_ranges(self, SECTION, "correct the actuator")
@@ -53,8 +61,6 @@ class Actuator:
             rule = f"it must leave {SMALLEST_FORCE:g} N or more at full {self.command}"
             name = f"static force of the {self.kind} actuator"
             raise InputError(Refusal(name, self.full_force, "N", rule, self.remedy))
-
-    remedy: ClassVar[str] = "raise its force"  #: for a static force that is too small
 
     @property
     def full_force(self) -> float:
@@ -104,8 +110,6 @@ class Actuator:
         name = f"travel over which the {self.kind} actuator pushes with {force:.6g} N"
         raise InputError(Refusal(name, 1e3 * reach, "mm", rule, self.reach_remedy))
 
-    reach_remedy: ClassVar[str] = "raise actuation.stroke_mm"  #: for a travel that is too short
-
     def require_course(self, lag: float, rise_factor: float) -> None:
         """Raise InputError for a lag, s, or a factor on a rise that the kind has no use for."""
         if rise_factor != 1.0:
@@ -127,7 +131,7 @@ class Actuator:
     def text(self) -> str:
         """Kind, full force and numbers in words."""
         numbers = []
-        for name, declared in quantities_of(type(self)).items():
+        for name, declared in declared_quantities(self.kind).items():
             value = getattr(self, name)
             if value:
                 amount = f"{short(from_si(declared.key, value))} {unit_of(declared.key)}"
@@ -479,10 +483,10 @@ def actuator_of(kind: str, numbers: dict[str, float]) -> Actuator | None:
     if kind == PROFILE:
         declared: dict[str, Any] = {}
     else:
-        declared = {q.key: name for name, q in quantities_of(KINDS[kind]).items()}
+        declared = {q.key: name for name, q in declared_quantities(kind).items()}
     for key in numbers:
         if key not in declared:
-            owners = [name for name, cls in KINDS.items() if key in keys_of(cls)]
+            owners = [name for name in KINDS if key in keys_of(name)]
             words = " or ".join(f'"{name}"' for name in owners)
             raise InputError(
                 f"{SECTION}.{key} belongs to {SECTION}.kind = {words}, but the kind is "
@@ -497,12 +501,26 @@ def actuator_of(kind: str, numbers: dict[str, float]) -> Actuator | None:
     return KINDS[kind](**{declared[key]: value for key, value in numbers.items()})
 
 
-def keys_of(kind: type[Actuator]) -> list[str]:
+def declared_quantities(kind: str) -> dict[str, Quantity]:
+    """Return the declared quantities of a kind by the names of its fields."""
+    actuator: Any = KINDS[kind]
+    return quantities_of(actuator)
+
+
+def keys_of(kind: str) -> list[str]:
     """List the keys of a kind."""
-    return [declared.key for declared in quantities_of(kind).values()]
+    return [declared.key for declared in declared_quantities(kind).values()]
+
+
+def optional_values(kind: str) -> dict[str, float]:
+    """Return the defaults of the optional keys of a kind, edge units."""
+    return {
+        declared.key: from_si(declared.key, getattr(KINDS[kind], name))
+        for name, declared in declared_quantities(kind).items()
+        if hasattr(KINDS[kind], name)
+    }
 
 
 def required_keys(kind: str) -> list[str]:
     """List the keys of a kind that have no default."""
-    quantities = quantities_of(KINDS[kind])
-    return [q.key for name, q in quantities.items() if not hasattr(KINDS[kind], name)]
+    return [key for key in keys_of(kind) if key not in optional_values(kind)]

@@ -392,7 +392,7 @@ def release(clutch: Clutch, profile: ForceProfile) -> HeldActuator:
     actuator = clutch.actuator
     level = 0.0 if actuator is None else actuator.initial_level(profile.force)
     if not holds or slows:
-        return HeldActuator(*np.zeros((4, 1)), level=np.array([level]))
+        return _free_actuator(level)
     if actuator is not None:
         return _release_of_actuator(clutch, profile, level, high)
     if not mechanism.has_linkage:
@@ -428,6 +428,12 @@ def release(clutch: Clutch, profile: ForceProfile) -> HeldActuator:
     )
     own_states = np.zeros((2, solution.t.size))
     return HeldActuator(solution.t, *solution.y, *own_states)
+
+
+def _free_actuator(level: float) -> HeldActuator:
+    """Return the state at time 0, at which nothing holds the ring; ``level`` is the initial one."""
+    zero = np.zeros(1)
+    return HeldActuator(zero, zero, zero, spindle_travel=zero, level=np.array([level]))
 
 
 def _release_of_actuator(
@@ -466,7 +472,7 @@ def _release_of_actuator(
     excess_load.terminal = True  # type: ignore[attr-defined]
     start = np.array([0.0, 0.0, 0.0, level])
     if excess_load(0.0, start) >= 0.0:
-        return HeldActuator(*np.zeros((4, 1)), level=np.array([level]))
+        return _free_actuator(level)
     solution = solve_ivp(
         rates, (0.0, end), start, events=excess_load, rtol=1e-5, atol=1e-9, max_step=0.01 * end
     )

@@ -53,9 +53,9 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     # Kind, actuator; points, at once refused; all of them again; dogs, ring and what turns with
     # it; height, fork, torque, coast; toothing, shafts, engine, drag, latch, torque left, shifts,
     # strike, steel.
-    answers = "\n profile 1500 0,1 1 0,2 50 1600 profile 1500 0,1 2 0,2 50 1500 30 8  12 22 140 124 1 0,2  2,5"
-    typed = f"{answers} 0,05 0,6 5  1500   1800 output 0,8 9000 0,1 1e6 0,004&0,02 1e5 steel"
-    typed = f"{typed} 20MnCr5".replace(" ", "\n").replace("&", " ")
+    answers = "\n profile 1500 0,1 1 0,2 50 1600 profile 1500 0,1 2 0,2 50 1500"
+    typed = f"{answers} 30 8  12 22 140 124 1 0,2  2,5 0,05 0,6 5  1500   1800 output 0,8 9000"
+    typed = f"{typed} 0,1 1e6 0,004&0,02 1e5 steel 20MnCr5".replace(" ", "\n").replace("&", " ")
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
     assert done.exit_code == 0, done.stderr
     study = load_study("mine")
