@@ -623,7 +623,8 @@ def require_variables(study: Setup) -> None:
 
 
 #: Mismatch, 1/min, nominal force, N, and rise time, s, of one operating point. The rise time None
-#: is that of the study; mismatch and force None stand for all points of the study.
+#: is that of the study; mismatch and force None stand for all points of the study, the force None
+#: alone for the full one of an actuator.
 Place = tuple[float | None, float | None, float | None]
 EVERYWHERE: Place = (None, None, None)
 
@@ -634,6 +635,8 @@ def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[Operatin
     ``other_way`` is the verb's remedy for a force without rise time.
     """
     mismatch, force, rise = place
+    if mismatch is not None and force is None:
+        force = study.actuation.full_force
     if (mismatch is None) != (force is None):
         needed = f"{argument('mismatch_rpm')} and {argument('force_N')}"
         raise InputError(f"one operating point needs {needed}; give both")

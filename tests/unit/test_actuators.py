@@ -249,8 +249,15 @@ def test_a_data_sheet_is_entered_by_its_actuator(name: str, tmp_path: Path) -> N
     assert Outcome.DIVERGED not in outcomes
 
 
+def test_a_profile_needs_the_force_of_a_shift() -> None:
+    with pytest.raises(InputError, match="one operating point needs mismatch_rpm and force_N; giv"):
+        ds.Study("mq200").shift(mismatch_rpm=50, angle_deg=9)
+
+
 def test_results_name_the_actuator(tmp_path: Path) -> None:
     write_study(tmp_path / "own", "mq200", {"actuation.kind": "cam"})
-    shift = ds.Study(tmp_path / "own").shift(mismatch_rpm=50, force_N=500, angle_deg=9)
+    study = ds.Study(tmp_path / "own")
+    shift = study.shift(mismatch_rpm=50, angle_deg=9)
+    assert shift.engagement.point.profile.force == 500.0
     assert "actuator: cam, at most 500 N: stroke 8 mm" in str(shift)
     assert shift.to_dict()["actuator"]["cam_ramp_deg"] == pytest.approx(60.0)
