@@ -32,7 +32,7 @@ from dogshape.sim.shift.actuators import (
     Spring,
 )
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement, Outcome
+from dogshape.sim.shift.conclusion import Engagement, HeldActuator, Outcome
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
@@ -295,6 +295,31 @@ def test_friction_holds_the_ring_until_the_pressure_is_up(clutch: Clutch) -> Non
     moving = result.run.times[result.run.states[:, 1] > 0.0]
     assert moving[0] == pytest.approx(release, rel=0.01)
     assert result.outcome is Outcome.ENGAGED
+
+
+@pytest.mark.parametrize("mechanism", [{}, {"compliance": 1e-5}], ids=["ring", "linkage"])
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_a_held_ring_is_let_go_as_the_whole_motion_says(
+    clutch: Clutch, monkeypatch: pytest.MonkeyPatch, kind: str, mechanism: dict[str, float]
+) -> None:
+    """The actuator's own states until friction gives way, against one run of all."""
+    actuator = EXAMPLES[kind]
+    held = replace(
+        clutch,
+        dog=replace(clutch.dog, axial_gap=FAR_GAP),
+        actuator=actuator,
+        mechanism=Mechanism(friction=60.0, **mechanism),
+        timeout=0.04,
+    ).with_engine("planar")
+    point = OperatingPoint(50 * RPM, _profile(actuator))
+    split = engage(held, point, 0.0).trace
+    level = actuator.initial_level(actuator.full_force)
+    at_once = HeldActuator(*np.zeros((4, 1)), np.array([level]))
+    monkeypatch.setattr("dogshape.sim.shift.conclusion.release", lambda *_: at_once)
+    whole = engage(held, point, 0.0).trace
+    assert split.displacement[-1] > 1e-3
+    for name in ("displacement", "actuator_displacement"):
+        assert getattr(split, name)[-1] == pytest.approx(getattr(whole, name)[-1], rel=0.01)
 
 
 @pytest.mark.parametrize(
