@@ -313,6 +313,7 @@ class Check(Checked):
         if self.guess is not None:
             lines += self._surrogate_lines(self.guess)
         lines.append(self.config.shafts_text)
+        lines += filter(None, [self.config.actuator_text])
         return [*lines, "", *super().to_parts(), *self.landing_of(self.shifts, "planar")]
 
     def _time_lines(self, expected: Expected) -> list[str]:

@@ -130,7 +130,8 @@ class Expectation(Result):
         hangs = f"{hang_words(record)}; {self.config.retry_text}; "
         hangs += mean.losses if mean.lost else f"none of {mean.shifts} shifts hung"
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
-        sources = [self.config.shafts_text, engine, *self.shortfall]
+        actuator = filter(None, [self.config.actuator_text])
+        sources = [self.config.shafts_text, *actuator, engine, *self.shortfall]
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
             return [f"{count}: {NO_TIME}", table, hangs, *sources]
@@ -201,6 +202,7 @@ class Expectation(Result):
     def to_dict(self) -> dict[str, Any]:
         """Convert mean, errors and operating points to values of JSON."""
         mechanism = self.config.mechanism
+        actuator = self.config.clutch.actuator
         precision: dict[str, Any] = {}
         if self.precision is not None:
             error = number_or_none(self.mean.relative_error)
@@ -208,6 +210,7 @@ class Expectation(Result):
         return {
             "engine": self.config.clutch.solver.engine,
             **self.record.to_dict(),
+            **({"actuator": actuator.record} if actuator else {}),
             **({"mechanism": mechanism} if mechanism else {}),
             **precision,
             "shafts": self.config.clutch.drive.text,

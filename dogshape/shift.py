@@ -101,6 +101,7 @@ class Shift(Result):
             "; ".join(event_facts(result)),
             *load_facts(result, self.torque_peak, self.config.limits),
             self.config.shafts_text,
+            *filter(None, [self.config.actuator_text]),
             f"simulated by {ENGINES[result.clutch.solver.engine]}",
             *(f"warning: {warning}" for warning in self.warnings),
         ]
@@ -111,6 +112,7 @@ class Shift(Result):
         refined = self.refined
         solver = result.clutch.solver
         mechanism = self.config.mechanism
+        actuator = result.clutch.actuator
         loads = {**loads_record(result), "torque_peak_Nm": self.torque_peak, **self._peaks}
         return {
             "engine": solver.engine,
@@ -135,6 +137,7 @@ class Shift(Result):
                 "contact_set": result.clutch.contact.name,
             },
             "shafts": self.config.clutch.drive.text,
+            **({"actuator": actuator.record} if actuator else {}),
             **({"mechanism": mechanism} if mechanism else {}),
         }
 

@@ -73,8 +73,8 @@ class Study:
         self,
         *,
         mismatch_rpm: float,
-        force_N: float,
         angle_deg: float,
+        force_N: float | None = None,
         force_rise_s: float | None = None,
         all_dogs: bool = False,
         engine: str | None = None,
@@ -89,7 +89,7 @@ class Study:
         ----------
         mismatch_rpm : speed of ring against ring before the shift, 1/min; positive runs the
             traction flanks together (docs/mismatch.md).
-        force_N : final shift force, N.
+        force_N : final shift force, N; of an actuator the largest static one, None for all of it.
         angle_deg : lead of the output ring over dogs facing dogs, deg.
         force_rise_s : rise time of the force, s; None for that of the study's table.
         all_dogs : whether to model every dog instead of one pair with the symmetry of all.

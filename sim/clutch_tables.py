@@ -206,7 +206,7 @@ class Keys(Section):
     kind_of_number : type of the keys if it is not that of the fields.
     """
 
-    kind: ClassVar[Any]
+    builds: ClassVar[Any]
     set_named: ClassVar[Any] = None  #: function that returns a set by its name
 
     if TYPE_CHECKING:  # its keys are those of the dataclass
@@ -228,7 +228,7 @@ class Keys(Section):
         super().__init_subclass__(**settings)
         if of is None:
             return
-        cls.kind = of
+        cls.builds = of
         cls.set_named = named_by
         keys: dict[str, Any] = {}
         hints = get_type_hints(of)
@@ -262,7 +262,7 @@ class Keys(Section):
     def value(self) -> Any:
         """The value; InputError for mistakes."""
         if self.set_named is None:
-            return self.kind(**self.si())
+            return self.builds(**self.si())
         base = type(self).set_named(getattr(self, "set"))  # noqa: B009
         return replace(base, **self.si())
 

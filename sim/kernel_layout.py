@@ -25,9 +25,12 @@ INPUT_SIDE_ANGLE = 8  #: of the inertia behind the sliding ring's shaft, rad
 INPUT_SIDE_SPEED = 9  #: rad/s
 OUTPUT_SIDE_ANGLE = 10  #: of the inertia behind the output ring's shaft, rad
 OUTPUT_SIDE_SPEED = 11  #: rad/s
-STATE_SIZE = 12
+SPINDLE_TRAVEL = 12  #: of a motor, m
+ACTUATOR_LEVEL = 13  #: speed of a motor, m/s; pressure, current or lagged force over its largest
+STATE_SIZE = 14
 RIGID_STATE_SIZE = 6  #: columns that move without a linkage and with rigid shafts
 LINKED_STATE_SIZE = 8  #: columns that move with a linkage and with rigid shafts
+SHAFTED_STATE_SIZE = 12  #: columns that move with a shaft; the others are an actuator's own
 
 # Rows of the knots of a shift force.
 KNOT_TIME = 0  #: s
@@ -37,6 +40,62 @@ KNOT_SLOPE = 2  #: N/s
 # Rows of the integrals of the drive's torques.
 SLIDING_SIDE = 0  #: N m s
 OUTPUT_SIDE = 1  #: N m s
+
+# Kinds of actuators (``sim.shift.actuators``).
+FORCE_PROFILE = 0  #: a force over time
+SPRING = 1
+CAM = 2
+MOTOR = 3
+PNEUMATIC = 4
+HYDRAULIC = 5
+SOLENOID = 6
+
+AMBIENT_PA = 1e5  #: absolute pressure around a cylinder (ISO 8778)
+REFERENCE_PA = 1e5  #: absolute, at which a conductance counts its volume (ISO 8778)
+
+#: Numbers of an actuator in a shift, SI units; ``Actuator.write`` fills one record of them.
+ACTUATOR_NUMBERS = np.dtype(
+    (
+        np.record,
+        np.dtype(
+            [
+                ("kind", "i8"),
+                ("command", "f8"),  # largest static force, N
+                ("force_share", "f8"),  # of the force that reaches the sleeve
+                ("lag", "f8"),  # of first order behind the force, s; 0: none
+                # Spring, or return spring.
+                ("preload", "f8"),  # N
+                ("rate", "f8"),  # N/m
+                # Coupling of cam or motor to the fork.
+                ("stiffness", "f8"),  # N/m
+                ("damping", "f8"),  # N s/m
+                # Way of a cam or a solenoid.
+                ("stroke", "f8"),  # m
+                # Cam.
+                ("dwell_time", "f8"),  # before the ramp, s
+                ("ramp_time", "f8"),  # s
+                # Motor, referred to its spindle.
+                ("drive_mass", "f8"),  # kg
+                ("stall_force", "f8"),  # N
+                ("no_load_speed", "f8"),  # m/s
+                # Cylinder.
+                ("supply", "f8"),  # Pa; of air absolute, of oil above the ambient
+                ("area", "f8"),  # m2
+                ("back_force", "f8"),  # N
+                ("dead_volume", "f8"),  # m3
+                ("valve_flow", "f8"),  # of air at choked flow and of oil at ``supply``, m3/s
+                ("critical_ratio", "f8"),
+                ("bulk_modulus", "f8"),  # of oil, Pa
+                # Solenoid.
+                ("voltage_share", "f8"),
+                ("time_constant", "f8"),  # of the open armature, s
+                ("start_force", "f8"),  # at rated current and the open armature, N
+                ("residual_gap", "f8"),  # m
+            ],
+            align=True,
+        ),
+    )
+)
 
 #: Numbers of a clutch, SI units; ``Clutch.numbers`` fills one record of them.
 CLUTCH_NUMBERS = np.dtype(
@@ -107,6 +166,7 @@ CLUTCH_NUMBERS = np.dtype(
                 ("spline_inertia_ratio", "f8"),  # ring over what its spline drives; 0 with a shaft
                 # Columns of a state that move.
                 ("state_size", "i8"),
+                ("actuator", ACTUATOR_NUMBERS),
             ],
             align=True,
         ),

@@ -24,6 +24,9 @@ UNITS: dict[str, tuple[float, str]] = {
     "_Nm_rad": (1.0, "N m/rad"), "_Nms_rad": (1.0, "N m s/rad"), "_MPa": (MPA, "MPa"),
     "_Pa_m": (1.0, "Pa/m"),
     "_N_m1_5": (1.0, "N/m^1.5"),
+    "_bar": (1e5, "bar"), "_cm2": (1e-4, "cm2"), "_cm3": (1e-6, "cm3"),
+    "_l_min": (1e-3 / 60.0, "l/min"), "_dm3_s_bar": (1e-8, "dm3/(s bar)"),
+    "_V": (1.0, "V"), "_A": (1.0, "A"), "_ohm": (1.0, "ohm"), "_mH": (1e-3, "mH"),
     "_HV": (1.0, "HV"), "_J": (1.0, "J"), "_mm3_Nm": (1e-9, "mm3/(N m)"),
     "_kg": (1.0, "kg"), "_kgm2": (1.0, "kg m2"), "": (1.0, ""),
 }  # fmt: skip

@@ -84,7 +84,7 @@ def stand_of(clutch: Clutch) -> Stand:
 
 
 def _require_supported(clutch: Clutch) -> None:
-    """Raise InputError for a contact, an edge or a drive that MuJoCo cannot represent."""
+    """Raise InputError for a contact, edge, actuator or drive that MuJoCo cannot represent."""
     dog = clutch.dog
     contact = clutch.contact
     if contact.dynamic_friction < MIN_FRICTION_RATIO * contact.static_friction:
@@ -105,6 +105,11 @@ def _require_supported(clutch: Clutch) -> None:
             remedy="leave dog.edge_radius_mm out",
         )
         raise InputError(message)
+    if clutch.actuator is not None:
+        raise InputError(
+            f"the second engine has no {clutch.actuator.kind} actuator; take actuation.kind = "
+            '"profile"'
+        )
     if clutch.drive.has_torques:
         raise InputError("the second engine has no [drive] of torques; leave its torques out")
 

@@ -19,25 +19,47 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from dogshape.bench.texts import read_toml
 from dogshape.sim import effects as registry
-from dogshape.sim.clutch_tables import MechanismSection, Section, later, or_one
+from dogshape.sim.clutch_tables import Keys, MechanismSection, Section, later, or_one
 from dogshape.sim.effect import Effect
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DogshapeError, InputError, did_you_mean, require_known
+from dogshape.sim.errors import (
+    DogshapeError,
+    InputError,
+    Refusal,
+    did_you_mean,
+    join_faults,
+    require_known,
+)
 from dogshape.sim.interface import key_argument
 from dogshape.sim.quantity import quantities_of, quantity, require_ranges
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import ForceProfile, RiseTable
+from dogshape.sim.shift.actuation import SMALLEST_FORCE, ForceProfile, RiseTable
+from dogshape.sim.shift.actuators import (
+    COMMAND_RISE_S,
+    KINDS,
+    PROFILE,
+    SECTION,
+    Actuator,
+    Cam,
+    Hydraulic,
+    Motor,
+    Pneumatic,
+    Solenoid,
+    Spring,
+    actuator_of,
+    keys_of,
+)
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.statistics.uncertainty import Distribution, sobol_shares
-from dogshape.sim.units import RPM
+from dogshape.sim.units import RPM, to_si
 from dogshape.sim.versions import bundled_root
 
 #: Quantities of an operating point, each with its weights in a grid.
@@ -52,6 +74,7 @@ ALTERNATIVE_KEYS = (
     ("wear.rate_mm3_Nm", "wear.crest_loss_mm"),
 )
 POINT_SETS = "duty_cycles.toml"  #: beside the bundled studies
+KIND = f"{SECTION}.kind"
 MISMATCH = "mismatch_set_rpm"
 FORCE = "force_factor"
 RISE = "rise_factor"
@@ -61,13 +84,73 @@ OPERATED = (MISMATCH, FORCE, RISE)  #: keys of ``[variables]`` for the operation
 Numbers = Annotated[list[float], or_one(int, float), Field(min_length=1)]
 Weights = Annotated[list[Annotated[float, Field(gt=0.0)]], or_one(int, float), Field(min_length=1)]
 Profiles = Callable[[float], ForceProfile]  #: the force profile of a nominal force in N
+PROFILE_KEYS = ("force_N", "rise_s")  #: of ``[actuation]``, of a force over time
+MAX_COMMAND_N = 1e5  #: largest force of a command
 
 
-class ActuationSection(Section):
-    """Rise time of the shift force by its final value; linear in between."""
+class _SpringKeys(Keys, of=Spring, absent=True):
+    """Numbers of a spring."""
 
-    force_N: Numbers
-    rise_s: Numbers
+
+class _CamKeys(Keys, of=Cam, absent=True):
+    """Numbers of a cam."""
+
+
+class _MotorKeys(Keys, of=Motor, absent=True):
+    """Numbers of a motor."""
+
+
+class _PneumaticKeys(Keys, of=Pneumatic, absent=True):
+    """Numbers of a pneumatic cylinder."""
+
+
+class _HydraulicKeys(Keys, of=Hydraulic, absent=True):
+    """Numbers of a hydraulic cylinder."""
+
+
+class _SolenoidKeys(Keys, of=Solenoid, absent=True):
+    """Numbers of a solenoid."""
+
+
+class ActuationSection(
+    _SpringKeys, _CamKeys, _MotorKeys, _PneumaticKeys, _HydraulicKeys, _SolenoidKeys
+):
+    """Kind of the actuator (``sim.shift.actuators``) with its numbers.
+
+    A profile has rise times of the shift force by its final value, linear in between.
+    """
+
+    kind: Literal["profile", "spring", "cam", "motor", "pneumatic", "hydraulic", "solenoid"] = (
+        later(PROFILE)
+    )
+    force_N: Numbers | None = later()
+    rise_s: Numbers | None = later()
+
+    @property
+    def actuator(self) -> Actuator | None:
+        """Build the actuator, None for a profile; InputError for mistakes."""
+        given = self.model_dump(exclude={"kind"}, exclude_none=True)
+        for key in PROFILE_KEYS:
+            if self.kind != PROFILE and given.pop(key, None) is not None:
+                raise InputError(
+                    f'{SECTION}.{key} belongs to {SECTION}.kind = "{PROFILE}", but the kind is '
+                    f'"{self.kind}"; leave it out or change the kind'
+                )
+            given.pop(key, None)
+        return actuator_of(self.kind, {key: to_si(key, value) for key, value in given.items()})
+
+    @property
+    def actuation(self) -> Actuation:
+        """Build the actuation without mechanism and effects; InputError for mistakes."""
+        actuator = self.actuator
+        if actuator is not None:
+            table = RiseTable((SMALLEST_FORCE, MAX_COMMAND_N), (COMMAND_RISE_S, COMMAND_RISE_S))
+            return Actuation(table, actuator=actuator)
+        if self.force_N is None or self.rise_s is None:
+            missing = [key for key in PROFILE_KEYS if getattr(self, key) is None]
+            faults = [f"'{SECTION}.{key}' is missing; add it" for key in missing]
+            raise InputError(join_faults(f'{SECTION}.kind = "{PROFILE}"', faults))
+        return Actuation(RiseTable(tuple(self.force_N), tuple(self.rise_s)))
 
 
 @dataclass(frozen=True)
@@ -84,9 +167,17 @@ class Actuation:
     loss: float = quantity("force_loss_N", 0.0, 1e5, 0.0)
     factor: float = quantity("force_factor", 0.01, 10.0, 1.0)
     rise_factor: float = quantity("rise_factor", 0.01, 10.0, 1.0)
+    actuator: Actuator | None = None  #: of which a force is the largest static one
 
     def __post_init__(self) -> None:
         require_ranges(self, "mechanism", "correct the mechanism")
+        if self.actuator is not None:
+            self.actuator.require_course(self.lag, self.rise_factor)
+
+    @property
+    def full_force(self) -> float | None:
+        """Largest static force of the actuator, N; None for a profile."""
+        return None if self.actuator is None else self.actuator.full_force
 
     @property
     def table(self) -> RiseTable:
@@ -108,6 +199,12 @@ class Actuation:
             Remedy for a force outside the table, besides an extension of the table.
 
         """
+        if self.actuator is not None:
+            self.actuator.require_force(force)
+            if rise is not None:
+                rule = f"the {self.actuator.kind} actuator has no rise time"
+                remedy = f'leave it out, or take {SECTION}.kind = "{PROFILE}"'
+                raise InputError(Refusal("rise time of the force", rise, "s", rule, remedy))
         if rise is None:
             rise = self.nominal.profile(force, other_way).rise
         final_force = self.factor * ForceProfile(force, rise).force
@@ -133,7 +230,7 @@ class PointSection(Section):
     """One operating point of a list."""
 
     mismatch_rpm: float
-    force_N: float
+    force_N: float | None = later()
     weight: float = 1.0
 
 
@@ -149,9 +246,11 @@ class OperatingSection(Section):
     samples: Annotated[int, Field(ge=1, le=4096)] | None = later()
     seed: Annotated[int, Field(ge=0)] | None = later()
 
-    def operating_points(self, profile: Profiles) -> tuple[OperatingPoint, ...]:
+    def operating_points(
+        self, profile: Profiles, full_force: float | None = None
+    ) -> tuple[OperatingPoint, ...]:
         """Build the operating points; InputError for a mistake."""
-        rows = self.rows()
+        rows = self.rows(full_force)
         places = Counter((mismatch, force) for mismatch, force, _ in rows)
         (mismatch, force), count = places.most_common(1)[0]
         if count > 1:
@@ -162,8 +261,11 @@ class OperatingSection(Section):
             for mismatch, force, weight in rows
         )
 
-    def rows(self) -> Sequence[tuple[float, float, float]]:
-        """Return mismatch, 1/min, nominal force, N, and weight of each operating point."""
+    def rows(self, full_force: float | None = None) -> Sequence[tuple[float, float, float]]:
+        """Return mismatch, 1/min, nominal force, N, and weight of each operating point.
+
+        ``full_force`` is that of an actuator in N, which points without a force take.
+        """
         self._require_single_statement()
         if self.set is not None:
             point_sets = read_toml(bundled_root() / POINT_SETS)
@@ -173,13 +275,19 @@ class OperatingSection(Section):
                 (float(mismatch), float(force), float(weight)) for mismatch, force, weight in rows
             ]
         if self.points is not None:
-            return [(point.mismatch_rpm, point.force_N, point.weight) for point in self.points]
+            return [
+                (point.mismatch_rpm, _point_force(point, place, full_force), point.weight)
+                for place, point in enumerate(self.points)
+            ]
         drawn_axes = self._drawn_axes()
         seed = 1 if self.seed is None else self.seed
         count = self.samples or DEFAULT_SAMPLES
         shares = iter(sobol_shares(count, len(drawn_axes), seed).T if drawn_axes else ())
         speeds = self._axis("mismatch_rpm", shares)
-        forces = self._axis("force_N", shares)
+        if self.force_N is None and self.force_weight is None and full_force is not None:
+            forces = [(full_force, 1.0)]
+        else:
+            forces = self._axis("force_N", shares)
         if len(drawn_axes) == len(AXES):
             pairs = zip(speeds, forces, strict=True)
             return [(speed, force, 1.0) for (speed, _), (force, _) in pairs]
@@ -229,6 +337,14 @@ class OperatingSection(Section):
         return list(zip(values, weights, strict=True))
 
 
+def _point_force(point: PointSection, place: int, full_force: float | None) -> float:
+    """Return the nominal force of a listed point, N; InputError where it has none."""
+    force = full_force if point.force_N is None else point.force_N
+    if force is None:
+        raise InputError(f"'operating.points.{place}.force_N' is missing; add it")
+    return force
+
+
 def _statement(operating: Mapping[str, Any]) -> tuple[str, list[str]]:
     """Return the words and the keys of the statement of points in ``[operating]``."""
     for key in ("set", "points"):
@@ -255,6 +371,14 @@ def replaced_keys(settings: Mapping[str, Any], tables: Mapping[str, Any]) -> lis
     setting_keys = {key for key, value in settings.items() if value is not None}
     file_keys = [key for key in _dotted_keys(tables) if key not in setting_keys]
     void_keys = _alternatives(setting_keys)
+    kind = settings.get(KIND)
+    if kind is not None:
+        kind_keys = keys_of(kind) if kind in KINDS else PROFILE_KEYS
+        void_keys |= {
+            key
+            for key in file_keys
+            if key.startswith(f"{SECTION}.") and key.removeprefix(f"{SECTION}.") not in kind_keys
+        }
     prefix = "operating."
     operating = {
         key.removeprefix(prefix): settings[key] for key in setting_keys if key.startswith(prefix)

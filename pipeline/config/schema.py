@@ -29,6 +29,7 @@ from dogshape.sim.clutch_tables import (
 )
 from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.quantity import quantities_of
+from dogshape.sim.shift.actuators import Actuator
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
     SCHEMES,
@@ -308,17 +309,21 @@ class SolverSection(Keys, of=Solver, named_by=solver_for):
     scheme: str | None = None
 
     def solver(
-        self, contact: ContactSet, mechanism: Mechanism = NOTHING, drive: Drive = NO_DRIVE
+        self,
+        contact: ContactSet,
+        mechanism: Mechanism = NOTHING,
+        drive: Drive = NO_DRIVE,
+        actuator: Actuator | None = None,
     ) -> Solver:
-        """Build the solver of a contact set, a mechanism and a drive; InputError for mistakes.
+        """Build the solver of contact set, mechanism, drive and actuator; InputError for mistakes.
 
-        Forces of mechanism or drive with two coefficients of friction are the compiled engine's,
-        unless the section names another: Drake's ``cenic`` takes a thousand times the processor
-        time for them and is off its limit by percents (``docs/simulation.md``). The law IMPACT and
-        a friction of faces are the compiled engine's alone.
+        Forces of mechanism, drive or actuator with two coefficients of friction are the compiled
+        engine's, unless the section names another: Drake's ``cenic`` takes a thousand times the
+        processor time for them and is off its limit by percents (``docs/simulation.md``). The law
+        IMPACT and a friction of faces are the compiled engine's alone.
         """
-        default = solver_for(contact, mechanism, drive)
-        has_forces = mechanism.has_forces or drive.has_torques
+        default = solver_for(contact, mechanism, drive, actuator)
+        has_forces = mechanism.has_forces or drive.has_torques or actuator is not None
         scheme = self.scheme or default.scheme
         engine = self.engine
         if not engine:

@@ -10,6 +10,7 @@ import itertools
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -22,6 +23,7 @@ from dogshape.pipeline.config.operating import (
     ACTUATION_KEYS,
     FORCE,
     OPERATED,
+    RISE,
     Actuation,
     nominal_operation,
     points_of_design,
@@ -34,6 +36,7 @@ from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, Refusal, join_faults, require_between
 from dogshape.sim.interface import argument
 from dogshape.sim.shift.actuation import RiseTable
+from dogshape.sim.shift.actuators import PROFILE
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
 from dogshape.sim.shift.drive import MAX_TORQUE_NM
@@ -122,7 +125,8 @@ class Setup:
         if contact.impact is not None:
             return "Drake has no law IMPACT"
         if self.clutch.has_forces and self.clutch.solver.scheme == "cenic":
-            return "Drake's scheme cenic cannot follow the forces of mechanism or drive"
+            source = "an actuator" if self.clutch.actuator else "mechanism or drive"
+            return f"Drake's scheme cenic cannot follow the forces of {source}"
         return ""
 
     def in_engine(self, engine: str) -> Setup:
@@ -168,6 +172,12 @@ class Setup:
     def shafts_text(self) -> str:
         """Speed of the shafts and the drive in words."""
         return f"shafts {self.clutch.drive.text}"
+
+    @property
+    def actuator_text(self) -> str:
+        """The actuator in words; empty for a profile of the force."""
+        actuator = self.clutch.actuator
+        return "" if actuator is None else f"actuator: {actuator.text}"
 
     @property
     def mechanism(self) -> Record:
@@ -409,19 +419,21 @@ def build_study(file: StudyFile) -> Setup:
         rebound=shift.rebound_mm * MM,
         solver=Solver(),
         drive=file.drive.value,
+        actuator=file.actuation.actuator,
     )
     _require_confirmation(file)
     _require_limit_torques(file)
-    rises = RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
     clutch, actuation = with_mechanism(
         clutch,
-        Actuation(rises),
+        file.actuation.actuation,
         file.mechanism,
         effects=file.effects,
         contact=file.contact.si(),
     )
-    clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism, clutch.drive))
-    points = file.operating.operating_points(actuation.profile)
+    solver = file.solver.solver(contact, clutch.mechanism, clutch.drive, clutch.actuator)
+    clutch = replace(clutch, solver=solver)
+    points = file.operating.operating_points(actuation.profile, actuation.full_force)
+    _require_actuator(file, clutch, actuation, points=points)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     _require_fall(file, clutch, min(point.profile.force for point in points))
     uncertainty = _uncertainty(file, clutch, points, table=actuation.table)
@@ -430,6 +442,27 @@ def build_study(file: StudyFile) -> Setup:
     for point, factor in itertools.product(points, variables.get(FORCE, ())):
         actuation.table.profile(factor * point.profile.force, f", or narrow variables.{FORCE}")
     return Setup(file, clutch, limits, points, variables, actuation, uncertainty)
+
+
+def _require_actuator(
+    file: StudyFile, clutch: Clutch, actuation: Actuation, points: Sequence[OperatingPoint]
+) -> None:
+    """Raise InputError for an actuator that cannot make the travel, or searched beyond it."""
+    actuator = clutch.actuator
+    if actuator is None:
+        return
+    actuator.require_reach(min(point.profile.force for point in points), clutch.shift_travel)
+    variables = file.variables.ranges
+    if RISE in variables:
+        low, high = variables[RISE]
+        raise InputError(
+            f"variables.{RISE} is [{low:.6g}, {high:.6g}], but the {actuator.kind} actuator has no "
+            "rise time; leave it out"
+        )
+    force = max(point.profile.force for point in points) / actuation.factor
+    for factor in variables.get(FORCE, ()):
+        remedy = f"narrow variables.{FORCE}"
+        actuator.require_force(factor * force, f"largest force of variables.{FORCE}", remedy)
 
 
 def _require_confirmation(file: StudyFile) -> None:
@@ -465,8 +498,8 @@ def _require_parts(file: StudyFile) -> None:
     builders: tuple[Callable[[], Any], ...] = (
         partial(rings, file.sliding, file.output),
         file.require_ranges,
-        partial(RiseTable, tuple(file.actuation.force_N), tuple(file.actuation.rise_s)),
-        file.operating.rows,
+        partial(getattr, file.actuation, "actuation"),
+        partial(_operating_rows, file),
         file.load.case,
         *(partial(getattr, section, "value") for section in sections),
         partial(wear_of, file),
@@ -483,6 +516,15 @@ def _require_parts(file: StudyFile) -> None:
         raise InputError(join_faults(f"the study {file.name}", faults))
     for fault in faults.values():
         raise fault
+
+
+def _operating_rows(file: StudyFile) -> Sequence[tuple[float, float, float]]:
+    """Return the rows of the operating points; InputError for mistakes."""
+    full_force = None
+    if file.actuation.kind != PROFILE:
+        with suppress(DogshapeError):  # a fault of the actuator is named by itself
+            full_force = file.actuation.actuation.full_force
+    return file.operating.rows(full_force)
 
 
 def _uncertainty(
@@ -598,7 +640,8 @@ def require_variables(study: Setup) -> None:
 
 
 #: Mismatch, 1/min, nominal force, N, and rise time, s, of one operating point. The rise time None
-#: is that of the study; mismatch and force None stand for all points of the study.
+#: is that of the study; mismatch and force None stand for all points of the study, the force None
+#: alone for the full one of an actuator.
 Place = tuple[float | None, float | None, float | None]
 EVERYWHERE: Place = (None, None, None)
 
@@ -609,6 +652,8 @@ def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[Operatin
     ``other_way`` is the verb's remedy for a force without rise time.
     """
     mismatch, force, rise = place
+    if mismatch is not None and force is None:
+        force = study.actuation.full_force
     if (mismatch is None) != (force is None):
         needed = f"{argument('mismatch_rpm')} and {argument('force_N')}"
         raise InputError(f"one operating point needs {needed}; give both")

@@ -14,7 +14,7 @@ import shutil
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from typing import Any, get_args
 
 from dogshape.bench.bench_data import Bench, bundled_benches, load_bench
 from dogshape.bench.texts import text_of
-from dogshape.pipeline.config.operating import OperatingSection, replaced_keys
+from dogshape.pipeline.config.operating import KIND, OperatingSection, replaced_keys
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import (
     Setup,
@@ -39,7 +39,17 @@ from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import DogSection, mm_per_deg, validate
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.interface import argument
+from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.actuation import RiseTable
+from dogshape.sim.shift.actuators import (
+    EXAMPLES,
+    KINDS,
+    PROFILE,
+    actuator_of,
+    keys_of,
+    optional_values,
+    required_keys,
+)
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.drive import ENGINE_SIDES
 from dogshape.sim.shift.geometry import Mount
@@ -47,7 +57,7 @@ from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import Tolerances
 from dogshape.sim.strength.materials import MATERIALS
-from dogshape.sim.units import RPM, from_si, unit_of
+from dogshape.sim.units import RPM, from_si, to_si, unit_of
 
 COMMENTED = "mq200"  #: bundled study whose file explains the keys
 LookUp = Callable[[str], Any]  #: returns the value of a dotted key, None for a missing one
@@ -79,9 +89,49 @@ ACTUATOR = "actuation.force_N"
 OPERATING = "operating.force_N"
 MISMATCH = "operating.mismatch_rpm"
 POINTS = "operating.points"
+POINT_SET = "operating.set"
 STRIKE_MISMATCH = "strike.mismatch_rpm"
+#: Words for the kind of the actuator, which decides its other keys.
+ACTUATOR_KIND = {KIND: "kind of the actuator; profile: a force over time"}
+#: Words for the numbers of the kinds.
+ACTUATOR_NUMBERS = {
+    "actuation.preload_N": "preload of the spring at the start of the travel, N",
+    "actuation.rate_N_mm": "rate of the spring, N/mm",
+    "actuation.start_force_N": "force of the magnet at the start of its stroke, N",
+    "actuation.end_force_N": "force of the magnet at the end of its stroke, N",
+    "actuation.stroke_mm": "stroke of groove or magnet, mm",
+    "actuation.voltage_V": "voltage on the coil, V",
+    "actuation.resistance_ohm": "resistance of the warm coil, ohm",
+    "actuation.inductance_mH": "inductance of the coil at the start of the stroke, mH",
+    "actuation.rated_current_A": "current of both forces, A; 0: voltage over resistance",
+    "actuation.ramp_deg": "angle of the drum over which the groove rises, deg",
+    "actuation.dwell_deg": "angle of the drum before the groove rises, deg",
+    "actuation.drum_speed_rpm": "speed of the drum, 1/min",
+    "actuation.stall_torque_Nm": "stall torque of the motor, N m",
+    "actuation.no_load_speed_rpm": "no-load speed of the motor, 1/min",
+    "actuation.torque_limit_Nm": "torque limit of the motor's control, N m",
+    "actuation.rotor_inertia_kgm2": "inertia of rotor and gear at the motor, kg m²",
+    "actuation.gear_ratio": "gear ratio, motor over spindle or pinion",
+    "actuation.lead_mm": "travel of the fork per revolution of spindle or pinion, mm",
+    "actuation.efficiency": "efficiency of gear and spindle",
+    "actuation.stiffness_N_mm": "stiffness between drum or spindle and fork, N/mm",
+    "actuation.force_limit_N": "largest force that the drive of the drum gives the fork, N",
+    "actuation.supply_bar": "supply pressure above the ambient one, bar",
+    "actuation.area_cm2": "area of the piston, cm²",
+    "actuation.dead_volume_cm3": "volume behind the piston at the start, with pipes, cm³",
+    "actuation.conductance_dm3_s_bar": "sonic conductance of the valve (ISO 6358), dm³/(s bar)",
+    "actuation.critical_ratio": "critical pressure ratio of the valve (ISO 6358)",
+    "actuation.flow_l_min": "rated flow of the valve, l/min",
+    "actuation.drop_bar": "pressure drop of the rated flow, bar",
+    "actuation.bulk_modulus_MPa": "bulk modulus of the oil with its air, MPa",
+    "actuation.back_pressure_bar": "pressure on the back of the piston, bar; 0: none",
+    "actuation.back_area_cm2": "area of the back of the piston, cm²; 0: no pressure there",
+    "actuation.return_preload_N": "preload of the return spring, N; 0: none",
+    "actuation.return_rate_N_mm": "rate of the return spring, N/mm",
+}
 #: Words for the keys of the actuator.
 ACTUATION = {
+    **ACTUATOR_NUMBERS,
     ACTUATOR: "final forces of the actuator, N, with blanks between",
     "actuation.rise_s": "rise time of each of these forces, s",
     "shift.timeout_s": "time after which the control gives up an attempt, s",
@@ -141,12 +191,17 @@ USE = {
     STRIKE_SHAFT: "stiffness of the shaft behind it, N m/rad, one or two ends; 0: unknown",
     MATERIAL: "material",
 }
-WORDS = ACTUATION | OPERATION | CLUTCH | USE
-CHOICES = {MATERIAL: tuple(MATERIALS), SIDE: ENGINE_SIDES, MOUNT: get_args(Mount)}
+WORDS = ACTUATOR_KIND | ACTUATION | OPERATION | CLUTCH | USE
+CHOICES = {
+    KIND: (PROFILE, *KINDS),
+    MATERIAL: tuple(MATERIALS),
+    SIDE: ENGINE_SIDES,
+    MOUNT: get_args(Mount),
+}
 #: Keys of which one value may stand for a list.
 LIST_KEYS = (ACTUATOR, "actuation.rise_s", *OPERATION)
 RING = (*DIAMETERS, *INERTIAS)
-CLUTCH_KEYS = (*RING, MASS, TORQUE, ACTUATOR)
+CLUTCH_KEYS = (*RING, MASS, TORQUE, KIND, ACTUATOR)
 #: Keys and tables that hold for one clutch, by the keys of the clutch that void them.
 BOUND_KEYS: dict[tuple[str, ...], tuple[str, ...]] = {
     RING: (
@@ -174,6 +229,7 @@ DECIDING: dict[str, tuple[str, ...]] = {
     "the shift time": (
         "shift.timeout_s",
         "shift.retraction_s",
+        KIND,
         *ACTUATION,
         *OPERATION,
         "operating",
@@ -418,7 +474,8 @@ def questions_of(
     look_up = partial(value_at, tomllib.loads(text))
     sources = sources_of(text)
     defaults = {key: look_up(key) for key in WORDS}
-    points = validate(OperatingSection, look_up("operating"), "[operating]").rows()
+    full_force = _full_force(look_up, {})
+    points = validate(OperatingSection, look_up("operating"), "[operating]").rows(full_force)
     for key, column in zip(OPERATION, zip(*points, strict=True), strict=False):
         if not isinstance(defaults[key], list):
             defaults[key] = sorted(set(column))
@@ -457,6 +514,8 @@ def _default_answers(look_up: LookUp) -> list[tuple[str, Any, str]]:
     ring_note = f"not judged; {mass:g} kg at the mean radius have {ring_inertia:g}"
     return [
         *answers,
+        (KIND, PROFILE, ""),
+        *_actuator_defaults(look_up(KIND)),
         (MOUNT, DogSection.model_fields["mount"].default, ""),
         (RIM, 0.0, "not judged"),
         (CHAMFER_BACK, 0.0, ""),
@@ -470,6 +529,29 @@ def _default_answers(look_up: LookUp) -> list[tuple[str, Any, str]]:
         (STRIKE_RING, [0.0], ring_note),
         (STRIKE_SHAFT, [0.0], "not judged"),
     ]
+
+
+def _actuator_defaults(kind: str | None) -> list[tuple[str, Any, str]]:
+    """List the optional keys of a kind of actuator with their defaults."""
+    if kind not in KINDS:
+        return []
+    return [(f"actuation.{key}", value, "") for key, value in optional_values(kind).items()]
+
+
+def _full_force(look_up: LookUp, derived: Mapping[str, Any]) -> float | None:
+    """Compute the largest static force of a draft's actuator, N; None for a profile or a fault."""
+    kind = look_up(KIND)
+    if kind not in KINDS:
+        return None
+    numbers = {}
+    for key in keys_of(kind):
+        value = derived.get(f"actuation.{key}", look_up(f"actuation.{key}"))
+        if isinstance(value, (int, float)):
+            numbers[key] = to_si(key, value)
+    with suppress(InputError):
+        actuator = actuator_of(kind, numbers)
+        return None if actuator is None else actuator.full_force
+    return None
 
 
 def _defaults(look_up: LookUp) -> list[tuple[str, Any, str]]:
@@ -628,11 +710,23 @@ def _derive_values(text: str, values: Mapping[str, Any]) -> tuple[Data, list[str
 
 def _notes_on_derived(derived: Data, replaced: Sequence[str]) -> list[str]:
     """Describe derived, removed and replaced keys."""
-    texts = [f"{key} {value}" for key, value in derived.items() if value is not None]
+    examples = {
+        key: value
+        for key, value in derived.items()
+        if key in ACTUATOR_NUMBERS and value is not None
+    }
+    texts = [
+        f"{key} {value}"
+        for key, value in derived.items()
+        if value is not None and key not in examples
+    ]
     removed = [key for key, value in derived.items() if value is None]
     notes = []
     if texts:
         notes.append(f"follows from your clutch: {', '.join(texts)}")
+    if examples:
+        example_texts = [f"{key} {value:g}" for key, value in examples.items()]
+        notes.append(f"an example, give your actuator's: {', '.join(example_texts)}")
     if removed:
         notes.append(f"left out, absent or unchecked until given: {', '.join(removed)}")
     if replaced:
@@ -703,8 +797,23 @@ def _set_simulated_strike(change: _Change, derived: Data) -> None:
         derived |= middles
 
 
+def _complete_actuator(change: _Change, derived: Data) -> None:
+    """Add the numbers that a kind of actuator lacks, those of an example."""
+    kind = change.after(KIND)
+    if kind not in KINDS:
+        return
+    example = record_quantities(EXAMPLES[kind])
+    for key in required_keys(kind):
+        if change.after(f"actuation.{key}") is None:
+            derived[f"actuation.{key}"] = rounded(example[key])
+
+
 def _limit_forces(change: _Change, derived: Data) -> None:
     """Limit the forces of the operating points to the range of the actuator's."""
+    full_force = _full_force(change.after, derived)
+    if full_force is not None:
+        _limit_to_actuator(change, derived, full_force)
+        return
     available = change.after(ACTUATOR)
     required = _required_forces(change)
     if not isinstance(available, list) or not isinstance(required, list):
@@ -715,6 +824,22 @@ def _limit_forces(change: _Change, derived: Data) -> None:
     points = _listed_points(change)
     if points:  # a list of points becomes a grid
         derived[MISMATCH] = sorted({point["mismatch_rpm"] for point in points})
+
+
+def _limit_to_actuator(change: _Change, derived: Data, full_force: float) -> None:
+    """Set the forces of the operating points to the full one, N, for a new kind or beyond it."""
+    required = _required_forces(change)
+    is_within = isinstance(required, list) and max(required) <= full_force
+    if is_within and not change.differs(KIND):
+        return
+    if isinstance(required, Mapping) and not change.differs(KIND):
+        return
+    if change.values.keys() & {POINTS, POINT_SET}:
+        return
+    derived[OPERATING] = [math.floor(100.0 * full_force) / 100.0]
+    if change.after(MISMATCH) is None:  # a list or a set of points becomes a grid
+        operating = validate(OperatingSection, change.after("operating"), "[operating]")
+        derived[MISMATCH] = sorted({mismatch for mismatch, *_ in operating.rows(full_force)})
 
 
 def _keep_given_strike(change: _Change, derived: Data) -> None:
@@ -785,6 +910,7 @@ RULES: tuple[Callable[[_Change, Data], None], ...] = (
     _scale_height,
     _remove_bound_values,
     _set_simulated_strike,
+    _complete_actuator,
     _limit_forces,
     _keep_given_strike,
     _set_strike_mismatch,

@@ -698,9 +698,9 @@ def _dimensions(study: Setup) -> list[Dimension]:
 
 
 def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
-    """List command, operating points, contact, shafts, mechanism, hashes and versions of a result.
+    """List command, operating points, contact, shafts, actuator, mechanism, hashes and versions.
 
-    ``result`` is None for a design that was not searched.
+    ``result``, whose they are, is None for a design that was not searched.
     """
     if result is None:
         call = "export --sheet sheet.html"
@@ -724,6 +724,7 @@ def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
         "mount": "" if sleeve is None else sleeve.text(study.clutch.dog),
         "contact": _contact_words(study.clutch.contact),
         "shafts": study.clutch.drive.text,
+        "actuator": study.clutch.actuator.text if study.clutch.actuator else "",
         "mechanism": ", ".join(f"{name} {value:.4g}" for name, value in study.mechanism.items()),
         "versions": ", ".join(f"{name} {version}" for name, version in program_versions.items()),
         "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{result_hash}",

@@ -21,6 +21,8 @@ from dogshape.pipeline.store.result_records import CheckRow
 from dogshape.sim.clutch_tables import key, si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, Refusal, require_known
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.uncertainty import sobol_shares
@@ -594,6 +596,13 @@ def tolerance_time(
     )
 
 
+def _flight_time(clutch: Clutch, profile: ForceProfile, gap: float) -> float:
+    """Compute the time of an actuator over an axial gap in m, s."""
+    from dogshape.sim.shift.planar import touch_time  # noqa: PLC0415  slow to load
+
+    return touch_time(replace(clutch, dog=replace(clutch.dog, axial_gap=gap)), profile)
+
+
 def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
     """Compute half the change of free flight between the ends of the axial gap, s."""
     gap = study.clutch.dog.axial_gap
@@ -602,6 +611,9 @@ def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
     times = []
     for force in mix.points[:, 1].tolist():
         profile = study.actuation.at_sleeve(force)
+        if study.clutch.actuator is not None:
+            times.append([_flight_time(study.clutch, profile, end) for end in ends])
+            continue
         times.append([profile.free_flight_time(end, mass) for end in ends])
     flights = np.array(times)
     return 0.5 * float(mix.weights @ (flights[:, 0] - flights[:, 1]))

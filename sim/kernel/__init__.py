@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dogshape.sim.kernel.actuator import actuator_force, actuator_rates, air_flow
 from dogshape.sim.kernel.compiler import compiled
 from dogshape.sim.kernel.contact import (
     FACE_DEPTH_SHARE,
@@ -49,7 +50,10 @@ __all__ = [
     "UNDERFLOW",
     "ShiftSummary",
     "StepProgress",
+    "actuator_force",
+    "actuator_rates",
     "advance",
+    "air_flow",
     "clip_room",
     "compiled",
     "contact",

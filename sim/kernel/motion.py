@@ -14,13 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dogshape.sim.kernel.actuator import actuator_force, actuator_rates
 from dogshape.sim.kernel.compiler import compiled, inlined, making
 from dogshape.sim.kernel.contact import clip_room, contact, face_overlap, faces_meet, facing
 from dogshape.sim.kernel_layout import (
     ACTUATOR_DISPLACEMENT,
+    ACTUATOR_LEVEL,
     ACTUATOR_SPEED,
     AXIAL_SPEED,
     DISPLACEMENT,
+    FORCE_PROFILE,
     INPUT_SIDE_ANGLE,
     INPUT_SIDE_SPEED,
     KNOT_FORCE,
@@ -32,14 +35,17 @@ from dogshape.sim.kernel_layout import (
     OUTPUT_SPEED,
     SLIDING_ANGLE,
     SLIDING_SPEED,
+    SPINDLE_TRAVEL,
     STATE_SIZE,
     ShiftModel,
 )
 
-#: Whether a column of a state is an angle or displacement, not a rate, (12,).
-IS_PLACE = np.array([True, True, True, False, False, False, *[True, False] * 3])
-#: Whether a column of a state is an angle or its rate, (12,).
-IS_TURNING = np.array([True, False, True, True, False, True, False, False, *[True] * 4])
+#: Whether a column of a state is an angle or displacement, not a rate, (14,).
+IS_PLACE = np.array([True, True, True, False, False, False, *[True, False] * 4])
+#: Whether a column of a state is an angle or its rate, (14,).
+IS_TURNING = np.array(
+    [True, False, True, True, False, True, False, False, *[True] * 4, False, False]
+)
 # Why ``advance`` returned.
 ENGAGED = 0  #: ring and actuator made the shift's travel
 PAUSED = 1  #: the end of the call
@@ -67,8 +73,9 @@ STOP_DISSIPATION_S_M = 100.0  #: of the stop behind the ring, as in the Drake pl
 STILL_WINDOW_S = 0.02  #: time over which rings must stand still to count as blocked
 MAX_PACK_CHANGE = 0.01  #: share by which a pack's torque may still change on blocked rings
 STILL_SLIP_M_S = 1e-3  #: slip below which faces count as held
+MAX_PUSH_CHANGE = 0.01  #: share by which an actuator's force may still change on blocked rings
 
-# Rows of the stages of a step, each (12,).
+# Rows of the stages of a step, each (14,).
 K1 = 0  #: rates at the start of the step
 K2 = 1  #: rates of the second stage
 K3 = 2  #: rates of the third stage
@@ -113,6 +120,44 @@ def force_at(time, knots):
         + s * s * (3.0 - 2.0 * s) * knots[KNOT_FORCE, high]
         - s * s * t * step * knots[KNOT_SLOPE, high]
     )
+
+
+@compiled
+def _actuator_push(time, state, numbers):
+    """Evaluate the force of an actuator at a state, N."""
+    travel = state[DISPLACEMENT]
+    speed = state[AXIAL_SPEED]
+    if numbers.has_linkage:
+        travel = state[ACTUATOR_DISPLACEMENT]
+        speed = state[ACTUATOR_SPEED]
+    spindle_travel = state[SPINDLE_TRAVEL]
+    level = state[ACTUATOR_LEVEL]
+    return actuator_force(time, travel, speed, spindle_travel, level, numbers.actuator)
+
+
+@inlined
+def push_at(time, state, knots, numbers):
+    """Evaluate the shift force at a time in s and a state, N; knots as of ``ShiftModel``."""
+    if numbers.actuator.kind == FORCE_PROFILE:
+        return force_at(time, knots)
+    return _actuator_push(time, state, numbers)
+
+
+@compiled
+def write_actuator_rates(time, state, rates_out, numbers):
+    """Write the rates of an actuator's own states into ``rates_out``, (14,)."""
+    travel = state[DISPLACEMENT]
+    speed = state[AXIAL_SPEED]
+    if numbers.has_linkage:
+        travel = state[ACTUATOR_DISPLACEMENT]
+        speed = state[ACTUATOR_SPEED]
+    spindle_travel = state[SPINDLE_TRAVEL]
+    level = state[ACTUATOR_LEVEL]
+    spindle_rate, level_rate = actuator_rates(
+        time, travel, speed, spindle_travel, level, numbers.actuator
+    )
+    rates_out[SPINDLE_TRAVEL] = spindle_rate
+    rates_out[ACTUATOR_LEVEL] = level_rate
 
 
 @inlined
@@ -274,7 +319,7 @@ def _contact_loads(state, model, room):
 
 @inlined
 def _motion(time, push, axial, torque, state, rates_out, numbers):
-    """Write the rates of a state into ``rates_out``, (12,).
+    """Write the rates of a state into ``rates_out``, (14,).
 
     Parameters
     ----------
@@ -322,6 +367,8 @@ def _motion(time, push, axial, torque, state, rates_out, numbers):
     force = ring_push - resisting - numbers.damping * speed - axial + stop_force
     rates_out[AXIAL_SPEED] = force / numbers.sleeve_mass
     rates_out[INPUT_SIDE_ANGLE:] = 0.0
+    if numbers.actuator.kind != FORCE_PROFILE:
+        write_actuator_rates(time, state, rates_out, numbers)
     if numbers.input_side_inertia > 0.0:
         rates_out[SLIDING_SPEED] = (torque + shaft_torque) / numbers.sliding_inertia
         rates_out[INPUT_SIDE_ANGLE] = state[INPUT_SIDE_SPEED]
@@ -341,9 +388,9 @@ def _motion(time, push, axial, torque, state, rates_out, numbers):
 
 @compiled
 def rates(time, state, rates_out, model, room):
-    """Write the rates of a state into ``rates_out``, (12,), and return whether dogs touch."""
+    """Write the rates of a state into ``rates_out``, (14,), and return whether dogs touch."""
     axial, torque = _contact_loads(state, model, room)
-    push = force_at(time, model.knots)
+    push = push_at(time, state, model.knots, model.numbers)
     _motion(time, push, axial, torque, state, rates_out, model.numbers)
     return axial != 0.0 or torque != 0.0
 
@@ -352,11 +399,11 @@ def rates(time, state, rates_out, model, room):
 def _measure_jacobian(time, state, state_rates, jacobian, model, room):
     """Measure the change of ``state_rates`` with each column of the state and with time.
 
-    Writes ``jacobian``, (13, 12). The contact depends on relative angle and speed, so that the
+    Writes ``jacobian``, (15, 14). The contact depends on relative angle and speed, so that the
     columns of the sliding ring follow from those of the output ring.
     """
     numbers = model.numbers
-    push = force_at(time, model.knots)
+    push = push_at(time, state, model.knots, numbers)
     axial = 0.0
     torque = 0.0
     changed_rates = jacobian[STATE_SIZE]
@@ -386,11 +433,14 @@ def _measure_jacobian(time, state, state_rates, jacobian, model, room):
         state[column] = value + change
         changed_axial = axial + axial_change[column]
         changed_torque = torque + torque_change[column]
-        _motion(time, push, changed_axial, changed_torque, state, changed_rates, numbers)
+        changed_push = push
+        if numbers.actuator.kind != FORCE_PROFILE:
+            changed_push = _actuator_push(time, state, numbers)
+        _motion(time, changed_push, changed_axial, changed_torque, state, changed_rates, numbers)
         state[column] = value
         jacobian[column] = (changed_rates - state_rates) / change
     later = time + JACOBIAN_STEP_S
-    later_push = force_at(later, model.knots)
+    later_push = push_at(later, state, model.knots, numbers)
     _motion(later, later_push, axial, torque, state, changed_rates, numbers)
     changed_rates[:] = (changed_rates - state_rates) / JACOBIAN_STEP_S
 
@@ -404,7 +454,7 @@ def _jacobian_step(column, numbers):
 
 @compiled
 def _factor(implicit_step, jacobian, factors, size):
-    """Write the factors of ``1 - implicit_step J``, (12, 12), without exchange of rows."""
+    """Write the factors of ``1 - implicit_step J``, (14, 14), without exchange of rows."""
     for i in range(size):
         for j in range(size):
             factors[i, j] = (1.0 if i == j else 0.0) - implicit_step * jacobian[j, i]
@@ -433,7 +483,7 @@ def _solve(factors, right, size):
 def _implicit_step(time, step, renew, state, stages, jacobian, factors, model, room):
     """Make an implicit step into the stages TRIAL and ERROR.
 
-    ``renew`` estimates the Jacobian, (13, 12), by differences; ``factors``, (12, 12), are computed
+    ``renew`` estimates the Jacobian, (15, 14), by differences; ``factors``, (14, 14), are computed
     in each step. Returns whether dogs touch at the end.
     """
     k1 = stages[K1]
@@ -587,14 +637,14 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
     Parameters
     ----------
     time, step : now, and the step to try, s.
-    state : (12,); holds the last state afterwards.
+    state : (14,); holds the last state afterwards.
     look_state : state at the last look whether the rings stand still, every ``STILL_WINDOW_S``,
-        (12,); NaN where there was none, and of size 0 where nobody looks.
+        (14,); NaN where there was none, and of size 0 where nobody looks.
     pause, timeout : end of this call and of the shift, s.
     model : ``ShiftModel``.
     limits : ``StepLimits``.
     mode : a record of ``STEP_MODE``, (1,), zeros at the start; the next call continues with it.
-    times, states : room for the recorded steps, s, (n,), and (n, 12).
+    times, states : room for the recorded steps, s, (n,), and (n, 14).
 
     Returns
     -------
@@ -661,6 +711,16 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
     return StepProgress(PAUSED, time, step, recorded, evaluations)
 
 
+@compiled
+def _force_is_up(time, look_state, state, numbers, knots):
+    """Decide whether the force was half up at the last look, or an actuator's grows no more."""
+    earlier_push = push_at(time - STILL_WINDOW_S, look_state, knots, numbers)
+    if numbers.actuator.kind == FORCE_PROFILE:
+        return earlier_push >= 0.5 * knots[KNOT_FORCE, -1]
+    push = push_at(time, state, knots, numbers)
+    return push > 0.0 and abs(push - earlier_push) <= MAX_PUSH_CHANGE * push
+
+
 @making
 def stands_still(time, look_state, state, remaining, numbers, knots):
     """Decide whether the rings are held, once the force is half up and would move free ones.
@@ -668,17 +728,16 @@ def stands_still(time, look_state, state, remaining, numbers, knots):
     Parameters
     ----------
     time, remaining : of ``state``, and to the time-out, s.
-    look_state, state : (12,), one ``STILL_WINDOW_S`` apart; NaN where there is none before.
+    look_state, state : (14,), one ``STILL_WINDOW_S`` apart; NaN where there is none before.
     """
-    final_force = knots[KNOT_FORCE, -1]
     if math.isnan(look_state[OUTPUT_ANGLE]):
         return False
-    if force_at(time - STILL_WINDOW_S, knots) < 0.5 * final_force:
+    if not _force_is_up(time, look_state, state, numbers, knots):
         return False
     states = np.empty((2, STATE_SIZE))
     states[0] = look_state
     states[1] = state
-    if numbers.state_size == STATE_SIZE:
+    if numbers.input_side_inertia > 0.0 or numbers.output_side_inertia > 0.0:
         # A side may still turn, in its play or on its shaft, and set its ring going.
         for row in states:
             input_twist_rate = abs(row[INPUT_SIDE_SPEED] - row[SLIDING_SPEED])

@@ -6,7 +6,7 @@ at its time. Along the shaft, with masses and forces as in ``sim.shift.mechanism
 .. math:: \int F_c = \int F - m_s \Delta\dot x - m_a \Delta\dot y - c \Delta x - \int \left(R
    + D + \mu_s \frac{|T|}{r_s} \sigma\right).
 
-The integral of the shift force is known in closed form; the others are smooth over a step:
+The integral of a force over time is known in closed form; the others are smooth over a step:
 Simpson's rule, with the middle from the cubic through both ends. About the shaft, :math:`\int M_c =
 J_1 \Delta\omega + \int M_0 \sigma - \int M_1`, of ring and its side together on an elastic shaft;
 *M* are the torques of a drive (``sim.shift.drive``), of whose tables and control a run keeps the
@@ -33,15 +33,19 @@ from dogshape.sim.kernel.motion import (
     force_at,
     input_shaft_torque,
     output_shaft_torque,
+    push_at,
     resistance,
     side_angles,
     side_speeds,
+    write_actuator_rates,
 )
 from dogshape.sim.kernel_layout import (
     ACTUATOR_DISPLACEMENT,
+    ACTUATOR_LEVEL,
     ACTUATOR_SPEED,
     AXIAL_SPEED,
     DISPLACEMENT,
+    FORCE_PROFILE,
     INPUT_SIDE_ANGLE,
     INPUT_SIDE_SPEED,
     KNOT_FORCE,
@@ -56,6 +60,7 @@ from dogshape.sim.kernel_layout import (
     SLIDING_ANGLE,
     SLIDING_SIDE,
     SLIDING_SPEED,
+    SPINDLE_TRAVEL,
     STATE_SIZE,
 )
 
@@ -133,10 +138,16 @@ class ShiftSummary(NamedTuple):
 
 
 @making
-def shift_force(times, knots):
-    """Compute the shift force, N, and its integral from the start, N s, at times in s, (n,)."""
+def shift_force(times, states, numbers, knots):
+    """Compute the shift force, N, and its integral from the start, N s, at times in s, (n,).
+
+    ``states`` of the run, (n, 14), decide the force of an actuator.
+    """
     forces = np.empty(times.size)
     impulses = np.empty(times.size)
+    if numbers.actuator.kind != FORCE_PROFILE:
+        _integrate_actuator(times, states, numbers, knots, forces, impulses)
+        return forces, impulses
     place = 0
     knot_impulse = 0.0  # up to the knot at ``place``
     last = knots.shape[1] - 1
@@ -152,6 +163,31 @@ def shift_force(times, knots):
             step = knots[KNOT_TIME, place + 1] - knots[KNOT_TIME, place]
             impulses[i] = knot_impulse + _knot_integral(elapsed / step, place, knots)
     return forces, impulses
+
+
+@making
+def _integrate_actuator(times, states, numbers, knots, forces, impulses):
+    """Write the force of an actuator, N, and its integral by Simpson's rule, N s, (n,)."""
+    middle = np.empty(STATE_SIZE)
+    start_rates = np.zeros(STATE_SIZE)
+    end_rates = np.zeros(STATE_SIZE)
+    forces[0] = push_at(times[0], states[0], knots, numbers)
+    impulses[0] = 0.0
+    write_actuator_rates(times[0], states[0], start_rates, numbers)
+    for i in range(1, times.size):
+        start = states[i - 1]
+        end = states[i]
+        step = times[i] - times[i - 1]
+        forces[i] = push_at(times[i], end, knots, numbers)
+        write_actuator_rates(times[i], end, end_rates, numbers)
+        _write_midpoint(start, end, step, middle)
+        for column in (SPINDLE_TRAVEL, ACTUATOR_LEVEL):
+            mean = 0.5 * (start[column] + end[column])
+            middle[column] = mean + 0.125 * step * (start_rates[column] - end_rates[column])
+        middle_force = push_at(times[i] - 0.5 * step, middle, knots, numbers)
+        mean_force = (forces[i - 1] + 4.0 * middle_force + forces[i]) / 6.0
+        impulses[i] = impulses[i - 1] + step * mean_force
+        start_rates[:] = end_rates
 
 
 @compiled
@@ -171,7 +207,10 @@ def _knot_integral(s, place, knots):
 
 @inlined
 def _write_midpoint(start, end, step, middle):
-    """Write the state in the middle of a step into ``middle``, (12,), from the cubics of places."""
+    """Write the state in the middle of a step into ``middle``, (14,), from the cubics of places.
+
+    Of an actuator's own states nothing is written.
+    """
     for k in range(len(PLACE_COLUMNS)):
         place = PLACE_COLUMNS[k]
         rate = RATE_COLUMNS[k]
@@ -197,7 +236,7 @@ def contact_means(times, states, impulses, driven, numbers):
 
     Parameters
     ----------
-    times, states : of the run, s, (n,), and (n, 12).
+    times, states : of the run, s, (n,), and (n, 14).
     impulses : integral of the shift force, N s, (n,).
     driven : integrals of the drive's torques of ``sim.shift.drive.impulses``, N m s, (2, n), or
         (2, 0) without a drive.
@@ -576,7 +615,7 @@ def energy_lost(states, pushes, numbers):
 
     Parameters
     ----------
-    states : (n, 12).
+    states : (n, 14).
     pushes : shift force, N, (n,).
     """
     pushed = ACTUATOR_DISPLACEMENT if numbers.has_linkage else DISPLACEMENT
@@ -686,7 +725,7 @@ def summarize(times, states, numbers, knots, driven, planes, classes):
 
     Parameters
     ----------
-    times, states : of the run, s, (n,), and (n, 12).
+    times, states : of the run, s, (n,), and (n, 14).
     numbers : record of ``CLUTCH_NUMBERS``.
     knots : of the shift force, as of ``ShiftModel``.
     driven : as for ``contact_means``.
@@ -708,7 +747,7 @@ def summarize(times, states, numbers, knots, driven, planes, classes):
             states[:, ACTUATOR_SPEED],
             numbers.shift_travel,
         )
-    pushes, impulses = shift_force(times, knots)
+    pushes, impulses = shift_force(times, states, numbers, knots)
     forces, torques = contact_means(times, states, impulses, driven, numbers)
     energy = energy_lost(states, pushes, numbers)
     energy += drive_work(times, states, driven, numbers)

@@ -13,11 +13,13 @@ from dogshape.sim.kernel_layout import (
     CLUTCH_NUMBERS,
     LINKED_STATE_SIZE,
     RIGID_STATE_SIZE,
+    SHAFTED_STATE_SIZE,
     STATE_SIZE,
     empty_record,
 )
 from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.actuators import Actuator
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import (
@@ -227,9 +229,12 @@ def require_engine(contact: ContactSet, engine: str) -> None:
 
 
 def solver_for(
-    contact: ContactSet, mechanism: Mechanism = NOTHING, drive: Drive = NO_DRIVE
+    contact: ContactSet,
+    mechanism: Mechanism = NOTHING,
+    drive: Drive = NO_DRIVE,
+    actuator: Actuator | None = None,
 ) -> Solver:
-    """Choose the solver for a contact set, with its accuracy for a mechanism and a drive.
+    """Choose the solver for a contact set, with its accuracy for mechanism, drive and actuator.
 
     The explicit scheme knows the dynamic coefficient alone, that of slip above ten stiction
     velocities. Where the two differ by more than a quarter (0.30 and 0.16), or dogs slip more
@@ -238,7 +243,8 @@ def solver_for(
     falls = contact.dynamic_friction < MIN_FRICTION_RATIO * contact.static_friction
     creeps = contact.stiction_velocity > SLOW_STICTION_M_S
     scheme = "cenic" if falls or creeps else "runge_kutta3"
-    return Solver(scheme, accuracy_of(scheme, forced=mechanism.has_forces or drive.has_torques))
+    forced = mechanism.has_forces or drive.has_torques or actuator is not None
+    return Solver(scheme, accuracy_of(scheme, forced=forced))
 
 
 def accuracy_of(scheme: str, *, forced: bool) -> float:
@@ -261,6 +267,7 @@ class Clutch:
     rebound: float = 1e-3
     mechanism: Mechanism = NOTHING  #: the shift force acts on the ring, which nothing else holds
     drive: Drive = NO_DRIVE  #: speed of the shafts and torques on them
+    actuator: Actuator | None = None  #: None: the shift force is that over time of the point
 
     def __post_init__(self) -> None:
         remedy = "give what turns with the dogs alone"
@@ -289,7 +296,8 @@ class Clutch:
     @property
     def has_forces(self) -> bool:
         """Whether forces beside the shift force and the contact act."""
-        return self.mechanism.has_forces or self.drive.has_torques
+        has_law = self.actuator is not None
+        return self.mechanism.has_forces or self.drive.has_torques or has_law
 
     @cached_property
     def numbers(self) -> np.record:
@@ -301,6 +309,17 @@ class Clutch:
         self._set_shafts(numbers)
         self._set_dogs(numbers)
         self._set_drive(numbers)
+        return numbers
+
+    def shift_numbers(self, profile: ForceProfile) -> np.record:
+        """Return the numbers of a shift: those of the clutch, with the command of its actuator."""
+        if self.actuator is None:
+            return self.numbers
+        numbers = self.numbers.copy()
+        mechanism = self.mechanism
+        fork_mass = mechanism.actuator_mass(self.rings.mass)
+        driven_mass = fork_mass or mechanism.sleeve_mass(self.rings.mass)
+        self.actuator.write(numbers.actuator, profile, driven_mass)
         return numbers
 
     def _set_masses(self, numbers: np.record) -> None:
@@ -317,6 +336,8 @@ class Clutch:
         if mechanism.has_linkage:
             numbers.state_size = LINKED_STATE_SIZE
         if input_shaft.side_inertia or output_shaft.side_inertia:
+            numbers.state_size = SHAFTED_STATE_SIZE
+        if self.actuator is not None:
             numbers.state_size = STATE_SIZE
 
     def _set_resistance(self, numbers: np.record) -> None:
@@ -411,7 +432,7 @@ class Clutch:
 
     def with_engine(self, engine: str) -> Clutch:
         """Change the engine, with the accuracy that it needs."""
-        solver = solver_for(self.contact, self.mechanism, self.drive)
+        solver = solver_for(self.contact, self.mechanism, self.drive, self.actuator)
         accuracy = PLANAR_ACCURACY if engine == "planar" else solver.accuracy
         return replace(self, solver=replace(self.solver, engine=engine, accuracy=accuracy))
 
@@ -420,6 +441,7 @@ class Clutch:
 class OperatingPoint:
     """Mismatch and shift force, with a weight.
 
+    The force of an actuator is its largest static one, which its command gives.
     A positive mismatch runs the traction flanks together, and opposing faces fall away from each
     other: the ring on the engine's side is the faster one, as before an upshift.
     """

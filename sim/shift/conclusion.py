@@ -20,6 +20,7 @@ from dogshape.sim.elementwise import Array, bisect
 from dogshape.sim.errors import InputError, Refusal
 from dogshape.sim.kernel_layout import (
     ACTUATOR_DISPLACEMENT,
+    ACTUATOR_LEVEL,
     ACTUATOR_SPEED,
     AXIAL_SPEED,
     DISPLACEMENT,
@@ -31,6 +32,7 @@ from dogshape.sim.kernel_layout import (
     OUTPUT_SPEED,
     SLIDING_ANGLE,
     SLIDING_SPEED,
+    SPINDLE_TRAVEL,
     STATE_SIZE,
 )
 from dogshape.sim.shift.actuation import ForceProfile
@@ -187,7 +189,7 @@ class Run:
     """
 
     times: Array  #: s, (n,), each later than the one before
-    states: Array  #: (n, 12)
+    states: Array  #: (n, 14)
     blocked: bool  #: whether the rings stood still on each other
     failure: str  #: why the integration was lost; empty where it was not
     evaluations: int  #: derivatives that the integrator asked for
@@ -227,7 +229,7 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     summary = kernel.summarize(
         run.times,
         run.states,
-        clutch.numbers,
+        clutch.shift_numbers(point.profile),
         knots=point.profile.knots,
         driven=run.driven,
         planes=section_planes(clutch.dog),
@@ -334,11 +336,12 @@ def engage(plant: Engine, point: OperatingPoint, relative_angle: float) -> Engag
 
 
 def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Array, Array]:
-    """Compute times in s, (n,), and states, (n, 12), while friction holds the ring.
+    """Compute times in s, (n,), and states, (n, 14), while friction holds the ring.
 
     The last state is the first of the motion of both rings; ``angle`` is the relative angle, rad.
     """
-    times, actuator_displacement, actuator_speed = release(clutch, point.profile)
+    held = release(clutch, point.profile)
+    times = held.times
     sliding_speed = clutch.drive.sliding_speed(point.mismatch)
     output_speed = sliding_speed + point.mismatch
     output_angle = angle + output_speed * times
@@ -350,20 +353,32 @@ def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Ar
     states[:, OUTPUT_SPEED] = output_speed
     states[:, AXIAL_SPEED] = 0.0
     states[:, SLIDING_SPEED] = sliding_speed
-    states[:, ACTUATOR_DISPLACEMENT] = actuator_displacement
-    states[:, ACTUATOR_SPEED] = actuator_speed
+    states[:, ACTUATOR_DISPLACEMENT] = held.actuator_displacement
+    states[:, ACTUATOR_SPEED] = held.actuator_speed
     states[:, INPUT_SIDE_ANGLE] = sliding_angle
     states[:, INPUT_SIDE_SPEED] = sliding_speed
     states[:, OUTPUT_SIDE_ANGLE] = output_angle
     states[:, OUTPUT_SIDE_SPEED] = output_speed
+    states[:, SPINDLE_TRAVEL] = held.spindle_travel
+    states[:, ACTUATOR_LEVEL] = held.level
     return times, states
 
 
-@lru_cache(maxsize=64)  # shifts differ by their angle alone
-def release(clutch: Clutch, profile: ForceProfile) -> Array:
-    r"""Compute the motion of the actuator while friction holds the ring.
+@dataclass(frozen=True)
+class HeldActuator:
+    """Motion of an actuator while friction holds the ring, each (n,)."""
 
-    Returns times in s, displacement in m and speed in m/s up to the release, (3, n).
+    times: Array  #: s
+    actuator_displacement: Array  #: m
+    actuator_speed: Array  #: m/s
+    spindle_travel: Array  #: own states, as ``sim.kernel_layout`` has them
+    level: Array
+
+
+@lru_cache(maxsize=64)  # shifts differ by their angle alone
+def release(clutch: Clutch, profile: ForceProfile) -> HeldActuator:
+    r"""Compute the motion of the actuator while friction holds the ring, up to the release.
+
     Without a linkage that is when the shift force reaches :math:`R_0`. With one the actuator moves
     against a ring at rest, :math:`m_a \ddot y = F(t) - L(y, \dot y)`, until :math:`L = R_0`. A
     friction law that is nearly a jump would cost the solver of the whole motion thousands of steps.
@@ -374,13 +389,17 @@ def release(clutch: Clutch, profile: ForceProfile) -> Array:
     slows = clutch.drive.has_torques or (clutch.drive.turns and mechanism.drag_torque > 0.0)
     low = 0.0
     high = LATEST_RELEASE_SHARE * clutch.timeout
+    actuator = clutch.actuator
+    level = 0.0 if actuator is None else actuator.initial_level(profile.force)
     if not holds or slows:
-        return np.zeros((3, 1))
+        return _free_actuator(level)
+    if actuator is not None:
+        return _release_of_actuator(clutch, profile, level, high)
     if not mechanism.has_linkage:
         if profile.at(high) < mechanism.friction:
             low = high
         low, _ = bisect(lambda time: profile.at(time) < mechanism.friction, low, high, width=1e-6)
-        return np.array([[0.0, low], [0.0, 0.0], [0.0, 0.0]])
+        return HeldActuator(np.array([0.0, low]), *np.zeros((4, 2)))
     from scipy.integrate import solve_ivp  # noqa: PLC0415  slow to load, and few shifts need it
 
     stiffness, damping = mechanism.linkage(mass)
@@ -407,4 +426,54 @@ def release(clutch: Clutch, profile: ForceProfile) -> Array:
         atol=1e-9,
         max_step=0.01 * high,
     )
-    return np.array([solution.t, *solution.y])
+    own_states = np.zeros((2, solution.t.size))
+    return HeldActuator(solution.t, *solution.y, *own_states)
+
+
+def _free_actuator(level: float) -> HeldActuator:
+    """Return the state at time 0, at which nothing holds the ring; ``level`` is the initial one."""
+    zero = np.zeros(1)
+    return HeldActuator(zero, zero, zero, spindle_travel=zero, level=np.array([level]))
+
+
+def _release_of_actuator(
+    clutch: Clutch, profile: ForceProfile, level: float, end: float
+) -> HeldActuator:
+    """Compute the motion of an actuator with own states until the ring is released or ``end``, s.
+
+    ``level`` is the initial one.
+    """
+    from scipy.integrate import solve_ivp  # noqa: PLC0415  slow to load, and few shifts need it
+
+    from dogshape.sim import kernel  # noqa: PLC0415
+
+    mechanism = clutch.mechanism
+    numbers = clutch.shift_numbers(profile).actuator
+    mass = mechanism.actuator_mass(clutch.rings.mass)
+    law = mechanism.linkage(clutch.rings.mass) if mechanism.has_linkage else None
+
+    def load(time: float, motion: Array) -> float:
+        displacement, speed, *_ = motion.tolist()
+        if law is None:
+            return float(kernel.actuator_force(time, *motion.tolist(), numbers))
+        return float(mechanism.pull(displacement, speed, *law))
+
+    def rates(time: float, motion: Array) -> list[float]:
+        speed = float(motion[1])
+        own_rates = kernel.actuator_rates(time, *motion.tolist(), numbers)
+        if law is None:
+            return [0.0, 0.0, *own_rates]
+        push = kernel.actuator_force(time, *motion.tolist(), numbers)
+        return [speed, (push - load(time, motion)) / mass, *own_rates]
+
+    def excess_load(time: float, motion: Array) -> float:
+        return load(time, motion) - mechanism.friction
+
+    excess_load.terminal = True  # type: ignore[attr-defined]
+    start = np.array([0.0, 0.0, 0.0, level])
+    if excess_load(0.0, start) >= 0.0:
+        return _free_actuator(level)
+    solution = solve_ivp(
+        rates, (0.0, end), start, events=excess_load, rtol=1e-5, atol=1e-9, max_step=0.01 * end
+    )
+    return HeldActuator(solution.t, *solution.y)

@@ -150,7 +150,8 @@ class PlanarClutch:
         mode = np.zeros(1, STEP_MODE)
         last_look = np.full(STATE_SIZE, math.nan)
         look_state = last_look
-        model = shift_model(clutch.numbers, point.profile.knots, self.surfaces, self.law)
+        numbers = clutch.shift_numbers(point.profile)
+        model = shift_model(numbers, point.profile.knots, self.surfaces, self.law)
         pause = clutch.timeout
         course = None
         if clutch.drive.has_torques:
@@ -222,14 +223,14 @@ def free_flight(
     Returns
     -------
     tuple
-        Times, s, (n,), states, (n, 12), and the time for which friction holds the ring, s: 0 where
+        Times, s, (n,), states, (n, 14), and the time for which friction holds the ring, s: 0 where
         it never lets go.
     """
     held_times, held_states = states_held(clutch, OperatingPoint(0.0, profile), 0.0)
     release_time = float(held_times[-1])
     if release_time >= LATEST_RELEASE_SHARE * clutch.timeout:
         return held_times, held_states, 0.0
-    numbers = clutch.numbers.copy()
+    numbers = clutch.shift_numbers(profile).copy()
     numbers.shift_travel = FREE_TRAVEL_SHARE * displacement
     numbers.rebound = FREE_REBOUND_M
     times = np.empty(FREE_RECORD_SIZE)

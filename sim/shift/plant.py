@@ -47,8 +47,10 @@ from dogshape.sim.kernel_layout import (
     OUTPUT_SIDE_ANGLE,
     OUTPUT_SIDE_SPEED,
     OUTPUT_SPEED,
+    SHAFTED_STATE_SIZE,
     SLIDING_ANGLE,
     SLIDING_SPEED,
+    SPINDLE_TRAVEL,
     STATE_SIZE,
 )
 from dogshape.sim.shift.actuation import ForceProfile
@@ -94,6 +96,10 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         self._share = clutch_plant.share
         self._order = clutch_plant.order
         self._drive = clutch.drive if clutch.drive.has_torques else None
+        #: of ``ACTUATOR_NUMBERS``, set before a shift; None for a force over time
+        self.actuator_numbers: np.record | None = None
+        if clutch.actuator is not None:
+            self.DeclareContinuousState(STATE_SIZE - SHAFTED_STATE_SIZE)
         self._shafts = clutch.shafts
         self._contact_set = clutch.contact
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
@@ -119,7 +125,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
 
     def _calculate(self, context: Context, output: BasicVector) -> None:
         state = self.state.Eval(context)[self._order].tolist()
-        push = float(self.push.Eval(context)[0])
+        push = self._push(context, state)
         ring_push = push
         mechanism = self._mechanism
         share = self._share
@@ -155,6 +161,30 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             output_joint = BEHIND[OUTPUT] if output_shaft.side_inertia else OUTPUT
             forces[output_joint] += output_drive / share
         output.SetFromVector([forces[name] for name in self._joints])
+
+    def _actuator_arguments(self, context: Context, state: list[float]) -> list[float]:
+        """List time, travel and speed of the fork, and own states, for the actuator's law."""
+        travel, speed = state[DISPLACEMENT], state[AXIAL_SPEED]
+        if self._linkage is not None:
+            travel, speed = state[ACTUATOR_DISPLACEMENT], state[ACTUATOR_SPEED]
+        own_states = context.get_continuous_state_vector().CopyToVector().tolist()
+        return [context.get_time(), travel, speed, *own_states]
+
+    def _push(self, context: Context, state: list[float]) -> float:
+        """Compute the share of the shift force on the modelled dogs, N."""
+        if self.actuator_numbers is None:
+            return float(self.push.Eval(context)[0])
+        arguments = self._actuator_arguments(context, state)
+        return float(kernel.actuator_force(*arguments, self.actuator_numbers)) / self._share
+
+    def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
+        """Write the rates of the actuator's own states, which Drake asks for by this name."""
+        if self.actuator_numbers is None:
+            return
+        state = self.state.Eval(context)[self._order].tolist()
+        arguments = self._actuator_arguments(context, state)
+        rates = kernel.actuator_rates(*arguments, self.actuator_numbers)
+        derivatives.get_mutable_vector().SetFromVector(list(rates))
 
     def _contact_torque(self, context: Context, state: list[float]) -> float:
         """Compute the contact's torque on one modelled dog, N m; 0 where the spline has no use."""
@@ -252,7 +282,7 @@ class ClutchPlant:
         self.plant.Finalize()
         # Places in Drake's state of each of our columns, and of those that move by themselves.
         self._columns: dict[int, int] = {}
-        order = np.zeros(STATE_SIZE, dtype=int)
+        order = np.zeros(SHAFTED_STATE_SIZE, dtype=int)
         rates = self.plant.num_positions()
         for name, (place, rate) in COLUMNS.items():
             moves = self.plant.HasJointNamed(name)
@@ -298,6 +328,11 @@ class ClutchPlant:
         for column, place in self._columns.items():
             values[place] = states[-1, column]
         self.plant.SetPositionsAndVelocities(self.plant_context, values)
+        numbers = self.clutch.shift_numbers(point.profile)
+        if self._forces is not None and self.clutch.actuator is not None:
+            self._forces.actuator_numbers = numbers.actuator
+            own_context = self._forces.GetMyMutableContextFromRoot(self.context)
+            own_context.SetContinuousState(states[-1, SPINDLE_TRAVEL:])
         self.simulator.Initialize()
         return self.simulator
 
@@ -305,6 +340,7 @@ class ClutchPlant:
         """Integrate up to the end of the travel or the time-out; the monitor records every step."""
         simulator = self.start(point, angle)
         clutch = self.clutch
+        numbers = clutch.shift_numbers(point.profile)
         course = TorqueCourse(clutch.drive, clutch.timeout) if clutch.drive.has_torques else None
         # Columns of ring and actuator, until they have made the travel.
         under_way = {DISPLACEMENT}
@@ -339,7 +375,7 @@ class ClutchPlant:
                     look_state,
                     state,
                     remaining=clutch.timeout - step_time,
-                    numbers=clutch.numbers,
+                    numbers=numbers,
                     knots=point.profile.knots,
                 )
                 look_state = state
@@ -381,8 +417,14 @@ class ClutchPlant:
         return piece.end
 
     def state(self) -> Array:
-        """Read the state in the columns of ``sim.kernel_layout``, (12,)."""
-        return self.plant.GetPositionsAndVelocities(self.plant_context)[self.order]
+        """Read the state in the columns of ``sim.kernel_layout``, (14,)."""
+        state = np.zeros(STATE_SIZE)
+        motion = self.plant.GetPositionsAndVelocities(self.plant_context)
+        state[:SHAFTED_STATE_SIZE] = motion[self.order]
+        if self._forces is not None and self.clutch.actuator is not None:
+            own_context = self._forces.GetMyContextFromRoot(self.context)
+            state[SPINDLE_TRAVEL:] = own_context.get_continuous_state_vector().CopyToVector()
+        return state
 
     def _add_body(self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str) -> None:
         """Add a body of a mass in kg, or an inertia in kg m2, on a joint with an actuator."""

@@ -141,10 +141,9 @@ def trace_of(
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
-    pushes, impulses = kernel.shift_force(times, profile.knots)
-    forces, torques = kernel.contact_means(
-        times, states, impulses, driven=driven, numbers=clutch.numbers
-    )
+    numbers = clutch.shift_numbers(profile)
+    pushes, impulses = kernel.shift_force(times, states, numbers, profile.knots)
+    forces, torques = kernel.contact_means(times, states, impulses, driven=driven, numbers=numbers)
     has_linkage = clutch.mechanism.has_linkage
     actuator_column = ACTUATOR_DISPLACEMENT if has_linkage else DISPLACEMENT
     actuator_speed_column = ACTUATOR_SPEED if has_linkage else AXIAL_SPEED

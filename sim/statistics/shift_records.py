@@ -32,9 +32,9 @@ DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "bac
 def clutch_record(clutch: Clutch) -> Record:
     """Return the inputs of a simulation that concern the clutch, in the units of files.
 
-    A limit of steps, later keys of the dog, IMPACT, friction of faces, engine, mechanism and drive
-    have keys if they are not the usual ones; the limit of time never has, since a shift that it
-    ends is not kept (``unfinished``).
+    A limit of steps, later keys of the dog, IMPACT, friction of faces, engine, mechanism, drive and
+    actuator have keys if they are not the usual ones; the limit of time never has, since a shift
+    that it ends is not kept (``unfinished``).
     """
     dog = clutch.dog
     rings = clutch.rings
@@ -63,6 +63,7 @@ def clutch_record(clutch: Clutch) -> Record:
         **({} if solver.max_steps == MAX_STEPS else {"max_steps": solver.max_steps}),
         **clutch.mechanism.record,
         **clutch.drive.record,
+        **(clutch.actuator.record if clutch.actuator else {}),
     }
 
 

@@ -51,12 +51,12 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
 def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
-    # Actuator; points, at once refused; actuator and points again; dogs, ring and what turns with
+    # Kind, actuator; points, at once refused; all of them again; dogs, ring and what turns with
     # it; height, fork, torque, coast; toothing, shafts, engine, drag, latch, torque left, shifts,
     # strike, steel.
-    answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30  8  12 22 140 124 1 0,2  2,5"
-    typed = f"{answers} 0,05 0,6 5  1500   1800 output 0,8 9000 0,1 1e6 0,004&0,02 1e5 steel"
-    typed = f"{typed} 20MnCr5".replace(" ", "\n").replace("&", " ")
+    answers = "\n profile 1500 0,1 1 0,2 50 1600 profile 1500 0,1 2 0,2 50 1500"
+    typed = f"{answers} 30  8  12 22 140 124 1 0,2  2,5 0,05 0,6 5  1500   1800 output 0,8 9000"
+    typed = f"{typed} 0,1 1e6 0,004&0,02 1e5 steel 20MnCr5".replace(" ", "\n").replace("&", " ")
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
     assert done.exit_code == 0, done.stderr
     study = load_study("mine")
@@ -104,7 +104,7 @@ def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     lines = (
-        "amt|12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|sleeve|9|15\N{DEGREE SIGN}|15|"
+        "amt||12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|sleeve|9|15\N{DEGREE SIGN}|15|"
         "|-3|\N{MINUS SIGN}3 deg|122|110|1|1 deg|0.15|3.1 kg|0.35|45|6|1.2|3,200|3200 N m|1500 N m"
         "|58|600 to 1800|1200||4|120|0.2|5e5|200 kg cm2|90 kN m/rad|"
     )
@@ -227,7 +227,7 @@ def test_own_mismatch_and_force_replace_the_points_of_the_kind(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     # The forces of the kind at own mismatches, and own forces at the mismatches of the kind.
-    cases = ("\n\n\n\n20 50\n", 4, [600.0, 1000.0]), ("500 900\n0.1 0.1\n", 16, [500.0, 900.0])
+    cases = ("\n\n\n\n\n20 50\n", 4, [600.0, 1000.0]), ("\n500 900\n0.1 0.1\n", 16, [500.0, 900.0])
     for typed, n, forces in cases:
         given = f"amt\n{typed}" + 40 * "\n"
         done = CliRunner().invoke(app, ["init", "study", "--out", str(n)], input=given)

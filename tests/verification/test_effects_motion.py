@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome, engage
+from dogshape.sim.shift.conclusion import HeldActuator, Outcome, engage
 from dogshape.sim.shift.drive import Drive
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK_MASS_SHARE, Mechanism
 from dogshape.sim.shift.plant import ClutchPlant
@@ -183,7 +183,7 @@ def test_a_held_ring_is_let_go_as_the_whole_motion_says(
     far = _far(clutch, 0.08, friction=40.0, **mechanism)
     asked = point(50, 315.5)
     apart = engage(ClutchPlant(far), asked, 0.0).trace
-    at_once = np.zeros((3, 1))
+    at_once = HeldActuator(*np.zeros((5, 1)))
     monkeypatch.setattr("dogshape.sim.shift.conclusion.release", lambda *_: at_once)
     whole = engage(ClutchPlant(far), asked, 0.0).trace
     for name in ("displacement", "actuator_displacement"):

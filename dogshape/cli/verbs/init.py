@@ -129,7 +129,8 @@ def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -
                 answers.update(ask_values(defaults | answers, questions))
 
     # The answers to a part decide the defaults of the next one.
-    for part in (draft.ACTUATION, draft.OPERATION, draft.CLUTCH, draft.USE):
+    parts = (draft.ACTUATOR_KIND, draft.ACTUATION, draft.OPERATION, draft.CLUTCH, draft.USE)
+    for part in parts:
         part_defaults, part_questions = draft.questions_of(origin, user_keys(), part)
         defaults |= part_defaults
         questions |= part_questions

@@ -88,8 +88,10 @@ def _warn_of_doubts(study: ds.Study, angles: Collection[float] = ()) -> None:
 def shift(
     study: StudyArg,
     mismatch_rpm: Annotated[float, Option(help="+ runs the traction flanks together")],
-    force_N: Annotated[float, Option("--force-N", help="final shift force")],
     angle_deg: Annotated[float, Option(help="lead over dogs facing dogs")],
+    force_N: Annotated[
+        float | None, Option("--force-N", help="final shift force; of an actuator all by default")
+    ] = None,
     force_rise_s: Rise = None,
     all_dogs: Annotated[bool, Option("--all-dogs", help="model every dog")] = False,
     report: Annotated[Path | None, Option(help="write an animation with its curves")] = None,
