@@ -185,10 +185,13 @@ def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
     return points
 
 
-def open_section_svg(dog: Dog, ghost: Dog, name: str = "initial design") -> str:
+def open_section_svg(
+    dog: Dog, ghost: Dog, name: str = "initial design", *, is_sleeve: bool = False
+) -> str:
     """Draw both rings before the shift, dogs over slots, to scale.
 
-    The dogs of ``ghost``, a design of this ``name``, are dashed in the output ring.
+    The dogs of ``ghost``, a design of this ``name``, are dashed in the output ring. Teeth of a
+    sleeve have no floor between them.
     """
     width = 860.0
     height = 250.0
@@ -214,11 +217,12 @@ def open_section_svg(dog: Dog, ghost: Dog, name: str = "initial design") -> str:
             for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
         ]
 
+    teeth = _dogs_in_view(dog, 0.5 * width / scale) if is_sleeve else 1
     words = "output ring, unrolled at the mean radius; dashed: "
     corner = width - 16 + 1j * height
     elements = [
-        _ring(sliding_profile(dog), -5.0, "ring-b"),
-        _ring(output_profile(dog), height + 5.0, "ring-a"),
+        _ring(sliding_profile(dog), -5.0, "ring-b", teeth),
+        _ring(output_profile(dog), height + 5.0, "ring-a", teeth),
         _line(*output_profile(ghost), kind="ghost"),
         _line(corner - 5.0 * scale - 14.0j, corner - 14.0j, kind="bar"),
         _text(corner - 8.0 - 5.0 * scale - 10.0j, "5 mm", "end", "small"),
@@ -233,10 +237,15 @@ def _dogs_in_view(ring: Dog, half_width: float) -> int:
     return 2 * int(half_width / (ring.pitch / MM)) + 5
 
 
-def _ring(profile: Sequence[complex], back: float, kind: str) -> str:
-    """Draw a ring from its profile to a back line at height ``back``, px."""
-    ends = [complex(profile[-1].real, back), complex(profile[0].real, back)]
-    return _line(*profile, *ends, kind=kind, closed=True)
+def _ring(profile: Sequence[complex], back: float, kind: str, parts: int) -> str:
+    """Draw a ring from its profile, in equal ``parts``, to a back line at height ``back``, px."""
+    length = len(profile) // parts
+    lines = []
+    for first in range(0, len(profile), length):
+        part = profile[first : first + length]
+        ends = [complex(part[-1].real, back), complex(part[0].real, back)]
+        lines.append(_line(*part, *ends, kind=kind, closed=True))
+    return "".join(lines)
 
 
 class _DogSection:
