@@ -217,13 +217,14 @@ def open_section_svg(
             for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
         ]
 
-    teeth = _dogs_in_view(dog, 0.5 * width / scale) if is_sleeve else 1
+    corners = len(section(dog)) if is_sleeve else 0
+    ghost_corners = len(section(ghost)) if is_sleeve else 0
     words = "output ring, unrolled at the mean radius; dashed: "
     corner = width - 16 + 1j * height
     elements = [
-        _ring(sliding_profile(dog), -5.0, "ring-b", teeth),
-        _ring(output_profile(dog), height + 5.0, "ring-a", teeth),
-        _line(*output_profile(ghost), kind="ghost"),
+        _ring(sliding_profile(dog), -5.0, "ring-b", corners),
+        _ring(output_profile(dog), height + 5.0, "ring-a", corners),
+        *(_line(*part, kind="ghost") for part in _teeth(output_profile(ghost), ghost_corners)),
         _line(corner - 5.0 * scale - 14.0j, corner - 14.0j, kind="bar"),
         _text(corner - 8.0 - 5.0 * scale - 10.0j, "5 mm", "end", "small"),
         _text(10.0 + 18.0j, "sliding ring", "start", "small"),
@@ -237,15 +238,19 @@ def _dogs_in_view(ring: Dog, half_width: float) -> int:
     return 2 * int(half_width / (ring.pitch / MM)) + 5
 
 
-def _ring(profile: Sequence[complex], back: float, kind: str, parts: int) -> str:
-    """Draw a ring from its profile, in equal ``parts``, to a back line at height ``back``, px."""
-    length = len(profile) // parts
-    lines = []
-    for first in range(0, len(profile), length):
-        part = profile[first : first + length]
+def _teeth(profile: Sequence[complex], corners: int) -> list[Sequence[complex]]:
+    """Split a profile into teeth of so many ``corners``; 0 for one part with floors."""
+    length = corners or len(profile)
+    return [profile[first : first + length] for first in range(0, len(profile), length)]
+
+
+def _ring(profile: Sequence[complex], back: float, kind: str, corners: int) -> str:
+    """Draw a ring from its profile (``_teeth``) to a back line at height ``back``, px."""
+    parts = []
+    for part in _teeth(profile, corners):
         ends = [complex(part[-1].real, back), complex(part[0].real, back)]
-        lines.append(_line(*part, *ends, kind=kind, closed=True))
-    return "".join(lines)
+        parts.append(_line(*part, *ends, kind=kind, closed=True))
+    return "".join(parts)
 
 
 class _DogSection:
