@@ -126,6 +126,7 @@ class Checked(Result):
     def to_parts(self) -> list[str | Table]:
         """Tabulate the checks, with verdict, warnings and the force on the blocking mechanism."""
         weakest = smallest_margin(self.design.checks)
+        mount = self.config.mount_text
         return [
             check_table(self.judged_rows),
             "",
@@ -144,6 +145,7 @@ class Checked(Result):
             *(f"warning: {note}" for note in self.notes),
             *map(_retention_text, self.retention),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
+            *([f"mount: {mount}"] if mount else []),
         ]
 
     @property

@@ -65,7 +65,7 @@ class Study:
     @property
     def dog(self) -> dict[str, float]:
         """Keys of the dog with their values, in the units that their names end in."""
-        return dict(self.config.file.dog.model_dump())
+        return self.config.file.dog.sizes
 
     # Verbs load their modules: simulation, search and pages take seconds that no other needs.
 

@@ -180,6 +180,12 @@ class Setup:
         return "" if actuator is None else f"actuator: {actuator.text}"
 
     @property
+    def mount_text(self) -> str:
+        """Teeth of a sleeve in words; empty for dogs on a face."""
+        sleeve = self.limits.sleeve
+        return "" if sleeve is None else sleeve.text(self.clutch.dog)
+
+    @property
     def mechanism(self) -> Record:
         """Values of the shift mechanism by the keys of ``[mechanism]``; empty without mechanism."""
         record = {
@@ -223,7 +229,7 @@ class Setup:
     @property
     def prototype(self) -> dict[str, float]:
         """Values of the searched keys of the study's own dog, edge units."""
-        values = {**DEFAULTS, **self.file.dog.model_dump(), **nominal_operation(self.points)}
+        values = {**DEFAULTS, **self.file.dog.sizes, **nominal_operation(self.points)}
         return self.select_params(values)
 
     @property

@@ -321,7 +321,7 @@ def design_sheet(
     friction, surface = locking_friction(dog, study.limits.load)
     return DesignSheet(
         study=study.name,
-        dog={**study.file.dog.model_dump(), **params},
+        dog={**study.file.dog.sizes, **params},
         axial_length_mm=dog.axial_length / MM,
         travel_mm=dog.travel / MM,
         simulated=simulated,
@@ -715,13 +715,12 @@ def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
         program_versions = result.versions
         result_hash = f", result {content_key(result.to_dict())}"
     load = study.file.load
-    sleeve = study.limits.sleeve
     facts = {
         "command": command_of(study, call) or f"dogshape {call} FILE; {study.name} is in {file}",
         "simulated": simulated,
         "operating points": minus(study.operating_text),
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
-        "mount": "" if sleeve is None else sleeve.text(study.clutch.dog),
+        "mount": study.mount_text,
         "contact": _contact_words(study.clutch.contact),
         "shafts": study.clutch.drive.text,
         "actuator": study.clutch.actuator.text if study.clutch.actuator else "",

@@ -126,7 +126,8 @@ def _add_chosen_design(
     """Add the sections of a study that has a chosen design."""
     dog = study.dog_with(best.params(study.variables))
     confirmation = result.confirmation
-    section = Markup(open_section_svg(dog, study.clutch.dog, "prototype"))
+    is_sleeve = study.limits.sleeve is not None
+    section = Markup(open_section_svg(dog, study.clutch.dog, "prototype", is_sleeve=is_sleeve))
     page.add("", *summary_tables(study, result), section)
     page.add("Front", *front_parts(study, result))
     _add_effects(page, folder)
