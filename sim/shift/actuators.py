@@ -101,14 +101,21 @@ class Actuator:
         )
         raise InputError(Refusal(key, force, "N", rule, remedy))
 
-    def require_reach(self, force: float, travel: float) -> None:
-        """Raise InputError where a command of ``force`` in N ends before the ``travel`` in m."""
+    def require_reach(self, force: float, travel: float, of: str = "") -> None:
+        """Raise InputError where a command of ``force`` in N ends before the ``travel`` in m.
+
+        ``of`` is the key of a search whose end has that travel.
+        """
         reach = self.reach(force)
         if reach >= travel - STROKE_TOLERANCE_M:
             return
         rule = f"the ring travels {1e3 * travel:.6g} mm into engagement"
+        remedy = self.reach_remedy
+        if of:
+            rule += f" at the end of {of}"
+            remedy = f"narrow {of}, or {remedy}"
         name = f"travel over which the {self.kind} actuator pushes with {force:.6g} N"
-        raise InputError(Refusal(name, 1e3 * reach, "mm", rule, self.reach_remedy))
+        raise InputError(Refusal(name, 1e3 * reach, "mm", rule, remedy))
 
     def require_course(self, lag: float, rise_factor: float) -> None:
         """Raise InputError for a lag, s, or a factor on a rise that the kind has no use for."""
