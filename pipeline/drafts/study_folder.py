@@ -897,7 +897,8 @@ def _limit_height(change: _Change, derived: Data) -> None:
     force = min(forces) if isinstance(forces, list) else actuator.full_force
     max_height = 1e3 * actuator.reach(force) - change.after("dog.axial_gap_mm")
     max_height = math.floor(100.0 * max_height) / 100.0 if math.isfinite(max_height) else math.inf
-    if derived.get(HEIGHT, change.after(HEIGHT)) <= max_height < height_range[1]:
+    height: float = derived.get(HEIGHT) or change.after(HEIGHT)
+    if height <= max_height < height_range[1]:
         derived[HEIGHT_RANGE] = [min(height_range[0], max_height), max_height]
 
 

@@ -33,12 +33,12 @@ from dogshape.sim.quantity import (
     require_ranges,
 )
 from dogshape.sim.shift.actuation import SMALLEST_FORCE, ForceProfile
+from dogshape.sim.shift.mechanism import DAMPING_RATIO
 from dogshape.sim.units import from_si, short, unit_of
 
 PROFILE = "profile"  #: kind of a shift force over time, which is no actuator
 SECTION = "actuation"  #: table of a study
 COMMAND_RISE_S = 1e-4  #: rise of the command, which is switched
-COUPLING_DAMPING_RATIO = 0.3  #: of fork and coupling, as of a linkage (``sim.shift.mechanism``)
 FORCE_TOLERANCE = 1e-9  #: share by which a force may exceed the full one, for rounding
 STROKE_TOLERANCE_M = 1e-9  #: by which a stroke may miss the travel, for rounding
 
@@ -147,8 +147,8 @@ class Actuator:
 
 
 def _coupling_damping(stiffness: float, mass: float) -> float:
-    """Compute the damping of a coupling to a mass in kg, N s/m."""
-    return 2.0 * COUPLING_DAMPING_RATIO * math.sqrt(stiffness * mass)
+    """Compute the damping of a coupling to a mass in kg, as that of a linkage, N s/m."""
+    return 2.0 * DAMPING_RATIO * math.sqrt(stiffness * mass)
 
 
 @dataclass(frozen=True, kw_only=True)
