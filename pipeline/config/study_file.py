@@ -63,6 +63,7 @@ MAX_PASSED_PLAY = 0.5
 MIN_CONFIRM_ANGLES = 3
 #: Searched keys of the dog in the bundled studies, and all that a study may search.
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
+HEIGHT = "height_mm"
 SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm")
 
 
@@ -457,8 +458,12 @@ def _require_actuator(
     actuator = clutch.actuator
     if actuator is None:
         return
-    actuator.require_reach(min(point.profile.force for point in points), clutch.shift_travel)
+    min_force = min(point.profile.force for point in points)
+    actuator.require_reach(min_force, clutch.shift_travel)
     variables = file.variables.ranges
+    if HEIGHT in variables:
+        added_height = variables[HEIGHT][1] * MM - clutch.dog.height
+        actuator.require_reach(min_force, clutch.shift_travel + added_height, f"variables.{HEIGHT}")
     if RISE in variables:
         low, high = variables[RISE]
         raise InputError(

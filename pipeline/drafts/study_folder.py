@@ -45,6 +45,7 @@ from dogshape.sim.shift.actuators import (
     EXAMPLES,
     KINDS,
     PROFILE,
+    Actuator,
     actuator_of,
     keys_of,
     optional_values,
@@ -68,6 +69,7 @@ HEAD = """\
 DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
 HEIGHT = "dog.height_mm"
+HEIGHT_RANGE = "variables.height_mm"
 COUNT = "dog.count"
 MOUNT = "dog.mount"
 RIM = "manufacturing.rim_mm"
@@ -474,7 +476,8 @@ def questions_of(
     look_up = partial(value_at, tomllib.loads(text))
     sources = sources_of(text)
     defaults = {key: look_up(key) for key in WORDS}
-    full_force = _full_force(look_up, {})
+    actuator = _draft_actuator(look_up, {})
+    full_force = None if actuator is None else actuator.full_force
     points = validate(OperatingSection, look_up("operating"), "[operating]").rows(full_force)
     for key, column in zip(OPERATION, zip(*points, strict=True), strict=False):
         if not isinstance(defaults[key], list):
@@ -538,8 +541,8 @@ def _actuator_defaults(kind: str | None) -> list[tuple[str, Any, str]]:
     return [(f"actuation.{key}", value, "") for key, value in optional_values(kind).items()]
 
 
-def _full_force(look_up: LookUp, derived: Mapping[str, Any]) -> float | None:
-    """Compute the largest static force of a draft's actuator, N; None for a profile or a fault."""
+def _draft_actuator(look_up: LookUp, derived: Mapping[str, Any]) -> Actuator | None:
+    """Build the actuator of a draft; None for a profile or a fault."""
     kind = look_up(KIND)
     if kind not in KINDS:
         return None
@@ -549,8 +552,7 @@ def _full_force(look_up: LookUp, derived: Mapping[str, Any]) -> float | None:
         if isinstance(value, (int, float)):
             numbers[key] = to_si(key, value)
     with suppress(InputError):
-        actuator = actuator_of(kind, numbers)
-        return None if actuator is None else actuator.full_force
+        return actuator_of(kind, numbers)
     return None
 
 
@@ -810,9 +812,9 @@ def _complete_actuator(change: _Change, derived: Data) -> None:
 
 def _limit_forces(change: _Change, derived: Data) -> None:
     """Limit the forces of the operating points to the range of the actuator's."""
-    full_force = _full_force(change.after, derived)
-    if full_force is not None:
-        _limit_to_actuator(change, derived, full_force)
+    actuator = _draft_actuator(change.after, derived)
+    if actuator is not None:
+        _limit_to_actuator(change, derived, actuator.full_force)
         return
     available = change.after(ACTUATOR)
     required = _required_forces(change)
@@ -905,6 +907,21 @@ def _widen_ranges(change: _Change, derived: Data) -> None:
     derived |= ranges
 
 
+def _limit_height(change: _Change, derived: Data) -> None:
+    """Limit the range of the height to the travel of an actuator that the dog is within."""
+    actuator = _draft_actuator(change.after, derived)
+    height_range = derived.get(HEIGHT_RANGE, change.after(HEIGHT_RANGE))
+    forces = derived.get(OPERATING, change.after(OPERATING))
+    if actuator is None or not isinstance(height_range, list):
+        return
+    force = min(forces) if isinstance(forces, list) else actuator.full_force
+    max_height = 1e3 * actuator.reach(force) - change.after("dog.axial_gap_mm")
+    max_height = math.floor(100.0 * max_height) / 100.0 if math.isfinite(max_height) else math.inf
+    height: float = derived.get(HEIGHT) or change.after(HEIGHT)
+    if height <= max_height < height_range[1]:
+        derived[HEIGHT_RANGE] = [min(height_range[0], max_height), max_height]
+
+
 #: Rules that derive values from a change, in this order; each updates the derived values.
 RULES: tuple[Callable[[_Change, Data], None], ...] = (
     _scale_height,
@@ -917,6 +934,7 @@ RULES: tuple[Callable[[_Change, Data], None], ...] = (
     _remove_sleeve,
     _complete_tip,
     _widen_ranges,
+    _limit_height,
 )
 
 

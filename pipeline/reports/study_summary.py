@@ -430,7 +430,7 @@ def nearest_verdict(study: Setup, result: StudyRecord) -> VerdictRow | None:
 
 
 def nearest_facts(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
-    """List the hangs of prototype and nearest designs, and the shafts, as name and words."""
+    """List the hangs of prototype and nearest designs, shafts and actuator, as name and words."""
     records = nearest_records(result)
     for row in nearest_designs(result):
         confirmed = records.get(row.trial)
@@ -439,6 +439,8 @@ def nearest_facts(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]
         name = "your own dog, the prototype" if row.prototype else design_name(row)
         yield f"hangs, {name}", hang_words(confirmed)
     yield "shafts", study.clutch.drive.text
+    if study.clutch.actuator is not None:
+        yield "actuator", study.clutch.actuator.text
 
 
 def facts_of(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
@@ -459,6 +461,8 @@ def facts_of(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
     else:
         yield from _gain_facts(study, result, best, confirmation)
     yield "shafts", study.clutch.drive.text
+    if study.clutch.actuator is not None:
+        yield "actuator", study.clutch.actuator.text
     yield from _margin_facts(confirmation.best.checks)
     yield from _confirmation_facts(result, best, confirmation)
     yield from _engine_facts(study, result, confirmation)
