@@ -16,12 +16,12 @@ from dogshape.cli.options import (
     Corrections,
     Engine,
     Jobs,
+    Journal,
     Json,
     OneForce,
     OneMismatch,
     Rise,
     Sets,
-    ShiftFolder,
     StudyArg,
     SurrogateFile,
     angles_of,
@@ -132,7 +132,7 @@ def expect(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Compute the expected shift time over the relative angle.
@@ -148,7 +148,7 @@ def expect(
         force_rise_s=force_rise_s,
         angles=relative_angles,
         precision=precision,
-        **run_arguments(jobs, cluster, keep, engine),
+        **run_arguments(jobs, cluster, journal, engine),
     )
     if json:
         warn(warning.removeprefix("warning: ") for warning in result.shortfall)
@@ -191,7 +191,7 @@ def validate(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Compare a bench data set with the simulation.
@@ -202,7 +202,7 @@ def validate(
         bench,
         angles_of(angles),
         correct=correct or (),
-        **run_arguments(jobs, cluster, keep, engine),
+        **run_arguments(jobs, cluster, journal, engine),
     )
     show(comparison, json)
 
@@ -216,7 +216,7 @@ def strength(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Check strength, self-locking and manufacture of a design.
@@ -235,7 +235,7 @@ def strength(
         roots = root_stress.root_checks(problem.config.clutch.dog, problem.config.limits)
         record["finite_elements"] = [root.to_dict() for root in roots]
         tables = [root_stress.root_table(roots)]
-    arguments = run_arguments(jobs, cluster, keep, engine)
+    arguments = run_arguments(jobs, cluster, journal, engine)
     result = problem.strength(simulate=simulate, **arguments)
     parts = result.to_parts()
     if explain:
