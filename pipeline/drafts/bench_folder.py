@@ -11,6 +11,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,14 @@ import pandas as pd
 from pandas import DataFrame
 
 from dogshape.bench.bench_data import Bench, load_bench
-from dogshape.bench.bench_draft import BenchDraft, Traces, copy_trace, read_tables, row_numbers
+from dogshape.bench.bench_draft import (
+    BenchDraft,
+    DraftTables,
+    Traces,
+    copy_trace,
+    read_tables,
+    row_numbers,
+)
 from dogshape.bench.foreign_readings import ReadingReport
 from dogshape.bench.raw_sheet import file_of
 from dogshape.bench.table import COLUMNS
@@ -75,13 +83,15 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> B
 
 @contextmanager
 def draft_bench(
-    draft: BenchDraft, corrections: Sequence[str] = ()
+    bench: BenchDraft | DraftTables, corrections: Sequence[str]
 ) -> Iterator[tuple[Bench, BenchReading]]:
-    """Yield the data set of a draft and its reading; raises as ``write_bench``.
+    """Yield the data set of a draft, or of its tables, and its reading; raises as ``write_bench``.
 
     Its folder is a temporary one, for as long as the context lasts. ``corrections`` are made beside
     those of the draft.
     """
+    tables = None if isinstance(bench, BenchDraft) else bench
+    draft = bench if isinstance(bench, BenchDraft) else bench.draft
     if not draft.paths:
         raise InputError("the draft has no table to diagnose; name its tables")
     settings = dict(draft.values)
@@ -94,7 +104,7 @@ def draft_bench(
         folder = Path(place) / name
         folder.mkdir()
         try:
-            reading, bench = _fill_folder(folder, name, draft, _name_correction)
+            reading, bench = _fill_folder(folder, name, draft, _name_correction, tables)
         except DogshapeError as error:
             tables = ", ".join(map(str, draft.paths))
             text = str(error).replace(str(name / "bench.toml"), tables)
@@ -111,18 +121,24 @@ def _name_correction(correction: str) -> str:
 
 
 def _fill_folder(
-    folder: Path, out: Path, draft: BenchDraft, name_correction: Callable[[str], str]
+    folder: Path,
+    out: Path,
+    draft: BenchDraft,
+    name_correction: Callable[[str], str],
+    tables: DraftTables | None = None,
 ) -> tuple[BenchReading, Bench]:
     """Write ``bench.toml``, ``shifts.csv`` and traces into a folder that messages call ``out``.
 
     Returns the reading and the data set. ``name_correction`` writes the option of a
-    correction.
+    correction, ``tables`` are those of the draft if they were read.
     """
-    source, report = source_of(draft.origin), ReadingReport()
+    source = source_of(draft.origin)
     where = ", ".join(map(str, draft.paths)) or str(out)
     if draft.paths:
-        rows = read_tables(draft, report)
+        tables = deepcopy(tables) or read_tables(draft)
+        rows, report = tables.rows, tables.report
     else:
+        report = ReadingReport()
         points = [
             (m, f, source.table.rise(f), 10) for m in source.mismatches for f in source.forces
         ]

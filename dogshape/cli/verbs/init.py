@@ -239,7 +239,8 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand; returns the draft with the answers."""
     from dogshape.pipeline.drafts.study_folder import MASS, WORDS, source_of  # noqa: PLC0415
 
-    draft, report = dialogue.correct_reading(draft, confirm=True)
+    tables = dialogue.correct_reading(draft, confirm=True)
+    draft = tables.draft
     values = {"name": dialogue.ask("name of the data set", target.name)} | dict(draft.values)
     values = {"source": dialogue.ask("who measured it, and when", "not said")} | values
     origin = dialogue.ask("clutch of the stand, as in (study or bench)", draft.origin)
@@ -248,7 +249,7 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
         questions = WORDS | {MASS: "moving mass, with fork and rod, kg"}
         values = changed_values(ask_values(dog_values, questions), dog_values) | values
     for key, (question, choices) in RECORD_QUESTIONS.items():
-        if key not in values and (key != EMPTY_CELLS or report.empty_rows):
+        if key not in values and (key != EMPTY_CELLS or tables.report.empty_rows):
             values[key] = dialogue.ask(f"{question}: {', '.join(choices)}", "unknown", choices)
     if "timeout_s" not in values and dialogue.ask("has the stand a time-out of its own?", False):
         values["timeout_s"] = dialogue.ask("time-out, s", 1.0)
