@@ -33,6 +33,7 @@ from dogshape.bench.draft_arguments import NONE, column_argument, column_placeho
 from dogshape.bench.foreign_table import MIN_REPEATS, REPEATS, ROUNDED, ForeignTable
 from dogshape.bench.quantities import (
     LOOSE,
+    SHIFT_QUANTITIES,
     SHIFTS,
     WORD,
     TableQuantity,
@@ -181,8 +182,9 @@ def _is_factor(match: Match, column: Column) -> bool:
     """Test that a spread is a formula with a mean or number of shifts, which stay quantities."""
     if match.quantity.name != "shift_time_sd_s" or len(match.terms) < 2:
         return False
-    results = [q for q in SHIFTS if q.name in ("shift_time_s", "n_shifts")]
-    return any(score(quantity, column) >= LOOSE for quantity in results)
+    return any(
+        score(SHIFT_QUANTITIES[name], column) >= LOOSE for name in ("shift_time_s", "n_shifts")
+    )
 
 
 def _candidates(
@@ -325,7 +327,7 @@ def _missing_time(free: Sequence[Column]) -> str:
             f"shift_time_s may be the difference of '{first.head}' and '{second.head}'; say "
             f"{answer}"
         )
-    time = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
+    time = SHIFT_QUANTITIES["shift_time_s"]
     clocks = [c.head for c in free if c.is_dated and has_word(time.words, names[c])]
     if clocks:
         return f"'{clocks[0]}' (shift_time_s) holds clock times; write durations in s or ms"
@@ -478,29 +480,26 @@ def with_repeats(
     other_columns = [column for column in table.columns if column not in repeats]
     summaries, questions = _summaries_of(repeats, other_columns)
     other_columns = [column for column in other_columns if column not in summaries]
-    cells = [column.cells for column in repeats]
-    places = [
-        (k, r)
-        for k in range(len(table.rows))
-        for r in range(len(repeats))
-        if cells[r][k].lower() not in NOTHING
-    ]
-    empty = [
-        (table.rows[k], f"'{repeats[r].head}' is empty")
-        for k in range(len(table.rows))
-        for r in range(len(repeats))
-        if cells[r][k].lower() in NOTHING
-    ]
+    places: list[int] = []
+    times_cells: list[str] = []
+    empty: list[tuple[int, str]] = []
+    for k, row in enumerate(table.rows):
+        for column in repeats:
+            if column.cells[k].lower() in NOTHING:
+                empty.append((row, f"'{column.head}' is empty"))
+            else:
+                places.append(k)
+                times_cells.append(column.cells[k])
     first = repeats[0]
     times = replace(
         first,
         head="; ".join(column.head for column in repeats),
         name=repeated_name(first) or first.name,
-        cells=tuple(cells[r][k] for k, r in places),
+        cells=tuple(times_cells),
         repeats=len(repeats),
     )
-    repeated = [replace(c, cells=tuple(c.cells[k] for k, _ in places)) for c in other_columns]
-    body = tuple(table.layout.body[k] for k, _ in places)
+    repeated = [replace(c, cells=tuple(c.cells[k] for k in places)) for c in other_columns]
+    body = tuple(table.layout.body[k] for k in places)
     reshaped = replace(
         table,
         layout=replace(table.layout, name=REPEATS, body=body),
@@ -529,7 +528,7 @@ def _certain_repeats(columns: Sequence[Column]) -> list[Column]:
         name = repeated_name(column)
         if name is not None and not column.hidden and np.isfinite(column.values).any():
             groups.setdefault(name, []).append(column)
-    time = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
+    time = SHIFT_QUANTITIES["shift_time_s"]
     for name, group in groups.items():
         units = {column.unit.text if column.unit else "" for column in group}
         worded = has_word(time.words, name)
@@ -547,19 +546,15 @@ def _summaries_of(
 ) -> tuple[list[Column], list[str]]:
     """Find mean, spread and number of the repeats among other columns, and wrong ones of them."""
     values = np.ma.masked_invalid([column.values for column in repeats])
-    count, spread = (
-        next(quantity for quantity in SHIFTS if quantity.name == name)
-        for name in ("n_shifts", "shift_time_sd_s")
-    )
     summaries, questions = [], []
     for column in other_columns:
         name = plain_words(column.name)
-        if score(spread, column) > 0.0:
+        if score(SHIFT_QUANTITIES["shift_time_sd_s"], column) > 0.0:
             summaries.append(column)
             continue
         if has_word(MEAN, name):
             expected = values.mean(axis=0)
-        elif score(count, column) > 0.0 and not counts_up(column):
+        elif score(SHIFT_QUANTITIES["n_shifts"], column) > 0.0 and not counts_up(column):
             expected = values.count(axis=0)
         else:
             continue
@@ -653,7 +648,6 @@ def _variation_match(
 
     Returns the match, and a question where no unit says percent.
     """
-    spread = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_sd_s")
     time = next((match for match in matches if match.quantity.name == "shift_time_s"), None)
     for column in free:
         words = plain_words(column.name)
@@ -665,7 +659,7 @@ def _variation_match(
             return [], [_variation_question(column, time)]
         reason = "name and unit; percent of the mean"
         terms = ((column, PERCENT), *time.terms)
-        return [Match(spread, terms, reason, formula="c0 * c1")], []
+        return [Match(SHIFT_QUANTITIES["shift_time_sd_s"], terms, reason, formula="c0 * c1")], []
     return [], []
 
 
@@ -707,13 +701,12 @@ def _uncounted_means(matches: Sequence[Match], options: Mapping[str, str]) -> li
         return []
     spread = by_name.get("shift_time_sd_s")
     means = [column for column, _ in time.terms if has_word(MEAN, plain_words(column.name))]
-    if not means and spread is None:
-        return []
-    reason = ""
     if means:
         reason = f"'{means[0].head}' is a mean"
-    elif spread:
+    elif spread is not None:
         reason = f"'{spread.head}' is a spread"
+    else:
+        return []
     return [
         f"{reason}, so that each row is a mean of shifts, but no column counts them; say "
         f"{column_placeholder('n_shifts')}, or a number for all rows, such as "

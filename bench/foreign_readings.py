@@ -220,7 +220,9 @@ class TableReader:
         }
         table = self.table
         try:
-            self.sign = decimal_sign(cells, table.rows, decimal or table.stated, table.separator)
+            self.sign = decimal_sign(
+                cells, table.rows, decimal or table.stated, table.sheet.separator
+            )
         except DataError as error:
             self.is_decimal_open = True
             return [str(error)]

@@ -38,6 +38,7 @@ from dogshape.bench.cell_values import (
 from dogshape.bench.decoding import TableLimits
 from dogshape.bench.draft_arguments import rows_argument, rows_example
 from dogshape.bench.quantities import (
+    SHIFT_QUANTITIES,
     SHIFTS,
     SPLITTING,
     WORD,
@@ -78,7 +79,6 @@ _STATISTIC = re.compile(
     r"|moyenne|media|somma|suma|somme|gemiddelde|prumer|srednia|medel\w*)"
     r"(\W*|\W+[^\W\d]{0,2}\W*)"
 )
-_SHIFT_TIME = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
 #: Words that say of rows that they are no shifts.
 REJECTED = re.compile(
     r"(?i)ung[uü]e?ltig|verworfen|ausrei(ß|ss)er|fehlerhaft|fehlmessung|defekt|nicht (gewertet"
@@ -142,11 +142,6 @@ class ForeignTable:
     def path(self) -> Path:
         """The file, with the sheet behind it."""
         return self.sheet.path
-
-    @property
-    def separator(self) -> str:
-        """Separator between the cells."""
-        return self.sheet.separator
 
     def with_remark(self, remark: str) -> ForeignTable:
         """Add a sentence on how the table was read."""
@@ -383,12 +378,10 @@ def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[C
         if name or any(column_cells):
             head = name or f"column {k + 1}"
             parts = split_head(head, unit)
-            durations = durations_of(column_cells)
-            if (
-                durations
-                and score(_SHIFT_TIME, Column(k + 1, head, *parts, tuple(durations))) > 0.0
-            ):
-                column_cells = tuple(durations)
+            durations = tuple(durations_of(column_cells))
+            duration_column = Column(k + 1, head, *parts, durations)
+            if durations and score(SHIFT_QUANTITIES["shift_time_s"], duration_column) > 0.0:
+                column_cells = durations
             true_numbers = k + 1 in sheet.true_numbers
             hidden = k + 1 in sheet.hidden_columns
             columns.append(Column(k + 1, head, *parts, column_cells, true_numbers, hidden))
@@ -747,8 +740,8 @@ def _sides(columns: Sequence[Column]) -> list[list[Column]]:
 def _columns_of(side: Sequence[Column]) -> str:
     """Write the columns that take one of several tables."""
     columns = {}
-    for quantity in (quantity for quantity in SHIFTS if quantity.needed):
+    for quantity in SHIFTS:
         best = max(side, key=lambda column: score(quantity, column))
-        if score(quantity, best) > 0.0:
+        if quantity.needed and score(quantity, best) > 0.0:
             columns[quantity.name] = f"column {best.place}"
     return key_arguments("columns", columns)

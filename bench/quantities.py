@@ -16,7 +16,6 @@ import numpy as np
 from dogshape.bench.cell_values import (
     FORCE,
     LENGTH,
-    MISC,
     PRESSURE,
     SPEED,
     TIME,
@@ -157,6 +156,7 @@ SHIFTS = (
         against=r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
     ),
 )
+SHIFT_QUANTITIES = {quantity.name: quantity for quantity in SHIFTS}
 TRACE = (
     TableQuantity("t_s", TIME, "-", "t|time|zeit", needed=True),
     TableQuantity(
@@ -231,7 +231,8 @@ def score(quantity: TableQuantity, column: Column) -> float:
     if _is_other(quantity, column, name):
         return 0.0
     fits = 0.0 if column.unit is None else FITS
-    if re.fullmatch(quantity.words, name) or _is_stamp(quantity, column):
+    is_stamp = quantity.name == "timestamp" and column.is_dated
+    if re.fullmatch(quantity.words, name) or is_stamp:
         return NAME + fits
     if has_word(quantity.words, name):
         return WORD + fits
@@ -240,10 +241,6 @@ def score(quantity: TableQuantity, column: Column) -> float:
         return 0.0 if quantity.name == "mismatch_rpm" and not fits else LOOSE + fits
     # A unit alone says nothing of what a table may lack.
     return UNIT + fits if fits and quantity.needed and quantity.by_unit else 0.0
-
-
-def _is_stamp(quantity: TableQuantity, column: Column) -> bool:
-    return quantity.name == "timestamp" and column.is_dated
 
 
 def _is_other(quantity: TableQuantity, column: Column, name: str) -> bool:
@@ -283,11 +280,11 @@ def counts_up(column: Column) -> bool:
 def is_force_by_area(column: Column) -> bool:
     """Test that a column is a force that a pressure or a mass stands for."""
     unit = column.unit
-    massive = unit is not None and unit.dimension == MISC and unit.text.strip().lower() == "kg"
-    pressed = unit is not None and unit.dimension == PRESSURE
-    force = next(quantity for quantity in SHIFTS if quantity.name == "force_N")
-    name = plain_words(column.name)
-    return (pressed or massive) and (pressed or has_word(f"{force.words}|{force.loose}", name))
+    if unit is None:
+        return False
+    force = SHIFT_QUANTITIES["force_N"]
+    is_named = has_word(f"{force.words}|{force.loose}", plain_words(column.name))
+    return unit.dimension == PRESSURE or (is_named and unit.text.lower() == "kg")
 
 
 def repeated_name(column: Column) -> str | None:
@@ -301,5 +298,5 @@ def repeated_name(column: Column) -> str | None:
         return None
     if column.unit is not None:
         return name if column.unit.dimension == TIME else None
-    time = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
+    time = SHIFT_QUANTITIES["shift_time_s"]
     return name if has_word(f"{time.words}|{time.loose}|{_REPEATED}", name) else None

@@ -32,6 +32,7 @@ from dogshape.bench.foreign_columns import (
 )
 from dogshape.bench.foreign_table import ForeignTable
 from dogshape.bench.quantities import (
+    SHIFT_QUANTITIES,
     SHIFTS,
     has_word,
     plain_words,
@@ -161,8 +162,7 @@ def _list_column(table: ForeignTable, options: Mapping[str, str]) -> Column | No
 
 
 def _scores(name: str, column: Column) -> bool:
-    quantity = next(quantity for quantity in SHIFTS if quantity.name == name)
-    return score(quantity, column) > 0.0
+    return score(SHIFT_QUANTITIES[name], column) > 0.0
 
 
 def _is_ranked(lists: Sequence[Sequence[str]]) -> bool:
