@@ -20,8 +20,7 @@ from dogshape.sim.clutch_tables import key
 from dogshape.sim.statistics.expectation import MixExpectation, PointExpectation
 from dogshape.sim.statistics.hangs import HangPrior
 from dogshape.sim.statistics.shiftability import (
-    SpeedLimit,
-    TorqueLimit,
+    EngagementLimit,
     speed_limits,
     torque_limits,
 )
@@ -226,13 +225,13 @@ class LimitRow(Record):
     tested_rpm: float = key("largest tested mismatch in that sense", "1/min")
 
     @classmethod
-    def of(cls, limit: SpeedLimit, share: float) -> LimitRow:
+    def of(cls, limit: EngagementLimit, share: float) -> LimitRow:
         """Record a limit engagement speed and the ``share`` that it is of."""
         return cls(
             sense=limit.sense,
             force_N=limit.force,
             share=share,
-            limit_engagement_speed_rpm=number_or_none(limit.speed / RPM),
+            limit_engagement_speed_rpm=number_or_none(limit.median / RPM),
             limit_engagement_speed_low_rpm=number_or_none(limit.low / RPM),
             limit_engagement_speed_high_rpm=number_or_none(limit.high / RPM),
             tested_rpm=limit.tested / RPM,
@@ -277,9 +276,9 @@ class TorqueLimitRow(Record):
     tested_Nm: float = key("largest tested torque in that sense", "N m")
 
     @classmethod
-    def of(cls, limit: TorqueLimit, share: float) -> TorqueLimitRow:
+    def of(cls, limit: EngagementLimit, share: float) -> TorqueLimitRow:
         """Record a limit."""
-        middle, low, high = map(number_or_none, (limit.torque, limit.low, limit.high))
+        middle, low, high = map(number_or_none, (limit.median, limit.low, limit.high))
         return cls(
             sense=limit.sense,
             force_N=limit.force,
