@@ -203,11 +203,12 @@ class TableReader:
 
     def _drop_empty_rows(self, options: Mapping[str, str]) -> None:
         """Leave rows out that have no cell in the columns that are read."""
-        count = len(self.table.rows)
-        full = _filled_rows(self.matching.columns, count)
-        if 0 < len(full) < count:
-            empty = sorted({*range(count)} - {*full})
-            reasons = [(self.table.rows[k], "empty in the columns of the shifts") for k in empty]
+        rows = self.table.rows
+        read = self.matching.columns
+        full = [k for k in range(len(rows)) if any(column.cells[k] for column in read)]
+        if 0 < len(full) < len(rows):
+            empty = [row for k, row in enumerate(rows) if k not in full]
+            reasons = [(row, "empty in the columns of the shifts") for row in empty]
             self.table = self.table.taking(full, reasons)
             self.matching = matched(self.table.columns, self.quantities, options)
 
@@ -261,12 +262,11 @@ class TableReader:
             column.place: column.head for column in self.table.columns if column in read or missing
         }
         results = {column.place for column, name in read.items() if name in RESULTS}
-        notes = [note for note in sheet.notes if note.place in heads]
-        repeated = [note for note in sheet.merged if note.place in results]
-        sentences = [(note, note.sentence) for note in notes]
+        sentences = [(note, note.sentence) for note in sheet.notes if note.place in heads]
         sentences += [
             (note, f"{note.sentence}, one result for several rows; write a value into each row")
-            for note in repeated
+            for note in sheet.merged
+            if note.place in results
         ]
         groups: dict[int, list[tuple[CellNote, str]]] = {}
         for note, sentence in sentences:
@@ -347,14 +347,13 @@ class TableReader:
         if not match.terms:
             return self._record(match, [float(match.formula)] * len(self.table.rows), "")
         terms = [self._term(match, column, unit) for column, unit in match.terms]
-        frame, error_text = (
-            pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)}),
-            "",
-        )
+        frame = pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)})
+        error_text = ""
         try:
             values = pd.to_numeric(frame.eval(match.formula)).replace([np.inf, -np.inf], np.nan)
         except Exception as error:  # what it raises depends on the text
-            values, error_text = np.nan * frame["c0"], f": {error}"
+            values = np.nan * frame["c0"]
+            error_text = f": {error}"
         if match.formula != "c0" and not values.notna().any():
             self._fault(
                 match,
@@ -579,13 +578,6 @@ def _left_out_by_user(table: ForeignTable, options: Mapping[str, str]) -> frozen
     """Name the columns of quantities that the user leaves out."""
     left_out = [q for q in SHIFTS if options.get(q.name) == NONE]
     return frozenset(c.head for c in table.columns for q in left_out if score(q, c) >= WORD)
-
-
-def _filled_rows(read: Mapping[Column, str], count: int) -> list[int]:
-    """Find the places of rows with a cell in a column that is read."""
-    if not read:
-        return [*range(count)]
-    return [k for k in range(count) if any(column.cells[k] for column in read)]
 
 
 def _remedy_of(cells: Sequence[str]) -> str:

@@ -202,8 +202,8 @@ def read_foreign(
     chosen: Sequence[range] = (),
     *,
     sums: bool = True,
-    limits: TableLimits | None = None,
-    quoted: bool = True,
+    limits: TableLimits,
+    quoted: bool,
 ) -> ForeignTable:
     """Read a table whose head stands anywhere above its numbers; raises DataError without one.
 
@@ -213,12 +213,12 @@ def read_foreign(
     """
     if not file_of(path).exists():
         raise DataError(f"there is no {path}; give a CSV or .xlsx that the stand has written")
-    sheet, stated = read_sheet(path, limits or TableLimits(), chosen, quoted=quoted)
+    sheet, stated = read_sheet(path, limits, chosen, quoted=quoted)
     return table_of(sheet, stated, chosen, sums=sums)
 
 
 def read_sheet(
-    path: Path, limits: TableLimits, chosen: Sequence[range] = (), *, quoted: bool = True
+    path: Path, limits: TableLimits, chosen: Sequence[range], *, quoted: bool
 ) -> tuple[RawSheet, str | None]:
     """Read the raw sheet, and the decimal sign that the file states.
 
@@ -326,14 +326,7 @@ def table_of(
         left_out=tuple(sorted(excluded_rows)),
     )
     columns = _columns(sheet, layout, [grid.cells[k] for k in body])
-    table = ForeignTable(
-        sheet,
-        layout,
-        columns,
-        sorted(excluded_rows),
-        stated,
-        place_questions,
-    )
+    table = ForeignTable(sheet, layout, columns, [*layout.left_out], stated, place_questions)
     if sums:
         _require_rows_of_shifts(table, grid)
     return table
@@ -403,7 +396,7 @@ def _divided(
     path: Path,
     grid: _CellGrid,
     chosen: Sequence[range],
-    signs: Collection[str] = (),
+    signs: Collection[str],
     *,
     sums: bool,
 ) -> Layout:
@@ -464,9 +457,11 @@ def _word_questions(
     rejecting = [
         k
         for k in (*head_rows, *words)
-        if k not in inner_words and REJECTED.search(" ".join(grid.cells[k])) and not grid.is_head(k)
+        if k not in inner_words
+        and grid.filled[k].sum() < 3
+        and REJECTED.search(" ".join(grid.cells[k]))
+        and not grid.is_head(k)
     ]
-    rejecting = [k for k in rejecting if grid.filled[k].sum() < 3]
     row_texts = [f"row {grid.rows[k]} '{_first(grid, k)}'" for k in (*inner_words, *rejecting)]
     if not row_texts:
         return []
@@ -665,19 +660,18 @@ def _require_no_blocks(path: Path, grid: _CellGrid, places: Iterable[int]) -> No
 
 def _require_rows_of_shifts(table: ForeignTable, grid: _CellGrid) -> None:
     """Raise DataError for a matrix and for blocks with titles."""
-    path, columns = table.path, table.columns
-    needs = [_needs_of(column) for column in columns]
-    names = set().union(*needs)
-    if len(names) < 3:
-        speeds = [c for c in columns if c.unit and c.unit.dimension == SPEED]
-        if len(names) < 2 and not speeds:
-            _require_no_blocks(path, grid, np.flatnonzero(~grid.data).tolist())
-        if _is_matrix(table, grid):
-            raise DataError(
-                f"{path} is a matrix, with one quantity in its first row and one in its first "
-                "column; write a row for each operating point, with mismatch, force, shift time "
-                "and number of shifts in columns"
-            )
+    names = set().union(*map(_needs_of, table.columns))
+    if len(names) >= 3:
+        return
+    has_speed = any(c.unit and c.unit.dimension == SPEED for c in table.columns)
+    if len(names) < 2 and not has_speed:
+        _require_no_blocks(table.path, grid, np.flatnonzero(~grid.data).tolist())
+    if _is_matrix(table, grid):
+        raise DataError(
+            f"{table.path} is a matrix, with one quantity in its first row and one in its first "
+            "column; write a row for each operating point, with mismatch, force, shift time "
+            "and number of shifts in columns"
+        )
 
 
 def side_question(columns: Sequence[Column]) -> str:

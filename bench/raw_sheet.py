@@ -164,27 +164,24 @@ def is_workbook(path: Path) -> bool:
     return bool(_WORKBOOK.fullmatch(str(path)))
 
 
-def read_raw(
-    path: Path, choose: Callable[[Sequence[str]], str], limits: TableLimits | None = None
-) -> RawSheet:
+def read_raw(path: Path, choose: Callable[[Sequence[str]], str]) -> RawSheet:
     """Read a text or a sheet of a workbook.
 
     ``choose`` returns the separator for the lines of a text. Raises DataError with the remedy if
-    the file is no table or exceeds ``limits``, FileNotFoundError for a missing file.
+    the file is no table or too large, FileNotFoundError for a missing file.
     """
-    limits = limits or TableLimits()
+    limits = TableLimits()
     if is_workbook(path):
         return read_workbook(path, limits)
     lines = read_lines(path, limits)
     return text_sheet(path, lines, choose(lines), limits)
 
 
-def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
+def read_lines(path: Path, limits: TableLimits) -> list[str]:
     """Read the lines of a text with their ends, without Excel's line ``sep=;`` at the top.
 
     Raises as ``read_raw``.
     """
-    limits = limits or TableLimits()
     kind = OTHER_BOOKS.get(path.suffix.lower())
     if kind and path.exists():
         raise DataError(f"{path} is {kind} ({path.suffix}); save it as .xlsx or as CSV")
@@ -223,7 +220,7 @@ def text_sheet(
     path: Path,
     lines: Sequence[str],
     separator: str,
-    limits: TableLimits | None = None,
+    limits: TableLimits,
     *,
     quoted: bool = True,
 ) -> RawSheet:
@@ -231,7 +228,6 @@ def text_sheet(
 
     Unless ``quoted``, quotation marks are ordinary signs.
     """
-    limits = limits or TableLimits()
     rows = []
     reader = csv.reader(lines, delimiter=separator, quoting=quoting_of(quoted))
     first_line = 0
@@ -324,14 +320,13 @@ def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
     for number, (row, row_cells) in enumerate(zip(texts, cells, strict=True), start=1):
         if any(row):
             marks = (*_row_marks(sheet, number, row_cells), *ruled.get(number, ()))
-            rows.append(RawRow(number, tuple(row), marks, _colours(row_cells)))
-    hidden = {place for place in range(1, content.width + 1) if _is_hidden(sheet, place)}
+            rows.append(RawRow(number, tuple(row), marks, tuple(map(_colour, row_cells))))
     raw_sheet = RawSheet(
         path,
         "\t",
         tuple(rows),
         merged=merged,
-        hidden_columns=frozenset(hidden),
+        hidden_columns=_hidden_columns(sheet, content.width),
         remarks=unjudged,
     )
     return _with_number_notes(raw_sheet, cells)
@@ -587,13 +582,9 @@ def _is_masked(cell: Cell) -> bool:
     return _EMPTY_SECTION.fullmatch(section) is not None
 
 
-def _colours(cells: Sequence[Cell]) -> tuple[str, ...]:
-    return tuple(_colour(cell) if cell.value is not None else "" for cell in cells)
-
-
 def _colour(cell: Cell) -> str:
-    """Name fill and font of a cell, empty for black on white."""
-    if not cell.has_style:
+    """Name fill and font of a cell, empty for black on white and for an empty cell."""
+    if cell.value is None or not cell.has_style:
         return ""
     fill = _colour_name(cell.fill.fgColor) if cell.fill.fill_type else ""
     font = _colour_name(cell.font.color) if cell.font is not None and cell.font.color else ""
@@ -609,14 +600,14 @@ def _colour_name(colour: Any) -> str:
     return f"{colour.type} {colour.value}{tint}"
 
 
-def _is_hidden(sheet: Worksheet, place: int) -> bool:
-    from openpyxl.utils import get_column_letter  # noqa: PLC0415
-
-    # Neighbours that are hidden together are one dimension with the first one's letter.
-    return any(
-        line.hidden and (line.min or 0) <= place <= (line.max or 0)
-        for line in sheet.column_dimensions.values()
-    ) or bool(sheet.column_dimensions[get_column_letter(place)].hidden)
+def _hidden_columns(sheet: Worksheet, width: int) -> frozenset[int]:
+    """List the places of hidden columns; those hidden together are one dimension."""
+    dimensions = [line for line in sheet.column_dimensions.values() if line.hidden]
+    return frozenset(
+        place
+        for place in range(1, width + 1)
+        if any(line.min <= place <= line.max for line in dimensions)
+    )
 
 
 def _with_number_notes(sheet: RawSheet, cells: Sequence[Sequence[Cell]]) -> RawSheet:

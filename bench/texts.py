@@ -46,23 +46,20 @@ class TextTable:
         place = self.head.index(name)
         return [cells[place] for _, cells in self.rows]
 
-    def require(self, needed: Iterable[str], known: Iterable[str] | None = None) -> None:
+    def require(self, needed: Sequence[str], known: Sequence[str] | None = None) -> None:
         """Raise DataError that lists all missing, unknown and repeated columns.
 
         With ``known`` None any other column is allowed.
         """
-        needed = tuple(needed)
         if len(self.head) == 1 < len(needed):
             raise DataError(f"{self.path} {NO_TABLE}: its first line is '{self.head[0]}'; {SAVE}")
         faults: list[str] = []
         other_names = ""
         checked_names = needed
         if known is not None:
-            valid_names = tuple(known)
-            unknown = dict.fromkeys(name for name in self.head if name not in valid_names)
+            unknown = dict.fromkeys(name for name in self.head if name not in known)
             faults += [
-                f"'{name}' is not a known column; {did_you_mean(name, valid_names)}"
-                for name in unknown
+                f"'{name}' is not a known column; {did_you_mean(name, known)}" for name in unknown
             ]
             checked_names = self.head
         else:

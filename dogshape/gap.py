@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from dogshape.bench.bench_data import Bench, load_bench, require_shifts
-from dogshape.bench.bench_draft import BenchDraft, DraftTables, is_table
+from dogshape.bench.bench_draft import BenchDraft, DraftTables, is_table, read_tables
 from dogshape.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.outcome import (
@@ -219,7 +219,8 @@ def _data_of(
             yield load_bench(bench, correct), None
             return
         bench = BenchDraft(bench)
-    with draft_bench(bench, correct) as (data, reading):
+    tables = read_tables(bench) if isinstance(bench, BenchDraft) else bench
+    with draft_bench(tables, correct) as (data, reading):
         for line in assumption_lines(reading.assumed):
             listener.say(line)
         yield data, reading

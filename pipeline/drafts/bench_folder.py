@@ -74,7 +74,7 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> B
     """
     target = Path(out)
     with draft_folder(target, force) as folder:
-        reading, _ = _fill_folder(folder, target, draft, _name_setting)
+        reading, _ = _fill_folder(folder, target, read_tables(draft), _name_setting)
         for path in map(file_of, draft.paths):
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
@@ -83,31 +83,30 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> B
 
 @contextmanager
 def draft_bench(
-    bench: BenchDraft | DraftTables, corrections: Sequence[str]
+    tables: DraftTables, corrections: Sequence[str]
 ) -> Iterator[tuple[Bench, BenchReading]]:
-    """Yield the data set of a draft, or of its tables, and its reading; raises as ``write_bench``.
+    """Yield the data set of a draft's tables, and its reading; raises as ``write_bench``.
 
     Its folder is a temporary one, for as long as the context lasts. ``corrections`` are made beside
     those of the draft.
     """
-    tables = None if isinstance(bench, BenchDraft) else bench
-    draft = bench if isinstance(bench, BenchDraft) else bench.draft
+    draft = tables.draft
     if not draft.paths:
         raise InputError("the draft has no table to diagnose; name its tables")
     settings = dict(draft.values)
     stated = [*settings.get("corrections", ()), *corrections]
     if stated:
         settings["corrections"] = stated
-    draft = replace(draft, values=settings)
+    tables = replace(tables, draft=replace(draft, values=settings))
     with tempfile.TemporaryDirectory(prefix="dogshape-") as place:
         name = Path(draft.folder_name)
         folder = Path(place) / name
         folder.mkdir()
         try:
-            reading, bench = _fill_folder(folder, name, draft, _name_correction, tables)
+            reading, bench = _fill_folder(folder, name, tables, _name_correction)
         except DogshapeError as error:
-            tables = ", ".join(map(str, draft.paths))
-            text = str(error).replace(str(name / "bench.toml"), tables)
+            paths = ", ".join(map(str, draft.paths))
+            text = str(error).replace(str(name / "bench.toml"), paths)
             raise type(error)(text) from error
         yield bench, reading
 
@@ -123,22 +122,20 @@ def _name_correction(correction: str) -> str:
 def _fill_folder(
     folder: Path,
     out: Path,
-    draft: BenchDraft,
+    tables: DraftTables,
     name_correction: Callable[[str], str],
-    tables: DraftTables | None = None,
 ) -> tuple[BenchReading, Bench]:
     """Write ``bench.toml``, ``shifts.csv`` and traces into a folder that messages call ``out``.
 
     Returns the reading and the data set. ``name_correction`` writes the option of a
-    correction, ``tables`` are those of the draft if they were read.
+    correction.
     """
+    draft = tables.draft
+    rows = tables.rows.copy()
+    report = deepcopy(tables.report)
     source = source_of(draft.origin)
     where = ", ".join(map(str, draft.paths)) or str(out)
-    if draft.paths:
-        tables = deepcopy(tables) or read_tables(draft)
-        rows, report = tables.rows, tables.report
-    else:
-        report = ReadingReport()
+    if not draft.paths:
         points = [
             (m, f, source.table.rise(f), 10) for m in source.mismatches for f in source.forces
         ]
