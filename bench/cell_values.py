@@ -75,21 +75,7 @@ def decimal_sign(
     ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both
     signs, and for those that can be read in two ways.
     """
-    certain: dict[str, str] = {}
-    questions: dict[str, str] = {}
-    for head, cells in columns.items():
-        for cell, row in zip(map(plain, cells), rows, strict=True):
-            if is_number(cell) and (marks := re.findall("[.,]", cell)):
-                mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER_DECIMAL[marks[-1]]
-                if not _EITHER.fullmatch(cell):
-                    certain.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
-                    continue
-                questions.setdefault(
-                    mark,
-                    f"column '{head}', row {row}: '{cell}' can be read as "
-                    f"{cell.replace(mark, '')}, {argument('decimal', OTHER_DECIMAL[mark])}, or as "
-                    f"{cell.replace(mark, '.')}, {argument('decimal', mark)}",
-                )
+    certain, questions = _signs_of(columns, rows)
     if len(certain) > 1 or (stated and OTHER_DECIMAL[stated] in certain):
         signs = " and with ".join(certain[mark] for mark in sorted(certain))
         says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
@@ -104,6 +90,30 @@ def decimal_sign(
     if separator == "," and set(questions) == {"."} and not has_whole_number:
         return "."
     raise DataError("; ".join(questions.values()))
+
+
+def _signs_of(
+    columns: Mapping[str, Sequence[str]], rows: Sequence[int]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Describe the first number with each decimal sign, and the first that has two readings."""
+    certain: dict[str, str] = {}
+    questions: dict[str, str] = {}
+    for head, cells in columns.items():
+        for cell, row in zip(map(plain, cells), rows, strict=True):
+            marks = re.findall("[.,]", cell) if is_number(cell) else []
+            if not marks:
+                continue
+            mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER_DECIMAL[marks[-1]]
+            if not _EITHER.fullmatch(cell):
+                certain.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
+                continue
+            questions.setdefault(
+                mark,
+                f"column '{head}', row {row}: '{cell}' can be read as "
+                f"{cell.replace(mark, '')}, {argument('decimal', OTHER_DECIMAL[mark])}, or as "
+                f"{cell.replace(mark, '.')}, {argument('decimal', mark)}",
+            )
+    return certain, questions
 
 
 SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"

@@ -83,6 +83,7 @@ _SQUARED = re.compile(r"(.*[^\d\W])\s*(?:²|\^?2)")
 _MULTIPLE = rf"\b([23]) ?(?:x |mal |times )?(?:{_STANDARD_DEVIATION}|standard deviations)\b"
 _UNSETTLED = rf"{MEAN}|max|min|rel\w*|err\w*|confidence|konfidenz\w*|range|[02-9]\w*|\d\d+|k"
 _TIMES_AT = r"(t |time |zeit )?(start|beginn?|begin|anfang|ende?|stop|end)\w*"
+Term = tuple[Column, Unit | None]  #: of a formula, with its unit
 _AREA_LITERAL = re.compile(r"(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(mm|cm|m|in)\s*(?:\^?2|²)")
 
 
@@ -95,7 +96,7 @@ class Match:
     """
 
     quantity: TableQuantity
-    terms: tuple[tuple[Column, Unit | None], ...]
+    terms: tuple[Term, ...]
     why: str
     formula: str = "c0"
     option: str = ""
@@ -138,44 +139,49 @@ def matched(
     ``options`` maps quantities to column options (``stated_match``), which come first, or to
     ``NONE``.
     """
-    matches: list[Match] = []
-    questions: list[str] = []
-    missing: list[TableQuantity] = []
-    for name, text in options.items():
-        try:
-            matches += [stated_match(columns, quantities, name, text)] if text != NONE else []
-        except InputError as error:
-            questions.append(str(error))
+    matches, questions = _stated_matches(columns, quantities, options)
     stated = {c for match in matches for c, _ in match.terms if not _is_factor(match, c)}
     free = [column for column in columns if column not in stated]
+    missing: list[TableQuantity] = []
     scores = {q: {c: score(q, c) for c in free} for q in quantities if q.name not in options}
     order = sorted(scores, key=lambda quantity: -max(scores[quantity].values(), default=0.0))
     for quantity in order:
         candidates = _candidates(quantity, scores[quantity], free)
-        if not candidates:
-            missing += [quantity] if quantity.needed else []
-        elif len(candidates) > 1:
-            questions.append(_which(quantity.name, candidates))
-        elif quantity.name == "n_shifts" and counts_up(candidates[0]):
-            questions.append(_ask_about_numbers(candidates[0].head))
-        else:
+        question = _open_question(quantity.name, candidates)
+        if question:
+            questions.append(question)
+        elif candidates:
             column = candidates[0]
             free.remove(column)
             reason = "name and unit" if column.unit else "name"
             matches.append(Match(quantity, ((column, column.unit),), reason))
+        elif quantity.needed:
+            missing.append(quantity)
     nameless = [column.head == f"column {column.place}" for column in columns]
     if missing and all(nameless):
         questions.append(_ask_for_names(missing, columns))
     else:
         questions += [_missing(quantity, free) for quantity in missing]
     if quantities is SHIFTS:
-        if "shift_time_sd_s" not in {match.quantity.name for match in matches} | set(options):
-            variation, spread_questions = _variation_match(matches, free)
-            matches += variation
-            questions += spread_questions
-        matches, spread_questions = _with_spread(matches, options)
+        matches, spread_questions = _with_spread(matches, free, options)
         questions += [*spread_questions, *_uncounted_means(matches, options)]
     return Matching(tuple(matches), tuple(questions))
+
+
+def _stated_matches(
+    columns: Sequence[Column], quantities: Sequence[TableQuantity], options: Mapping[str, str]
+) -> tuple[list[Match], list[str]]:
+    """Match the columns of the options; also list the faults of these."""
+    matches = []
+    faults = []
+    for name, text in options.items():
+        if text == NONE:
+            continue
+        try:
+            matches.append(stated_match(columns, quantities, name, text))
+        except InputError as error:
+            faults.append(str(error))
+    return matches, faults
 
 
 def _is_factor(match: Match, column: Column) -> bool:
@@ -214,8 +220,14 @@ def _ask_for_names(missing: Sequence[TableQuantity], columns: Sequence[Column]) 
     )
 
 
-def _which(name: str, candidates: Sequence[Column]) -> str:
-    """Ask which of several columns is a quantity."""
+def _open_question(name: str, candidates: Sequence[Column]) -> str:
+    """Ask which of several columns is a quantity, or what a column of numbers counts.
+
+    Empty for a single column that is certain, and without any.
+    """
+    if len(candidates) < 2:
+        is_open = bool(candidates) and name == "n_shifts" and counts_up(candidates[0])
+        return _ask_about_numbers(candidates[0].head) if is_open else ""
     heads = [column.head for column in candidates]
     if name == "mismatch_rpm" and len(set(heads)) > 1:
         return _difference_question(name, candidates)
@@ -356,12 +368,13 @@ def stated_match(
     if match:
         column, option = labels[match[1]], match[2] or ""
         unit = unit_with_factor(option) if option else column.unit
-        if name not in WORDED:
+        if name in WORDED:
+            unit = unit or column.unit
+        else:
             _require_unit(quantity, option, unit)
         if column.repeats:
             text = f"{column.repeats} columns of repeats"
-        worded = unit or column.unit if name in WORDED else unit
-        terms: tuple[tuple[Column, Unit | None], ...] = ((column, worded),)
+        terms: tuple[Term, ...] = ((column, unit),)
         return Match(quantity, terms, _reason(text, terms), option=option, stated=True)
     constant = _constant(quantity, text)
     if constant:
@@ -385,7 +398,7 @@ def _require_unit(quantity: TableQuantity, option: str, unit: Unit | None) -> No
         )
 
 
-def _reason(text: str, terms: Sequence[tuple[Column, Unit | None]]) -> str:
+def _reason(text: str, terms: Sequence[Term]) -> str:
     signed = ["its sign is that of the formula, positive where traction flanks meet"]
     heads = [
         f"the head says {column.unit.text}"
@@ -416,7 +429,7 @@ def _formula_match(
     columns: Sequence[Column],
 ) -> Match:
     """Read a formula of columns; raises InputError for a unit that does not fit."""
-    terms: list[tuple[Column, Unit | None]] = []
+    terms: list[Term] = []
     areas = _AREA_LITERAL.findall(text) if quantity.dimension == FORCE else []
 
     def placed(match: re.Match[str]) -> str:
@@ -574,13 +587,19 @@ def _summaries_of(
 
 
 def _with_spread(
-    matches: Sequence[Match], options: Mapping[str, str]
+    matches: Sequence[Match], free: Sequence[Column], options: Mapping[str, str]
 ) -> tuple[list[Match], list[str]]:
-    """Convert a spread that its name settles into a standard deviation; ask about others."""
+    """Convert a spread that its name settles into a standard deviation; ask about others.
+
+    Without one, a coefficient of variation among the ``free`` columns is matched.
+    """
     name = "shift_time_sd_s"
     converted: list[Match] = []
     questions: list[str] = []
     by_name = {match.quantity.name: match for match in matches}
+    if name not in by_name and name not in options:
+        variation, questions = _variation_match(by_name.get("shift_time_s"), free)
+        return [*matches, *variation], questions
     for match in matches:
         # A product is a coefficient of variation times the mean already.
         if match.quantity.name != name or name in options or len(match.terms) > 1:
@@ -604,6 +623,7 @@ def _deviation_of(match: Match, count: Match | None) -> Match | None:
     multiple = re.search(_MULTIPLE, words)
     squared = squared_time(column.strange or "")
     is_variation = has_word(_VARIATION, words) and column.unit is None
+    is_error = has_word(_STANDARD_ERROR, words)
     if squared is not None:
         reason = f"{match.why}; root of the variance"
         return replace(match, terms=((column, squared),), formula="sqrt(c0)", why=reason)
@@ -612,13 +632,12 @@ def _deviation_of(match: Match, count: Match | None) -> Match | None:
     if multiple:
         reason = f"{match.why}; {multiple[1]} standard deviations"
         return replace(match, formula=f"c0 / {multiple[1]}", why=reason)
-    if has_word(_STANDARD_ERROR, words) and count is not None:
+    if is_error and count is not None:
         reason = f"{match.why}; standard error times the root of '{count.head}'"
         terms = (*match.terms, *((counted, PURE_NUMBER) for counted, _ in count.terms))
         formula = "c0 * sqrt(c1)" if count.terms else f"c0 * sqrt({count.formula})"
         return replace(match, terms=terms, formula=formula, why=reason)
     settled = has_word(_STANDARD_DEVIATION, words) and not has_word(_UNSETTLED, words)
-    is_error = has_word(_STANDARD_ERROR, words)
     return match if settled and not is_error else None
 
 
@@ -641,14 +660,11 @@ def squared_time(text: str) -> Unit | None:
     return Unit(text.strip(), TIME, unit.factor**2)
 
 
-def _variation_match(
-    matches: Sequence[Match], free: Sequence[Column]
-) -> tuple[list[Match], list[str]]:
+def _variation_match(time: Match | None, free: Sequence[Column]) -> tuple[list[Match], list[str]]:
     """Match a coefficient of variation, whose product with the time is the standard deviation.
 
     Returns the match, and a question where no unit says percent.
     """
-    time = next((match for match in matches if match.quantity.name == "shift_time_s"), None)
     for column in free:
         words = plain_words(column.name)
         is_other = column.hidden or has_word(_OTHER_SPREAD, words)

@@ -409,16 +409,38 @@ def _divided(
     first = head_place + 1 + int(np.argmax(grid.data[head_place + 1 :]))
     first += _is_numbered_head(grid, first)
     names, units, head_places = _head(grid, first)
+    questions: list[str] = []
     if chosen:
         body = [k for k in range(first, len(is_chosen)) if is_chosen[k]]
         other_places = np.setdiff1d(np.flatnonzero(grid.data), body)
         excluded_rows = [(grid.rows[k], f"not among {argument('rows')}") for k in other_places]
-        rows = tuple(grid.raw[k] for k in body)
-        return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows))
+    else:
+        body, words, excluded_rows = _classified_rows(
+            path, grid, first, head_places=head_places, heads=heads, signs=signs
+        )
+        questions = _word_questions(grid, body, words, range(first)) if sums else []
+    rows = tuple(grid.raw[k] for k in body)
+    return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows), tuple(questions))
+
+
+def _classified_rows(
+    path: Path,
+    grid: _CellGrid,
+    first: int,
+    *,
+    head_places: Sequence[int],
+    heads: Collection[int],
+    signs: Collection[str],
+) -> tuple[list[int], list[int], Reasons]:
+    """Find shifts and rows of words from the place ``first`` on, and rows left out with reasons.
+
+    Raises DataError where another of the ``heads`` begins a second table.
+    """
     excluded_rows = [
         (grid.rows[k], "stands above the table") for k in range(first) if k not in head_places
     ]
-    body, repeated = [], {grid.cells[k] for k in head_places}
+    repeated = {grid.cells[k] for k in head_places}
+    body: list[int] = []
     words: list[int] = []
     for k in range(first, len(grid.rows)):
         if grid.cells[k] in repeated:
@@ -440,9 +462,7 @@ def _divided(
             words.append(k)
         else:
             body.append(k)
-    questions = _word_questions(grid, body, words, range(first)) if sums else []
-    rows = tuple(grid.raw[k] for k in body)
-    return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows), tuple(questions))
+    return body, words, excluded_rows
 
 
 def _first(grid: _CellGrid, k: int) -> str:

@@ -9,6 +9,7 @@ that their format shows as others. Formulas without a stored value are refused.
 from __future__ import annotations
 
 import csv
+import operator
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -17,7 +18,7 @@ from datetime import date, datetime, time, timedelta
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeGuard
 from zipfile import BadZipFile, ZipFile
 
 from dogshape.bench.decoding import TableLimits, decode_text, read_bytes
@@ -45,26 +46,16 @@ OTHER_BOOKS = {
     ".ods": "a workbook of LibreOffice",
     ".numbers": "a workbook of Numbers",
 }
-#: Comparisons of conditional formatting by the operator of the workbook, and their signs.
-COMPARISONS: dict[str, Callable[..., bool]] = {
-    "greaterThan": lambda value, limit: value > limit,
-    "greaterThanOrEqual": lambda value, limit: value >= limit,
-    "lessThan": lambda value, limit: value < limit,
-    "lessThanOrEqual": lambda value, limit: value <= limit,
-    "equal": lambda value, limit: value == limit,
-    "notEqual": lambda value, limit: value != limit,
-    "between": lambda value, *ends: min(ends) <= value <= max(ends),
-    "notBetween": lambda value, *ends: not min(ends) <= value <= max(ends),
-}
-RULE_SIGNS = {
-    "greaterThan": "above",
-    "greaterThanOrEqual": "at least",
-    "lessThan": "below",
-    "lessThanOrEqual": "at most",
-    "equal": "equal to",
-    "notEqual": "other than",
-    "between": "between",
-    "notBetween": "not between",
+#: Comparisons of conditional formatting by the operator of the workbook, with their words.
+COMPARISONS: dict[str, tuple[str, Callable[..., bool]]] = {
+    "greaterThan": ("above", operator.gt),
+    "greaterThanOrEqual": ("at least", operator.ge),
+    "lessThan": ("below", operator.lt),
+    "lessThanOrEqual": ("at most", operator.le),
+    "equal": ("equal to", operator.eq),
+    "notEqual": ("other than", operator.ne),
+    "between": ("between", lambda value, *ends: min(ends) <= value <= max(ends)),
+    "notBetween": ("not between", lambda value, *ends: not min(ends) <= value <= max(ends)),
 }
 _RULE_NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?")
 _ABSOLUTE_CELL = re.compile(r"\$[A-Z]{1,3}\$\d+")
@@ -457,7 +448,7 @@ def _cell_text(cell: Cell) -> str:
         return _clock_text(value, number_format)
     if isinstance(value, datetime | date):
         return str(value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not _is_numeric(value):
         return clean_text(str(value))
     positive_format = number_format.split(";", maxsplit=1)[0]
     if "%" in _LITERAL.sub("", positive_format):
@@ -526,37 +517,37 @@ def _rule_marks(
     marks: dict[int, list[str]] = {}
     unjudged: list[str] = []
     for area in sheet.conditional_formatting:
-        spans = [span for span in area.cells.ranges if span.min_row <= last_row]
-        cells = [
-            cell
-            for span in spans
+        cells: list[Cell] = []
+        for span in area.cells.ranges:
             for row in sheet.iter_rows(
                 min_row=span.min_row,
                 max_row=min(span.max_row, last_row),
                 min_col=span.min_col,
                 max_col=min(span.max_col, width),
-            )
-            for cell in row
-        ]
+            ):
+                cells += row
         for rule in area.rules if cells else ():
             limits = [_rule_limit(sheet, formula) for formula in rule.formula]
-            compare = COMPARISONS.get(rule.operator or "")
-            if rule.type != "cellIs" or compare is None or not limits or None in limits:
+            comparison = COMPARISONS.get(rule.operator or "")
+            if rule.type != "cellIs" or comparison is None or not limits or None in limits:
                 kind = " ".join(filter(None, (rule.type, *map(str, rule.formula))))
                 unjudged.append(
                     f"conditional formatting of {area.sqref} ({kind}) is not judged: rows that it "
                     "marks are read as the others"
                 )
                 continue
+            words, compare = comparison
             shown = " and ".join(f"{limit:g}" for limit in limits if limit is not None)
-            mark = f"under the rule {RULE_SIGNS[rule.operator]} {shown}"
+            mark = f"under the rule {words} {shown}"
             for cell in cells:
-                value = cell.value
-                is_numeric = isinstance(value, int | float) and not isinstance(value, bool)
-                if is_numeric and compare(value, *limits):
+                if _is_numeric(cell.value) and compare(cell.value, *limits):
                     row_marks = marks.setdefault(cell.row, [])
                     row_marks += [mark] if mark not in row_marks else []
     return marks, tuple(dict.fromkeys(unjudged))
+
+
+def _is_numeric(value: Any) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _rule_limit(sheet: Worksheet, formula: str) -> float | None:
@@ -564,9 +555,7 @@ def _rule_limit(sheet: Worksheet, formula: str) -> float | None:
     if _RULE_NUMBER.fullmatch(formula.strip()):
         return float(formula)
     value = sheet[formula.replace("$", "")].value if _ABSOLUTE_CELL.fullmatch(formula) else None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value)
+    return float(value) if _is_numeric(value) else None
 
 
 def _is_masked(cell: Cell) -> bool:
@@ -575,7 +564,7 @@ def _is_masked(cell: Cell) -> bool:
     if len(sections) == 1:
         return False
     value = cell.value
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not _is_numeric(value):
         return len(sections) == 4 and _EMPTY_SECTION.fullmatch(sections[3]) is not None
     # A format that blanks zeros alone, such as 0;-0;, rejects nothing.
     section = sections[1] if value < 0 else sections[0]

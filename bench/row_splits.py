@@ -73,21 +73,15 @@ def with_lists(
     Returns the table as it is where a list may be something else, which its reading refuses.
     """
     times = _list_column(table, options)
-    if times is None:
+    counts = None if times is None else _listed_counts(table, options)
+    if times is None or counts is None:
         return table, options
     lists = [list_parts(cell) or [cell] for cell in times.cells]
     lengths = [
         0 if cell.lower() in NOTHING else len(parts)
         for cell, parts in zip(times.cells, lists, strict=True)
     ]
-    counts = _listed_counts(table, options)
-    if counts is None:
-        return table, options
-    differs = any(
-        length not in (0, count) for length, count in zip(lengths, counts.numbers, strict=False)
-    )
-    is_constant = bool(counts.numbers) and counts.column is None
-    if differs or (is_constant and not all(lengths)) or (not counts.numbers and _is_ranked(lists)):
+    if not _are_shifts(lists, lengths, counts):
         return table, options
     places = [k for k, parts in enumerate(lists) for _ in parts]
     columns = []
@@ -100,7 +94,7 @@ def with_lists(
         columns.append(replace(column, cells=tuple(cells)))
     example = next(cell for cell in times.cells if list_parts(cell))
     remark = f"each number in a cell of '{times.head}', such as '{example}', is a shift of its row"
-    if is_constant:
+    if counts.numbers and counts.column is None:
         options = {**options, "n_shifts": "1"}
     return _with_rows(table, columns, places).with_remark(remark), options
 
@@ -110,6 +104,14 @@ class _Counts(NamedTuple):
 
     numbers: list[float]
     column: Column | None
+
+
+def _are_shifts(lists: Sequence[Sequence[str]], lengths: Sequence[int], counts: _Counts) -> bool:
+    """Test that lists have as many times as their rows have shifts, or no common order."""
+    if not counts.numbers:
+        return not _is_ranked(lists)
+    fits = all(length in (0, count) for length, count in zip(lengths, counts.numbers, strict=True))
+    return fits and (counts.column is not None or all(lengths))
 
 
 def _listed_counts(table: ForeignTable, options: Mapping[str, str]) -> _Counts | None:
@@ -143,12 +145,7 @@ def _list_column(table: ForeignTable, options: Mapping[str, str]) -> Column | No
         candidates = [label] if label is not None else []
     candidates = [c for c in candidates if not c.hidden and any(map(list_parts, c.cells))]
     other_columns = [c for c in table.columns if c not in candidates]
-    spread = options.get("shift_time_sd_s", "") not in ("", NONE) or (
-        "shift_time_sd_s" not in options
-        and any(_scores("shift_time_sd_s", c) for c in other_columns)
-    )
-    traced = any(_scores("trace", column) and any(column.cells) for column in other_columns)
-    if len(candidates) != 1 or spread or traced:
+    if len(candidates) != 1 or _has_spread_or_trace(other_columns, options):
         return None
     times = candidates[0]
     words = plain_words(times.name)
@@ -159,6 +156,15 @@ def _list_column(table: ForeignTable, options: Mapping[str, str]) -> Column | No
         for cell in times.cells
     ]
     return times if all(readable) else None
+
+
+def _has_spread_or_trace(columns: Sequence[Column], options: Mapping[str, str]) -> bool:
+    """Test that a column or an option says of a row that it is one shift or one mean."""
+    if options.get("shift_time_sd_s", "") not in ("", NONE):
+        return True
+    if "shift_time_sd_s" not in options and any(_scores("shift_time_sd_s", c) for c in columns):
+        return True
+    return any(_scores("trace", column) and any(column.cells) for column in columns)
 
 
 def _scores(name: str, column: Column) -> bool:
