@@ -55,9 +55,9 @@ from dogshape.bench.raw_sheet import (
     is_workbook,
     quoting_of,
     read_lines,
-    read_workbook,
     text_sheet,
 )
+from dogshape.bench.workbook import read_workbook
 from dogshape.sim.errors import DataError
 from dogshape.sim.interface import argument, key_arguments
 

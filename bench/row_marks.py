@@ -36,8 +36,9 @@ from dogshape.bench.draft_arguments import (
 )
 from dogshape.bench.foreign_table import REJECTED, ROUNDED, ForeignTable
 from dogshape.bench.quantities import SPLITTING, counts_up, has_word, plain_words
-from dogshape.bench.raw_sheet import COLOURED, is_workbook, odd_colours
+from dogshape.bench.raw_sheet import is_workbook
 from dogshape.bench.row_splits import FAILED, NUMBER, SHARE
+from dogshape.bench.workbook import COLOURED, odd_colours
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.interface import argument
 
