@@ -15,10 +15,11 @@ from pandas import DataFrame
 
 from dogshape.bench.decoding import TableLimits
 from dogshape.bench.draft_arguments import no_column
-from dogshape.bench.foreign_readings import ReadingReport, TableReader
+from dogshape.bench.foreign_readings import TableReader
 from dogshape.bench.foreign_table import ForeignTable, read_foreign, read_sheet, table_of
 from dogshape.bench.quantities import SHIFTS, TRACE
 from dogshape.bench.raw_sheet import OTHER_BOOKS, file_of, is_workbook
+from dogshape.bench.reading_report import ReadingReport
 from dogshape.bench.row_marks import RowChoice
 from dogshape.bench.table import COLUMNS, NUMERIC
 from dogshape.bench.traces import READERS

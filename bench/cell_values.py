@@ -167,6 +167,7 @@ _UNIT_SIGNS = str.maketrans({
 _FACTOR = re.compile(
     r"[x*]?\s*(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?|10\^?-\d+|1/\d+)\s*[x*]?\s*([^\d\W].*|°.*|1/.*)"
 )
+_SQUARED = re.compile(r"(.*[^\d\W])\s*(?:²|\^?2)")
 _BRACKETS = re.compile(r"^(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _LAST = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|[\s_,.]+)([^\s_]+)$")
 
@@ -200,6 +201,15 @@ def unit_with_factor(text: str) -> Unit | None:
     else:
         factor = float(digits)
     return replace(base, text=text.strip(), factor=base.factor * factor)
+
+
+def squared_time(text: str) -> Unit | None:
+    """Find the unit of a variance of times, ``ms²``, its factor to s²; None for another text."""
+    match = _SQUARED.fullmatch(text.strip())
+    unit = unit_named(match[1]) if match else None
+    if unit is None or unit.dimension != TIME:
+        return None
+    return Unit(text.strip(), TIME, unit.factor**2)
 
 
 def split_quantity(cell: str) -> tuple[str, Unit | None]:

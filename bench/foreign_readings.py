@@ -9,7 +9,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,13 +33,9 @@ from dogshape.bench.cell_values import (
     unit_named,
     unit_with_factor,
 )
+from dogshape.bench.column_options import PURE_NUMBER, Match
 from dogshape.bench.draft_arguments import NONE, column_argument, no_column
-from dogshape.bench.foreign_columns import (
-    PURE_NUMBER,
-    Match,
-    matched,
-    with_repeats,
-)
+from dogshape.bench.foreign_columns import matched
 from dogshape.bench.foreign_table import (
     REPEATS,
     TRANSPOSED,
@@ -57,10 +52,12 @@ from dogshape.bench.quantities import (
     score,
 )
 from dogshape.bench.raw_sheet import CellNote
+from dogshape.bench.reading_report import ColumnReading, Exclusion, ReadingReport
+from dogshape.bench.repeats import with_repeats
 from dogshape.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
 from dogshape.bench.row_splits import with_lists, with_shares
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DataError, InputError, join_faults, number
+from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.interface import argument
 
 MAX_CELL_CHARACTERS = 40  #: characters of a cell that a sentence shows
@@ -74,65 +71,6 @@ SENTENCES = {
     REPEATS: "each cell of the columns of repeats is a shift of its own",
 }
 Values = list[Any]  #: a value for each row, None where there is none
-
-
-@dataclass(frozen=True)
-class ColumnReading:
-    """Reading of a column of a table; its fields are keys of the record of a reading."""
-
-    file: str
-    quantity: str  #: key of the quantity, with its unit
-    column: str  #: head in the file, or formula
-    unit: str | None  #: in the file; None for one without
-    decimals: str | None  #: name of the decimal sign; None where no number shows one
-    first: Any  #: first value, in the unit of the quantity; None for an empty column
-    least: float | None  #: smallest number, in that unit; None for a column of texts
-    largest: float | None
-    why: str  #: reason of the reading
-
-
-@dataclass(frozen=True)
-class Exclusion:
-    """Row or column of a table that is not read."""
-
-    file: str
-    reason: str
-    row: int | None = None  #: number in the file; None for a column
-    column: str = ""  #: head of the column; empty for a row
-
-    @property
-    def place(self) -> str:
-        """Row or column in words."""
-        return f"column '{self.column}'" if self.row is None else f"row {self.row}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Convert the exclusion to values of JSON."""
-        place = {"column": self.column} if self.row is None else {"row": self.row}
-        return {"file": self.file, **place, "reason": self.reason}
-
-
-@dataclass
-class ReadingReport:
-    """Record of a reading: faults, assumptions, readings, excluded rows and columns."""
-
-    faults: list[str] = field(default_factory=list)
-    assumed: list[str] = field(default_factory=list)
-    left_out: list[Exclusion] = field(default_factory=list)
-    readings: list[ColumnReading] = field(default_factory=list)
-    empty_rows: int = 0  #: rows with neither a time nor an outcome
-
-    def to_dict(self) -> dict[str, Any]:
-        """Convert readings and exclusions to values of JSON."""
-        return {
-            "columns": [vars(reading) for reading in self.readings],
-            "left_out": [exclusion.to_dict() for exclusion in self.left_out],
-        }
-
-    def require(self, place: str) -> None:
-        """Raise DataError with all faults, if there are any."""
-        faults = list(dict.fromkeys(self.faults))
-        if faults:
-            raise DataError(join_faults(place, faults) if len(faults) > 1 else faults[0])
 
 
 class TableReader:

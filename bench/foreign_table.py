@@ -1,8 +1,8 @@
 """Layout of a foreign table: head, rows of shifts, and excluded rows with their reasons.
 
 A foreign table is read in five steps, each a frozen value that ``explain_reading`` tells about:
-*raw sheet* (``bench.raw_sheet``), *layout* (here), *columns and units* (``foreign_columns``),
-*rows and marks* (``row_marks``), *readings* (``foreign_readings``).
+*raw sheet* (``bench.raw_sheet``, ``workbook``), *layout* (here), *columns and units*
+(``foreign_columns``), *rows and marks* (``row_marks``), *readings* (``foreign_readings``).
 
 A layout has one row for each shift or mean, else it is reshaped where that is certain (transposed,
 repeats as columns) and refused by its name where it is not: matrix, blocks with titles, tables side

@@ -184,6 +184,30 @@ TRACE = (
         needed=True,
     ),
 )
+#: Words of means and of their spread.
+MEAN = (
+    r"mittel\w*|mean|average|avg|durchschnitt\w*|moyenne?|media|promedio|gemiddeld\w*|medel\w*"
+    r"|sredni\w*|prumer\w*|median"
+)
+STANDARD_ERROR = (
+    r"\w*standardfehler|(standard|std) err(or)?|stderr|sem|s e m|\w*abweichung des mittel\w*"
+    r"|(standard|std) (deviation|dev) of (the )?mean|erreur (type|standard)|errore standard"
+    r"|error estandar|standaardfout|medelfel"
+)
+STANDARD_DEVIATION = (
+    r"\w*std\w*|sd|stabw|sigma|\w*standardabweichung|standard deviation|ecart type"
+    r"|deviazione standard|desviacion (estandar|tipica)|scarto (tipo|quadratico medio)"
+    r"|smerodatna odchylka|odchylenie standardowe"
+)
+VARIANCE = (
+    r"varian[zs]|variance|varianza|variantie|wariancja|rozptyl|var|s ?2|sigma ?2|sigma squared"
+)
+VARIATION = (
+    r"cv|vk|vko|rsd|variationskoeffizient\w*|\w*variationskoeff\w*|coef\w* (of |de |di )?varia\w*"
+    r"|rel\w* (standardabweichung|standard deviation|std\w*|sd|streuung)|variatiecoefficient"
+)
+#: A variation of another quantity.
+OTHER_SPREAD = r"f|force|\w*kraft|n|mismatch|\w*drehzahl|rise|anstieg|regime"
 #: Words of columns that divide shifts into kinds, such as gear or direction.
 SPLITTING = (
     r"gear|gang|gaenge|stufe|direction|richtung|sens|vorgang|vorgaenge|operation|mode|modus|type|typ"

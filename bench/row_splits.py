@@ -23,15 +23,12 @@ from dogshape.bench.cell_values import (
     numbers_of,
     split_quantity,
 )
+from dogshape.bench.column_options import Match, column_labels
 from dogshape.bench.draft_arguments import NONE, column_placeholder
-from dogshape.bench.foreign_columns import (
-    MEAN,
-    Match,
-    column_labels,
-    matched,
-)
+from dogshape.bench.foreign_columns import matched
 from dogshape.bench.foreign_table import ForeignTable
 from dogshape.bench.quantities import (
+    MEAN,
     SHIFT_QUANTITIES,
     SHIFTS,
     has_word,

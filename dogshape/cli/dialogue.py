@@ -16,7 +16,7 @@ from dogshape.terminal import print_parts, terminal
 
 if TYPE_CHECKING:
     from dogshape.bench.bench_draft import BenchDraft, DraftTables
-    from dogshape.bench.foreign_readings import ReadingReport
+    from dogshape.bench.reading_report import ReadingReport
 
 PIPE_WIDTH = 160  #: characters of a table where standard error is no terminal
 #: Fields of a draft with one text, by their options.

@@ -28,8 +28,8 @@ from dogshape.bench.bench_draft import (
     read_tables,
     row_numbers,
 )
-from dogshape.bench.foreign_readings import ReadingReport
 from dogshape.bench.raw_sheet import file_of
+from dogshape.bench.reading_report import ReadingReport
 from dogshape.bench.table import COLUMNS
 from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.toml_text import with_values
