@@ -23,12 +23,7 @@ from dogshape.bench.cell_values import (
     unit_with_factor,
 )
 from dogshape.bench.draft_arguments import column_placeholder
-from dogshape.bench.quantities import (
-    VARIATION,
-    TableQuantity,
-    has_word,
-    plain_words,
-)
+from dogshape.bench.quantities import VARIATION, TableQuantity, has_word, plain_words
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.interface import argument, key_argument
 

@@ -11,12 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    PRESSURE,
-    SPEED,
-    TIME,
-    Column,
-)
+from dogshape.bench.cell_values import PRESSURE, SPEED, TIME, Column
 from dogshape.bench.column_options import Match, stated_match
 from dogshape.bench.draft_arguments import NONE, column_argument, column_placeholder
 from dogshape.bench.quantities import (

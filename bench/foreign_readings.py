@@ -36,12 +36,7 @@ from dogshape.bench.cell_values import (
 from dogshape.bench.column_options import PURE_NUMBER, Match
 from dogshape.bench.draft_arguments import NONE, column_argument, no_column
 from dogshape.bench.foreign_columns import matched
-from dogshape.bench.foreign_table import (
-    REPEATS,
-    TRANSPOSED,
-    ForeignTable,
-    side_question,
-)
+from dogshape.bench.foreign_table import REPEATS, TRANSPOSED, ForeignTable
 from dogshape.bench.quantities import (
     SHIFTS,
     WORD,
@@ -56,6 +51,7 @@ from dogshape.bench.reading_report import ColumnReading, Exclusion, ReadingRepor
 from dogshape.bench.repeats import with_repeats
 from dogshape.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
 from dogshape.bench.row_splits import with_lists, with_shares
+from dogshape.bench.table_shapes import side_question
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.interface import argument

@@ -13,15 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    FORCE,
-    LENGTH,
-    PRESSURE,
-    SPEED,
-    TIME,
-    UNITS,
-    Column,
-)
+from dogshape.bench.cell_values import FORCE, LENGTH, PRESSURE, SPEED, TIME, UNITS, Column
 
 #: Scores of a column: its unit alone, a loose word, one of its words, its name; a unit beside them.
 UNIT, LOOSE, WORD, NAME, FITS = 1.0, 2.0, 3.0, 4.0, 0.5

@@ -10,12 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    NOTHING,
-    Column,
-)
+from dogshape.bench.cell_values import NOTHING, Column
 from dogshape.bench.column_options import column_labels
-from dogshape.bench.foreign_table import MIN_REPEATS, REPEATS, ROUNDED, ForeignTable
+from dogshape.bench.foreign_table import REPEATS, ROUNDED, ForeignTable
 from dogshape.bench.quantities import (
     MEAN,
     SHIFT_QUANTITIES,
@@ -25,6 +22,8 @@ from dogshape.bench.quantities import (
     repeated_name,
     score,
 )
+
+MIN_REPEATS = 3  #: numbered columns that are repeats, unless a word of a shift time names them
 
 
 def with_repeats(

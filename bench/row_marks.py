@@ -19,14 +19,7 @@ from itertools import chain
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    ANSWERS,
-    NOTHING,
-    Column,
-    answer_of,
-    is_dated,
-    is_number,
-)
+from dogshape.bench.cell_values import ANSWERS, NOTHING, Column, answer_of, is_dated, is_number
 from dogshape.bench.draft_arguments import (
     column_argument,
     drop_argument,

@@ -16,25 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    NOTHING,
-    Column,
-    is_number,
-    numbers_of,
-    split_quantity,
-)
+from dogshape.bench.cell_values import NOTHING, Column, is_number, numbers_of, split_quantity
 from dogshape.bench.column_options import Match, column_labels
 from dogshape.bench.draft_arguments import NONE, column_placeholder
 from dogshape.bench.foreign_columns import matched
 from dogshape.bench.foreign_table import ForeignTable
-from dogshape.bench.quantities import (
-    MEAN,
-    SHIFT_QUANTITIES,
-    SHIFTS,
-    has_word,
-    plain_words,
-    score,
-)
+from dogshape.bench.quantities import MEAN, SHIFT_QUANTITIES, SHIFTS, has_word, plain_words, score
 
 #: Words behind the column of an option: its cells are shares or numbers of shifts that engaged, or
 #: of those that failed.

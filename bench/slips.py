@@ -21,13 +21,7 @@ import numpy as np
 from dogshape.bench.corrections import GIVEN, Finding, Findings, contradict, corrected
 from dogshape.bench.stand_file import Stand
 from dogshape.bench.table import NEAR, Row, Sheet, near_groups
-from dogshape.bench.trace_slips import (
-    TRACED,
-    median,
-    recording_faults,
-    trace_notes,
-    trace_rate,
-)
+from dogshape.bench.trace_slips import TRACED, median, recording_faults, trace_notes, trace_rate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.interface import listed_argument

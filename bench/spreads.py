@@ -11,10 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    Column,
-    squared_time,
-)
+from dogshape.bench.cell_values import Column, squared_time
 from dogshape.bench.column_options import PERCENT, PURE_NUMBER, Match
 from dogshape.bench.draft_arguments import column_argument, column_placeholder, no_column
 from dogshape.bench.quantities import (
