@@ -34,8 +34,9 @@ from dogshape.bench.table import COLUMNS
 from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
+from dogshape.pipeline.drafts.draft_source import Source, source_of
 from dogshape.pipeline.drafts.reading_table import BenchFolder, BenchReading
-from dogshape.pipeline.drafts.study_folder import Source, draft_folder, source_of
+from dogshape.pipeline.drafts.study_folder import draft_folder
 from dogshape.sim.errors import DogshapeError, InputError, number
 from dogshape.sim.interface import argument, key_argument, listed_argument
 from dogshape.sim.shift.drive import NO_DRIVE
