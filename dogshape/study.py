@@ -262,7 +262,7 @@ class Study:
         Example: ``study.data_sheet("sheet.html", "shortest", number="47-11", author="A. Novak")``
         """
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
-        from dogshape.pipeline.reports.data_sheet import NamedDesign  # noqa: PLC0415
+        from dogshape.pipeline.reports.named_design import NamedDesign  # noqa: PLC0415
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, {"why": why, **block})
 

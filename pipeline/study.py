@@ -14,11 +14,11 @@ from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.search.confirmation import (
     Executors,
-    audit,
     confirm,
     confirm_nearest,
     shifts_to_confirm,
 )
+from dogshape.pipeline.search.engine_audit import audit
 from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import SearchState, Trial, expectation_from
 from dogshape.pipeline.search.study_record import Confirmation, DesignRow, StudyRecord
@@ -30,10 +30,10 @@ from dogshape.pipeline.simulate.design import (
     leading_objective,
     limits_of,
     objectives_of,
-    tolerance_time,
 )
 from dogshape.pipeline.simulate.evaluation import STAGES, LifeStage, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
+from dogshape.pipeline.simulate.tolerance_time import tolerance_time
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
 from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.pipeline.store.result_records import EngineAgreement, HangPriorRow, hang_keys

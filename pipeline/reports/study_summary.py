@@ -14,14 +14,16 @@ from dogshape.pipeline.reports.data_sheet import (
     STATISTICAL_MARGIN,
     TIME,
     WORST_MARGIN,
-    DesignSheet,
     hang_share,
+    words_of,
+)
+from dogshape.pipeline.reports.design_record import (
+    DesignSheet,
     largest_loss,
     point_differences,
     searched_sheet,
     searched_verdict,
     time_difference,
-    words_of,
 )
 from dogshape.pipeline.reports.designs import (
     MARGIN,
@@ -29,7 +31,6 @@ from dogshape.pipeline.reports.designs import (
     Goal,
     confirmation_of,
     confirmed_designs,
-    confirmed_verdict,
     design_name,
     engaged_shifts,
     goals_of,
@@ -37,6 +38,13 @@ from dogshape.pipeline.reports.designs import (
     nearest_records,
     objection,
     out_at_new_angles,
+)
+from dogshape.pipeline.reports.headline import (
+    Pair,
+    compare_objectives,
+    failing_checks,
+    is_unclear,
+    sides_of,
 )
 from dogshape.pipeline.reports.text import (
     axis,
@@ -52,21 +60,9 @@ from dogshape.pipeline.reports.text import (
     quantile_words,
     value,
 )
-from dogshape.pipeline.search.study_record import (
-    Confirmation,
-    ConfirmedDesign,
-    DesignRow,
-    OtherShape,
-    StudyRecord,
-)
-from dogshape.pipeline.simulate.design import (
-    SIMULATED,
-    SUMMARIES,
-    WITHIN,
-    WITHIN_WORDS,
-    failing_words,
-)
-from dogshape.pipeline.store.result_records import CheckRow, VerdictRow
+from dogshape.pipeline.search.study_record import Confirmation, DesignRow, OtherShape, StudyRecord
+from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES
+from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
 
 MAX_DESIGNS = 10  #: columns of designs in a table of margins
 RANGE_END = 0.01  #: share of a search range within which a value lies at its end
@@ -75,118 +71,6 @@ VERDICT = "verdict"
 #: Columns of verdict and margins in the table of alternatives, labels of ``words_of``.
 VERDICT_COLUMNS = ("state", STATISTICAL_MARGIN, WORST_MARGIN)
 UNCLEAR_NOTE = " (within two standard errors)"
-Pair = tuple[float, float]  #: a value and its standard error
-
-
-def sides_of(confirmation: Confirmation) -> dict[str, ConfirmedDesign]:
-    """Return prototype and chosen design of a confirmation by their names."""
-    return {"prototype": confirmation.prototype, "chosen": confirmation.best}
-
-
-def headline(result: StudyRecord) -> str:
-    """Compose the headline of a study: the leading objective of its best design, or objections."""
-    best = result.best
-    confirmation = result.confirmation
-    if best is None:
-        failing = _failing_checks(result)
-        reason = f": {failing}" if failing else ""
-        sentence = f"No design of this search passes every check{reason}."
-        return sentence + _nearest_sentences(result)
-    lead = goals_of(result)[0]
-    if confirmation is None:
-        words = "no time"
-        if best.expected_shift_time_s is not None:
-            words = lead.words(lead.printed_value(best), lead.error(best))
-        return f"Best so far, not confirmed: {design_name(best)}, {lead.label} {words}."
-    if best.prototype:
-        return _prototype_headline(lead, confirmation.best)
-    name = design_name(best).capitalize()
-    words = " engages in {} of {} shifts".format(*engaged_shifts(confirmation.best))
-    comparisons = compare_objectives(result)
-    if comparisons and comparisons[0][0] == lead:
-        words = _gain_words(confirmation.prototype, *comparisons[0])
-    return f"{name}{words}.{_verdict_sentence(name, confirmation.best)}"
-
-
-def _gain_words(
-    prototype: ConfirmedDesign, goal: Goal, before: Pair, after: Pair, gain: Pair
-) -> str:
-    """Compose the words on an objective of the chosen design, and of the prototype before."""
-    words = f": {goal.label} {goal.words(*after)}"
-    prototype_words = goal.words(*before)
-    state = confirmed_verdict(prototype).state
-    if state == "fails":
-        return f"{words}; your own dog has {prototype_words}, but {objection(prototype)}"
-    if state == "not_clear":
-        return f"{words}; your own dog has {prototype_words} and is {objection(prototype)}"
-    link = ", not clearly better than" if is_unclear(*gain) else " instead of"
-    return f"{words}{link} {prototype_words} of your own dog"
-
-
-def _nearest_sentences(result: StudyRecord) -> str:
-    """Compose a sentence on each nearest design that fails nothing; each starts with a blank."""
-    words = ""
-    designs = {design.trial: design for design in result.trials}
-    for trial, confirmed in nearest_records(result).items():
-        state = confirmed_verdict(confirmed).state
-        name = "Your own dog" if designs[trial].prototype else f"Design {trial}"
-        if state == "not_clear":
-            words += _verdict_sentence(name, confirmed)
-        elif state != "fails":
-            words += f" {name} fails no check at the new angles; raise expectation.angles."
-    return words
-
-
-def _prototype_headline(lead: Goal, confirmed: ConfirmedDesign) -> str:
-    """Compose the headline of a study whose best design is the prototype."""
-    verdict = confirmed_verdict(confirmed)
-    if verdict.state == "fails":
-        words = "No design of this search is chosen before your own dog."
-    else:
-        superlative = "fastest" if lead.unit == "ms" else "best"
-        clause = " that passes" if verdict.passes else ""
-        time = lead.words(*lead.estimate(confirmed.estimates))
-        words = f"Your own dog is the {superlative}{clause}: {lead.label} {time}."
-    return words + _verdict_sentence("Your own dog", confirmed)
-
-
-def _verdict_sentence(subject: str, confirmed: ConfirmedDesign) -> str:
-    """Compose the objection to a confirmed design as a sentence that starts with a blank."""
-    words = objection(confirmed)
-    if not words:
-        return ""
-    state = confirmed_verdict(confirmed).state
-    if state == "not_judged":
-        return f" {words.capitalize()}."
-    return f" {subject} {words}." if state == "fails" else f" {subject} is {words}."
-
-
-def is_unclear(gain: float, error: float) -> bool:
-    """Check whether a difference is less than two of its standard errors."""
-    return abs(gain) < 2.0 * error
-
-
-def compare_objectives(result: StudyRecord) -> list[tuple[Goal, Pair, Pair, Pair]]:
-    """Compare the simulated objectives of prototype and chosen design.
-
-    Returns objective, value of the prototype, value of the chosen design and gain, each with its
-    standard error in the printed unit. The gain is positive if the chosen design is better. Empty
-    before the confirmation; without times if a design does not engage.
-    """
-    confirmation = result.confirmation
-    best = result.best
-    if confirmation is None or best is None or best.prototype:
-        return []
-    gains = confirmation.gains
-    before = confirmation.prototype.estimates
-    after = confirmation.best.estimates
-    sides = sides_of(confirmation).values()
-    timed = all(confirmed.expected_shift_time_s is not None for confirmed in sides)
-    return [
-        (goal, goal.estimate(before), goal.estimate(after), goal.estimate(gains))
-        for goal in goals_of(result, SIMULATED)
-        if goal.name in gains and (timed or goal.unit != "ms")
-    ]
 
 
 def summary_tables(study: Setup, result: StudyRecord) -> list[Table]:
@@ -447,13 +331,13 @@ def facts_of(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
     best = result.best
     assert confirmation is not None
     assert best is not None
-    verdict = prototype_verdict(study, confirmation)
+    verdict = searched_verdict(study, study.prototype, {}, confirmation.prototype)
     yield "verdict on your own dog, the prototype", _bad_unless(verdict.passes, verdict.line)
     if not best.prototype:
         verdict = chosen_verdict(study, best, confirmation)
         yield f"verdict on {design_name(best)}", _bad_unless(verdict.passes, verdict.line)
     if best.prototype:
-        failing = _failing_checks(result)
+        failing = failing_checks(result)
         if failing:
             yield "designs that fail", failing
     else:
@@ -507,11 +391,6 @@ def chosen_verdict(study: Setup, best: DesignRow, confirmation: Confirmation) ->
     """Return the verdict on the chosen design at the new angles."""
     params = best.params(study.variables)
     return searched_verdict(study, params, best.margins, confirmation.best)
-
-
-def prototype_verdict(study: Setup, confirmation: Confirmation) -> VerdictRow:
-    """Return the verdict on the prototype at the new angles."""
-    return searched_verdict(study, study.prototype, {}, confirmation.prototype)
 
 
 def _confirmation_facts(
@@ -623,19 +502,3 @@ def _hang_facts(confirmation: Confirmation) -> Iterator[tuple[str, str]]:
         if confirmed.hang_probability is not None:
             yield f"mean of engaged shifts, {name}", engaged_text(confirmed)
             yield f"hangs, {name}", hang_words(confirmed)
-
-
-def _failing_checks(result: StudyRecord) -> str:
-    """Compose the checks that most designs fail, with the margin of the nearest design.
-
-    A limit of the smallest margin within tolerances has the name of its weakest check, if stored.
-    """
-    designs = []
-    for row in result.trials:
-        names = {}
-        for name, kind in WITHIN.items():
-            weakest = row.weakest_within(kind) or name
-            names[name] = f"{check_name(weakest)} {WITHIN_WORDS[name]}"
-        margins = row.margins.items()
-        designs.append({names.get(name, check_name(name)): margin for name, margin in margins})
-    return failing_words(designs)

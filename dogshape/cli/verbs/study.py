@@ -58,7 +58,7 @@ FILE_LABELS = {
 def _named_study(name: str, settings: list[str]) -> ds.Study:
     """Load a study by name, file or results, or a searched design as FOLDER#N or STUDY#N."""
     from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
-    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
     folder = StudyFolder(Path(name))
@@ -71,11 +71,7 @@ def _named_study(name: str, settings: list[str]) -> ds.Study:
 
 def _warn_of_doubts(study: ds.Study, angles: Collection[float] = ()) -> None:
     """Warn of units in doubt, of slides that lose power, and of angles beyond a pitch, deg."""
-    from dogshape.pipeline.simulate.plausibility import (  # noqa: PLC0415
-        angle_notes,
-        slide_notes,
-        slips_of,
-    )
+    from dogshape.pipeline.simulate.plausibility import angle_notes, slide_notes, slips_of  # noqa: PLC0415
 
     config = study.config
     warn([*slips_of(config), *slide_notes(config), *angle_notes(config.clutch.dog, angles)])
@@ -411,7 +407,7 @@ def export(
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
     from dogshape.pipeline.export.cad import load_cad  # noqa: PLC0415
-    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
