@@ -424,13 +424,7 @@ class TableReader:
             )
             return None
         if unit is None and not column.strange and not angular:
-            # A recorder's clock may begin anywhere: the length of a trace decides.
-            middle = np.median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
-            text = {
-                TIME: "ms" if middle > 5.0 else "s",
-                FORCE: "kN" if middle < 5.0 else "N",
-                SPEED: "1/min",
-            }.get(str(quantity.dimension), "mm")
+            text = _usual_unit(quantity, values)
             self.report.assumed.append(
                 f"{self.table.path}: '{column.head}' ({quantity.name}) has no unit and is taken as "
                 f"{text} by its size; {answer} says another"
@@ -438,7 +432,7 @@ class TableReader:
             return unit_named(text)
         spelling = unit.text if unit else column.strange or ""
         scaled = unit_with_factor(spelling)
-        if spelling and scaled and scaled.dimension == quantity.dimension and unit is None:
+        if unit is None and scaled and scaled.dimension == quantity.dimension:
             multiple = column_argument(quantity.name, f"{column.head}:{spelling}")
             self._fault(
                 match,
@@ -446,11 +440,9 @@ class TableReader:
                 f"it, or {answer}",
             )
             return None
-        ambiguity = (
-            "unknown"
-            if quantity.dimension != SPEED or (unit is None and not angular)
-            else ("ambiguous (revolutions or radians)")
-        )
+        ambiguity = "ambiguous (revolutions or radians)"
+        if quantity.dimension != SPEED or (unit is None and not angular):
+            ambiguity = "unknown"
         called = f"the unit '{spelling}', which is" if spelling else "a unit that is"
         self._fault(match, f"has {called} {ambiguity}; say {answer} with one of {quantity.units}")
         return None
@@ -512,6 +504,17 @@ def _left_out_by_user(table: ForeignTable, options: Mapping[str, str]) -> frozen
     """Name the columns of quantities that the user leaves out."""
     left_out = [q for q in SHIFTS if options.get(q.name) == NONE]
     return frozenset(c.head for c in table.columns for q in left_out if score(q, c) >= WORD)
+
+
+def _usual_unit(quantity: TableQuantity, values: Array) -> str:
+    """Guess the unit of numbers by their size."""
+    # A recorder's clock may begin anywhere: the length of a trace decides.
+    middle = np.median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
+    return {
+        TIME: "ms" if middle > 5.0 else "s",
+        FORCE: "kN" if middle < 5.0 else "N",
+        SPEED: "1/min",
+    }.get(str(quantity.dimension), "mm")
 
 
 def _remedy_of(cells: Sequence[str]) -> str:

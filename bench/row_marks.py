@@ -143,26 +143,24 @@ def chosen_rows(table: ForeignTable, choice: RowChoice) -> tuple[ForeignTable, f
     if not (choice.drop or choice.keep):
         return table, frozenset()
     marks = marks_of(table)
-    places = range(len(table.rows))
     reasons: dict[int, str] = {}  #: for leaving rows out, by place
     settled: set[str] = set()
     selections_by_name: dict[str, list[list[bool]]] = {}
     for text in choice.drop:
         name, hits = _selected(table, marks, text, "drop")
         settled.add(name)
-        for k in places:
-            if hits[k]:
-                reasons.setdefault(k, f"{argument('drop')} {text}")
+        for k in np.flatnonzero(hits).tolist():
+            reasons.setdefault(k, f"{argument('drop')} {text}")
     for text in choice.keep:
         name, hits = _selected(table, marks, text, "keep")
         settled.add(name)
         selections_by_name.setdefault(name, []).append(hits)
     for name, selections in selections_by_name.items():
-        for k in places:
-            if not any(hits[k] for hits in selections):
-                reasons.setdefault(k, f"not among {argument('keep')} of '{name}'")
+        for k in np.flatnonzero(~np.any(selections, axis=0)).tolist():
+            reasons.setdefault(k, f"not among {argument('keep')} of '{name}'")
     excluded = [(table.rows[k], reason) for k, reason in reasons.items()]
-    return table.taking([k for k in places if k not in reasons], excluded), frozenset(settled)
+    places = [k for k in range(len(table.rows)) if k not in reasons]
+    return table.taking(places, excluded), frozenset(settled)
 
 
 def _selected(

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,8 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> B
     """
     target = Path(out)
     with draft_folder(target, force) as folder:
-        reading, _ = _fill_folder(folder, target, read_tables(draft), _name_setting)
+        tables = read_tables(draft)
+        reading, _ = _fill_folder(folder, target, tables, _name_setting)
         for path in map(file_of, draft.paths):
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
@@ -104,7 +106,7 @@ def draft_bench(
         folder = Path(place) / name
         folder.mkdir()
         try:
-            reading, bench = _fill_folder(folder, name, tables, _name_correction)
+            reading, bench = _fill_folder(folder, name, tables, partial(listed_argument, "correct"))
         except DogshapeError as error:
             paths = ", ".join(map(str, draft.paths))
             text = str(error).replace(str(name / "bench.toml"), paths)
@@ -114,10 +116,6 @@ def draft_bench(
 
 def _name_setting(correction: str) -> str:
     return key_argument("values", "corrections", [correction])
-
-
-def _name_correction(correction: str) -> str:
-    return listed_argument("correct", correction)
 
 
 def _fill_folder(
@@ -305,16 +303,14 @@ def _values(
     draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: ReadingReport
 ) -> Data:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
-    clutch, settings, assumptions = source.clutch, dict(draft.values), report.assumed
-    drive = clutch.drive
+    clutch = source.clutch
+    settings = dict(draft.values)
     values: Data = {
         "name": out.resolve().name,
         "timeout_s": clutch.timeout,
         "shift_travel_mm": rounded(clutch.shift_travel / MM),
         **source.dog_values,
-        **{
-            f"drive.{key}": value for key, value in (drive.table if source.is_bench else {}).items()
-        },
+        **{f"drive.{key}": value for key, value in clutch.drive.table.items() if source.is_bench},
         **{f"contact.{key}": value for key, value in clutch.contact.record.items()},
         "source": "not measured yet",
     }
@@ -328,18 +324,34 @@ def _values(
             for path, digest in zip(draft.paths, digests, strict=True)
         )
         settings["source"] = "; ".join(filter(None, (settings.get("source"), files)))
+    signed = bool((rows.mismatch_rpm < 0.0).any())
+    values["record.sense"] = "known" if signed else "unknown"
+    report.assumed += _assumptions_of(source, settings, values["timeout_s"], rows, signed=signed)
+    if ways := [key for key in ("dog.height_mm", "dog.axial_gap_mm") if key in settings]:
+        longer = sum(float(settings[key]) - values[key] for key in ways)
+        values["shift_travel_mm"] = float(f"{values['shift_travel_mm'] + longer:.9g}")
+    return values | settings
+
+
+def _assumptions_of(
+    source: Source, settings: Data, timeout: float, rows: DataFrame, *, signed: bool
+) -> list[str]:
+    """List assumptions on the stand: values of the origin, and what neither rows nor user say.
+
+    ``settings`` are the values of the user; ``signed`` says that some mismatches are negative.
+    """
+    mechanism = source.clutch.mechanism
+    drive = source.clutch.drive
     origin_tables = [
         name
         for name in ("dog", "sliding", "output", "contact")
         if not any(key.startswith(f"{name}.") for key in settings)
     ]
-    mass, origin_text = clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
-    signed = bool((rows.mismatch_rpm < 0.0).any())
-    values["record.sense"] = "known" if signed else "unknown"
+    mass, origin_text = mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
     sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
     if signed:
         sense = "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
-    assumptions += [
+    return [
         sentence
         for sentence, holds in (
             (
@@ -364,7 +376,7 @@ def _values(
             (f"{mass:g} kg {origin_text} move with the ring", mass),
             (
                 f"{origin_text} friction, drag and linkage are left for the diagnosis",
-                replace(clutch.mechanism, added_mass=0.0) != NOTHING,
+                replace(mechanism, added_mass=0.0) != NOTHING,
             ),
             (
                 f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "
@@ -374,15 +386,8 @@ def _values(
                 and not source.is_bench
                 and not any("drive" in key for key in settings),
             ),
-            (
-                f"the stand gives up after {number(values['timeout_s'])} s",
-                "timeout_s" not in settings,
-            ),
+            (f"the stand gives up after {number(timeout)} s", "timeout_s" not in settings),
             (sense, "record.sense" not in settings),
         )
         if holds
     ]
-    if ways := [key for key in ("dog.height_mm", "dog.axial_gap_mm") if key in settings]:
-        longer = sum(float(settings[key]) - values[key] for key in ways)
-        values["shift_travel_mm"] = float(f"{values['shift_travel_mm'] + longer:.9g}")
-    return values | settings

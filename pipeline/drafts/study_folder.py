@@ -378,18 +378,22 @@ def is_void(key: str, answers: Mapping[str, Any]) -> bool:
     return part is not None and answers.get(part) == 0
 
 
+def _further_units(key: str, answers: Mapping[str, Any]) -> dict[str, float]:
+    """Return the factors of further units of a question, by unit."""
+    if key == BACKLASH and answers.keys() >= set(DIAMETERS):
+        return {"deg": mm_per_deg(*map(answers.__getitem__, DIAMETERS))}
+    if key == COAST and answers.get(TORQUE, 0.0) > 0.0:
+        return {"Nm": 1.0 / answers[TORQUE]}
+    return {}
+
+
 def value_of(key: str, text: str, *, default: Any, answers: Mapping[str, Any]) -> Any:
     """Read the answer to the question of a key, as a value of the kind of its ``default``.
 
     A backlash may be in degrees and the torque of the braking flank in N m. A range of operating
     points is a uniform distribution, one of a list its ends. Raises InputError.
     """
-    factors: dict[str, float] = {}
-    if key == BACKLASH and answers.keys() >= set(DIAMETERS):
-        factors["deg"] = mm_per_deg(*map(answers.__getitem__, DIAMETERS))
-    if key == COAST and answers.get(TORQUE, 0.0) > 0.0:
-        factors["Nm"] = 1.0 / answers[TORQUE]
-    answer = read_numbers(text, unit_of(key), factors)
+    answer = read_numbers(text, unit_of(key), _further_units(key, answers))
     numbers = [rounded(number) for number in answer.numbers]
     takes_list = isinstance(default, (list, tuple, Mapping))
     if answer.ranged and not takes_list:

@@ -113,24 +113,20 @@ def alternatives_table(study: Setup, result: StudyRecord, best: DesignRow) -> Ta
         sheet = sheets[trial]
         if sheet is not chosen and not sheet.prototype and not _is_alternative(result, sheet):
             continue
-        words = words_of(sheet)
-        worst = sheet.simulated.worst_against_prototype
-        worst_words = "-"
-        if worst is not None:
-            worst_words = ms_with_error(worst.difference_s, worst.standard_error_s, "+")
         cost = ""
         if sheet is not chosen:
             cost = _difference_words(time_difference(chosen.simulated, sheet.simulated))
-        params = designs[trial].params(study.variables)
+        design = designs[trial]
+        words = words_of(sheet)
         cells.append(
             [
                 "prototype" if sheet.prototype else str(trial),
-                *(minus(f"{param:.4g}") for param in params.values()),
+                *_param_cells(study, design),
                 words[TIME],
                 words[ENGAGED],
                 words[HANGS],
-                *(_goal_cell(goal, result, designs[trial]) for goal in goals),
-                worst_words,
+                *(_goal_cell(goal, result, design) for goal in goals),
+                _loss_cell(sheet),
                 *(words[column] for column in VERDICT_COLUMNS),
                 cost,
             ]
@@ -159,6 +155,19 @@ def alternatives_table(study: Setup, result: StudyRecord, best: DesignRow) -> Ta
         "Smallest margins, that of the landing at nominal size."
     )
     return Table(heads, cells, looks, text_columns, note)
+
+
+def _param_cells(study: Setup, design: DesignRow) -> list[str]:
+    """Print the searched keys of a design."""
+    return [minus(f"{param:.4g}") for param in design.params(study.variables).values()]
+
+
+def _loss_cell(sheet: DesignSheet) -> str:
+    """Print the largest loss of a design on the prototype at an operating point, ms."""
+    worst = sheet.simulated.worst_against_prototype
+    if worst is None:
+        return "-"
+    return ms_with_error(worst.difference_s, worst.standard_error_s, "+")
 
 
 def _is_alternative(result: StudyRecord, sheet: DesignSheet) -> bool:
@@ -220,11 +229,10 @@ def nearest_table(study: Setup, result: StudyRecord) -> Table:
         if "engines" in row.failed:
             words = f"{words}, engines disagree" if words else "engines disagree"
         simulated = confirmed or row
-        params = row.params(study.variables)
         cells.append(
             [
                 "your own dog" if row.prototype else str(row.trial),
-                *(minus(f"{param:.4g}") for param in params.values()),
+                *_param_cells(study, row),
                 ms_with_error(simulated.expected_shift_time_s, simulated.standard_error_s),
                 ms_with_error(simulated.engaged_mean_s, simulated.engaged_standard_error_s),
                 hang_share(simulated),
@@ -258,7 +266,7 @@ def barriers_table(result: StudyRecord) -> Table:
     for row in rows:
         if row.expected_shift_time_s is not None:
             timed.append((row.expected_shift_time_s, row))
-    fastest_time = min((time for time, _ in timed), default=None)
+    timed.sort(key=lambda pair: pair[0])
     failures = []
     for row in rows:
         margins = single_margins(row)
@@ -269,13 +277,14 @@ def barriers_table(result: StudyRecord) -> Table:
         failing = [failed for failed in failures if name in failed]
         alone = sum(len(failed) == 1 for failed in failing)
         nearest = max(failed[name] for failed in failing)
-        passing = [pair for pair in timed if pair[1].margins.get(name, -1.0) >= 0.0]
+        passing = (pair for pair in timed if pair[1].margins.get(name, -1.0) >= 0.0)
+        fastest = next(passing, None)
         design = "none passes"
         price = None
-        if passing and fastest_time is not None:
-            time, fastest = min(passing, key=lambda pair: pair[0])
-            design = f"{in_ms(time)} ({design_name(fastest)})"
-            price = time - fastest_time
+        if fastest is not None:
+            time, row = fastest
+            design = f"{in_ms(time)} ({design_name(row)})"
+            price = time - timed[0][0]
         cells.append(
             [
                 check_name(name),
@@ -417,13 +426,7 @@ def _gain_facts(
     study: Setup, result: StudyRecord, best: DesignRow, confirmation: Confirmation
 ) -> Iterator[tuple[str, str]]:
     """List the facts that compare the chosen design with the prototype."""
-    for goal, (before, _), _, (gain, error) in compare_objectives(result):
-        words = f"{goal.difference(gain, error)} {goal.unit}".strip()
-        if before:
-            words += minus(f" ({100 * gain / abs(before):.0f} %)")
-        if is_unclear(gain, error):
-            words += UNCLEAR_NOTE
-        yield f"gain in the {goal.label}", _bad_unless(gain >= 0.0, words)
+    yield from _objective_facts(result)
     if time_difference(confirmation.prototype, confirmation.best):
         yield "operating points slower than the prototype", _slower_points(confirmation)
     yield from _hang_facts(confirmation)
@@ -447,6 +450,17 @@ def _gain_facts(
     ends = _range_ends(study, best)
     if ends:
         yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
+
+
+def _objective_facts(result: StudyRecord) -> Iterator[tuple[str, str]]:
+    """List the gain in each objective, of its value, and whether it is clear."""
+    for goal, (before, _), _, (gain, error) in compare_objectives(result):
+        words = f"{goal.difference(gain, error)} {goal.unit}".strip()
+        if before:
+            words += minus(f" ({100 * gain / abs(before):.0f} %)")
+        if is_unclear(gain, error):
+            words += UNCLEAR_NOTE
+        yield f"gain in the {goal.label}", _bad_unless(gain >= 0.0, words)
 
 
 def _slower_points(confirmation: Confirmation) -> str:
