@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,8 +41,8 @@ _TIMES_AT = r"(t |time |zeit )?(start|beginn?|begin|anfang|ende?|stop|end)\w*"
 class Matching:
     """Matches of columns and quantities, with questions on undecided ones."""
 
-    matches: tuple[Match, ...] = ()
-    questions: tuple[str, ...] = field(default=())
+    matches: tuple[Match, ...]
+    questions: tuple[str, ...]
 
     @property
     def columns(self) -> dict[Column, str]:

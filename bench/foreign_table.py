@@ -16,7 +16,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -93,8 +93,8 @@ class Layout:
     names: tuple[str, ...]
     units: tuple[str, ...]
     body: tuple[RawRow, ...]
-    left_out: tuple[tuple[int, str], ...] = ()
-    questions: tuple[str, ...] = ()
+    left_out: tuple[tuple[int, str], ...]
+    questions: tuple[str, ...]
 
     def lines(self) -> Iterator[str]:
         """Describe the layout, a line each."""
@@ -122,7 +122,7 @@ class ForeignTable:
     columns: tuple[Column, ...]
     left_out: Reasons
     stated: str | None
-    place_questions: Reasons = field(default_factory=list)
+    place_questions: Reasons
     summaries: tuple[tuple[str, str], ...] = ()  #: heads of columns left out, and why
 
     @cached_property

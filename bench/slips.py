@@ -41,7 +41,7 @@ SWAPPED = "the columns mismatch_rpm and force_N swapped"
 LEAST_FORCE = 100.0  #: N, median of forces below which they may be kilonewtons
 
 
-def examine(stand: Stand, sheet: Sheet, corrections: Sequence[str] = ()) -> tuple[Finding, ...]:
+def examine(stand: Stand, sheet: Sheet, corrections: Sequence[str]) -> tuple[Finding, ...]:
     """Find probable slips in a sheet whose corrections have been made.
 
     ``corrections`` are those made; quantities that are to be taken as given, or that have

@@ -109,17 +109,17 @@ Rise = Annotated[float | None, Option(help="rise time; default: the study's tabl
 def bench_draft(
     tables: Sequence[str | Path],
     *,
-    origin: str | None = None,
-    column: Sequence[str] | None = None,
-    rise_s: float | None = None,
-    decimal: str | None = None,
-    rows: str | None = None,
-    drop: Sequence[str] | None = None,
-    keep: Sequence[str] | None = None,
-    fill_down: bool = False,
-    limit: Sequence[str] | None = None,
-    quotes: str | None = None,
-    set_: Sequence[str] | None = None,
+    origin: str | None,
+    column: Sequence[str] | None,
+    rise_s: float | None,
+    decimal: str | None,
+    rows: str | None,
+    drop: Sequence[str] | None,
+    keep: Sequence[str] | None,
+    fill_down: bool,
+    limit: Sequence[str] | None,
+    quotes: str | None,
+    set_: Sequence[str] | None,
 ) -> BenchDraft:
     """Build the draft of a bench folder from the options of reading; InputError for a wrong one."""
     from dogshape.bench.bench_draft import BenchDraft  # noqa: PLC0415

@@ -41,9 +41,9 @@ from dogshape.sim.shift.clutch import (
     require_engine,
     solver_for,
 )
-from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
+from dogshape.sim.shift.drive import Drive, EngineSide
 from dogshape.sim.shift.geometry import SCOPE
-from dogshape.sim.shift.mechanism import NOTHING, Mechanism
+from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.statistics.expectation import FIRST_WINDOW_SHARE
 from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.landing import Wear
@@ -302,9 +302,7 @@ class SolverSection(Keys, of=Solver, named_by=solver_for):
     engine: str | None = later()
     scheme: str | None = None
 
-    def solver(
-        self, contact: ContactSet, mechanism: Mechanism = NOTHING, drive: Drive = NO_DRIVE
-    ) -> Solver:
+    def solver(self, contact: ContactSet, mechanism: Mechanism, drive: Drive) -> Solver:
         """Build the solver of a contact set, a mechanism and a drive; InputError for mistakes.
 
         Forces of mechanism or drive with two coefficients of friction are the compiled engine's,

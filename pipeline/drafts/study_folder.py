@@ -176,8 +176,8 @@ class WrittenStudy:
 
 def write_study(
     out: Path,
-    origin: str = COMMENTED,
-    values: Mapping[str, Any] | None = None,
+    origin: str,
+    values: Mapping[str, Any],
     *,
     force: bool = False,
 ) -> WrittenStudy:
@@ -188,7 +188,7 @@ def write_study(
     the study, StorageError for a folder that holds files, without ``force``.
     """
     name = out.resolve().name
-    draft = _draft_of(source_of(origin), origin, {"name": name, **(values or {})})
+    draft = _draft_of(source_of(origin), origin, {"name": name, **values})
     text = re.sub(r"\A(#.*\n|\s*\n)*", "", draft.text)  # the head comments are on the copied study
     study = build_study(validate(StudyFile, tomllib.loads(text), str(out / "study.toml")))
     with draft_folder(out, force) as folder:

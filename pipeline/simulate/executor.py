@@ -69,7 +69,7 @@ class Executor:
     """
 
     journal: ShiftJournal
-    jobs: int = 0
+    jobs: int
     progress: Advance = NO_PROGRESS
     cluster: str | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
