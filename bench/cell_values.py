@@ -328,9 +328,14 @@ ANSWERS = {
 }
 
 
+def is_blank(cell: str) -> bool:
+    """Whether a cell is empty or has a word for nothing."""
+    return cell.lower() in NOTHING
+
+
 def answer_of(cell: str) -> str:
     """Write a cell as ``ANSWERS`` has it: in lower case, without blanks."""
-    return "empty" if cell.lower() in NOTHING else "".join(cell.lower().split())
+    return "empty" if is_blank(cell) else "".join(cell.lower().split())
 
 
 @dataclass(frozen=True, eq=False)  # compared and hashed by identity, not by all of its cells

@@ -52,6 +52,11 @@ class Match:
     stated: bool = False
 
     @property
+    def column(self) -> Column:
+        """The first of its columns."""
+        return self.terms[0][0]
+
+    @property
     def head(self) -> str:
         """Heads of its columns."""
         return " and ".join(column.head for column, _ in self.terms) or self.formula

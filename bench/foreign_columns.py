@@ -49,7 +49,7 @@ class Matching:
         """The columns that are read, with their quantities."""
         names = {column: m.quantity.name for m in self.matches for column, _ in m.terms}
         # A number of shifts or a mean may also be a factor of the spread.
-        names |= {m.terms[0][0]: m.quantity.name for m in self.matches if len(m.terms) == 1}
+        names |= {m.column: m.quantity.name for m in self.matches if len(m.terms) == 1}
         return names
 
     def lines(self) -> Iterator[str]:

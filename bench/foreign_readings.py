@@ -17,7 +17,6 @@ from dogshape.bench.cell_values import (
     ANSWERS,
     FORCE,
     NAMES,
-    NOTHING,
     SPEED,
     TIME,
     UNITS,
@@ -25,6 +24,7 @@ from dogshape.bench.cell_values import (
     Unit,
     answer_of,
     decimal_sign,
+    is_blank,
     is_date,
     is_number,
     numbers_of,
@@ -319,7 +319,7 @@ class TableReader:
         (smallest, low), (largest, high) = min(sizes), max(sizes)
         if largest < limit * smallest:
             return
-        cells, rows = match.terms[0][0].cells, self.table.rows
+        cells, rows = match.column.cells, self.table.rows
         answer = column_argument(match.quantity.name, f"{match.head}:UNIT")
         self._fault(
             match,
@@ -333,7 +333,7 @@ class TableReader:
         quantity = match.quantity
         cells = self._filled_down(match, column)
         values, factors = self._cell_numbers(match, column, cells, unit)
-        empty = np.array([cell.lower() in NOTHING for cell in cells])
+        empty = np.array([is_blank(cell) for cell in cells])
         noted = [
             not plain and bool(cell)
             for plain, cell in zip(self._plain_cells(column), column.cells, strict=True)
@@ -456,11 +456,11 @@ class TableReader:
         return values
 
     def _texts(self, match: Match) -> Values:
-        return self._record(match, [cell or None for cell in match.terms[0][0].cells], "")
+        return self._record(match, [cell or None for cell in match.column.cells], "")
 
     def _answers(self, match: Match) -> Values:
         """Convert answers to yes and no; an option, ``gut=yes,empty=no``, prevails."""
-        cells = [answer_of(cell) for cell in match.terms[0][0].cells]
+        cells = [answer_of(cell) for cell in match.column.cells]
         pairs = (pair.split("=", 1) for pair in match.option.split(",") if "=" in pair)
         stated = {answer_of(word): answer_of(answer) for word, answer in pairs}
         counts = Counter(cells)
@@ -480,7 +480,7 @@ class TableReader:
     def _stamps(self, match: Match) -> Values:
         """Read numbers with a unit in s, and dates as ISO 8601."""
         column, unit = match.terms[0]
-        cells = [cell for cell in column.cells if cell.lower() not in NOTHING]
+        cells = [cell for cell in column.cells if not is_blank(cell)]
         try:
             if unit is not None and all(map(is_number, cells)):
                 moments = [f"{v:.12g}" for v in unit.factor * numbers_of(cells, self.sign)]
@@ -496,7 +496,7 @@ class TableReader:
             )
             return [None] * len(column.cells)
         stamps = iter(moments)
-        values = [None if cell.lower() in NOTHING else next(stamps) for cell in column.cells]
+        values = [None if is_blank(cell) else next(stamps) for cell in column.cells]
         return self._record(match, values, way, unit.text if unit else "")
 
 

@@ -24,10 +24,10 @@ import numpy as np
 
 from dogshape.bench.cell_grid import MARKS, CellGrid, Cells
 from dogshape.bench.cell_values import (
-    NOTHING,
     Column,
     begins_with_number,
     durations_of,
+    is_blank,
     is_number,
     numbers_of,
     split_head,
@@ -461,7 +461,7 @@ def _is_numbered_head(grid: CellGrid, first: int) -> bool:
     if counted and nameless.any() and grid.is_head(first - 1):
         return True
     if not words.any() or any(
-        begins_with_number(cells[k]) or cells[k].lower() in NOTHING for k in np.flatnonzero(words)
+        begins_with_number(cells[k]) or is_blank(cells[k]) for k in np.flatnonzero(words)
     ):
         return False
     return counted and named_needs(_head(grid, first)[0]) < 2

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dogshape.bench.cell_values import NOTHING, Column
+from dogshape.bench.cell_values import Column, is_blank
 from dogshape.bench.column_options import column_labels
 from dogshape.bench.foreign_table import REPEATS, ROUNDED, ForeignTable
 from dogshape.bench.quantities import (
@@ -46,7 +46,7 @@ def with_repeats(
     empty: list[tuple[int, str]] = []
     for k, row in enumerate(table.rows):
         for column in repeats:
-            if column.cells[k].lower() in NOTHING:
+            if is_blank(column.cells[k]):
                 empty.append((row, f"'{column.head}' is empty"))
             else:
                 places.append(k)

@@ -19,7 +19,7 @@ from itertools import chain
 
 import numpy as np
 
-from dogshape.bench.cell_values import ANSWERS, NOTHING, Column, answer_of, is_dated, is_number
+from dogshape.bench.cell_values import ANSWERS, Column, answer_of, is_blank, is_dated, is_number
 from dogshape.bench.draft_arguments import (
     column_argument,
     drop_argument,
@@ -56,7 +56,7 @@ _FAILED = r"not|nicht|fail\w*|\w*fehl\w*|nok|nio|n i o|blocked|blockiert|misses|
 _OF_SO_MANY = r"\b(of|von|aus|sur|di|de|z|av|van) \d+$"
 #: Numbers by which programs say that there is none.
 _CODES = frozenset(
-    (
+    [
         "-1",
         "-9",
         "-99",
@@ -70,7 +70,7 @@ _CODES = frozenset(
         "-99999",
         "-999.9",
         "-1.0",
-    )
+    ]
 )
 _PHYSICAL = (
     r"temp\w*|\w*temperatur|\w*druck|pressure|feuchte|humidity|voltage|spannung|strom|current"
@@ -322,7 +322,7 @@ def _shown(rows: Sequence[int]) -> str:
 
 def _column_question(table: ForeignTable, column: Column, outcome: Column | None) -> str:
     """Ask about an unused column; empty for one that distinguishes no rows."""
-    cells = ["" if cell.lower() in NOTHING else cell for cell in column.cells]
+    cells = ["" if is_blank(cell) else cell for cell in column.cells]
     groups: dict[str, list[int]] = {}
     for row, cell in zip(table.rows, cells, strict=True):
         groups.setdefault(cell, []).append(row)
@@ -502,7 +502,7 @@ def _share_word(column: Column) -> str:
     """Choose the option for a column of shares or numbers of shifts."""
     if has_word(_FAILED, plain_words(column.name)):
         return FAILED
-    filled = [cell for cell in column.cells if cell.lower() not in NOTHING]
+    filled = [cell for cell in column.cells if not is_blank(cell)]
     percent = column.unit is not None
     written = any(map(_FRACTION.fullmatch, filled))
     small = bool(np.nanmax(column.values, initial=0.0) <= 1.0)

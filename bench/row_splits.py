@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.bench.cell_values import NOTHING, Column, is_number, numbers_of, split_quantity
+from dogshape.bench.cell_values import Column, is_blank, is_number, numbers_of, split_quantity
 from dogshape.bench.column_options import Match, column_labels
 from dogshape.bench.draft_arguments import NONE, column_placeholder
 from dogshape.bench.foreign_columns import matched
@@ -62,8 +62,7 @@ def with_lists(
         return table, options
     lists = [list_parts(cell) or [cell] for cell in times.cells]
     lengths = [
-        0 if cell.lower() in NOTHING else len(parts)
-        for cell, parts in zip(times.cells, lists, strict=True)
+        0 if is_blank(cell) else len(parts) for cell, parts in zip(times.cells, lists, strict=True)
     ]
     if not _are_shifts(lists, lengths, counts):
         return table, options
@@ -136,7 +135,7 @@ def _list_column(table: ForeignTable, options: Mapping[str, str]) -> Column | No
     if has_word(_STATISTICS, words) or re.search(r"[/;|,]", times.name):
         return None
     readable = [
-        cell.lower() in NOTHING or is_number(split_quantity(cell)[0]) or bool(list_parts(cell))
+        is_blank(cell) or is_number(split_quantity(cell)[0]) or bool(list_parts(cell))
         for cell in times.cells
     ]
     return times if all(readable) else None
@@ -210,7 +209,7 @@ def with_shares(
     faults: list[str] = []
     rounded: list[str] = []
     for k, cell in enumerate(outcome.cells):
-        if cell.lower() in NOTHING:
+        if is_blank(cell):
             count = int(counts[k]) if math.isfinite(counts[k]) else None
             parts.append(_Part(k, None, count))
             continue
@@ -270,7 +269,7 @@ def _divide_rows(
         columns.append(replace(column_part, is_outcome=True) if column is outcome else column_part)
     place = max(column.place for column in columns) + 1
     if count_match is not None and len(count_match.terms) == 1 and count_match.formula == "c0":
-        index = table.columns.index(count_match.terms[0][0])
+        index = table.columns.index(count_match.column)
         columns[index] = replace(columns[index], cells=count_cells)
         place = columns[index].place
     else:
@@ -285,7 +284,7 @@ def _counts_of(match: Match | None, rows: int) -> list[float]:
         return [math.nan] * rows
     if not match.terms:
         return [float(match.formula)] * rows
-    return list(match.terms[0][0].values.tolist()) if match.formula == "c0" else [math.nan] * rows
+    return list(match.column.values.tolist()) if match.formula == "c0" else [math.nan] * rows
 
 
 def _engaged_count(column: Column, cell: str, count: float, word: str) -> tuple[int, int, bool]:

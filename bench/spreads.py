@@ -53,8 +53,8 @@ def with_spread(
         deviation = _deviation_of(match, by_name.get("n_shifts"))
         if deviation is not None:
             converted.append(deviation)
-        elif not has_word(STANDARD_ERROR, plain_words(match.terms[0][0].name)):
-            questions.append(_open_spread(match.terms[0][0], by_name.get("shift_time_s")))
+        elif not has_word(STANDARD_ERROR, plain_words(match.column.name)):
+            questions.append(_open_spread(match.column, by_name.get("shift_time_s")))
     return converted, questions
 
 
@@ -63,7 +63,7 @@ def _deviation_of(match: Match, count: Match | None) -> Match | None:
 
     A standard error is open without ``count``, the match of the numbers of shifts.
     """
-    column = match.terms[0][0]
+    column = match.column
     words = plain_words(column.name)
     multiple = re.search(_MULTIPLE, words)
     squared = squared_time(column.strange or "")
