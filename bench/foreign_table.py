@@ -244,23 +244,7 @@ def table_of(
 ) -> ForeignTable:
     """Find the layout of a sheet and its columns; raises as ``read_foreign``."""
     path = sheet.path
-    grid = CellGrid(sheet)
-    signs = _comment_signs(grid) if sums else frozenset()
-    if signs:
-        sheet = _with_remarks(sheet, signs)
-        grid = CellGrid(sheet)
-    if not grid.data.any():
-        grid = CellGrid(sheet, loose=True)
-    name = PLAIN
-    if sums and is_transposed(grid):
-        sheet, name = transposed(sheet), TRANSPOSED
-        grid = CellGrid(sheet)
-    if not grid.data.any():
-        require_no_blocks(path, grid, range(len(grid.rows)))
-        raise DataError(
-            f"{path} has no rows of numbers; save the table as CSV with semicolons, tabs or commas "
-            "between cells, and a name and unit above each column"
-        )
+    sheet, grid, signs, name = _grid_of(sheet, sums=sums)
     layout = _divided(path, grid, chosen, signs, sums=sums)
     width, place_questions = len(layout.names), list[tuple[int, str]]()
     numbers = {row.number for row in layout.body}
@@ -287,6 +271,32 @@ def table_of(
     if sums:
         require_rows_of_shifts(path, columns, grid)
     return table
+
+
+def _grid_of(sheet: RawSheet, *, sums: bool) -> tuple[RawSheet, CellGrid, frozenset[str], str]:
+    """Divide a sheet into cells, with remarks as a column and shifts as rows.
+
+    Returns sheet and grid, the signs of comments, and the name of the layout. Raises DataError for
+    a sheet without rows of numbers.
+    """
+    grid = CellGrid(sheet)
+    signs = _comment_signs(grid) if sums else frozenset()
+    if signs:
+        sheet = _with_remarks(sheet, signs)
+        grid = CellGrid(sheet)
+    if not grid.data.any():
+        grid = CellGrid(sheet, loose=True)
+    name = PLAIN
+    if sums and is_transposed(grid):
+        sheet, name = transposed(sheet), TRANSPOSED
+        grid = CellGrid(sheet)
+    if not grid.data.any():
+        require_no_blocks(sheet.path, grid, range(len(grid.rows)))
+        raise DataError(
+            f"{sheet.path} has no rows of numbers; save the table as CSV with semicolons, tabs or "
+            "commas between cells, and a name and unit above each column"
+        )
+    return sheet, grid, signs, name
 
 
 def _comment_signs(grid: CellGrid) -> frozenset[str]:
