@@ -298,8 +298,7 @@ def _engaged_count(column: Column, cell: str, count: float, word: str) -> tuple[
         if math.isfinite(count) and count != total:
             raise ValueError(f"is of {total} shifts, but their number is {count:g}; correct one")
     elif not math.isfinite(count) or count < 1 or count % 1:
-        answer = column_placeholder("n_shifts")
-        remedy = f"say {answer}, or a number for all rows"
+        remedy = f"say {column_placeholder('n_shifts')}, or a number for all rows"
         raise ValueError(f"is of an unknown number of shifts; {remedy}")
     else:
         total = int(count)
