@@ -110,7 +110,7 @@ class Study:
         precision: float | None = None,
         jobs: int = 0,
         cluster: str | None = None,
-        keep: str | Path | None = None,
+        journal: str | Path | None = None,
         progress: Progress | bool = False,
         engine: str | None = None,
     ) -> Expectation:
@@ -127,7 +127,7 @@ class Study:
             study's number.
         precision : wanted relative standard error, which finds the number of angles.
         jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
-        keep : folder in which a run that was stopped leaves its finished shifts.
+        journal : folder in which a run that was stopped leaves its finished shifts.
         progress : True for a bar in terminal or notebook, or a ``Progress`` of one's own.
         engine : as in ``shift``.
         """
@@ -135,7 +135,7 @@ class Study:
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
         place = mismatch_rpm, force_N, force_rise_s
-        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        options = RunOptions(jobs, cluster, journal, receiver(progress))
         return simulate_mean(self._config_in(engine), options, place, angles, precision)
 
     def search(
@@ -238,20 +238,20 @@ class Study:
         simulate: bool = True,
         jobs: int = 0,
         cluster: str | None = None,
-        keep: str | Path | None = None,
+        journal: str | Path | None = None,
         progress: Progress | bool = False,
         engine: str | None = None,
     ) -> Strength:
         """Check strength, self-locking and manufacturability, and simulate the hardest landing.
 
         ``simulate`` is whether to simulate the landing, dog on dog, at the study's operating points
-        and angles; a dog that cannot be made is not simulated. ``jobs``, ``cluster``, ``keep``,
+        and angles; a dog that cannot be made is not simulated. ``jobs``, ``cluster``, ``journal``,
         ``progress`` and ``engine`` as in ``expect``. Example: ``study.strength(simulate=False)``
         """
         from dogshape.check import check_strength  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
-        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        options = RunOptions(jobs, cluster, journal, receiver(progress))
         return check_strength(self._config_in(engine), options, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "", **block: str) -> Path:
@@ -262,7 +262,7 @@ class Study:
         Example: ``study.data_sheet("sheet.html", "shortest", number="47-11", author="A. Novak")``
         """
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
-        from dogshape.pipeline.reports.data_sheet import NamedDesign  # noqa: PLC0415
+        from dogshape.pipeline.reports.named_design import NamedDesign  # noqa: PLC0415
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, {"why": why, **block})
 

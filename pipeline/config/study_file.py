@@ -218,10 +218,6 @@ class Setup:
         pairs = zip(self.variables, values, strict=True)
         return {key: round(value) if key == "count" else float(value) for key, value in pairs}
 
-    def select_params(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        """Select the values of the searched keys from a row of a design, edge units."""
-        return {key: row[key] for key in self.variables}
-
     def rows(self, designs: Iterable[Mapping[str, Any]]) -> Array:
         """Stack designs as rows in edge units, (n, d), the inverse of ``params_of``."""
         rows = [[design[key] for key in self.variables] for design in designs]
@@ -231,7 +227,7 @@ class Setup:
     def prototype(self) -> dict[str, float]:
         """Values of the searched keys of the study's own dog, edge units."""
         values = {**DEFAULTS, **self.file.dog.sizes, **nominal_operation(self.points)}
-        return self.select_params(values)
+        return {key: values[key] for key in self.variables}
 
     @property
     def physics(self) -> Record:

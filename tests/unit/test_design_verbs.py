@@ -15,7 +15,7 @@ from dogshape.bench.texts import text_of
 from dogshape.cli.verbs.study import _named_study
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.reports.data_sheet import named_design
+from dogshape.pipeline.reports.named_design import named_design
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.versions import bundled_root

@@ -48,7 +48,7 @@ GUARDED = {
     "sqlalchemy": ("pipeline/store/trial_storage.py",),
     "plotly": ("pipeline/reports/",),
     "typer": ("dogshape/cli/", "validation/blind/verbs.py"),
-    "openpyxl": ("bench/raw_sheet.py",),
+    "openpyxl": ("bench/workbook.py",),
     "rich": ("dogshape/terminal.py",),
     "joblib": ("pipeline/simulate/executor.py", "validation/blind/sealed.py"),
     "distributed": ("pipeline/simulate/executor.py",),
@@ -229,7 +229,7 @@ print(*sorted({set(SLOW) - {"numpy"}} & set(sys.modules)))
 
 def test_no_room_asks_for_the_time_of_day() -> None:
     """Only a report's provenance does, and what reads the times that a bench wrote."""
-    reading = ("bench/cell_values", "bench/table", "bench/raw_sheet")
+    reading = ("bench/cell_values", "bench/table", "bench/workbook")
     allowed = {ROOT / f"{name}.py" for name in reading}
     allowed |= {ROOT / f"pipeline/reports/{name}.py" for name in ("data_sheet", "study_page")}
     words = re.compile(r"time\.time\(|datetime|time_ns\(|st_mtime")

@@ -16,12 +16,12 @@ from dogshape.cli.options import (
     Corrections,
     Engine,
     Jobs,
+    Journal,
     Json,
     OneForce,
     OneMismatch,
     Rise,
     Sets,
-    ShiftFolder,
     StudyArg,
     SurrogateFile,
     angles_of,
@@ -62,7 +62,7 @@ FILE_LABELS = {
 def _named_study(name: str, settings: list[str]) -> ds.Study:
     """Load a study by name, file or results, or a searched design as FOLDER#N or STUDY#N."""
     from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
-    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
     folder = StudyFolder(Path(name))
@@ -75,11 +75,7 @@ def _named_study(name: str, settings: list[str]) -> ds.Study:
 
 def _warn_of_doubts(study: ds.Study, angles: Collection[float] = ()) -> None:
     """Warn of units in doubt, of slides that lose power, and of angles beyond a pitch, deg."""
-    from dogshape.pipeline.simulate.plausibility import (  # noqa: PLC0415
-        angle_notes,
-        slide_notes,
-        slips_of,
-    )
+    from dogshape.pipeline.simulate.plausibility import angle_notes, slide_notes, slips_of  # noqa: PLC0415
 
     config = study.config
     warn([*slips_of(config), *slide_notes(config), *angle_notes(config.clutch.dog, angles)])
@@ -138,7 +134,7 @@ def expect(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Compute the expected shift time over the relative angle.
@@ -154,7 +150,7 @@ def expect(
         force_rise_s=force_rise_s,
         angles=relative_angles,
         precision=precision,
-        **run_arguments(jobs, cluster, keep, engine),
+        **run_arguments(jobs, cluster, journal, engine),
     )
     if json:
         warn(warning.removeprefix("warning: ") for warning in result.shortfall)
@@ -197,7 +193,7 @@ def validate(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Compare a bench data set with the simulation.
@@ -208,7 +204,7 @@ def validate(
         bench,
         angles_of(angles),
         correct=correct or (),
-        **run_arguments(jobs, cluster, keep, engine),
+        **run_arguments(jobs, cluster, journal, engine),
     )
     show(comparison, json)
 
@@ -222,7 +218,7 @@ def strength(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Check strength, self-locking and manufacture of a design.
@@ -243,7 +239,7 @@ def strength(
         roots = root_stress.root_checks(problem.config.clutch.dog, problem.config.limits)
         record["finite_elements"] = [root.to_dict() for root in roots]
         tables = [root_stress.root_table(roots)]
-    arguments = run_arguments(jobs, cluster, keep, engine)
+    arguments = run_arguments(jobs, cluster, journal, engine)
     result = problem.strength(simulate=simulate, **arguments)
     parts = result.to_parts()
     if explain:
@@ -425,7 +421,7 @@ def export(
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
-    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
