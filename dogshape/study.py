@@ -266,16 +266,16 @@ class Study:
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, {"why": why, **block})
 
-    def export_fmu(self, path: str | Path) -> Path:
-        """Write the clutch as an FMU, a co-simulation block for driveline models (FMI 3.0).
+    def export_fmu(self, path: str | Path, fmi: int = 3) -> Path:
+        """Write the clutch as an FMU, a co-simulation block for driveline models.
 
-        To ``path``; the block runs where Python with this package is installed
-        (docs/howto/own_driveline.md). InputError without the extra ``fmu``.
-        Example: ``study.export_fmu("clutch.fmu")``
+        To ``path``, in FMI 3.0 or, with ``fmi=2``, in FMI 2.0; the block runs where Python with
+        this package is installed (docs/howto/own_driveline.md). InputError without the extra
+        ``fmu`` or for another version. Example: ``study.export_fmu("clutch.fmu", fmi=2)``
         """
         from dogshape.pipeline.export.fmu import write_fmu  # noqa: PLC0415
 
-        write_fmu(self.config, Path(path))
+        write_fmu(self.config, Path(path), fmi)
         return Path(path)
 
     def export_map(
