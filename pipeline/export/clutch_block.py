@@ -1,9 +1,9 @@
 """Body of the co-simulation FMU: one engagement as a block of a driveline model.
 
-The body has variables, state and steps of the block in no version of FMI; ``fmi2_slave`` and
+Variables, state and steps of the block are the same in all versions of FMI; ``fmi2_slave`` and
 ``fmi3_slave`` declare them to pythonfmu and pythonfmu3. The physics is that of
-``sim.shift.stepped_shift``. All values are in SI units. Speeds, angles and torques count positive in
-the sense in which the engine turns.
+``sim.shift.stepped_shift``. All values are in SI units. Speeds, angles and torques count positive
+in the sense in which the engine turns.
 """
 
 from __future__ import annotations

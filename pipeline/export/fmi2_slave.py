@@ -1,7 +1,8 @@
-"""Slave of the FMU in FMI 2.0, by pythonfmu; ``pipeline.export.fmu`` puts this file into the FMU.
+"""Slave of the FMU in FMI 2.0, by pythonfmu.
 
-pythonfmu 0.7 writes neither units nor unknowns of the initialization, and has no independent
-variable: ``to_xml`` adds the former, and ``time`` is left out.
+``pipeline.export.fmu`` puts this file into the FMU. pythonfmu 0.7.0 writes neither units nor
+unknowns of the initialization, which ``to_xml`` adds, and has no independent variable: the slave
+is without ``time``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Slave of the FMU in FMI 3.0, by pythonfmu3; ``pipeline.export.fmu`` puts this file into the FMU."""
+"""Slave of the FMU in FMI 3.0, by pythonfmu3.
+
+``pipeline.export.fmu`` puts this file into the FMU. The loader of pythonfmu3 0.3.4 passes neither
+``eventHandlingNeeded`` nor ``earlyReturn`` of a step on: the engagement is a time and a flag.
+"""
 
 from __future__ import annotations
 

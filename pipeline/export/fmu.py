@@ -44,7 +44,6 @@ VERSIONS = {
         capabilities=("canGetAndSetFMUState", "canSerializeFMUState"),
     ),
 }
-DEFAULT_FMI = 3
 #: Capability that both packages have by default, and pythonfmu3 0.3.4 does not write.
 ANY_STEP = "canHandleVariableCommunicationStepSize"
 
@@ -65,7 +64,7 @@ def load_fmu_builder(fmi: int) -> Any:
         raise InputError(f"{fault}; install 'dogshape[fmu]' with pip") from error
 
 
-def write_fmu(study: Setup, path: Path, fmi: int = DEFAULT_FMI) -> None:
+def write_fmu(study: Setup, path: Path, fmi: int) -> None:
     """Write the clutch of a study as an FMU of FMI ``fmi``; InputError without the extra."""
     builder = load_fmu_builder(fmi)
     version = VERSIONS[fmi]
