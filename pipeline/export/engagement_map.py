@@ -26,9 +26,10 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Record, frame_of
 from dogshape.pipeline.simulate.executor import RunOptions
+from dogshape.pipeline.store.folder import require_targets
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.files import write_frame, write_whole
 from dogshape.sim.interface import key_argument
 from dogshape.sim.shift.conclusion import Outcome
@@ -178,6 +179,20 @@ class EngagementMap:
 
 def _block_parameter(parameter: str, value: float, unit: str, source: str) -> BlockParameter:
     return BlockParameter(parameter=parameter, value=value, unit=unit, source=source)
+
+
+def require_map_targets(path: Path) -> None:
+    """Raise StorageError unless a map can be written to ``path`` and beside it.
+
+    A map replaces an earlier one as a whole; a table beside a path without a map is no part of
+    one, and stays.
+    """
+    require_targets({"the map": path})
+    for table in paths_beside(path):
+        if table.exists() and not path.exists():
+            fault = f"is {table}, which is there already without {path}"
+            raise StorageError(f"a table beside the map {fault}; name another file")
+        require_targets({"a table beside the map": table})
 
 
 def paths_beside(path: Path) -> tuple[Path, Path, Path, Path]:

@@ -11,7 +11,7 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.export.engagement_map import EngagementMap, simulate_map
 from dogshape.pipeline.simulate.executor import RunOptions
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.shift.stepped_shift import StepLoads, SteppedShift, StepPhase, start_of
 from dogshape.sim.units import DEG, MM, RPM
 
@@ -143,6 +143,29 @@ def test_teeth_of_maplesim_meet_where_tips_meet(backlash_mm: float) -> None:
             phases.append(shift.phase)
         meetings += StepPhase.FACE_CONTACT in phases
     assert meetings / count == pytest.approx(2.0 * epsilon / gap, abs=1.0 / count)
+
+
+def test_a_map_replaces_an_earlier_one_but_no_other_table(study: ds.Study, tmp_path: Path) -> None:
+    path = tmp_path / "map.csv"
+    table = tmp_path / "map-mean.csv"
+    table.write_text("of another origin")
+    with pytest.raises(StorageError, match=r"map-mean.csv, which is there already without .*map"):
+        study.export_map(path, jobs=1)
+    assert table.read_text() == "of another origin"
+    assert [*tmp_path.iterdir()] == [table]
+    path.write_text("an earlier map")
+    study.export_map(path, jobs=1)
+    assert table.read_text().startswith("mismatch_rpm,")
+
+
+def test_a_map_is_not_simulated_where_a_table_cannot_be_written(
+    study: ds.Study, tmp_path: Path
+) -> None:
+    (tmp_path / "map.csv").touch()
+    (tmp_path / "map-simscape.csv").mkdir()
+    with pytest.raises(StorageError, match=r"map-simscape.csv, which is a folder; name a file"):
+        study.export_map(tmp_path / "map.csv")
+    assert (tmp_path / "map.csv").read_text() == ""
 
 
 def test_points_that_are_no_grid_are_refused(tmp_path: Path) -> None:

@@ -422,13 +422,12 @@ def export(
     results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
     Its --title has number (of the drawing), revision, date, author, checker and decided_by.
     The map has every mismatch with every force of the study at expectation.angles angles; with
-    --jobs workers.
+    --jobs workers. It replaces an earlier map with its tables.
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
     from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
-    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
     from dogshape.sim.strength.spline import require_face  # noqa: PLC0415
@@ -439,12 +438,9 @@ def export(
     radius = setup.limits.root_radius
     body = body_mm * MM
     files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet, "fmu": fmu, "map": map_}
-    if not any(files.values()):
-        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
-        raise InputError(f"export was asked for nothing; {remedy}")
+    _require_files(files)
     if (why or title) and sheet is None:
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
-    require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     sleeve = setup.limits.sleeve
     if stl or step:
@@ -475,6 +471,20 @@ def export(
         lines.append(f"volume of a ring {volume:.1f} mm3")
         sizes = {"ring_volume_mm3": volume, **sizes, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
+
+
+def _require_files(files: dict[str, Path | None]) -> None:
+    """Raise InputError where no file is named, StorageError where one cannot be written."""
+    from dogshape.pipeline.export.engagement_map import require_map_targets  # noqa: PLC0415
+    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
+
+    if not any(files.values()):
+        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
+        raise InputError(f"export was asked for nothing; {remedy}")
+    require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
+    map_ = files["map"]
+    if map_ is not None:
+        require_map_targets(map_)
 
 
 def _load_extras(step: Path | None, fmu: Path | None, fmi: int) -> None:
