@@ -266,16 +266,18 @@ class Study:
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, {"why": why, **block})
 
-    def export_fmu(self, path: str | Path) -> Path:
-        """Write the clutch as an FMU, a co-simulation block for driveline models (FMI 3.0).
+    def export_fmu(self, path: str | Path, fmi: int = 3) -> Path:
+        """Write the clutch as an FMU, a co-simulation block for driveline models.
 
-        To ``path``; the block runs where Python with this package is installed
-        (docs/howto/own_driveline.md). InputError without the extra ``fmu``.
-        Example: ``study.export_fmu("clutch.fmu")``
+        To ``path``, in FMI 3.0 or, with ``fmi=2``, in FMI 2.0; the block runs where Python with
+        this package is installed (docs/howto/own_driveline.md). InputError without the extra
+        ``fmu`` or for another version. Example: ``study.export_fmu("clutch.fmu", fmi=2)``
         """
         from dogshape.pipeline.export.fmu import write_fmu  # noqa: PLC0415
+        from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
 
-        write_fmu(self.config, Path(path))
+        require_targets({"the FMU": Path(path)})
+        write_fmu(self.config, Path(path), fmi)
         return Path(path)
 
     def export_map(
@@ -290,8 +292,9 @@ class Study:
         """Write whether and when the clutch engages, for lumped driveline models.
 
         Over mismatch, force and relative angle, CSV, with means over the angle, tables of Modelica
-        and parameters of Simscape's Dog Clutch beside; gives the paths of all four. InputError for
-        operating points that are no grid.
+        and parameters of the dog clutches of Simscape and MapleSim beside; gives the paths of all
+        five. InputError for operating points that are no grid, StorageError for files that cannot
+        be written, and for such a table that is there without a map.
         Example: ``study.export_map("map.csv", progress=True)``
 
         Parameters
@@ -299,9 +302,13 @@ class Study:
         path : CSV file of the cells.
         jobs, cluster, keep, progress : as in ``expect``.
         """
-        from dogshape.pipeline.export.engagement_map import simulate_map  # noqa: PLC0415
+        from dogshape.pipeline.export.engagement_map import (  # noqa: PLC0415
+            require_map_targets,
+            simulate_map,
+        )
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
+        require_map_targets(Path(path))
         options = RunOptions(jobs, cluster, keep, receiver(progress))
         return simulate_map(self.config, options).write(Path(path))
 

@@ -54,7 +54,7 @@ FILE_LABELS = {
     "stl": "one ring, both are alike",
     "step": "both rings",
     "sheet": "data sheet",
-    "fmu": "FMI 3.0 co-simulation",
+    "fmu": "FMI {fmi}.0 co-simulation",
     "map": "map over mismatch, force and angle",
 }
 
@@ -403,6 +403,7 @@ def export(
     why: Annotated[str, Option(help="with --sheet: reason of a decision")] = "",
     title: Annotated[list[str] | None, Option(metavar="KEY=TEXT", help="with --sheet")] = None,
     fmu: Annotated[Path | None, Option(help="block for driveline models; extra [fmu]")] = None,
+    fmi: Annotated[int, Option(help="with --fmu: version of FMI, 2 or 3")] = 3,
     map_: Annotated[
         Path | None, Option("--map", help="CSV: engagement and time, with tables beside")
     ] = None,
@@ -417,13 +418,12 @@ def export(
     results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
     Its --title has number (of the drawing), revision, date, author, checker and decided_by.
     The map has every mismatch with every force of the study at expectation.angles angles; with
-    --jobs workers.
+    --jobs workers. It replaces an earlier map with its tables.
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
     from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
-    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
     from dogshape.sim.strength.spline import require_face  # noqa: PLC0415
@@ -434,32 +434,33 @@ def export(
     radius = setup.limits.root_radius
     body = body_mm * MM
     files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet, "fmu": fmu, "map": map_}
-    if not any(files.values()):
-        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
-        raise InputError(f"export was asked for nothing; {remedy}")
+    _require_files(files)
     if (why or title) and sheet is None:
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
-    require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     sleeve = setup.limits.sleeve
     if stl or step:
         require_face(sleeve)
     if sleeve is None and (svg or stl or step):
         require_fillets(dog, radius)
-    _load_extras(step, fmu)  # before anything is written
+    _load_extras(step, fmu, fmi)  # before anything is written
     design = design_of(setup, {})
     if not design.feasible:
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _warn_of_doubts(ds.Study.from_config(setup))
     _write_geometry(setup, dog_design.title, body, svg, stl, step)
-    lines = _write_models(ds.Study.from_config(dog_design.prototype_study), fmu, map_, jobs)
+    models = ds.Study.from_config(dog_design.prototype_study)
+    if fmu is not None:
+        models.export_fmu(fmu, fmi)
+    lines = [] if map_ is None else _write_map(models, map_, jobs)
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
         block = dict(text.partition("=")[::2] for text in title or ())
         write_data_sheet(dog_design, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
-    lines += [f"wrote {path} ({FILE_LABELS[kind]})" for kind, path in written.items()]
+    labels = {kind: FILE_LABELS[kind].format(fmi=fmi) for kind in written}
+    lines += [f"wrote {path} ({labels[kind]})" for kind, path in written.items()]
     sizes = {"root_radius_mm": radius / MM}
     if sleeve is None:
         volume = part_volume(dog, radius, body) / MM**3
@@ -468,7 +469,21 @@ def export(
     emit({**written, **sizes}, json, lambda: lines)
 
 
-def _load_extras(step: Path | None, fmu: Path | None) -> None:
+def _require_files(files: dict[str, Path | None]) -> None:
+    """Raise InputError where no file is named, StorageError where one cannot be written."""
+    from dogshape.pipeline.export.engagement_map import require_map_targets  # noqa: PLC0415
+    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
+
+    if not any(files.values()):
+        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
+        raise InputError(f"export was asked for nothing; {remedy}")
+    require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
+    map_ = files["map"]
+    if map_ is not None:
+        require_map_targets(map_)
+
+
+def _load_extras(step: Path | None, fmu: Path | None, fmi: int) -> None:
     """Load the extras of the files that are asked for; InputError with the way to install one."""
     from dogshape.pipeline.export.cad import load_cad  # noqa: PLC0415
     from dogshape.pipeline.export.fmu import load_fmu_builder  # noqa: PLC0415
@@ -476,15 +491,11 @@ def _load_extras(step: Path | None, fmu: Path | None) -> None:
     if step is not None:
         load_cad()
     if fmu is not None:
-        load_fmu_builder()
+        load_fmu_builder(fmi)
 
 
-def _write_models(study: ds.Study, fmu: Path | None, map_: Path | None, jobs: int) -> list[str]:
-    """Write block and map for driveline models; return lines on the tables beside the map."""
-    if fmu is not None:
-        study.export_fmu(fmu)
-    if map_ is None:
-        return []
+def _write_map(study: ds.Study, map_: Path, jobs: int) -> list[str]:
+    """Write the map for driveline models; return lines on the tables beside it."""
     _, *tables = study.export_map(map_, jobs=jobs, progress=True)
     return [f"wrote {path}" for path in tables]
 
