@@ -67,6 +67,7 @@ from dogshape.sim.interface import argument, verb
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.pair import OutputDog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.locking import locking_friction
@@ -692,6 +693,17 @@ def _dimensions(study: Setup) -> list[Dimension]:
                 value=from_si(name, size),
                 unit=unit_of(name),
                 tolerance=from_si(name, tolerance),
+            )
+        )
+    for name, size in study.clutch.output_dog.given.items():
+        key = quantities_of(OutputDog)[name].key
+        tolerance = limits.tolerances.dimensions.get(name)
+        dimensions.append(
+            Dimension(
+                key=f"output_dog_{key}",
+                value=from_si(key, size),
+                unit=unit_of(key),
+                tolerance=from_si(key, tolerance),
             )
         )
     return dimensions

@@ -71,6 +71,7 @@ from dogshape.pipeline.search.study_record import (
     StudyRecord,
     read_study_record,
 )
+from dogshape.pipeline.simulate.design import pair_with
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_records import (
@@ -126,7 +127,7 @@ def _add_chosen_design(
     """Add the sections of a study that has a chosen design."""
     dog = study.dog_with(best.params(study.variables))
     confirmation = result.confirmation
-    section = Markup(open_section_svg(dog, study.clutch.dog, "prototype"))
+    section = Markup(open_section_svg(pair_with(study, dog), study.clutch.pair, "prototype"))
     page.add("", *summary_tables(study, result), section)
     page.add("Front", *front_parts(study, result))
     _add_effects(page, folder)

@@ -398,6 +398,7 @@ class CheckRow(FileRecord):
     ends: str | None = key(
         "ends of ranges at which the margin is smallest; absent without ranges", "", None
     )
+    ring: str | None = key("ring with the smaller margin; absent of equal rings", "", None)
     safety: float | None = key(
         "safety factor, upper limit of a stress or force over its value; null for other checks",
         "1",
@@ -415,6 +416,8 @@ class CheckRow(FileRecord):
             optional["margin_interval"] = list(check.margin_interval)
         if check.ends:
             optional["ends"] = check.ends
+        if check.ring:
+            optional["ring"] = check.ring
         return cls(
             name=check.name,
             value=number_or_none(check.value),

@@ -94,12 +94,11 @@ def dog_planes(dog: Dog) -> DogPlanes:
 
     The face of a tip with one falls to either side.
     """
-    half = 0.5 * dog.height
     axis = np.array([0.0, 0.0, 1.0])
     radial = np.array([1.0, 0.0, 0.0])
     # Faces fall from the ridge.
     _, ridge_normal = ridge_line(dog)
-    ridge = dog.ridge_offset * ridge_normal + half * axis
+    ridge = dog.ridge_offset * ridge_normal + dog.addendum * axis
 
     def flank(side: int, angle: float) -> Plane:
         _, outward = flank_line(dog, side)
@@ -114,7 +113,7 @@ def dog_planes(dog: Dog) -> DogPlanes:
         braking=flank(-1, dog.braking),
         face=tip_face(-dog.chamfer if dog.crest > 0.0 else dog.chamfer_back),
         back=tip_face(dog.chamfer_back) if dog.has_back else None,
-        root=Plane(-axis, half),
+        root=Plane(-axis, dog.dedendum),
         inner=Plane(-radial, -dog.inner_radius * flank_line(dog, +1)[0][0]),
         outer=Plane(radial, dog.outer_radius),
     )
@@ -481,7 +480,7 @@ def rigid_dog(dog: Dog) -> Mesh:
             for radius in (dog.inner_radius, dog.outer_radius):
                 start = radius * radial
                 top = (face.offset - face.normal @ start) / (face.normal @ slope)
-                points += [start - 0.5 * dog.height * slope, start + top * slope]
+                points += [start - dog.dedendum * slope, start + top * slope]
     return Mesh(np.array(points), _in_triangles(touching_quads(dog)))
 
 
@@ -549,7 +548,7 @@ def compliant_dog(dog: Dog) -> Mesh:
     A finer mesh has the same field, linear in each. Rounded edges and a hip add prisms.
     """
     apex, _ = pressure_apex(dog)
-    reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)
+    reach = max(dog.dedendum + apex[2], dog.dedendum)
     planes = dog_planes(dog)
     width = dog.radial_width
     root_depth = 1.5 * reach
@@ -560,7 +559,7 @@ def compliant_dog(dog: Dog) -> Mesh:
         deepest = max(face.depth(apex) for face in planes.tip)
         root_depth = max(root_depth, deepest)
         ends = max(ends, deepest - 0.5 * width)
-    root_distance = root_depth - apex[2] - 0.5 * dog.height
+    root_distance = root_depth - apex[2] - dog.dedendum
     skin = planes._replace(
         root=planes.root.moved(float(root_distance)),
         inner=planes.inner.moved(float(ends)),

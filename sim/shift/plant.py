@@ -1,6 +1,6 @@
 r"""The clutch as a Drake multibody plant.
 
-World frame: z along the shaft, median plane of the output ring at z = 0. The sliding ring is turned
+World frame: z along the shaft, pitch plane of the output ring at z = 0. The sliding ring is turned
 over about x and starts at z = travel. All dogs see the same contact while the rings stay coaxial,
 so one sliding dog with mass, inertia and forces over N moves as N do; it meets the whole output
 ring.
@@ -461,7 +461,8 @@ class ClutchPlant:
         properties = geo.ProximityProperties()
         geo.AddRigidHydroelasticProperties(properties)
         self._add_contact(properties)
-        shape = _in_memory(to_obj(ring_of(clutch.dog, rigid_dog(clutch.dog))), ".obj")
+        dog = clutch.pair.output
+        shape = _in_memory(to_obj(ring_of(dog, rigid_dog(dog))), ".obj")
         plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "output_dogs", properties)
 
     def _add_stop(self, carriage: tree.RigidBody) -> None:
@@ -538,7 +539,7 @@ class ClutchPlant:
         modulus = clutch.contact.stiffness * pressure_apex(clutch.dog)[1]
         geo.AddCompliantHydroelasticProperties(1.0, modulus, properties)
         self._add_contact(properties)
-        start = [0.0, 0.0, clutch.dog.travel]
+        start = [0.0, 0.0, clutch.pair.travel]
         turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start)
         shape = _in_memory(to_vtk(compliant_dog(clutch.dog)), ".vtk")
         for index in range(clutch.dog.count // self.share):

@@ -244,15 +244,23 @@ def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
 
 
 def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
-    """Compute pressures on face, core and edge, Pa, (n, 3), of ``landings`` in N/m, (n, k)."""
+    """Compute pressures on face, core and edge, Pa, (n, 3), of ``landings`` in N/m, (n, k).
+
+    ``dog`` is that of the sliding ring; both rings bear one load.
+    """
+    mate = limits.output_dog.beside(dog)
     radius = tip_radius(dog, limits.root_radius)
-    flat_widths = np.array(OVERLAPS) - 2.0 * radius * dog.crest_cut
+    mate_radius = tip_radius(mate, limits.root_radius)
+    crest_cuts = radius * dog.crest_cut + mate_radius * mate.crest_cut
+    if mate_radius != radius:  # two cylinders bear as two like ones of their harmonic mean
+        radius = 2.0 * radius * mate_radius / (radius + mate_radius)
+    flat_widths = np.array(OVERLAPS) - crest_cuts
     shares = np.broadcast_to(limits.load.landing(dog, landings.ravel()), landings.size)
     loads = landings * (1.0 / np.sqrt(shares)).reshape(landings.shape)
     has_flat = flat_widths >= LAND
     flat_loads = loads[:, has_flat]
     flats = flat_widths[has_flat]
-    core_spread = 2.0 * limits.material.case_depth
+    core_spread = 2.0 * min(material.case_depth for material in limits.ring_materials)
     face = (flat_loads / flats).max(axis=1, initial=0.0)
     core = (flat_loads / (flats + core_spread)).max(axis=1, initial=0.0)
     edge = edge_pressure(loads[:, ~has_flat].max(axis=1, initial=0.0), radius)
@@ -263,9 +271,13 @@ def demand_checks(
     demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
 ) -> tuple[LimitCheck, ...]:
     """Return the checks of the pressures of a landing, with the ``interval`` of the demand."""
-    material = limits.material
-    face_limit = material.case_yield / limits.load.safety
-    allowables = (face_limit, limits.allowable_stress, material.edge_pressure)
+    materials = limits.ring_materials
+    safety = limits.load.safety
+    allowables = (
+        min(material.case_yield for material in materials) / safety,
+        min(material.proof_stress for material in materials) / safety,
+        min(material.edge_pressure for material in materials),
+    )
     names = (rule.name for rule in LANDING_RULES)
     checks = checks_of(zip(names, demand, allowables, strict=True))
     if interval is None:

@@ -12,6 +12,7 @@ from dogshape.pipeline.export.cad import ring_solid, write_step
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import part_volume
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.pair import dog_pair
 from dogshape.sim.units import DEG, MM
 from tests.conftest import require_program
 
@@ -48,7 +49,7 @@ def test_step_reads_as_two_rings(prototype: Dog, tmp_path: Path, shape: tuple[fl
     import build123d
 
     dog, radius = _dog(prototype, shape)
-    write_step(dog, radius, BODY, tmp_path / "pair.step")
+    write_step(dog_pair(dog), radius, BODY, tmp_path / "pair.step")
     sliding, output = build123d.import_step(tmp_path / "pair.step").solids()
     text = (tmp_path / "pair.step").read_text(encoding="ascii")
     for words in ("PRODUCT('sliding ring'", "PRODUCT('output ring'", "SI_UNIT(.MILLI.,.METRE.)"):
