@@ -179,7 +179,7 @@ CLUTCH_NUMBERS = np.dtype(
 
 
 class Surfaces(NamedTuple):
-    """Surfaces of a rigid output dog and planes of a compliant sliding dog, q and p of them."""
+    """Surfaces of the rigid dog of a pair and planes of the compliant one, q and p of them."""
 
     corners: Array  #: of the rigid dog's quadrilaterals, m, (q, 4, 3)
     rigid_normals: Array  #: of the quadrilaterals, outward, (q, 3)

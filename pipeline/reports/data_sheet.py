@@ -623,7 +623,9 @@ def write_sheet(
     sizes = [_size_cells(dimension) for dimension in dimensions]
     page.add(f"Dimensions ({sheet.material})", Table(("", "", ""), sizes))
     page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))
-    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square")
+    columns = ["name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square"]
+    if study.limits.has_unlike_rings:
+        columns.append("ring")
     page.add("Margins to the limits", check_table(rows, *columns))
     assumptions = verdict.hangs_on[:MAX_ASSUMPTIONS]
     hinges = hinge_table(assumptions, "assumption", "range", "smallest_margin")

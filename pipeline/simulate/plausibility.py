@@ -37,6 +37,9 @@ def notes_of(study: Setup) -> list[str]:
     root_faults = []
     if study.limits.sleeve is None:
         root_faults = outside_fit(clutch.dog, study.limits.root_radius)
+        if not clutch.pair.alike:
+            output_faults = outside_fit(clutch.pair.output, study.limits.root_radius)
+            root_faults += [f"output ring: {fault}" for fault in output_faults]
     notes = [f"{fault}; --fem checks it" for fault in root_faults]
     if study.limits.strikes and clutch.mechanism.ring_inertia == 0.0:
         notes.append(

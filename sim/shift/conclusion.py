@@ -138,7 +138,7 @@ def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
     is not in its slot. ``deepest`` is the penetration, ``farthest`` the way over the shift, m.
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
-    limit = COVERED_DEPTH * pressure_apex(clutch.dog)[1]
+    limit = COVERED_DEPTH * pressure_apex(clutch.pair.compliant)[1]
     if deepest > limit:
         rule = f"the contact pushes back down to {limit / MM:.4g} mm: dogs passed through"
         return str(Refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy))

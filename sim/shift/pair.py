@@ -20,6 +20,11 @@ other overlap by the mean of both ``crest_overlap``.
 Two faces of slopes :math:`a \le b` and widths :math:`f_a, f_b` whose ridges overlap by *L* touch at
 the displacement :math:`g + a L + (b - a) \max(0, L - f_a)`: the ridge of the steeper on the flatter
 face, then the edge of the flatter on the steeper. They part at :math:`L = f_a + f_b`.
+
+One dog of a pair is rigid, the other carries the compliant layer of both. Which one does not matter
+for faces that are parallel; a rigid ridge that slides on a flatter compliant face would plough
+through the layer and lose power to its dissipation (``sim.shift.slide``). So the dog that falls
+less is the rigid one, of equal falls that with the rounder edges, else that of the output ring.
 """
 
 from __future__ import annotations
@@ -143,6 +148,24 @@ class Pair:
     def alike(self) -> bool:
         """Whether both rings have one dog."""
         return self.output is self.sliding or self.output == self.sliding
+
+    @property
+    def rigid(self) -> Dog:
+        """Dog without a compliant layer: the one whose tip falls less."""
+        return self.sliding if self.is_sliding_rigid else self.output
+
+    @property
+    def compliant(self) -> Dog:
+        """Dog with the compliant layer of both."""
+        return self.output if self.is_sliding_rigid else self.sliding
+
+    @property
+    def is_sliding_rigid(self) -> bool:
+        """Whether the sliding dog is the rigid one."""
+        falls = [dog.chamfer + dog.chamfer_back for dog in (self.sliding, self.output)]
+        if falls[0] == falls[1]:
+            return self.sliding.edge_radius > self.output.edge_radius
+        return falls[0] < falls[1]
 
     @property
     def depth(self) -> float:

@@ -74,9 +74,9 @@ NO_LOOK = np.zeros(0)  #: no state of a look: a ring that stands still is simula
 
 @lru_cache(maxsize=4)  # draws of what is uncertain have one pair
 def surfaces_of(pair: Pair) -> Surfaces:
-    """Compute the surfaces of a rigid output dog and the planes of a compliant sliding dog."""
-    dog = pair.sliding
-    rigid = pair.output
+    """Compute the surfaces of the rigid dog of a pair and the planes of the compliant one."""
+    dog = pair.compliant
+    rigid = pair.rigid
     normals, offsets = stacked(touching_planes(dog))
     rigid_normals, _ = stacked(touching_planes(rigid))
     corners = rigid_dog(rigid).vertices[np.array(touching_quads(rigid))]

@@ -48,10 +48,7 @@ SAMPLES = 64  #: intervals of the slide in the mean over its way
 
 
 class SlidingFace(NamedTuple):
-    """Face of a tip that slides down a face of the opposite ring, ridge ahead.
-
-    Of two unlike faces the flatter one, down which the ridge of the steeper slides.
-    """
+    """Face of a tip that slides down a face of the opposite ring, ridge ahead."""
 
     slope: float  #: rad
     width: float  #: from the ridge along the circumference, m
@@ -60,18 +57,24 @@ class SlidingFace(NamedTuple):
 
 
 def sliding_faces(clutch: Clutch) -> list[SlidingFace]:
-    """List the sloped faces of a pair; empty for flat ones."""
+    """List the sloped faces of a pair that are parallel; empty for flat ones.
+
+    Of unlike slopes the ridge of the steeper dog, which is compliant, slides on a rigid face and
+    loses nothing.
+    """
     pair = clutch.pair
-    dogs = (pair.sliding, pair.output)
+    dog = pair.rigid
     right_angle = 0.5 * math.pi
-    flat, steep = sorted(dogs, key=lambda dog: dog.chamfer)
-    behind = steep.chamfer_back if steep.has_back else right_angle - steep.traction
-    front = SlidingFace(flat.chamfer, flat.face_width, behind + flat.chamfer, pair.crest_overlap)
-    flat, steep = sorted(dogs, key=lambda dog: dog.chamfer_back)
-    behind = steep.chamfer if steep.has_back else right_angle - steep.braking
-    turn = behind + flat.chamfer_back
-    back = SlidingFace(flat.chamfer_back, flat.back_width, turn, -pair.crest_overlap)
-    return [face for face in (front, back) if face.slope > 0.0]
+    front_turn = right_angle - dog.traction + dog.chamfer
+    back_turn = right_angle - dog.braking + dog.chamfer_back
+    if dog.has_back:
+        front_turn = dog.chamfer + dog.chamfer_back
+        back_turn = front_turn
+    front = SlidingFace(dog.chamfer, dog.face_width, front_turn, pair.crest_overlap)
+    back = SlidingFace(dog.chamfer_back, dog.back_width, back_turn, -pair.crest_overlap)
+    faces = [front] if pair.faces.slope_rise == 0.0 else []
+    faces += [back] if pair.backs.slope_rise == 0.0 else []
+    return [face for face in faces if face.slope > 0.0]
 
 
 def wedge_depth(load: float, layer: Array, wedge: Array, width: float) -> Array:

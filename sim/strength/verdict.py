@@ -272,7 +272,6 @@ class Verdict:
             "line": self.line,
             "failed": list(self.failed),
             "not_clear": list(self.unclear),
-            **({"rings": dict(self.rings)} if self.rings else {}),
             "not_judged": [{"check": m.check, "key": m.key} for m in self.not_judged],
             "hangs_on": [hinge.to_dict() for hinge in self.hangs_on],
         }
