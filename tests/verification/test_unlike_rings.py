@@ -330,6 +330,19 @@ def test_landing_of_unlike_edges_by_hand(prototype: Dog) -> None:
     )
 
 
+def test_a_ridge_lands_on_a_face_of_another_slope_as_a_cylinder_on_a_plane(prototype: Dog) -> None:
+    """Hertz with 1/R = 1/0.3 per mm, at an overlap of 2 mm; faces of one slope bear there flat."""
+    loads = np.zeros((1, 22))
+    loads[0, 20] = 1e5
+    limits = Limits(output_dog=OutputDog(chamfer=6 * DEG))
+    face, _, pressure = demands_of(prototype, loads, limits)[0]
+    load = 1e5 / math.sqrt(limits.load.landing(prototype, 1e5))
+    assert pressure == pytest.approx(math.sqrt(load * MODULUS / (math.pi * 0.3e-3)))
+    flat_face, _, flat_pressure = demands_of(prototype, loads, Limits())[0]
+    assert flat_pressure == 0.0
+    assert face == pytest.approx(flat_face, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
