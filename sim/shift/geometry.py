@@ -2,14 +2,15 @@ r"""The dog and a pair of equal rings, from a few numbers and two diameters (Jas
 
 Chamfer :math:`\alpha`, side angles :math:`\beta, \gamma`, height *h*, *N* dogs, pitch
 :math:`\vartheta = 2\pi/N`, backlash :math:`\varphi`, *j* at the mean radius. A flank is a plane
-through the radial line at :math:`\pm(\vartheta - \varphi)/4` at half height, so that mating flanks
-lie on each other once the play is turned; there a slot is wider than a dog by :math:`\varphi r`.
+through the radial line at :math:`\pm(\vartheta - \varphi)/4` in the *pitch plane*, :math:`z = 0` at
+half height (``root_depth`` of unlike rings: ``sim.shift.pair``), so that mating flanks lie on each
+other once the play is turned; there a slot is wider than a dog by :math:`\varphi r`.
 The ridge, :math:`z = h/2`, divides the tip at the share *c* (``crest``) from the braking to the
 traction edge at every radius. The face falls from it by :math:`\alpha` towards the braking flank,
 the back by :math:`\alpha_b` towards the traction flank; *c* = 1 has no back, *c* = 0 no face.
 Widths run along the circumference at radius *r*:
 :math:`w_{tip,root} = \tfrac{1}{2}(\vartheta - \varphi) r \mp \tfrac{h}{2}(\tan\beta +
-\tan\gamma)`. With median planes *D* apart, rings have a play of :math:`\varphi r + D(\tan\beta +
+\tan\gamma)`. With pitch planes *D* apart, rings have a play of :math:`\varphi r + D(\tan\beta +
 \tan\gamma)`, as far as flanks face each other: down from :math:`D = h - 2d` with the larger depth
 *d* of both edges below the ridge. Undercut flanks pass where that is not negative there. At full
 depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
@@ -81,7 +82,7 @@ class Dog:
     chamfer_back: float = quantity("chamfer_back_deg", 0.0, 60.0, 0.0, late=True, remedy=SCOPE)
     #: of the seated pair along the circumference at the mean radius, m
     backlash: float = quantity("backlash_mm", 0.0, 50.0, 0.0, late=True)
-    #: of the root below the plane in which flanks have their radial lines, m; None: half the height
+    #: of the root below the pitch plane, m; None: half the height
     root_depth: float | None = None
 
     def __post_init__(self) -> None:
@@ -138,12 +139,12 @@ class Dog:
 
     @property
     def dedendum(self) -> float:
-        """Depth of the root below the plane of the flanks' radial lines, m."""
+        """Depth of the root below the pitch plane, m."""
         return 0.5 * self.height if self.root_depth is None else self.root_depth
 
     @property
     def addendum(self) -> float:
-        """Height of the crest above the plane of the flanks' radial lines, m."""
+        """Height of the crest above the pitch plane, m."""
         return self.height - self.dedendum
 
     @cached_property
@@ -331,9 +332,9 @@ class Dog:
 def section(dog: Dog) -> list[tuple[float, float]]:
     """Compute the corners of a dog's profile unrolled at the mean radius, from root to root.
 
-    Points (along the circumference, above the plane of the flanks' radial lines), m: braking root,
-    braking edge, ridge, traction edge, traction root; a ridge on an edge is one point with it. The
-    slot's floor runs on at the root's height.
+    Points (along the circumference, above the pitch plane), m: braking root, braking edge, ridge,
+    traction edge, traction root; a ridge on an edge is one point with it. The slot's floor runs on
+    at the root's height.
     """
     rise = dog.addendum
     depth = dog.dedendum

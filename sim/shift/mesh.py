@@ -1,6 +1,6 @@
 r"""Meshes of a dog: the two sides of the contact, and formats for Drake and print.
 
-Frame of a ring: z along the axis towards the other ring, median plane of the dogs at z = 0, dog *k*
+Frame of a ring: z along the axis towards the other ring, pitch plane at z = 0, dog *k*
 about the angle :math:`k\vartheta`; the traction flank is on the side of growing angle. Rigid side:
 the surfaces that can touch. Compliant side: one dog as pyramids whose apex is equally deep below
 its three faces, so that the pressure below each is stiffness times depth; the body reaches so far
