@@ -9,6 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from html import escape
 
@@ -456,6 +457,17 @@ def _notes(drawing: _DogSection) -> list[str]:
     ]
 
 
+def ring_drawings(pair: Pair, limits: Limits, title: str) -> list[str]:
+    """Draw the dimensioned section of the dog of both rings, or of either where they are unlike."""
+    if not limits.has_unlike_rings:
+        return [dimensioned_svg(pair.sliding, limits, title)]
+    output_limits = replace(limits, material=limits.output_material or limits.material)
+    return [
+        dimensioned_svg(pair.sliding, limits, f"{title}, sliding ring"),
+        dimensioned_svg(pair.output, output_limits, f"{title}, output ring"),
+    ]
+
+
 def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned section") -> str:
     """Draw the dimensioned section of one dog as an SVG document.
 
@@ -463,10 +475,11 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
     """
     drawing = _DogSection(dog, limits)
     angle_level = drawing.crest.imag - 96.0
+    plane = "median plane" if dog.root_depth is None else "pitch plane"
     elements = [
         _part(drawing),
         _line(drawing.left - 8.0, drawing.right + 8.0, kind="axis"),
-        _text(drawing.right + 60.0 + 4.0j, "median plane", "start", "small"),
+        _text(drawing.right + 60.0 + 4.0j, plane, "start", "small"),
         *_lengths(drawing),
         *_face_angles(drawing, angle_level),
         *_flank_angles(drawing, angle_level),

@@ -25,7 +25,7 @@ from dogshape.pipeline.config.study_file import (
     replace_keys,
 )
 from dogshape.pipeline.config.toml_text import toml_value
-from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.pipeline.export.drawing import ring_drawings
 from dogshape.pipeline.record import SHARE, Bad, Record, Table, number_or_none, percent
 from dogshape.pipeline.reports.designs import confirmation_of, engaged_shifts, margins_of
 from dogshape.pipeline.reports.report import Report
@@ -619,7 +619,8 @@ def write_sheet(
     page = Report(f"{design.title}: data sheet", title.pop("why"), compact=True)
     page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))
     page.add("", Table(("", ""), [judged]))
-    page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, design.title)))
+    drawings = ring_drawings(study.clutch.pair, study.limits, design.title)
+    page.add("", *map(Markup, drawings))
     sizes = [_size_cells(dimension) for dimension in dimensions]
     page.add(f"Dimensions ({sheet.material})", Table(("", "", ""), sizes))
     page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))

@@ -11,7 +11,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
+from dogshape.pipeline.export.drawing import open_section_svg, ring_drawings
 from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Bad, Table, percent, tabulate
 from dogshape.pipeline.reports.charts import (
@@ -139,7 +139,8 @@ def _add_chosen_design(
     if result.life:
         page.add("Life", life_table(result.life))
     title = f"{design_name(best).capitalize()}, dimensioned section"
-    page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
+    drawings = ring_drawings(pair_with(study, dog), study.limits, title)
+    page.add("Drawing", *map(Markup, drawings))
 
 
 def _add_nearest_designs(
@@ -182,7 +183,7 @@ def _drawing(study: Setup, design: DesignRow) -> list[Part]:
     except GeometryError:
         return []
     title = f"{design_name(design).capitalize()}, nearest to passing every check"
-    return [Markup(dimensioned_svg(dog, study.limits, title))]
+    return [*map(Markup, ring_drawings(pair_with(study, dog), study.limits, title))]
 
 
 def front_parts(study: Setup, result: StudyRecord) -> list[Part]:

@@ -36,7 +36,6 @@ from dogshape.sim.units import MM
 
 if TYPE_CHECKING:
     from dogshape.pipeline.config.study_file import Setup
-    from dogshape.sim.shift.geometry import Dog
 
 Ring = Literal["sliding", "output"]
 TABLES = (".csv", ".xlsx")
@@ -465,7 +464,7 @@ def export(
     if not design.feasible:
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _warn_of_doubts(ds.Study.from_config(setup))
-    _write_geometry(setup, dog, dog_design.title, body=body, svg=svg, stl=stl, step=step)
+    _write_geometry(setup, ring, dog_design.title, body=body, svg=svg, stl=stl, step=step)
     lines = _write_models(ds.Study.from_config(dog_design.prototype_study), fmu, map_, jobs)
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
@@ -509,7 +508,7 @@ def _write_models(study: ds.Study, fmu: Path | None, map_: Path | None, jobs: in
 
 def _write_geometry(
     setup: Setup,
-    dog: Dog,
+    ring: Ring,
     title: str,
     *,
     body: float,
@@ -519,19 +518,22 @@ def _write_geometry(
 ) -> None:
     """Write drawing, mesh and solids of a dog; ``body`` is the thickness below the slots, m."""
     from dogshape.pipeline.export.cad import write_step  # noqa: PLC0415
-    from dogshape.pipeline.export.drawing import dimensioned_svg  # noqa: PLC0415
+    from dogshape.pipeline.export.drawing import ring_drawings  # noqa: PLC0415
     from dogshape.sim.part import ring_part  # noqa: PLC0415
     from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
 
+    pair = setup.clutch.pair
+    dog = pair.output if ring == "output" else pair.sliding
     radius = setup.limits.root_radius
     if svg is not None:
+        drawings = ring_drawings(pair, setup.limits, title)
         with name_file_in_errors(svg):
-            svg.write_text(dimensioned_svg(dog, setup.limits, title), encoding="utf-8")
+            svg.write_text(drawings[-1 if ring == "output" else 0], encoding="utf-8")
     if stl is not None:
         with name_file_in_errors(stl):
             stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {title} ring"))
     if step is not None:
-        write_step(setup.clutch.pair, radius, body, step)
+        write_step(pair, radius, body, step)
 
 
 def app(
