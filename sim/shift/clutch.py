@@ -280,7 +280,7 @@ class Clutch:
         """Travel at which a shift counts as finished, m."""
         return self.pair.travel - self.seated_tolerance
 
-    @property
+    @cached_property
     def pair(self) -> Pair:
         """Dogs of sliding and output ring."""
         return dog_pair(self.dog, self.output_dog)

@@ -71,6 +71,13 @@ class OutputDog:
         items = record_quantities(self).items()
         return {f"output_dog_{key}": value for key, value in items if value is not None}
 
+    @property
+    def _deviating(self) -> list[str]:
+        """Names of the given dimensions that deviate: a missing face or play does not."""
+        missing = {"chamfer": self.crest == 0.0, "chamfer_back": self.crest == 1.0}
+        missing["backlash"] = self.backlash == 0.0
+        return [name for name in self.given if not missing.get(name)]
+
     def beside(self, sliding: Dog, nominal: Dog | None = None) -> Dog:
         """Return the output dog beside a ``sliding`` dog, or beside each of ``Dogs``.
 
@@ -81,9 +88,9 @@ class OutputDog:
         if not changes:
             return sliding
         if nominal is not None:
-            for name, value in changes.items():
+            for name in self._deviating:
                 deviation = getattr(sliding, name) - getattr(nominal, name)
-                changes[name] = largest(0.0, value + deviation)
+                changes[name] = largest(0.0, changes[name] + deviation)
         height = changes.get("height", sliding.height)
         if np.any(height != sliding.height):
             pitch_depth = 0.5 * sliding.height

@@ -316,6 +316,15 @@ def _by_name(checks: tuple[LimitCheck, ...]) -> dict[str, LimitCheck]:
     return {check.name: check for check in checks}
 
 
+def test_a_face_that_one_ring_lacks_does_not_deviate(prototype: Dog) -> None:
+    """A roof beside a tip with one face: every margin within tolerances is finite."""
+    limits = Limits(output_dog=OutputDog(crest=1.0, chamfer_back=0.0, backlash=0.0))
+    dog = roof(prototype, backlash=0.3 * MM)
+    losses = margin_losses(dog, limits)
+    assert all(math.isfinite(spread.worst_case) for spread in losses.values())
+    assert losses["flank_height"].worst_case > 0.0
+
+
 def test_landing_of_unlike_edges_by_hand(prototype: Dog) -> None:
     """Hertz with 1/R = 1/0.2 + 1/0.4 per mm, at an overlap without a flat."""
     dog = replace(prototype, edge_radius=0.2 * MM)
