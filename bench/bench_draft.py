@@ -15,10 +15,11 @@ from pandas import DataFrame
 
 from dogshape.bench.decoding import TableLimits
 from dogshape.bench.draft_arguments import no_column
-from dogshape.bench.foreign_readings import ReadingReport, TableReader
+from dogshape.bench.foreign_readings import TableReader
 from dogshape.bench.foreign_table import ForeignTable, read_foreign, read_sheet, table_of
 from dogshape.bench.quantities import SHIFTS, TRACE
 from dogshape.bench.raw_sheet import OTHER_BOOKS, file_of, is_workbook
+from dogshape.bench.reading_report import ReadingReport
 from dogshape.bench.row_marks import RowChoice
 from dogshape.bench.table import COLUMNS, NUMERIC
 from dogshape.bench.traces import READERS
@@ -110,11 +111,16 @@ def is_table(where: str | Path) -> bool:
     return path.is_file() or is_workbook(path) or path.suffix.lower() in TABLE_SUFFIXES
 
 
-def guess_readings(draft: BenchDraft) -> ReadingReport:
-    """Read the tables of a draft: columns, excluded rows and columns, and faults."""
-    report = ReadingReport()
-    read_tables(draft, report)
-    return report
+@dataclass(frozen=True)
+class DraftTables:
+    """Tables of a draft as they were read, with the report of the reading.
+
+    ``rows`` have file and row beside the columns of ``shifts.csv``.
+    """
+
+    draft: BenchDraft
+    rows: DataFrame
+    report: ReadingReport
 
 
 class StepLine(NamedTuple):
@@ -164,9 +170,10 @@ def explain_reading(draft: BenchDraft) -> ReadingSteps:
     return ReadingSteps(lines, report)
 
 
-def read_tables(draft: BenchDraft, report: ReadingReport) -> DataFrame:
-    """Read the rows of all tables, with their file and row beside the columns of ``shifts.csv``."""
+def read_tables(draft: BenchDraft) -> DraftTables:
+    """Read the rows of all tables; the report has the faults."""
     _require_readable(draft)
+    report = ReadingReport()
     frames = [pd.DataFrame(columns=["file", "row", *COLUMNS])]
     for path in draft.paths:
         try:
@@ -175,7 +182,8 @@ def read_tables(draft: BenchDraft, report: ReadingReport) -> DataFrame:
             report.faults.append(str(error))
             continue
         frames.append(_read_rows(table, draft, report)[1])
-    return pd.concat(frames[len(frames) > 1 :], ignore_index=True)
+    rows = pd.concat(frames[len(frames) > 1 :], ignore_index=True)
+    return DraftTables(draft, rows, report)
 
 
 def _require_readable(draft: BenchDraft) -> None:

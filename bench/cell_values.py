@@ -75,21 +75,7 @@ def decimal_sign(
     ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both
     signs, and for those that can be read in two ways.
     """
-    certain: dict[str, str] = {}
-    questions: dict[str, str] = {}
-    for head, cells in columns.items():
-        for cell, row in zip(map(plain, cells), rows, strict=True):
-            if is_number(cell) and (marks := re.findall("[.,]", cell)):
-                mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER_DECIMAL[marks[-1]]
-                if not _EITHER.fullmatch(cell):
-                    certain.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
-                    continue
-                questions.setdefault(
-                    mark,
-                    f"column '{head}', row {row}: '{cell}' can be read as "
-                    f"{cell.replace(mark, '')}, {argument('decimal', OTHER_DECIMAL[mark])}, or as "
-                    f"{cell.replace(mark, '.')}, {argument('decimal', mark)}",
-                )
+    certain, questions = _signs_of(columns, rows)
     if len(certain) > 1 or (stated and OTHER_DECIMAL[stated] in certain):
         signs = " and with ".join(certain[mark] for mark in sorted(certain))
         says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
@@ -104,6 +90,30 @@ def decimal_sign(
     if separator == "," and set(questions) == {"."} and not has_whole_number:
         return "."
     raise DataError("; ".join(questions.values()))
+
+
+def _signs_of(
+    columns: Mapping[str, Sequence[str]], rows: Sequence[int]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Describe the first number with each decimal sign, and the first that has two readings."""
+    certain: dict[str, str] = {}
+    questions: dict[str, str] = {}
+    for head, cells in columns.items():
+        for cell, row in zip(map(plain, cells), rows, strict=True):
+            marks = re.findall("[.,]", cell) if is_number(cell) else []
+            if not marks:
+                continue
+            mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER_DECIMAL[marks[-1]]
+            if not _EITHER.fullmatch(cell):
+                certain.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
+                continue
+            questions.setdefault(
+                mark,
+                f"column '{head}', row {row}: '{cell}' can be read as "
+                f"{cell.replace(mark, '')}, {argument('decimal', OTHER_DECIMAL[mark])}, or as "
+                f"{cell.replace(mark, '.')}, {argument('decimal', mark)}",
+            )
+    return certain, questions
 
 
 SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"
@@ -157,6 +167,7 @@ _UNIT_SIGNS = str.maketrans({
 _FACTOR = re.compile(
     r"[x*]?\s*(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?|10\^?-\d+|1/\d+)\s*[x*]?\s*([^\d\W].*|°.*|1/.*)"
 )
+_SQUARED = re.compile(r"(.*[^\d\W])\s*(?:²|\^?2)")
 _BRACKETS = re.compile(r"^(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _LAST = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|[\s_,.]+)([^\s_]+)$")
 
@@ -190,6 +201,15 @@ def unit_with_factor(text: str) -> Unit | None:
     else:
         factor = float(digits)
     return replace(base, text=text.strip(), factor=base.factor * factor)
+
+
+def squared_time(text: str) -> Unit | None:
+    """Find the unit of a variance of times, ``ms²``, its factor to s²; None for another text."""
+    match = _SQUARED.fullmatch(text.strip())
+    unit = unit_named(match[1]) if match else None
+    if unit is None or unit.dimension != TIME:
+        return None
+    return Unit(text.strip(), TIME, unit.factor**2)
 
 
 def split_quantity(cell: str) -> tuple[str, Unit | None]:
@@ -308,9 +328,14 @@ ANSWERS = {
 }
 
 
+def is_blank(cell: str) -> bool:
+    """Whether a cell is empty or has a word for nothing."""
+    return cell.lower() in NOTHING
+
+
 def answer_of(cell: str) -> str:
     """Write a cell as ``ANSWERS`` has it: in lower case, without blanks."""
-    return "empty" if cell.lower() in NOTHING else "".join(cell.lower().split())
+    return "empty" if is_blank(cell) else "".join(cell.lower().split())
 
 
 @dataclass(frozen=True, eq=False)  # compared and hashed by identity, not by all of its cells

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.bench.bench_data import Bench
+from dogshape.bench.bench_data import Bench, Cell
 from dogshape.bench.samples import scatter, smoothed
 from dogshape.bench.traces import BenchTrace
 from dogshape.sim.elementwise import Array
@@ -96,40 +96,42 @@ class SeenContacts:
     faces: FaceMarks
 
 
-def contacts_of(bench: Bench) -> SeenContacts | None:
-    """Gather the marks of the contact; None without traces that show speeds.
+def _has_marks(clutch: Clutch) -> bool:
+    """Test that a clutch has marks of the contact.
 
     Shafts that turn, their drive and elastic shafts take part in the balance, a tip may fall to
-    the traction flank, and faces may have a friction of their own: such clutches have no marks.
+    the traction flank, and faces may have a friction of their own: such clutches have none.
     """
-    clutch = bench.clutch
     mechanism = clutch.mechanism
     has_shafts = mechanism.ring_inertia > 0.0 or mechanism.wheel_inertia > 0.0
     has_drive = clutch.drive.turns or clutch.drive.has_torques
     has_two_laws = clutch.contact.impact is not None or clutch.contact.face_friction is not None
-    if has_drive or has_shafts or has_two_laws or clutch.dog.crest < 1.0:
+    return not (has_drive or has_shafts or has_two_laws or clutch.dog.crest < 1.0)
+
+
+def contacts_of(bench: Bench) -> SeenContacts | None:
+    """Gather the marks of the contact; None without traces that show speeds."""
+    clutch = bench.clutch
+    if not _has_marks(clutch):
         return None
     speeds = list[tuple[float, ...]]()
     balances = list[tuple[float, ...]]()
     faces = list[Array]()
     face_cells = []
     for k, cell in enumerate(bench.cells):
-        differences = []
-        for trace in cell.traces:
-            motion = _motion_of(trace, clutch, cell.point.mismatch)
-            if motion is None:
-                continue
-            differences.append(motion.difference)
+        motions = _motions_of(cell, clutch)
+        if not motions:
+            continue
+        values, errors = np.array([motion.difference for motion in motions]).T
+        error = float(np.sqrt((errors**2).mean() / len(errors)))
+        speeds.append((float(k), float(values.mean()), error))
+        for motion in motions:
             if motion.balance is not None:
                 balances.append(motion.balance)
             face = _face_of(motion, clutch)
             if face is not None:
                 faces.append(face)
                 face_cells.append(k)
-        if differences:
-            values, errors = np.array(differences).T
-            error = float(np.sqrt((errors**2).mean() / len(errors)))
-            speeds.append((float(k), float(values.mean()), error))
     if not speeds:
         return None
     cell, value, error = np.array(speeds).T
@@ -155,6 +157,12 @@ class _Motion:
     difference: tuple[float, float]  #: of the speeds before the touch, and its error, rad/s
     balance: tuple[float, float, float, float] | None  #: as in ``BalanceMarks``
     speed_noise: float  #: scatter of the sliding speed, rad/s
+
+
+def _motions_of(cell: Cell, clutch: Clutch) -> list[_Motion]:
+    """Read the motions in the traces of an operating point, as far as these show them."""
+    motions = (_motion_of(trace, clutch, cell.point.mismatch) for trace in cell.traces)
+    return [motion for motion in motions if motion is not None]
 
 
 def _motion_of(trace: BenchTrace, clutch: Clutch, mismatch: float) -> _Motion | None:

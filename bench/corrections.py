@@ -11,11 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dogshape.bench.force_start import (
-    ForceStart,
-    displacement_at_rest,
-    find_force_start,
-)
+from dogshape.bench.force_start import ForceStart, displacement_at_rest, find_force_start
 from dogshape.bench.stand_file import Sensor
 from dogshape.bench.table import Row, Sheet, joined_rows
 from dogshape.bench.traces import BenchTrace

@@ -9,7 +9,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from dogshape.bench.cell_values import (
     ANSWERS,
     FORCE,
     NAMES,
-    NOTHING,
     SPEED,
     TIME,
     UNITS,
@@ -26,6 +24,7 @@ from dogshape.bench.cell_values import (
     Unit,
     answer_of,
     decimal_sign,
+    is_blank,
     is_date,
     is_number,
     numbers_of,
@@ -34,19 +33,10 @@ from dogshape.bench.cell_values import (
     unit_named,
     unit_with_factor,
 )
+from dogshape.bench.column_options import PURE_NUMBER, Match
 from dogshape.bench.draft_arguments import NONE, column_argument, no_column
-from dogshape.bench.foreign_columns import (
-    PURE_NUMBER,
-    Match,
-    matched,
-    with_repeats,
-)
-from dogshape.bench.foreign_table import (
-    REPEATS,
-    TRANSPOSED,
-    ForeignTable,
-    side_question,
-)
+from dogshape.bench.foreign_columns import matched
+from dogshape.bench.foreign_table import REPEATS, TRANSPOSED, ForeignTable
 from dogshape.bench.quantities import (
     SHIFTS,
     WORD,
@@ -57,10 +47,13 @@ from dogshape.bench.quantities import (
     score,
 )
 from dogshape.bench.raw_sheet import CellNote
+from dogshape.bench.reading_report import ColumnReading, Exclusion, ReadingReport
+from dogshape.bench.repeats import with_repeats
 from dogshape.bench.row_marks import RowChoice, RowPlan, chosen_rows, row_plan
 from dogshape.bench.row_splits import with_lists, with_shares
+from dogshape.bench.table_shapes import side_question
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DataError, InputError, join_faults, number
+from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.interface import argument
 
 MAX_CELL_CHARACTERS = 40  #: characters of a cell that a sentence shows
@@ -74,65 +67,6 @@ SENTENCES = {
     REPEATS: "each cell of the columns of repeats is a shift of its own",
 }
 Values = list[Any]  #: a value for each row, None where there is none
-
-
-@dataclass(frozen=True)
-class ColumnReading:
-    """Reading of a column of a table; its fields are keys of the record of a reading."""
-
-    file: str
-    quantity: str  #: key of the quantity, with its unit
-    column: str  #: head in the file, or formula
-    unit: str | None  #: in the file; None for one without
-    decimals: str | None  #: name of the decimal sign; None where no number shows one
-    first: Any  #: first value, in the unit of the quantity; None for an empty column
-    least: float | None  #: smallest number, in that unit; None for a column of texts
-    largest: float | None
-    why: str  #: reason of the reading
-
-
-@dataclass(frozen=True)
-class Exclusion:
-    """Row or column of a table that is not read."""
-
-    file: str
-    reason: str
-    row: int | None = None  #: number in the file; None for a column
-    column: str = ""  #: head of the column; empty for a row
-
-    @property
-    def place(self) -> str:
-        """Row or column in words."""
-        return f"column '{self.column}'" if self.row is None else f"row {self.row}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Convert the exclusion to values of JSON."""
-        place = {"column": self.column} if self.row is None else {"row": self.row}
-        return {"file": self.file, **place, "reason": self.reason}
-
-
-@dataclass
-class ReadingReport:
-    """Record of a reading: faults, assumptions, readings, excluded rows and columns."""
-
-    faults: list[str] = field(default_factory=list)
-    assumed: list[str] = field(default_factory=list)
-    left_out: list[Exclusion] = field(default_factory=list)
-    readings: list[ColumnReading] = field(default_factory=list)
-    empty_rows: int = 0  #: rows with neither a time nor an outcome
-
-    def to_dict(self) -> dict[str, Any]:
-        """Convert readings and exclusions to values of JSON."""
-        return {
-            "columns": [vars(reading) for reading in self.readings],
-            "left_out": [exclusion.to_dict() for exclusion in self.left_out],
-        }
-
-    def require(self, place: str) -> None:
-        """Raise DataError with all faults, if there are any."""
-        faults = list(dict.fromkeys(self.faults))
-        if faults:
-            raise DataError(join_faults(place, faults) if len(faults) > 1 else faults[0])
 
 
 class TableReader:
@@ -203,11 +137,12 @@ class TableReader:
 
     def _drop_empty_rows(self, options: Mapping[str, str]) -> None:
         """Leave rows out that have no cell in the columns that are read."""
-        count = len(self.table.rows)
-        full = _filled_rows(self.matching.columns, count)
-        if 0 < len(full) < count:
-            empty = sorted({*range(count)} - {*full})
-            reasons = [(self.table.rows[k], "empty in the columns of the shifts") for k in empty]
+        rows = self.table.rows
+        read = self.matching.columns
+        full = [k for k in range(len(rows)) if any(column.cells[k] for column in read)]
+        if 0 < len(full) < len(rows):
+            empty = [row for k, row in enumerate(rows) if k not in full]
+            reasons = [(row, "empty in the columns of the shifts") for row in empty]
             self.table = self.table.taking(full, reasons)
             self.matching = matched(self.table.columns, self.quantities, options)
 
@@ -220,7 +155,9 @@ class TableReader:
         }
         table = self.table
         try:
-            self.sign = decimal_sign(cells, table.rows, decimal or table.stated, table.separator)
+            self.sign = decimal_sign(
+                cells, table.rows, decimal or table.stated, table.sheet.separator
+            )
         except DataError as error:
             self.is_decimal_open = True
             return [str(error)]
@@ -259,12 +196,11 @@ class TableReader:
             column.place: column.head for column in self.table.columns if column in read or missing
         }
         results = {column.place for column, name in read.items() if name in RESULTS}
-        notes = [note for note in sheet.notes if note.place in heads]
-        repeated = [note for note in sheet.merged if note.place in results]
-        sentences = [(note, note.sentence) for note in notes]
+        sentences = [(note, note.sentence) for note in sheet.notes if note.place in heads]
         sentences += [
             (note, f"{note.sentence}, one result for several rows; write a value into each row")
-            for note in repeated
+            for note in sheet.merged
+            if note.place in results
         ]
         groups: dict[int, list[tuple[CellNote, str]]] = {}
         for note, sentence in sentences:
@@ -345,14 +281,13 @@ class TableReader:
         if not match.terms:
             return self._record(match, [float(match.formula)] * len(self.table.rows), "")
         terms = [self._term(match, column, unit) for column, unit in match.terms]
-        frame, error_text = (
-            pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)}),
-            "",
-        )
+        frame = pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)})
+        error_text = ""
         try:
             values = pd.to_numeric(frame.eval(match.formula)).replace([np.inf, -np.inf], np.nan)
         except Exception as error:  # what it raises depends on the text
-            values, error_text = np.nan * frame["c0"], f": {error}"
+            values = np.nan * frame["c0"]
+            error_text = f": {error}"
         if match.formula != "c0" and not values.notna().any():
             self._fault(
                 match,
@@ -384,7 +319,7 @@ class TableReader:
         (smallest, low), (largest, high) = min(sizes), max(sizes)
         if largest < limit * smallest:
             return
-        cells, rows = match.terms[0][0].cells, self.table.rows
+        cells, rows = match.column.cells, self.table.rows
         answer = column_argument(match.quantity.name, f"{match.head}:UNIT")
         self._fault(
             match,
@@ -398,7 +333,7 @@ class TableReader:
         quantity = match.quantity
         cells = self._filled_down(match, column)
         values, factors = self._cell_numbers(match, column, cells, unit)
-        empty = np.array([cell.lower() in NOTHING for cell in cells])
+        empty = np.array([is_blank(cell) for cell in cells])
         noted = [
             not plain and bool(cell)
             for plain, cell in zip(self._plain_cells(column), column.cells, strict=True)
@@ -489,13 +424,7 @@ class TableReader:
             )
             return None
         if unit is None and not column.strange and not angular:
-            # A recorder's clock may begin anywhere: the length of a trace decides.
-            middle = np.median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
-            text = {
-                TIME: "ms" if middle > 5.0 else "s",
-                FORCE: "kN" if middle < 5.0 else "N",
-                SPEED: "1/min",
-            }.get(str(quantity.dimension), "mm")
+            text = _usual_unit(quantity, values)
             self.report.assumed.append(
                 f"{self.table.path}: '{column.head}' ({quantity.name}) has no unit and is taken as "
                 f"{text} by its size; {answer} says another"
@@ -503,7 +432,7 @@ class TableReader:
             return unit_named(text)
         spelling = unit.text if unit else column.strange or ""
         scaled = unit_with_factor(spelling)
-        if spelling and scaled and scaled.dimension == quantity.dimension and unit is None:
+        if unit is None and scaled and scaled.dimension == quantity.dimension:
             multiple = column_argument(quantity.name, f"{column.head}:{spelling}")
             self._fault(
                 match,
@@ -511,11 +440,9 @@ class TableReader:
                 f"it, or {answer}",
             )
             return None
-        ambiguity = (
-            "unknown"
-            if quantity.dimension != SPEED or (unit is None and not angular)
-            else ("ambiguous (revolutions or radians)")
-        )
+        ambiguity = "ambiguous (revolutions or radians)"
+        if quantity.dimension != SPEED or (unit is None and not angular):
+            ambiguity = "unknown"
         called = f"the unit '{spelling}', which is" if spelling else "a unit that is"
         self._fault(match, f"has {called} {ambiguity}; say {answer} with one of {quantity.units}")
         return None
@@ -529,11 +456,11 @@ class TableReader:
         return values
 
     def _texts(self, match: Match) -> Values:
-        return self._record(match, [cell or None for cell in match.terms[0][0].cells], "")
+        return self._record(match, [cell or None for cell in match.column.cells], "")
 
     def _answers(self, match: Match) -> Values:
         """Convert answers to yes and no; an option, ``gut=yes,empty=no``, prevails."""
-        cells = [answer_of(cell) for cell in match.terms[0][0].cells]
+        cells = [answer_of(cell) for cell in match.column.cells]
         pairs = (pair.split("=", 1) for pair in match.option.split(",") if "=" in pair)
         stated = {answer_of(word): answer_of(answer) for word, answer in pairs}
         counts = Counter(cells)
@@ -553,7 +480,7 @@ class TableReader:
     def _stamps(self, match: Match) -> Values:
         """Read numbers with a unit in s, and dates as ISO 8601."""
         column, unit = match.terms[0]
-        cells = [cell for cell in column.cells if cell.lower() not in NOTHING]
+        cells = [cell for cell in column.cells if not is_blank(cell)]
         try:
             if unit is not None and all(map(is_number, cells)):
                 moments = [f"{v:.12g}" for v in unit.factor * numbers_of(cells, self.sign)]
@@ -569,7 +496,7 @@ class TableReader:
             )
             return [None] * len(column.cells)
         stamps = iter(moments)
-        values = [None if cell.lower() in NOTHING else next(stamps) for cell in column.cells]
+        values = [None if is_blank(cell) else next(stamps) for cell in column.cells]
         return self._record(match, values, way, unit.text if unit else "")
 
 
@@ -579,11 +506,15 @@ def _left_out_by_user(table: ForeignTable, options: Mapping[str, str]) -> frozen
     return frozenset(c.head for c in table.columns for q in left_out if score(q, c) >= WORD)
 
 
-def _filled_rows(read: Mapping[Column, str], count: int) -> list[int]:
-    """Find the places of rows with a cell in a column that is read."""
-    if not read:
-        return [*range(count)]
-    return [k for k in range(count) if any(column.cells[k] for column in read)]
+def _usual_unit(quantity: TableQuantity, values: Array) -> str:
+    """Guess the unit of numbers by their size."""
+    # A recorder's clock may begin anywhere: the length of a trace decides.
+    middle = np.median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
+    return {
+        TIME: "ms" if middle > 5.0 else "s",
+        FORCE: "kN" if middle < 5.0 else "N",
+        SPEED: "1/min",
+    }.get(str(quantity.dimension), "mm")
 
 
 def _remedy_of(cells: Sequence[str]) -> str:

@@ -1,8 +1,8 @@
 """Layout of a foreign table: head, rows of shifts, and excluded rows with their reasons.
 
 A foreign table is read in five steps, each a frozen value that ``explain_reading`` tells about:
-*raw sheet* (``bench.raw_sheet``), *layout* (here), *columns and units* (``foreign_columns``),
-*rows and marks* (``row_marks``), *readings* (``foreign_readings``).
+*raw sheet* (``bench.raw_sheet``, ``workbook``), *layout* (here), *columns and units*
+(``foreign_columns``), *rows and marks* (``row_marks``), *readings* (``foreign_readings``).
 
 A layout has one row for each shift or mean, else it is reshaped where that is certain (transposed,
 repeats as columns) and refused by its name where it is not: matrix, blocks with titles, tables side
@@ -15,37 +15,27 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from dogshape.bench.cell_grid import MARKS, CellGrid, Cells
 from dogshape.bench.cell_values import (
-    FORCE,
-    NOTHING,
-    SPEED,
     Column,
     begins_with_number,
     durations_of,
+    is_blank,
     is_number,
     numbers_of,
     split_head,
-    split_quantity,
     unit_named,
 )
 from dogshape.bench.decoding import TableLimits
 from dogshape.bench.draft_arguments import rows_argument, rows_example
-from dogshape.bench.quantities import (
-    SHIFTS,
-    SPLITTING,
-    WORD,
-    has_word,
-    is_force_by_area,
-    plain_words,
-    score,
-)
+from dogshape.bench.quantities import SHIFT_QUANTITIES, SPLITTING, has_word, plain_words, score
 from dogshape.bench.raw_sheet import (
     QuoteError,
     RawRow,
@@ -54,19 +44,23 @@ from dogshape.bench.raw_sheet import (
     is_workbook,
     quoting_of,
     read_lines,
-    read_workbook,
     text_sheet,
 )
+from dogshape.bench.table_shapes import (
+    is_transposed,
+    named_needs,
+    require_no_blocks,
+    require_rows_of_shifts,
+    transposed,
+)
+from dogshape.bench.workbook import read_workbook
 from dogshape.sim.errors import DataError
-from dogshape.sim.interface import argument, key_arguments
+from dogshape.sim.interface import argument
 
-Cells = Sequence[str]
 Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why
 ROUNDED = 2e-3  #: share by which a rounded sum or mean is off
 HEADS = 4  #: rows of names and units above the numbers, at most
 SAMPLE_LINES = 2000  #: lines by which the separator of a text is chosen
-MIN_REPEATS = 3  #: numbered columns that are repeats, unless a word of a shift time names them
-MARKS = "#%!"  #: at the beginning of comments
 PLAIN, TRANSPOSED, REPEATS = "one row a shift", "transposed", "repeats as columns"
 _LABVIEW = re.compile(
     r"(?ms)^(?:LabVIEW Measurement|Channels\b).*?^\*\*\*End_of_Header\*\*\*[^\n]*"
@@ -78,7 +72,6 @@ _STATISTIC = re.compile(
     r"|moyenne|media|somma|suma|somme|gemiddelde|prumer|srednia|medel\w*)"
     r"(\W*|\W+[^\W\d]{0,2}\W*)"
 )
-_SHIFT_TIME = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
 #: Words that say of rows that they are no shifts.
 REJECTED = re.compile(
     r"(?i)ung[uü]e?ltig|verworfen|ausrei(ß|ss)er|fehlerhaft|fehlmessung|defekt|nicht (gewertet"
@@ -87,7 +80,6 @@ REJECTED = re.compile(
     r"|abbruch|failed (run|measurement)|rejet[ée]|exclu|aberrant|invalide|scartat|scarto|anomal"
     r"|non valid|descartad|rechazad|inv[aá]lid|odrzucon|neplatn|vy[rř]azen|ongeldig|kassera"
 )
-_TITLE_VALUE = re.compile(r"[^\W\d]\w*\s*[=:]\s*[+-]?\d|\d\s*(?:1/min|rpm|U/min|kN|N|tr/min)\b")
 
 
 @dataclass(frozen=True)
@@ -101,8 +93,8 @@ class Layout:
     names: tuple[str, ...]
     units: tuple[str, ...]
     body: tuple[RawRow, ...]
-    left_out: tuple[tuple[int, str], ...] = ()
-    questions: tuple[str, ...] = ()
+    left_out: tuple[tuple[int, str], ...]
+    questions: tuple[str, ...]
 
     def lines(self) -> Iterator[str]:
         """Describe the layout, a line each."""
@@ -130,7 +122,7 @@ class ForeignTable:
     columns: tuple[Column, ...]
     left_out: Reasons
     stated: str | None
-    place_questions: Reasons = field(default_factory=list)
+    place_questions: Reasons
     summaries: tuple[tuple[str, str], ...] = ()  #: heads of columns left out, and why
 
     @cached_property
@@ -142,11 +134,6 @@ class ForeignTable:
     def path(self) -> Path:
         """The file, with the sheet behind it."""
         return self.sheet.path
-
-    @property
-    def separator(self) -> str:
-        """Separator between the cells."""
-        return self.sheet.separator
 
     def with_remark(self, remark: str) -> ForeignTable:
         """Add a sentence on how the table was read."""
@@ -167,48 +154,13 @@ class ForeignTable:
         )
 
 
-class _CellGrid:
-    """Rows as cells, equally many in each, and which of them are numbers.
-
-    ``loose`` takes a number with a unit behind it as a number.
-    """
-
-    def __init__(self, sheet: RawSheet, *, loose: bool = False) -> None:
-        width = sheet.width
-        self.raw = sheet.rows
-        self.rows = [row.number for row in sheet.rows]
-        self.cells = sheet.cells
-        test = _is_quantity if loose else is_number
-        shape = (len(self.cells), width)
-        self.numeric = _table_of([[test(cell) for cell in row] for row in self.cells], shape)
-        self.filled = _table_of([[bool(cell) for cell in row] for row in self.cells], shape)
-        self.comment = np.array([row[0][:1] in MARKS if row[0] else False for row in self.cells])
-        numbers = self.numeric.sum(axis=-1)
-        self.data = (numbers >= 2) & (2 * numbers >= self.filled.sum(axis=-1))
-
-    def is_head(self, k: int) -> bool:
-        """Test that a row has words enough to name the columns of numbers just below it."""
-        below = np.flatnonzero(self.data[k + 1 : k + 3])
-        if not below.size or self.numeric[k].any() or self.comment[k]:
-            return False
-        return bool(self.filled[k].sum() >= max(2, 0.6 * self.filled[k + 1 + below[0]].sum()))
-
-
-def _table_of(rows: Sequence[Sequence[bool]], shape: tuple[int, int]) -> np.ndarray:
-    return np.array(rows, dtype=bool).reshape(shape)
-
-
-def _is_quantity(cell: str) -> bool:
-    return is_number(split_quantity(cell)[0])
-
-
 def read_foreign(
     path: Path,
     chosen: Sequence[range] = (),
     *,
     sums: bool = True,
-    limits: TableLimits | None = None,
-    quoted: bool = True,
+    limits: TableLimits,
+    quoted: bool,
 ) -> ForeignTable:
     """Read a table whose head stands anywhere above its numbers; raises DataError without one.
 
@@ -218,12 +170,12 @@ def read_foreign(
     """
     if not file_of(path).exists():
         raise DataError(f"there is no {path}; give a CSV or .xlsx that the stand has written")
-    sheet, stated = read_sheet(path, limits or TableLimits(), chosen, quoted=quoted)
+    sheet, stated = read_sheet(path, limits, chosen, quoted=quoted)
     return table_of(sheet, stated, chosen, sums=sums)
 
 
 def read_sheet(
-    path: Path, limits: TableLimits, chosen: Sequence[range] = (), *, quoted: bool = True
+    path: Path, limits: TableLimits, chosen: Sequence[range], *, quoted: bool
 ) -> tuple[RawSheet, str | None]:
     """Read the raw sheet, and the decimal sign that the file states.
 
@@ -292,23 +244,7 @@ def table_of(
 ) -> ForeignTable:
     """Find the layout of a sheet and its columns; raises as ``read_foreign``."""
     path = sheet.path
-    grid = _CellGrid(sheet)
-    signs = _comment_signs(grid) if sums else frozenset()
-    if signs:
-        sheet = _with_remarks(sheet, signs)
-        grid = _CellGrid(sheet)
-    if not grid.data.any():
-        grid = _CellGrid(sheet, loose=True)
-    name = PLAIN
-    if sums and _is_transposed(grid):
-        sheet, name = _transposed(sheet), TRANSPOSED
-        grid = _CellGrid(sheet)
-    if not grid.data.any():
-        _require_no_blocks(path, grid, range(len(grid.rows)))
-        raise DataError(
-            f"{path} has no rows of numbers; save the table as CSV with semicolons, tabs or commas "
-            "between cells, and a name and unit above each column"
-        )
+    sheet, grid, signs, name = _grid_of(sheet, sums=sums)
     layout = _divided(path, grid, chosen, signs, sums=sums)
     width, place_questions = len(layout.names), list[tuple[int, str]]()
     numbers = {row.number for row in layout.body}
@@ -331,20 +267,39 @@ def table_of(
         left_out=tuple(sorted(excluded_rows)),
     )
     columns = _columns(sheet, layout, [grid.cells[k] for k in body])
-    table = ForeignTable(
-        sheet,
-        layout,
-        columns,
-        sorted(excluded_rows),
-        stated,
-        place_questions,
-    )
+    table = ForeignTable(sheet, layout, columns, [*layout.left_out], stated, place_questions)
     if sums:
-        _require_rows_of_shifts(table, grid)
+        require_rows_of_shifts(path, columns, grid)
     return table
 
 
-def _comment_signs(grid: _CellGrid) -> frozenset[str]:
+def _grid_of(sheet: RawSheet, *, sums: bool) -> tuple[RawSheet, CellGrid, frozenset[str], str]:
+    """Divide a sheet into cells, with remarks as a column and shifts as rows.
+
+    Returns sheet and grid, the signs of comments, and the name of the layout. Raises DataError for
+    a sheet without rows of numbers.
+    """
+    grid = CellGrid(sheet)
+    signs = _comment_signs(grid) if sums else frozenset()
+    if signs:
+        sheet = _with_remarks(sheet, signs)
+        grid = CellGrid(sheet)
+    if not grid.data.any():
+        grid = CellGrid(sheet, loose=True)
+    name = PLAIN
+    if sums and is_transposed(grid):
+        sheet, name = transposed(sheet), TRANSPOSED
+        grid = CellGrid(sheet)
+    if not grid.data.any():
+        require_no_blocks(sheet.path, grid, range(len(grid.rows)))
+        raise DataError(
+            f"{sheet.path} has no rows of numbers; save the table as CSV with semicolons, tabs or "
+            "commas between cells, and a name and unit above each column"
+        )
+    return sheet, grid, signs, name
+
+
+def _comment_signs(grid: CellGrid) -> frozenset[str]:
     """Find the signs of comments above the numbers; none where most rows begin with one."""
     places = np.flatnonzero(grid.data)
     if not places.size:
@@ -383,19 +338,17 @@ def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[C
         if name or any(column_cells):
             head = name or f"column {k + 1}"
             parts = split_head(head, unit)
-            durations = durations_of(column_cells)
-            if (
-                durations
-                and score(_SHIFT_TIME, Column(k + 1, head, *parts, tuple(durations))) > 0.0
-            ):
-                column_cells = tuple(durations)
+            durations = tuple(durations_of(column_cells))
+            duration_column = Column(k + 1, head, *parts, durations)
+            if durations and score(SHIFT_QUANTITIES["shift_time_s"], duration_column) > 0.0:
+                column_cells = durations
             true_numbers = k + 1 in sheet.true_numbers
             hidden = k + 1 in sheet.hidden_columns
             columns.append(Column(k + 1, head, *parts, column_cells, true_numbers, hidden))
     return tuple(columns)
 
 
-def _require_width(path: Path, grid: _CellGrid, body: Sequence[int], width: int) -> None:
+def _require_width(path: Path, grid: CellGrid, body: Sequence[int], width: int) -> None:
     """Raise DataError for numbers beyond the last name; words there are a column without one."""
     is_wide = grid.numeric[body, width:].any(axis=1)
     if is_wide.any():
@@ -408,9 +361,9 @@ def _require_width(path: Path, grid: _CellGrid, body: Sequence[int], width: int)
 
 def _divided(
     path: Path,
-    grid: _CellGrid,
+    grid: CellGrid,
     chosen: Sequence[range],
-    signs: Collection[str] = (),
+    signs: Collection[str],
     *,
     sums: bool,
 ) -> Layout:
@@ -423,16 +376,38 @@ def _divided(
     first = head_place + 1 + int(np.argmax(grid.data[head_place + 1 :]))
     first += _is_numbered_head(grid, first)
     names, units, head_places = _head(grid, first)
+    questions: list[str] = []
     if chosen:
         body = [k for k in range(first, len(is_chosen)) if is_chosen[k]]
         other_places = np.setdiff1d(np.flatnonzero(grid.data), body)
         excluded_rows = [(grid.rows[k], f"not among {argument('rows')}") for k in other_places]
-        rows = tuple(grid.raw[k] for k in body)
-        return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows))
+    else:
+        body, words, excluded_rows = _classified_rows(
+            path, grid, first, head_places=head_places, heads=heads, signs=signs
+        )
+        questions = _word_questions(grid, body, words, range(first)) if sums else []
+    rows = tuple(grid.raw[k] for k in body)
+    return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows), tuple(questions))
+
+
+def _classified_rows(
+    path: Path,
+    grid: CellGrid,
+    first: int,
+    *,
+    head_places: Sequence[int],
+    heads: Collection[int],
+    signs: Collection[str],
+) -> tuple[list[int], list[int], Reasons]:
+    """Find shifts and rows of words from the place ``first`` on, and rows left out with reasons.
+
+    Raises DataError where another of the ``heads`` begins a second table.
+    """
     excluded_rows = [
         (grid.rows[k], "stands above the table") for k in range(first) if k not in head_places
     ]
-    body, repeated = [], {grid.cells[k] for k in head_places}
+    repeated = {grid.cells[k] for k in head_places}
+    body: list[int] = []
     words: list[int] = []
     for k in range(first, len(grid.rows)):
         if grid.cells[k] in repeated:
@@ -443,7 +418,7 @@ def _divided(
             is_asked = REJECTED.search(text) or has_word(SPLITTING, plain_words(text))
             words += [k] if is_asked and not grid.numeric[k].any() else []
         elif k in heads:
-            _require_no_blocks(path, grid, [j for j in range(k + 1) if not grid.data[j]])
+            require_no_blocks(path, grid, [j for j in range(k + 1) if not grid.data[j]])
             answer = rows_argument(f"{grid.rows[first]}-{grid.rows[k - 1]}")
             raise DataError(
                 f"{path}: another table begins in row {grid.rows[k]}; save each as a file of its "
@@ -454,26 +429,26 @@ def _divided(
             words.append(k)
         else:
             body.append(k)
-    questions = _word_questions(grid, body, words, range(first)) if sums else []
-    rows = tuple(grid.raw[k] for k in body)
-    return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows), tuple(questions))
+    return body, words, excluded_rows
 
 
-def _first(grid: _CellGrid, k: int) -> str:
+def _first(grid: CellGrid, k: int) -> str:
     return next(filter(None, grid.cells[k]))
 
 
 def _word_questions(
-    grid: _CellGrid, body: Sequence[int], words: Sequence[int], head_rows: Sequence[int]
+    grid: CellGrid, body: Sequence[int], words: Sequence[int], head_rows: Sequence[int]
 ) -> list[str]:
     """Ask about rows of words between the shifts, and about those that reject shifts."""
     inner_words = [k for k in words if body and k < body[-1]]
     rejecting = [
         k
         for k in (*head_rows, *words)
-        if k not in inner_words and REJECTED.search(" ".join(grid.cells[k])) and not grid.is_head(k)
+        if k not in inner_words
+        and grid.filled[k].sum() < 3
+        and REJECTED.search(" ".join(grid.cells[k]))
+        and not grid.is_head(k)
     ]
-    rejecting = [k for k in rejecting if grid.filled[k].sum() < 3]
     row_texts = [f"row {grid.rows[k]} '{_first(grid, k)}'" for k in (*inner_words, *rejecting)]
     if not row_texts:
         return []
@@ -484,7 +459,7 @@ def _word_questions(
     ]
 
 
-def _is_numbered_head(grid: _CellGrid, first: int) -> bool:
+def _is_numbered_head(grid: CellGrid, first: int) -> bool:
     """Test that the first row of numbers names columns: words above numbers, beside 1, 2, 3."""
     if first + 1 >= len(grid.rows) or not grid.data[first + 1]:
         return False
@@ -496,13 +471,13 @@ def _is_numbered_head(grid: _CellGrid, first: int) -> bool:
     if counted and nameless.any() and grid.is_head(first - 1):
         return True
     if not words.any() or any(
-        begins_with_number(cells[k]) or cells[k].lower() in NOTHING for k in np.flatnonzero(words)
+        begins_with_number(cells[k]) or is_blank(cells[k]) for k in np.flatnonzero(words)
     ):
         return False
-    return counted and _named_needs(_head(grid, first)[0]) < 2
+    return counted and named_needs(_head(grid, first)[0]) < 2
 
 
-def _head(grid: _CellGrid, first: int) -> tuple[list[str], list[str], list[int]]:
+def _head(grid: CellGrid, first: int) -> tuple[list[str], list[str], list[int]]:
     """Read names and units above the first row of numbers, with the places of their rows.
 
     Comments are names where nothing else is. A name that is empty, only a number, or the end of a
@@ -555,10 +530,7 @@ def _are_units(row: Cells, upper_row: Cells) -> bool:
     )
 
 
-# ---- rows that summarise others
-
-
-def _summaries(grid: _CellGrid, body: list[int], questions: Reasons) -> Reasons:
+def _summaries(grid: CellGrid, body: list[int], questions: Reasons) -> Reasons:
     """Find rows that summarise those above them, and ask about words in place of numbers."""
     firsts = {k: _first(grid, k) for k in body}
     statistic_rows = [k for k, word in firsts.items() if _STATISTIC.fullmatch(word)]
@@ -575,7 +547,7 @@ def _summaries(grid: _CellGrid, body: list[int], questions: Reasons) -> Reasons:
     return reasons + _foot_words(grid, body, questions)
 
 
-def _foot_words(grid: _CellGrid, body: Sequence[int], questions: Reasons) -> Reasons:
+def _foot_words(grid: CellGrid, body: Sequence[int], questions: Reasons) -> Reasons:
     """Find rows at the foot with a word in a column of numbers; ask about those before."""
     reasons: Reasons = []
     place = int(grid.filled[body].any(axis=0).argmax()) if body else 0
@@ -608,147 +580,3 @@ def _is_statistic(values: np.ma.MaskedArray, row: np.ma.MaskedArray) -> bool:
         np.ma.allclose(value, row[filled], rtol=ROUNDED, atol=0.0) for value in statistics
     )
     return bool(is_equal and (np.ma.ptp(values[:, filled], axis=0) > 0.0).sum() > 1)
-
-
-# ---- layouts that are not one row a shift
-
-
-def _needs_of(column: Column) -> set[str]:
-    """Name the needed quantities of which a column has a word, or for a force or time the unit."""
-    names = {q.name for q in SHIFTS if q.needed and score(q, column) >= WORD}
-    if not names and column.unit is not None:
-        names = {q.name for q in SHIFTS if q.needed and score(q, column) > 0.0}
-    return names | ({"force_N"} if is_force_by_area(column) else set())
-
-
-def _named_needs(names: Cells) -> int:
-    """Count the needed quantities that a row of names has."""
-    columns = [Column(k, name, *split_head(name)) for k, name in enumerate(names, start=1) if name]
-    return len(set().union(*map(_needs_of, columns))) if columns else 0
-
-
-def _is_transposed(grid: _CellGrid) -> bool:
-    """Test that the first cells of rows name quantities, with two numbers or more behind each."""
-    heads = {
-        cells[0]
-        for cells in grid.cells
-        if cells[0]
-        and not is_number(cells[0])
-        and sum(map(bool, cells)) >= 3
-        and sum(map(begins_with_number, cells[1:])) >= 2
-    }
-    return _named_needs(tuple(heads)) >= 2
-
-
-def _transposed(sheet: RawSheet) -> RawSheet:
-    """Exchange rows and columns; columns give the row numbers."""
-    if any(row.marks for row in sheet.rows) or sheet.hidden_columns or sheet.merged or sheet.notes:
-        raise DataError(
-            f"{sheet.path} is transposed, a column for each shift, and has hidden, merged or marked"
-            " cells; paste it transposed (rows for columns) and save it again"
-        )
-    columns = [
-        RawRow(number, tuple(column))
-        for number, column in enumerate(zip(*sheet.cells, strict=True), start=1)
-        if any(column)
-    ]
-    return replace(sheet, rows=tuple(columns))
-
-
-def _require_no_blocks(path: Path, grid: _CellGrid, places: Iterable[int]) -> None:
-    """Raise DataError for blocks whose titles among these rows hold the operating point.
-
-    A title is such as ``dn = 50 1/min``.
-    """
-    texts = [(grid.rows[k], ", ".join(filter(None, grid.cells[k]))) for k in places]
-    titles = [(number, text) for number, text in texts if _TITLE_VALUE.search(text)]
-    if len(titles) > 1:
-        number, text = titles[0]
-        raise DataError(
-            f"{path} is in blocks with the operating point in titles ({len(titles)}: row {number} "
-            f"'{text}' ...); write these values into columns of their own, beside each shift"
-        )
-
-
-def _require_rows_of_shifts(table: ForeignTable, grid: _CellGrid) -> None:
-    """Raise DataError for a matrix and for blocks with titles."""
-    path, columns = table.path, table.columns
-    needs = [_needs_of(column) for column in columns]
-    names = set().union(*needs)
-    if len(names) < 3:
-        speeds = [c for c in columns if c.unit and c.unit.dimension == SPEED]
-        if len(names) < 2 and not speeds:
-            _require_no_blocks(path, grid, np.flatnonzero(~grid.data).tolist())
-        if _is_matrix(table, grid):
-            raise DataError(
-                f"{path} is a matrix, with one quantity in its first row and one in its first "
-                "column; write a row for each operating point, with mismatch, force, shift time "
-                "and number of shifts in columns"
-            )
-
-
-def side_question(columns: Sequence[Column]) -> str:
-    """Ask which of several tables side by side has the shifts, empty for a single table."""
-    sides = _sides(columns)
-    if not sides:
-        return ""
-    spans = ", ".join(f"{side[0].place} to {side[-1].place}" for side in sides)
-    return (
-        f"{len(sides)} tables stand side by side (columns {spans}); save each as a file of its "
-        f"own, or name the columns of the shifts: {_columns_of(sides[0])}"
-    )
-
-
-def _is_matrix(table: ForeignTable, grid: _CellGrid) -> bool:
-    """Test that numbers stand as names above numbers, or names share a word beside a number."""
-    heads = [column.head for column in table.columns]
-    lettered = [re.sub(r"[\d.,\s]+", "#", head) for head in heads[1:] if re.search(r"\d", head)]
-    units = [c.unit for c in table.columns[1:] if c.unit and re.search(r"(^|[=\s])\d", c.name)]
-    is_alike = len(lettered) > 1 and len(set(lettered)) == 1 and len(lettered) == len(heads) - 1
-    if (
-        is_alike
-        and len(units) == len(lettered)
-        and all(unit.dimension in (SPEED, FORCE) for unit in units)
-    ):
-        return True
-    first = int(np.flatnonzero(grid.data)[0])
-    corner, top = grid.cells[first][0], grid.numeric[first][1:]
-    lower_rows = np.flatnonzero(grid.data)[1:]
-    filled = grid.filled[first][1:]
-    square = (
-        lower_rows.size
-        and grid.numeric[lower_rows, 0].all()
-        and top[filled].all()
-        and filled.sum() > 1
-    )
-    return bool(square and not is_number(corner) and not begins_with_number(corner))
-
-
-def _sides(columns: Sequence[Column]) -> list[list[Column]]:
-    """Divide columns into tables that each have two needed quantities, empty for a single table."""
-    sides: list[list[Column]] = []
-    names_of_side: set[str] = set()
-    last_place = 0
-    for column in columns:
-        names = _needs_of(column)
-        heads = {c.head for c in sides[-1]} if sides else set()
-        gap = column.place > last_place + 1
-        is_repeated = column.head in heads and bool(names & names_of_side)
-        if not sides or gap or is_repeated:
-            sides.append([])
-            names_of_side = set()
-        sides[-1].append(column)
-        names_of_side |= names
-        last_place = column.place
-    full = [side for side in sides if len(set().union(*map(_needs_of, side))) >= 2]
-    return full if len(full) > 1 else []
-
-
-def _columns_of(side: Sequence[Column]) -> str:
-    """Write the columns that take one of several tables."""
-    columns = {}
-    for quantity in (quantity for quantity in SHIFTS if quantity.needed):
-        best = max(side, key=lambda column: score(quantity, column))
-        if score(quantity, best) > 0.0:
-            columns[quantity.name] = f"column {best.place}"
-    return key_arguments("columns", columns)

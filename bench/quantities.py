@@ -13,16 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    FORCE,
-    LENGTH,
-    MISC,
-    PRESSURE,
-    SPEED,
-    TIME,
-    UNITS,
-    Column,
-)
+from dogshape.bench.cell_values import FORCE, LENGTH, PRESSURE, SPEED, TIME, UNITS, Column
 
 #: Scores of a column: its unit alone, a loose word, one of its words, its name; a unit beside them.
 UNIT, LOOSE, WORD, NAME, FITS = 1.0, 2.0, 3.0, 4.0, 0.5
@@ -157,6 +148,7 @@ SHIFTS = (
         against=r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
     ),
 )
+SHIFT_QUANTITIES = {quantity.name: quantity for quantity in SHIFTS}
 TRACE = (
     TableQuantity("t_s", TIME, "-", "t|time|zeit", needed=True),
     TableQuantity(
@@ -184,6 +176,30 @@ TRACE = (
         needed=True,
     ),
 )
+#: Words of means and of their spread.
+MEAN = (
+    r"mittel\w*|mean|average|avg|durchschnitt\w*|moyenne?|media|promedio|gemiddeld\w*|medel\w*"
+    r"|sredni\w*|prumer\w*|median"
+)
+STANDARD_ERROR = (
+    r"\w*standardfehler|(standard|std) err(or)?|stderr|sem|s e m|\w*abweichung des mittel\w*"
+    r"|(standard|std) (deviation|dev) of (the )?mean|erreur (type|standard)|errore standard"
+    r"|error estandar|standaardfout|medelfel"
+)
+STANDARD_DEVIATION = (
+    r"\w*std\w*|sd|stabw|sigma|\w*standardabweichung|standard deviation|ecart type"
+    r"|deviazione standard|desviacion (estandar|tipica)|scarto (tipo|quadratico medio)"
+    r"|smerodatna odchylka|odchylenie standardowe"
+)
+VARIANCE = (
+    r"varian[zs]|variance|varianza|variantie|wariancja|rozptyl|var|s ?2|sigma ?2|sigma squared"
+)
+VARIATION = (
+    r"cv|vk|vko|rsd|variationskoeffizient\w*|\w*variationskoeff\w*|coef\w* (of |de |di )?varia\w*"
+    r"|rel\w* (standardabweichung|standard deviation|std\w*|sd|streuung)|variatiecoefficient"
+)
+#: A variation of another quantity.
+OTHER_SPREAD = r"f|force|\w*kraft|n|mismatch|\w*drehzahl|rise|anstieg|regime"
 #: Words of columns that divide shifts into kinds, such as gear or direction.
 SPLITTING = (
     r"gear|gang|gaenge|stufe|direction|richtung|sens|vorgang|vorgaenge|operation|mode|modus|type|typ"
@@ -231,7 +247,8 @@ def score(quantity: TableQuantity, column: Column) -> float:
     if _is_other(quantity, column, name):
         return 0.0
     fits = 0.0 if column.unit is None else FITS
-    if re.fullmatch(quantity.words, name) or _is_stamp(quantity, column):
+    is_stamp = quantity.name == "timestamp" and column.is_dated
+    if re.fullmatch(quantity.words, name) or is_stamp:
         return NAME + fits
     if has_word(quantity.words, name):
         return WORD + fits
@@ -240,10 +257,6 @@ def score(quantity: TableQuantity, column: Column) -> float:
         return 0.0 if quantity.name == "mismatch_rpm" and not fits else LOOSE + fits
     # A unit alone says nothing of what a table may lack.
     return UNIT + fits if fits and quantity.needed and quantity.by_unit else 0.0
-
-
-def _is_stamp(quantity: TableQuantity, column: Column) -> bool:
-    return quantity.name == "timestamp" and column.is_dated
 
 
 def _is_other(quantity: TableQuantity, column: Column, name: str) -> bool:
@@ -283,11 +296,11 @@ def counts_up(column: Column) -> bool:
 def is_force_by_area(column: Column) -> bool:
     """Test that a column is a force that a pressure or a mass stands for."""
     unit = column.unit
-    massive = unit is not None and unit.dimension == MISC and unit.text.strip().lower() == "kg"
-    pressed = unit is not None and unit.dimension == PRESSURE
-    force = next(quantity for quantity in SHIFTS if quantity.name == "force_N")
-    name = plain_words(column.name)
-    return (pressed or massive) and (pressed or has_word(f"{force.words}|{force.loose}", name))
+    if unit is None:
+        return False
+    force = SHIFT_QUANTITIES["force_N"]
+    is_named = has_word(f"{force.words}|{force.loose}", plain_words(column.name))
+    return unit.dimension == PRESSURE or (is_named and unit.text.lower() == "kg")
 
 
 def repeated_name(column: Column) -> str | None:
@@ -301,5 +314,5 @@ def repeated_name(column: Column) -> str | None:
         return None
     if column.unit is not None:
         return name if column.unit.dimension == TIME else None
-    time = next(quantity for quantity in SHIFTS if quantity.name == "shift_time_s")
+    time = SHIFT_QUANTITIES["shift_time_s"]
     return name if has_word(f"{time.words}|{time.loose}|{_REPEATED}", name) else None

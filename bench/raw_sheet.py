@@ -1,41 +1,25 @@
 """Raw sheet of a table: rows with the text of their cells, their numbers and their marks.
 
-First of the five steps by which a foreign table is read. Text has cells between separators. A sheet
-of a workbook, ``FILE.xlsx`` or ``FILE.xlsx#SHEET``, also has marks beside its values: hidden,
-filtered and grouped rows, cells that are struck out, coloured, merged or annotated, and numbers
-that their format shows as others. Formulas without a stored value are refused.
+First of the five steps by which a foreign table is read. Text has cells between separators; a sheet
+of a workbook, ``FILE.xlsx`` or ``FILE.xlsx#SHEET``, is read by ``bench.workbook``.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
-from datetime import date, datetime, time, timedelta
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
-from zipfile import BadZipFile, ZipFile
+from typing import Literal
 
 from dogshape.bench.decoding import TableLimits, decode_text, read_bytes
 from dogshape.sim.errors import DataError
 from dogshape.sim.interface import key_argument
 
-if TYPE_CHECKING:
-    from openpyxl.cell.cell import Cell
-    from openpyxl.worksheet.worksheet import Worksheet
-
 SAVE = "save it as CSV (UTF-8)"  #: remedy, as spreadsheets name it
 NO_TABLE = "is not a table of comma separated values"
-HIDDEN = "hidden"
-FILTERED = "hidden by a filter"
-GROUPED = "grouped"
-STRUCK = "struck out"
-COLOURED = "coloured"
-MASKED = "hidden by a number format"
 _WORKBOOK = re.compile(r"(.+\.xlsx)(?:#(.+))?", re.IGNORECASE)
 #: Workbooks that are not read, by suffix.
 OTHER_BOOKS = {
@@ -45,37 +29,9 @@ OTHER_BOOKS = {
     ".ods": "a workbook of LibreOffice",
     ".numbers": "a workbook of Numbers",
 }
-#: Comparisons of conditional formatting by the operator of the workbook, and their signs.
-COMPARISONS: dict[str, Callable[..., bool]] = {
-    "greaterThan": lambda value, limit: value > limit,
-    "greaterThanOrEqual": lambda value, limit: value >= limit,
-    "lessThan": lambda value, limit: value < limit,
-    "lessThanOrEqual": lambda value, limit: value <= limit,
-    "equal": lambda value, limit: value == limit,
-    "notEqual": lambda value, limit: value != limit,
-    "between": lambda value, *ends: min(ends) <= value <= max(ends),
-    "notBetween": lambda value, *ends: not min(ends) <= value <= max(ends),
-}
-RULE_SIGNS = {
-    "greaterThan": "above",
-    "greaterThanOrEqual": "at least",
-    "lessThan": "below",
-    "lessThanOrEqual": "at most",
-    "equal": "equal to",
-    "notEqual": "other than",
-    "between": "between",
-    "notBetween": "not between",
-}
-_RULE_NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?")
-_ABSOLUTE_CELL = re.compile(r"\$[A-Z]{1,3}\$\d+")
 _ZIP = b"PK\x03\x04"
 _OLE = b"\xd0\xcf\x11\xe0"
-_TEXT_NUMBER = re.compile(r"[+-]?\d[\d.,' ]*[.,]\d+")
-_THOUSANDS = re.compile(r"[0#?.],+(?![0#?.])")
 _PLAIN = re.compile(r"[A-Za-z0-9_.,;:/+-]*")
-_LITERAL = re.compile(r'"([^"]*)"|\\(.)')
-#: Sections of a number format: positive, negative, zero, text; these show nothing.
-_EMPTY_SECTION = re.compile(r"(\[[^\]]*\]|[_*].|\s)*")
 #: A cell between the quotation marks of a word processor.
 _TYPOGRAPHIC = re.compile(r"[“”„‟«»]\s*([^“”„‟«»]*?)\s*[“”‟«»]")
 
@@ -164,27 +120,12 @@ def is_workbook(path: Path) -> bool:
     return bool(_WORKBOOK.fullmatch(str(path)))
 
 
-def read_raw(
-    path: Path, choose: Callable[[Sequence[str]], str], limits: TableLimits | None = None
-) -> RawSheet:
-    """Read a text or a sheet of a workbook.
-
-    ``choose`` returns the separator for the lines of a text. Raises DataError with the remedy if
-    the file is no table or exceeds ``limits``, FileNotFoundError for a missing file.
-    """
-    limits = limits or TableLimits()
-    if is_workbook(path):
-        return read_workbook(path, limits)
-    lines = read_lines(path, limits)
-    return text_sheet(path, lines, choose(lines), limits)
-
-
-def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
+def read_lines(path: Path, limits: TableLimits) -> list[str]:
     """Read the lines of a text with their ends, without Excel's line ``sep=;`` at the top.
 
-    Raises as ``read_raw``.
+    Raises DataError with the remedy if the file is no table or exceeds ``limits``,
+    FileNotFoundError for a missing file.
     """
-    limits = limits or TableLimits()
     kind = OTHER_BOOKS.get(path.suffix.lower())
     if kind and path.exists():
         raise DataError(f"{path} is {kind} ({path.suffix}); save it as .xlsx or as CSV")
@@ -201,7 +142,7 @@ def read_lines(path: Path, limits: TableLimits | None = None) -> list[str]:
 
 
 def _read_text(path: Path, limits: TableLimits) -> str:
-    """Read and decode the text of a table; raises as ``read_raw``."""
+    """Read and decode the text of a table; raises as ``read_lines``."""
     try:
         raw = read_bytes(path, limits)
         if raw.startswith((_ZIP, _OLE)):
@@ -223,7 +164,7 @@ def text_sheet(
     path: Path,
     lines: Sequence[str],
     separator: str,
-    limits: TableLimits | None = None,
+    limits: TableLimits,
     *,
     quoted: bool = True,
 ) -> RawSheet:
@@ -231,7 +172,6 @@ def text_sheet(
 
     Unless ``quoted``, quotation marks are ordinary signs.
     """
-    limits = limits or TableLimits()
     rows = []
     reader = csv.reader(lines, delimiter=separator, quoting=quoting_of(quoted))
     first_line = 0
@@ -300,391 +240,3 @@ def clean_text(cell: str) -> str:
 def _unhyphenated(match: re.Match[str]) -> str:
     following = match.string[match.end()]
     return "" if following.islower() else "-"
-
-
-# ---- workbooks
-
-
-def read_workbook(path: Path, limits: TableLimits) -> RawSheet:
-    """Read a sheet; raises DataError for a file that is no workbook or an ambiguous sheet."""
-    file = file_of(path)
-    opened = _open_sheet(path, file, limits)
-    if opened is None:
-        return RawSheet(path, "\t", ())
-    sheet, content = opened
-    cells = [list(row) for row in sheet.iter_rows(max_row=content.last_row, max_col=content.width)]
-    _require_values(file, content.formulas, sheet)
-    texts = [[_cell_text(cell) for cell in row] for row in cells]
-    for number, row in enumerate(texts, start=1):
-        longest = max(map(len, row), default=0)
-        limits.require("cell_characters", longest, f"{file}, row {number}", "shorten the cell")
-    merged = _fill_merged(sheet, texts)
-    ruled, unjudged = _rule_marks(sheet, content.last_row, content.width)
-    rows = []
-    for number, (row, row_cells) in enumerate(zip(texts, cells, strict=True), start=1):
-        if any(row):
-            marks = (*_row_marks(sheet, number, row_cells), *ruled.get(number, ()))
-            rows.append(RawRow(number, tuple(row), marks, _colours(row_cells)))
-    hidden = {place for place in range(1, content.width + 1) if _is_hidden(sheet, place)}
-    raw_sheet = RawSheet(
-        path,
-        "\t",
-        tuple(rows),
-        merged=merged,
-        hidden_columns=frozenset(hidden),
-        remarks=unjudged,
-    )
-    return _with_number_notes(raw_sheet, cells)
-
-
-class _SheetContent(NamedTuple):
-    """Last row and column with a value, and coordinates of the formulas."""
-
-    last_row: int
-    width: int
-    formulas: list[str]
-
-
-def _open_sheet(
-    path: Path, file: Path, limits: TableLimits
-) -> tuple[Worksheet, _SheetContent] | None:
-    """Open the sheet that ``path`` names, with its content; None for a workbook without values."""
-    from openpyxl import load_workbook  # noqa: PLC0415  # half a second that texts do not need
-
-    title = str(path)[len(str(file)) + 1 :]
-    try:
-        _require_packed(file, limits)
-        contents = _filled_sheets(file, limits, title)
-        name = _named_sheet(file, contents, title)
-        if not name:
-            return None
-        return load_workbook(file, data_only=True)[name], contents[name]
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise DataError(f"{file} cannot be read: {error.strerror}; check path and rights") from None
-    except BadZipFile as error:
-        raise DataError(f"{file} is no workbook; save it as .xlsx or as CSV") from error
-    except (ValueError, KeyError, TypeError, AttributeError, SyntaxError) as error:
-        raise DataError(
-            f"{file} is no workbook that can be read; save its sheet alone as .xlsx, or as CSV"
-        ) from error
-
-
-def _require_packed(file: Path, limits: TableLimits) -> None:
-    """Raise DataError for a workbook that exceeds a limit, packed or unpacked."""
-    limits.require("file_bytes", file.stat().st_size, str(file), "divide the workbook")
-    with ZipFile(file) as archive:
-        unpacked = sum(part.file_size for part in archive.infolist())
-    limits.require("unpacked_bytes", unpacked, str(file), "save the sheet alone")
-
-
-def _filled_sheets(file: Path, limits: TableLimits, title: str) -> dict[str, _SheetContent]:
-    """Scan the sheets that have values, visible ones first, by their titles.
-
-    With a ``title``, other sheets are scanned up to their first value.
-    """
-    from openpyxl import load_workbook  # noqa: PLC0415
-
-    book = load_workbook(file, read_only=True)
-    contents = {}
-    for sheet in book.worksheets:
-        sheet.reset_dimensions()  # the size that the file states may be wrong
-        complete = title in ("", sheet.title)
-        content = _scan_sheet(sheet, f"{file}, sheet {sheet.title}", limits, complete=complete)
-        if content.last_row:
-            contents[sheet.title] = content
-    states = {sheet.title: sheet.sheet_state for sheet in book.worksheets}
-    book.close()
-    titles = sorted(contents, key=lambda name: states[name] != "visible")
-    return {name: contents[name] for name in titles}
-
-
-def _scan_sheet(sheet: Any, place: str, limits: TableLimits, *, complete: bool) -> _SheetContent:
-    """Find last row, width and formulas of a sheet; up to the first value if not ``complete``."""
-    last_row = 0
-    width = 0
-    formulas: list[str] = []
-    for number, cells in enumerate(sheet.iter_rows(), start=1):
-        filled = [column for column, cell in enumerate(cells, start=1) if cell.value is not None]
-        formulas += [cell.coordinate for cell in cells if cell.data_type == "f"]
-        if filled:
-            last_row = number
-            width = max(width, filled[-1])
-            limits.require("columns", width, place, "divide the table")
-            limits.require("rows", last_row, place, "divide the table")
-            limits.require("workbook_cells", last_row * width, place, "divide the table")
-        if last_row and not complete:
-            break
-    return _SheetContent(last_row, width, formulas)
-
-
-def _named_sheet(file: Path, names: Collection[str], title: str) -> str:
-    """Return the title of the sheet to read, empty if no sheet has values."""
-    if title in names or (not title and len(names) < 2):
-        return title or next(iter(names), "")
-    fault = f"there is no sheet '{title}' with cells" if title else "several sheets have cells"
-    example = next(iter(names), "SHEET")
-    rule = f"name one of {', '.join(names)}, as {file}#{example}"
-    raise DataError(f"{file}: {fault}; {rule}")
-
-
-def _require_values(file: Path, formulas: Sequence[str], values: Worksheet) -> None:
-    """Raise DataError for cells of formulas whose value was never stored."""
-    from openpyxl.cell.cell import MergedCell  # noqa: PLC0415
-
-    empty = [
-        coordinate
-        for coordinate in formulas
-        if values[coordinate].value is None and not isinstance(values[coordinate], MergedCell)
-    ]
-    if not empty:
-        return
-    cells = ", ".join(empty[:3])
-    if len(empty) > 3:
-        cells += f" and {len(empty) - 3} more"
-    verb = "holds a formula whose value was"
-    if len(empty) > 1:
-        verb = "hold formulas whose values were"
-    raise DataError(
-        f"{file}: {cells} {verb} never stored; "
-        "open the workbook in a spreadsheet, save it, and try again"
-    )
-
-
-def _cell_text(cell: Cell) -> str:
-    """Format the value of a cell: a duration in s, a number with the word of its number format."""
-    value = cell.value
-    number_format = str(cell.number_format)
-    if value is None:
-        return ""
-    if isinstance(value, timedelta | time):
-        return _clock_text(value, number_format)
-    if isinstance(value, datetime | date):
-        return str(value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return clean_text(str(value))
-    positive_format = number_format.split(";", maxsplit=1)[0]
-    if "%" in _LITERAL.sub("", positive_format):
-        return f"{100.0 * value:.12g} %"
-    words = "".join(quoted or sign for quoted, sign in _LITERAL.findall(positive_format)).strip()
-    return f"{value} {words}".strip()
-
-
-def _clock_text(value: timedelta | time, number_format: str) -> str:
-    """Format a duration in s, and a time of day as a clock."""
-    if isinstance(value, time):
-        if "h" in number_format.lower() and "[" not in number_format:
-            clock = value.strftime("%H:%M:%S")
-            return f"{clock}.{value.microsecond:06d}" if value.microsecond else clock
-        value = timedelta(
-            hours=value.hour,
-            minutes=value.minute,
-            seconds=value.second,
-            microseconds=value.microsecond,
-        )
-    return f"{value.total_seconds():.12g} s"
-
-
-def _fill_merged(sheet: Worksheet, texts: list[list[str]]) -> tuple[CellNote, ...]:
-    """Fill merged cells with the value of their topmost cell; list the filled cells."""
-    notes = []
-    for area in sheet.merged_cells.ranges:
-        if area.max_row == area.min_row or area.min_row > len(texts):
-            continue
-        value = texts[area.min_row - 1][area.min_col - 1]
-        for number in range(area.min_row + 1, min(area.max_row, len(texts)) + 1):
-            texts[number - 1][area.min_col - 1] = value
-            notes.append(CellNote(number, area.min_col, f"merged with row {area.min_row}"))
-    return tuple(notes)
-
-
-def _row_marks(sheet: Worksheet, number: int, cells: Sequence[Cell]) -> tuple[str, ...]:
-    """List the marks of a row: hidden, filtered, grouped, struck out, masked, comments."""
-    line = sheet.row_dimensions[number]
-    filled = [cell for cell in cells if cell.value is not None]
-    marks = []
-    if line.hidden or line.height == 0:
-        filtered = sheet.auto_filter is not None and bool(sheet.auto_filter.filterColumn)
-        marks.append(FILTERED if filtered else HIDDEN)
-    elif line.outlineLevel:
-        marks.append(GROUPED)
-    if any(cell.font is not None and cell.font.strike for cell in filled):
-        marks.append(STRUCK)
-    if any(map(_is_masked, filled)):
-        marks.append(MASKED)
-    marks += [
-        f"comment '{clean_text(cell.comment.text)}'"
-        for cell in cells
-        if getattr(cell, "comment", None) is not None
-    ]
-    return tuple(marks)
-
-
-def _rule_marks(
-    sheet: Worksheet, last_row: int, width: int
-) -> tuple[dict[int, list[str]], tuple[str, ...]]:
-    """Find the rows whose cells fall under a rule of conditional formatting.
-
-    Returns marks by row number, and a sentence on each rule that is no comparison with a value.
-    """
-    marks: dict[int, list[str]] = {}
-    unjudged: list[str] = []
-    for area in sheet.conditional_formatting:
-        spans = [span for span in area.cells.ranges if span.min_row <= last_row]
-        cells = [
-            cell
-            for span in spans
-            for row in sheet.iter_rows(
-                min_row=span.min_row,
-                max_row=min(span.max_row, last_row),
-                min_col=span.min_col,
-                max_col=min(span.max_col, width),
-            )
-            for cell in row
-        ]
-        for rule in area.rules if cells else ():
-            limits = [_rule_limit(sheet, formula) for formula in rule.formula]
-            compare = COMPARISONS.get(rule.operator or "")
-            if rule.type != "cellIs" or compare is None or not limits or None in limits:
-                kind = " ".join(filter(None, (rule.type, *map(str, rule.formula))))
-                unjudged.append(
-                    f"conditional formatting of {area.sqref} ({kind}) is not judged: rows that it "
-                    "marks are read as the others"
-                )
-                continue
-            shown = " and ".join(f"{limit:g}" for limit in limits if limit is not None)
-            mark = f"under the rule {RULE_SIGNS[rule.operator]} {shown}"
-            for cell in cells:
-                value = cell.value
-                is_numeric = isinstance(value, int | float) and not isinstance(value, bool)
-                if is_numeric and compare(value, *limits):
-                    row_marks = marks.setdefault(cell.row, [])
-                    row_marks += [mark] if mark not in row_marks else []
-    return marks, tuple(dict.fromkeys(unjudged))
-
-
-def _rule_limit(sheet: Worksheet, formula: str) -> float | None:
-    """Read the value of a rule, a number or an absolute cell; None for any other formula."""
-    if _RULE_NUMBER.fullmatch(formula.strip()):
-        return float(formula)
-    value = sheet[formula.replace("$", "")].value if _ABSOLUTE_CELL.fullmatch(formula) else None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value)
-
-
-def _is_masked(cell: Cell) -> bool:
-    """Test whether the number format of a cell hides its value, as ``;;;`` does."""
-    sections = str(cell.number_format).split(";")
-    if len(sections) == 1:
-        return False
-    value = cell.value
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return len(sections) == 4 and _EMPTY_SECTION.fullmatch(sections[3]) is not None
-    # A format that blanks zeros alone, such as 0;-0;, rejects nothing.
-    section = sections[1] if value < 0 else sections[0]
-    return _EMPTY_SECTION.fullmatch(section) is not None
-
-
-def _colours(cells: Sequence[Cell]) -> tuple[str, ...]:
-    return tuple(_colour(cell) if cell.value is not None else "" for cell in cells)
-
-
-def _colour(cell: Cell) -> str:
-    """Name fill and font of a cell, empty for black on white."""
-    if not cell.has_style:
-        return ""
-    fill = _colour_name(cell.fill.fgColor) if cell.fill.fill_type else ""
-    font = _colour_name(cell.font.color) if cell.font is not None and cell.font.color else ""
-    plain_fill = "" if fill in ("FFFFFFFF", "00FFFFFF", "theme 0") else fill
-    plain_font = "" if font in ("FF000000", "00000000", "theme 1") else font
-    return f"{plain_fill}/{plain_font}" if plain_fill or plain_font else ""
-
-
-def _colour_name(colour: Any) -> str:
-    if colour.type == "rgb":
-        return str(colour.rgb)
-    tint = f" {colour.tint:.2f}" if colour.tint else ""
-    return f"{colour.type} {colour.value}{tint}"
-
-
-def _is_hidden(sheet: Worksheet, place: int) -> bool:
-    from openpyxl.utils import get_column_letter  # noqa: PLC0415
-
-    # Neighbours that are hidden together are one dimension with the first one's letter.
-    return any(
-        line.hidden and (line.min or 0) <= place <= (line.max or 0)
-        for line in sheet.column_dimensions.values()
-    ) or bool(sheet.column_dimensions[get_column_letter(place)].hidden)
-
-
-def _with_number_notes(sheet: RawSheet, cells: Sequence[Sequence[Cell]]) -> RawSheet:
-    """Add notes on misleading numbers, and the columns that hold numbers and not their texts."""
-    notes: list[CellNote] = []
-    true_numbers = set()
-    for place, column in enumerate(zip(*cells, strict=True), start=1):
-        numbers = [cell for cell in column if type(cell.value) in (int, float)]
-        texts = [
-            cell
-            for cell in column
-            if isinstance(cell.value, str) and _TEXT_NUMBER.fullmatch(cell.value.strip())
-        ]
-        dates = [cell for cell in column if isinstance(cell.value, datetime | date)]
-        if numbers and len(texts) < len(numbers):
-            true_numbers.add(place)
-        if numbers:
-            notes += _notes_on_texts(texts, place)
-        notes += _notes_on_thousands(numbers, place)
-        if len(dates) < len(numbers):
-            notes += _notes_on_dates(dates, place)
-    return replace(sheet, notes=tuple(notes), true_numbers=frozenset(true_numbers))
-
-
-def _notes_on_texts(cells: Sequence[Cell], place: int) -> list[CellNote]:
-    remedy = "is text among numbers; turn the cell into a number"
-    return [CellNote(cell.row, place, f"'{cell.value}' {remedy}") for cell in cells]
-
-
-def _notes_on_thousands(cells: Sequence[Cell], place: int) -> list[CellNote]:
-    notes = []
-    for cell in cells:
-        positive_format = str(cell.number_format).split(";", maxsplit=1)[0]
-        if _THOUSANDS.search(_LITERAL.sub("", positive_format)):
-            sentence = (
-                f"holds {cell.value}, which the number format '{cell.number_format}' shows "
-                "divided by thousands; set the format General and correct number or unit"
-            )
-            notes.append(CellNote(cell.row, place, sentence))
-    return notes
-
-
-def _notes_on_dates(cells: Sequence[Cell], place: int) -> list[CellNote]:
-    cause = "is a date among numbers: the spreadsheet has taken a number for a date"
-    remedy = "enter the number again"
-    return [CellNote(cell.row, place, f"'{cell.value}' {cause}; {remedy}") for cell in cells]
-
-
-def odd_colours(rows: Sequence[RawRow]) -> list[int]:
-    """Return indices of the rows with a cell whose colour differs from most of its column.
-
-    Bands of every second or third row are no marks.
-    """
-    width = min((len(row.colours) for row in rows), default=0)
-    usual_colours = [_usual_colour(rows, column) for column in range(width)]
-
-    def is_odd(row: RawRow) -> bool:
-        colours = zip(row.cells, usual_colours, row.colours, strict=False)
-        return any(cell and usual is not None and c != usual for cell, usual, c in colours)
-
-    odd_rows = [index for index, row in enumerate(rows) if is_odd(row)]
-    steps = {later - earlier for earlier, later in pairwise(odd_rows)}
-    regular = len(odd_rows) > 2 and len(steps) == 1 and steps != {1}
-    banded = regular and 3 * len(odd_rows) >= len(rows) - 2
-    return [] if banded else odd_rows
-
-
-def _usual_colour(rows: Sequence[RawRow], column: int) -> str | None:
-    """Return the most common colour of the filled cells of a column; None for an empty column."""
-    colours = Counter(row.colours[column] for row in rows if row.cells[column])
-    return colours.most_common(1)[0][0] if colours else None

@@ -19,14 +19,7 @@ from itertools import chain
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    ANSWERS,
-    NOTHING,
-    Column,
-    answer_of,
-    is_dated,
-    is_number,
-)
+from dogshape.bench.cell_values import ANSWERS, Column, answer_of, is_blank, is_dated, is_number
 from dogshape.bench.draft_arguments import (
     column_argument,
     drop_argument,
@@ -34,10 +27,11 @@ from dogshape.bench.draft_arguments import (
     rows_argument,
     rows_example,
 )
-from dogshape.bench.foreign_table import REJECTED, ROUNDED, ForeignTable, Reasons
+from dogshape.bench.foreign_table import REJECTED, ROUNDED, ForeignTable
 from dogshape.bench.quantities import SPLITTING, counts_up, has_word, plain_words
-from dogshape.bench.raw_sheet import COLOURED, is_workbook, odd_colours
+from dogshape.bench.raw_sheet import is_workbook
 from dogshape.bench.row_splits import FAILED, NUMBER, SHARE
+from dogshape.bench.workbook import COLOURED, odd_colours
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.interface import argument
 
@@ -62,7 +56,7 @@ _FAILED = r"not|nicht|fail\w*|\w*fehl\w*|nok|nio|n i o|blocked|blockiert|misses|
 _OF_SO_MANY = r"\b(of|von|aus|sur|di|de|z|av|van) \d+$"
 #: Numbers by which programs say that there is none.
 _CODES = frozenset(
-    (
+    [
         "-1",
         "-9",
         "-99",
@@ -76,7 +70,7 @@ _CODES = frozenset(
         "-99999",
         "-999.9",
         "-1.0",
-    )
+    ]
 )
 _PHYSICAL = (
     r"temp\w*|\w*temperatur|\w*druck|pressure|feuchte|humidity|voltage|spannung|strom|current"
@@ -149,27 +143,24 @@ def chosen_rows(table: ForeignTable, choice: RowChoice) -> tuple[ForeignTable, f
     if not (choice.drop or choice.keep):
         return table, frozenset()
     marks = marks_of(table)
-    reason_by_place = dict.fromkeys(range(len(table.rows)), "")
+    reasons: dict[int, str] = {}  #: for leaving rows out, by place
     settled: set[str] = set()
     selections_by_name: dict[str, list[list[bool]]] = {}
     for text in choice.drop:
         name, hits = _selected(table, marks, text, "drop")
         settled.add(name)
-        reason = f"{argument('drop')} {text}"
-        reason_by_place |= {
-            k: reason for k, hit in enumerate(hits) if hit and not reason_by_place[k]
-        }
+        for k in np.flatnonzero(hits).tolist():
+            reasons.setdefault(k, f"{argument('drop')} {text}")
     for text in choice.keep:
         name, hits = _selected(table, marks, text, "keep")
         settled.add(name)
         selections_by_name.setdefault(name, []).append(hits)
     for name, selections in selections_by_name.items():
-        for k in reason_by_place:
-            if not any(hits[k] for hits in selections) and not reason_by_place[k]:
-                reason_by_place[k] = f"not among {argument('keep')} of '{name}'"
-    places = [k for k, reason in reason_by_place.items() if not reason]
-    reasons: Reasons = [(table.rows[k], reason) for k, reason in reason_by_place.items() if reason]
-    return table.taking(places, reasons), frozenset(settled)
+        for k in np.flatnonzero(~np.any(selections, axis=0)).tolist():
+            reasons.setdefault(k, f"not among {argument('keep')} of '{name}'")
+    excluded = [(table.rows[k], reason) for k, reason in reasons.items()]
+    places = [k for k in range(len(table.rows)) if k not in reasons]
+    return table.taking(places, excluded), frozenset(settled)
 
 
 def _selected(
@@ -331,7 +322,7 @@ def _shown(rows: Sequence[int]) -> str:
 
 def _column_question(table: ForeignTable, column: Column, outcome: Column | None) -> str:
     """Ask about an unused column; empty for one that distinguishes no rows."""
-    cells = ["" if cell.lower() in NOTHING else cell for cell in column.cells]
+    cells = ["" if is_blank(cell) else cell for cell in column.cells]
     groups: dict[str, list[int]] = {}
     for row, cell in zip(table.rows, cells, strict=True):
         groups.setdefault(cell, []).append(row)
@@ -340,7 +331,7 @@ def _column_question(table: ForeignTable, column: Column, outcome: Column | None
     numbers_or_dates = is_dated(cells) or (counts_up(column) and not recurring)
     if len(groups) == 1 or numbers_or_dates or not _is_code(column, cells, name):
         return ""
-    if _says_outcome(column, outcome) or _labels_points(table, column, name, groups):
+    if _says_outcome(column, outcome) or _labels_points(table, column, name):
         return ""
     if _is_outcome(column, name) and outcome is None:
         return _outcome_question(column, groups)
@@ -451,25 +442,23 @@ def _split_question(column: Column, groups: Mapping[str, Sequence[int]]) -> str:
     )
 
 
-def _labels_points(
-    table: ForeignTable, column: Column, name: str, groups: Mapping[str, Sequence[int]]
-) -> bool:
+def _labels_points(table: ForeignTable, column: Column, name: str) -> bool:
     """Test that a column names the operating points and nothing else."""
     if not has_word(_POINT, name) or has_word(SPLITTING, name):
         return False
     values = [c.cells for c in table.columns if c is not column and c.unit is not None]
-    points: dict[str, set[tuple[str, ...]]] = {word: set() for word in groups}
+    points: dict[str, set[tuple[str, ...]]] = {}
     cells = zip(column.cells, zip(*values, strict=True), strict=True) if values else []
     for word, point in cells:
         points.setdefault(word, set()).add(point[:2])
-    return all(len(some) == 1 for some in points.values() if some)
+    return all(len(word_points) == 1 for word_points in points.values())
 
 
 def _shares(
     table: ForeignTable, read: Mapping[Column, str], settled: frozenset[str]
 ) -> list[Column]:
     """Find columns with numbers or shares of shifts that engaged, which one row cannot hold."""
-    of_means = _has_means(read)
+    of_means = any((column.values > 1).any() for column, name in read.items() if name == "n_shifts")
     return [
         column
         for column in table.columns
@@ -477,11 +466,6 @@ def _shares(
         and column.head not in settled
         and _is_share(column, of_means)
     ]
-
-
-def _has_means(read: Mapping[Column, str]) -> bool:
-    """Test that rows stand for several shifts."""
-    return any((column.values > 1).any() for column, name in read.items() if name == "n_shifts")
 
 
 def _is_share(column: Column, of_means: bool) -> bool:
@@ -518,7 +502,7 @@ def _share_word(column: Column) -> str:
     """Choose the option for a column of shares or numbers of shifts."""
     if has_word(_FAILED, plain_words(column.name)):
         return FAILED
-    filled = [cell for cell in column.cells if cell.lower() not in NOTHING]
+    filled = [cell for cell in column.cells if not is_blank(cell)]
     percent = column.unit is not None
     written = any(map(_FRACTION.fullmatch, filled))
     small = bool(np.nanmax(column.values, initial=0.0) <= 1.0)

@@ -16,27 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dogshape.bench.cell_values import (
-    NOTHING,
-    Column,
-    is_number,
-    numbers_of,
-    split_quantity,
-)
+from dogshape.bench.cell_values import Column, is_blank, is_number, numbers_of, split_quantity
+from dogshape.bench.column_options import Match, column_labels
 from dogshape.bench.draft_arguments import NONE, column_placeholder
-from dogshape.bench.foreign_columns import (
-    MEAN,
-    Match,
-    column_labels,
-    matched,
-)
+from dogshape.bench.foreign_columns import matched
 from dogshape.bench.foreign_table import ForeignTable
-from dogshape.bench.quantities import (
-    SHIFTS,
-    has_word,
-    plain_words,
-    score,
-)
+from dogshape.bench.quantities import MEAN, SHIFT_QUANTITIES, SHIFTS, has_word, plain_words, score
 
 #: Words behind the column of an option: its cells are shares or numbers of shifts that engaged, or
 #: of those that failed.
@@ -72,21 +57,14 @@ def with_lists(
     Returns the table as it is where a list may be something else, which its reading refuses.
     """
     times = _list_column(table, options)
-    if times is None:
+    counts = None if times is None else _listed_counts(table, options)
+    if times is None or counts is None:
         return table, options
     lists = [list_parts(cell) or [cell] for cell in times.cells]
     lengths = [
-        0 if cell.lower() in NOTHING else len(parts)
-        for cell, parts in zip(times.cells, lists, strict=True)
+        0 if is_blank(cell) else len(parts) for cell, parts in zip(times.cells, lists, strict=True)
     ]
-    counts = _listed_counts(table, options)
-    if counts is None:
-        return table, options
-    differs = any(
-        length not in (0, count) for length, count in zip(lengths, counts.numbers, strict=False)
-    )
-    is_constant = bool(counts.numbers) and counts.column is None
-    if differs or (is_constant and not all(lengths)) or (not counts.numbers and _is_ranked(lists)):
+    if not _are_shifts(lists, lengths, counts):
         return table, options
     places = [k for k, parts in enumerate(lists) for _ in parts]
     columns = []
@@ -99,7 +77,7 @@ def with_lists(
         columns.append(replace(column, cells=tuple(cells)))
     example = next(cell for cell in times.cells if list_parts(cell))
     remark = f"each number in a cell of '{times.head}', such as '{example}', is a shift of its row"
-    if is_constant:
+    if counts.numbers and counts.column is None:
         options = {**options, "n_shifts": "1"}
     return _with_rows(table, columns, places).with_remark(remark), options
 
@@ -109,6 +87,14 @@ class _Counts(NamedTuple):
 
     numbers: list[float]
     column: Column | None
+
+
+def _are_shifts(lists: Sequence[Sequence[str]], lengths: Sequence[int], counts: _Counts) -> bool:
+    """Test that lists have as many times as their rows have shifts, or no common order."""
+    if not counts.numbers:
+        return not _is_ranked(lists)
+    fits = all(length in (0, count) for length, count in zip(lengths, counts.numbers, strict=True))
+    return fits and (counts.column is not None or all(lengths))
 
 
 def _listed_counts(table: ForeignTable, options: Mapping[str, str]) -> _Counts | None:
@@ -142,27 +128,30 @@ def _list_column(table: ForeignTable, options: Mapping[str, str]) -> Column | No
         candidates = [label] if label is not None else []
     candidates = [c for c in candidates if not c.hidden and any(map(list_parts, c.cells))]
     other_columns = [c for c in table.columns if c not in candidates]
-    spread = options.get("shift_time_sd_s", "") not in ("", NONE) or (
-        "shift_time_sd_s" not in options
-        and any(_scores("shift_time_sd_s", c) for c in other_columns)
-    )
-    traced = any(_scores("trace", column) and any(column.cells) for column in other_columns)
-    if len(candidates) != 1 or spread or traced:
+    if len(candidates) != 1 or _has_spread_or_trace(other_columns, options):
         return None
     times = candidates[0]
     words = plain_words(times.name)
     if has_word(_STATISTICS, words) or re.search(r"[/;|,]", times.name):
         return None
     readable = [
-        cell.lower() in NOTHING or is_number(split_quantity(cell)[0]) or bool(list_parts(cell))
+        is_blank(cell) or is_number(split_quantity(cell)[0]) or bool(list_parts(cell))
         for cell in times.cells
     ]
     return times if all(readable) else None
 
 
+def _has_spread_or_trace(columns: Sequence[Column], options: Mapping[str, str]) -> bool:
+    """Test that a column or an option says of a row that it is one shift or one mean."""
+    if options.get("shift_time_sd_s", "") not in ("", NONE):
+        return True
+    if "shift_time_sd_s" not in options and any(_scores("shift_time_sd_s", c) for c in columns):
+        return True
+    return any(_scores("trace", column) and any(column.cells) for column in columns)
+
+
 def _scores(name: str, column: Column) -> bool:
-    quantity = next(quantity for quantity in SHIFTS if quantity.name == name)
-    return score(quantity, column) > 0.0
+    return score(SHIFT_QUANTITIES[name], column) > 0.0
 
 
 def _is_ranked(lists: Sequence[Sequence[str]]) -> bool:
@@ -220,7 +209,7 @@ def with_shares(
     faults: list[str] = []
     rounded: list[str] = []
     for k, cell in enumerate(outcome.cells):
-        if cell.lower() in NOTHING:
+        if is_blank(cell):
             count = int(counts[k]) if math.isfinite(counts[k]) else None
             parts.append(_Part(k, None, count))
             continue
@@ -280,7 +269,7 @@ def _divide_rows(
         columns.append(replace(column_part, is_outcome=True) if column is outcome else column_part)
     place = max(column.place for column in columns) + 1
     if count_match is not None and len(count_match.terms) == 1 and count_match.formula == "c0":
-        index = table.columns.index(count_match.terms[0][0])
+        index = table.columns.index(count_match.column)
         columns[index] = replace(columns[index], cells=count_cells)
         place = columns[index].place
     else:
@@ -295,7 +284,7 @@ def _counts_of(match: Match | None, rows: int) -> list[float]:
         return [math.nan] * rows
     if not match.terms:
         return [float(match.formula)] * rows
-    return list(match.terms[0][0].values.tolist()) if match.formula == "c0" else [math.nan] * rows
+    return list(match.column.values.tolist()) if match.formula == "c0" else [math.nan] * rows
 
 
 def _engaged_count(column: Column, cell: str, count: float, word: str) -> tuple[int, int, bool]:
@@ -309,8 +298,7 @@ def _engaged_count(column: Column, cell: str, count: float, word: str) -> tuple[
         if math.isfinite(count) and count != total:
             raise ValueError(f"is of {total} shifts, but their number is {count:g}; correct one")
     elif not math.isfinite(count) or count < 1 or count % 1:
-        answer = column_placeholder("n_shifts")
-        remedy = f"say {answer}, or a number for all rows"
+        remedy = f"say {column_placeholder('n_shifts')}, or a number for all rows"
         raise ValueError(f"is of an unknown number of shifts; {remedy}")
     else:
         total = int(count)

@@ -21,13 +21,7 @@ import numpy as np
 from dogshape.bench.corrections import GIVEN, Finding, Findings, contradict, corrected
 from dogshape.bench.stand_file import Stand
 from dogshape.bench.table import NEAR, Row, Sheet, near_groups
-from dogshape.bench.trace_slips import (
-    TRACED,
-    median,
-    recording_faults,
-    trace_notes,
-    trace_rate,
-)
+from dogshape.bench.trace_slips import TRACED, median, recording_faults, trace_notes, trace_rate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.interface import listed_argument
@@ -47,7 +41,7 @@ SWAPPED = "the columns mismatch_rpm and force_N swapped"
 LEAST_FORCE = 100.0  #: N, median of forces below which they may be kilonewtons
 
 
-def examine(stand: Stand, sheet: Sheet, corrections: Sequence[str] = ()) -> tuple[Finding, ...]:
+def examine(stand: Stand, sheet: Sheet, corrections: Sequence[str]) -> tuple[Finding, ...]:
     """Find probable slips in a sheet whose corrections have been made.
 
     ``corrections`` are those made; quantities that are to be taken as given, or that have

@@ -76,15 +76,12 @@ def load_sheet(path: Path) -> Sheet:
     cells = {
         name: np.array(table.column(name) if name in table.head else nothing) for name in COLUMNS
     }
-    outcomes = np.char.lower(cells["engaged"])
-    cells |= {"engaged": outcomes}
-    trace_names = cells["trace"]
-    stamps = cells["timestamp"]
+    cells |= {"engaged": np.char.lower(cells["engaged"])}
     values = {
         name: np.array([float(c) if is_plain(c) else np.nan for c in cells[name]])
         for name in NUMERIC
     }
-    values |= {"timestamp": np.array([_seconds(cell) for cell in stamps])}
+    values |= {"timestamp": np.array([_seconds(cell) for cell in cells["timestamp"]])}
     for column, bad, rule in _faults(cells, values):
         if (wrong := np.asarray(bad, dtype=bool)).any():
             at = int(wrong.argmax())
@@ -93,17 +90,23 @@ def load_sheet(path: Path) -> Sheet:
     for k, row in enumerate(rows):
         numbers: list[Any] = [None if np.isnan(v := values[n][k]) else v.item() for n in NUMERIC]
         mismatch, force, rise, n, time, sd, order, stamp = numbers
-        engaged = True if time is not None else ENGAGED[outcomes[k]]
-        name = trace_names[k]
+        engaged = True if time is not None else ENGAGED[cells["engaged"][k]]
         place = stamp if order is None else order
-        try:
-            trace = read_trace(path.parent / name) if name else None
-        except DataError as error:
-            raise DataError(f"{path}, row {row}, column trace: {error}") from error
+        trace = _trace_of(path, row, cells["trace"][k])
         sheet_rows.append(
             Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
         )
     return Sheet(path, tuple(sheet_rows))
+
+
+def _trace_of(path: Path, row: int, name: str) -> BenchTrace | None:
+    """Read the trace that a row names; None without a name."""
+    if not name:
+        return None
+    try:
+        return read_trace(path.parent / name)
+    except DataError as error:
+        raise DataError(f"{path}, row {row}, column trace: {error}") from error
 
 
 def _faults(

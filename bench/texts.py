@@ -1,7 +1,7 @@
 """Text files of users as editors and spreadsheets save them: encodings, TOML, tables of text.
 
 Commas, semicolons or tabs separate the cells; unless these are commas, numbers may have a decimal
-comma. An ambiguous table is refused with a remedy. A sheet of a workbook (``bench.raw_sheet``) is
+comma. An ambiguous table is refused with a remedy. A sheet of a workbook (``bench.workbook``) is
 read as a table with tabs; a sheet with marks is refused.
 """
 
@@ -16,16 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.bench.decoding import TableLimits, decode_text, read_bytes
-from dogshape.bench.raw_sheet import (
-    FILTERED,
-    HIDDEN,
-    MASKED,
-    NO_TABLE,
-    SAVE,
-    STRUCK,
-    RawSheet,
-    read_raw,
-)
+from dogshape.bench.raw_sheet import NO_TABLE, SAVE, RawSheet, is_workbook, read_lines, text_sheet
+from dogshape.bench.workbook import FILTERED, HIDDEN, MASKED, STRUCK, read_workbook
 from dogshape.sim.errors import DataError, InputError, did_you_mean, join_faults
 
 SEPARATORS = (",", ";", "\t")
@@ -46,23 +38,20 @@ class TextTable:
         place = self.head.index(name)
         return [cells[place] for _, cells in self.rows]
 
-    def require(self, needed: Iterable[str], known: Iterable[str] | None = None) -> None:
+    def require(self, needed: Sequence[str], known: Sequence[str] | None = None) -> None:
         """Raise DataError that lists all missing, unknown and repeated columns.
 
         With ``known`` None any other column is allowed.
         """
-        needed = tuple(needed)
         if len(self.head) == 1 < len(needed):
             raise DataError(f"{self.path} {NO_TABLE}: its first line is '{self.head[0]}'; {SAVE}")
         faults: list[str] = []
         other_names = ""
         checked_names = needed
         if known is not None:
-            valid_names = tuple(known)
-            unknown = dict.fromkeys(name for name in self.head if name not in valid_names)
+            unknown = dict.fromkeys(name for name in self.head if name not in known)
             faults += [
-                f"'{name}' is not a known column; {did_you_mean(name, valid_names)}"
-                for name in unknown
+                f"'{name}' is not a known column; {did_you_mean(name, known)}" for name in unknown
             ]
             checked_names = self.head
         else:
@@ -128,7 +117,12 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     also has a column of exactly that name. Raises DataError with row and remedy if the file is no
     table, a row has more cells than the head, or numbers are ambiguous; FileNotFoundError.
     """
-    sheet = read_raw(path, _separator_of_head)
+    limits = TableLimits()
+    if is_workbook(path):
+        sheet = read_workbook(path, limits)
+    else:
+        lines = read_lines(path, limits)
+        sheet = text_sheet(path, lines, _separator_of_head(lines), limits)
     _require_plain(sheet)
     separator = sheet.separator
     if not sheet.rows:

@@ -14,12 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dogshape.bench.corrections import Finding, Findings, corrected
-from dogshape.bench.force_start import (
-    FIRST,
-    ForceStart,
-    displacement_at_rest,
-    find_force_start,
-)
+from dogshape.bench.force_start import FIRST, ForceStart, displacement_at_rest, find_force_start
 from dogshape.bench.samples import scatter, smoothed, step_of
 from dogshape.bench.stand_file import Stand
 from dogshape.bench.table import Row, Sheet

@@ -295,7 +295,7 @@ def _undamaged(path: Path, kind: str, read: Callable[[Path], dict[str, Channel]]
     except Exception as error:
         reason = str(error)
         # A reader that was never whole may fail once more as it is deleted, which is to be silent.
-        sys.unraisablehook = _ignore
+        sys.unraisablehook = lambda _: None
         error.__traceback__ = None
     gc.collect()
     sys.unraisablehook = hook
@@ -305,10 +305,6 @@ def _undamaged(path: Path, kind: str, read: Callable[[Path], dict[str, Channel]]
         if file.read(8).startswith(MAGIC[kind]):
             fault = f"is damaged or cut short ({reason}); copy or export the trace again"
     raise DataError(f"{path} {fault}")
-
-
-def _ignore(_: object) -> None:
-    """Report nothing."""
 
 
 def _only(path: Path, name: str, groups: Sequence[Any], channel_names: Iterable[str]) -> Any:

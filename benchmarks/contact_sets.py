@@ -21,6 +21,7 @@ from pathlib import Path
 
 from benchmarks.common import paper_study, read_result
 from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.search.study_record import DesignRow
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import ShiftJournal
@@ -44,11 +45,11 @@ Designs = dict[str, dict[str, float]]
 
 def designs_of(study: Setup) -> Designs:
     """Read the prototype, the design that the study chose, and the one that ``mq200`` chose."""
-    best, gearbox_best = (read_result(name)["best"] for name in (study.name, "mq200"))
+    best, gearbox_best = (DesignRow(**read_result(name)["best"]) for name in (study.name, "mq200"))
     return {
         "prototype": study.prototype,
-        "chosen": study.select_params(best),
-        "gearbox's": study.select_params(gearbox_best),
+        "chosen": best.params(study.variables),
+        "gearbox's": gearbox_best.params(study.variables),
     }
 
 

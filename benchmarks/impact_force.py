@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from benchmarks.common import paper_study, read_result
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.search.study_record import DesignRow
 from dogshape.sim.shift.clutch import Clutch, ContactSet
 from dogshape.sim.shift.conclusion import Engagement, engage
 from dogshape.sim.shift.plant import ClutchPlant
@@ -56,8 +57,8 @@ def load_designs(study: Setup) -> dict[str, Clutch]:
     """Read the prototype and the chosen design of the kept result."""
     result = read_result(study.name)
     chosen = result["confirmation"]["chosen"]
-    row = next(row for row in result["trials"] if row["trial"] == chosen)
-    best = replace(study.clutch, dog=study.dog_with(study.select_params(row)))
+    row = next(DesignRow(**row) for row in result["trials"] if row["trial"] == chosen)
+    best = replace(study.clutch, dog=study.dog_with(row.params(study.variables)))
     return {"prototype": study.clutch, f"chosen ({chosen})": best}
 
 

@@ -118,7 +118,7 @@ class Synthetic(Executor):
 def synthetic_executor(study: Setup) -> Synthetic:
     """Build an executor of synthetic times, with the other figures of a real shift."""
     block = design_blocks(study, study.prototype, 1, 1)[10]
-    return Synthetic(scratch_executor(1).journal, result=next(run_block(block)))
+    return Synthetic(scratch_executor(1).journal, 0, result=next(run_block(block)))
 
 
 def measure_search(trials: int) -> float:

@@ -97,7 +97,7 @@ class LivePage:
     def _dog_numbers(self) -> list[Number]:
         """List the dimensions of the dog, variables of the search first, with their ranges."""
         config = self.study.config
-        values = config.file.dog.model_dump() | {k: config.prototype[k] for k in config.shape_keys}
+        values = config.file.dog.sizes | {k: config.prototype[k] for k in config.shape_keys}
         dog = {key: value for key, value in values.items() if value is not None}
         numbers = []
         for key in sorted(dog, key=[*config.variables, *dog].index):
@@ -357,7 +357,11 @@ def answer_at_once(live_page: LivePage, question: Question) -> tuple[dict[str, s
         faults = {key: message if key in message else "" for key in texts}
         refusal = "" if any(faults.values()) else f"There is no such dog: {message}"
         return faults, {"answer.className": "stale", "refused.children": refusal}
-    svg = open_section_svg(study.config.clutch.pair, live_page.study.config.clutch.pair)
+    svg = open_section_svg(
+        study.config.clutch.pair,
+        live_page.study.config.clutch.pair,
+        is_sleeve=study.config.limits.sleeve is not None,
+    )
     return dict.fromkeys(texts, ""), {
         "answer.className": "",
         "refused.children": "",

@@ -12,8 +12,8 @@ from dogshape.check import Check, Checked, hinge_lines
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Figure, percent
 from dogshape.pipeline.reports.text import check_name, label, time_text
-from dogshape.pipeline.store.result_records import CheckRow
-from dogshape.pipeline.store.result_records import check_table as record_table
+from dogshape.pipeline.store.check_records import CheckRow
+from dogshape.pipeline.store.check_records import check_table as record_table
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.model import Expected

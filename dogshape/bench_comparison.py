@@ -112,7 +112,7 @@ def validate(
     correct: Sequence[str] = (),
     jobs: int = 0,
     cluster: str | None = None,
-    keep: str | Path | None = None,
+    journal: str | Path | None = None,
     progress: Progress | bool = False,
     engine: str | None = None,
 ) -> Comparison:
@@ -128,7 +128,7 @@ def validate(
     angles : how many evenly spaced relative angles, or the angles themselves, deg; None for those
         of the set, or sixteen.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
-    jobs, cluster, keep, progress : as in ``Study.expect``.
+    jobs, cluster, journal, progress : as in ``Study.expect``.
     engine : ``drake`` or ``planar``; None for that of the set's study.
     """
     data = load_bench(bench, correct)
@@ -145,7 +145,7 @@ def validate(
     shifts = len(data.cells) * count
     propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
     question = data.name, clutch_record(data.clutch), angles
-    options = RunOptions(jobs, cluster, keep, receiver(progress))
+    options = RunOptions(jobs, cluster, journal, receiver(progress))
     work = shifts + propagated + repeat_count(shifts)
     with options.executor("validate", question, work) as (executor, _):
         return Comparison(compare(data, executor.run, relative_angles, checked=True))

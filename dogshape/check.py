@@ -20,24 +20,11 @@ from dogshape.pipeline.reports.text import (
     quantile_words,
     time_text,
 )
-from dogshape.pipeline.simulate.design import (
-    Design,
-    ToleranceTime,
-    design_of,
-    judge_design,
-    tolerance_time,
-)
+from dogshape.pipeline.simulate.design import Design, design_of, judge_design
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.pipeline.store.result_records import (
-    CheckRow,
-    ExpectedTime,
-    HangKeys,
-    NotJudged,
-    QuantileRow,
-    check_table,
-    hang_keys,
-    not_judged_row,
-)
+from dogshape.pipeline.simulate.tolerance_time import ToleranceTime, tolerance_time
+from dogshape.pipeline.store.check_records import CheckRow, NotJudged, check_table, not_judged_row
+from dogshape.pipeline.store.result_records import ExpectedTime, HangKeys, QuantileRow, hang_keys
 from dogshape.pipeline.train.training_rows import matching_surrogate, study_mix
 from dogshape.result import Result
 from dogshape.sim.shift.geometry import FLANKS
@@ -126,6 +113,7 @@ class Checked(Result):
     def to_parts(self) -> list[str | Table]:
         """Tabulate the checks, with verdict, warnings and the force on the blocking mechanism."""
         weakest = smallest_margin(self.design.checks)
+        mount = self.config.mount_text
         return [
             check_table(self.judged_rows),
             "",
@@ -144,6 +132,7 @@ class Checked(Result):
             *(f"warning: {note}" for note in self.notes),
             *map(_retention_text, self.retention),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
+            *([f"mount: {mount}"] if mount else []),
         ]
 
     @property

@@ -11,22 +11,21 @@ from typing import Any
 
 from dogshape.check import check_design
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of
-from dogshape.pipeline.reports.data_sheet import (
+from dogshape.pipeline.reports.data_sheet import flat_keys, write_sheet
+from dogshape.pipeline.reports.design_record import (
     DesignSheet,
-    NamedDesign,
     SimulatedValues,
     WeakestCheck,
     design_sheet,
-    flat_keys,
-    named_design,
     searched_checks,
     searched_sheet,
     time_difference,
-    write_sheet,
 )
+from dogshape.pipeline.reports.named_design import NamedDesign, named_design
 from dogshape.pipeline.reports.text import minus
+from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
 from dogshape.pipeline.store.folder import comparable, require_targets
-from dogshape.pipeline.store.result_records import CheckRow, VerdictRow, hang_keys
+from dogshape.pipeline.store.result_records import hang_keys
 from dogshape.result import Result
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER, ContactSet

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from dogshape.bench.bench_data import Bench, load_bench, require_shifts
-from dogshape.bench.bench_draft import BenchDraft, is_table
+from dogshape.bench.bench_draft import BenchDraft, DraftTables, is_table, read_tables
 from dogshape.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.outcome import (
@@ -208,25 +208,26 @@ def _bank_options(
 
 @contextmanager
 def _data_of(
-    bench: str | Path | BenchDraft, correct: Sequence[str], listener: Progress
+    bench: str | Path | BenchDraft | DraftTables, correct: Sequence[str], listener: Progress
 ) -> Iterator[tuple[Bench, BenchReading | None]]:
     """Yield the data set and its reading, None for a folder.
 
     Assumptions of the reading of a table go to ``listener``.
     """
-    if not isinstance(bench, BenchDraft):
+    if isinstance(bench, str | Path):
         if not is_table(bench):
             yield load_bench(bench, correct), None
             return
         bench = BenchDraft(bench)
-    with draft_bench(bench, correct) as (data, reading):
+    tables = read_tables(bench) if isinstance(bench, BenchDraft) else bench
+    with draft_bench(tables, correct) as (data, reading):
         for line in assumption_lines(reading.assumed):
             listener.say(line)
         yield data, reading
 
 
 def diagnose(
-    bench: str | Path | BenchDraft,
+    bench: str | Path | BenchDraft | DraftTables,
     *,
     correct: Sequence[str] = (),
     out: str | Path | None = None,
@@ -247,7 +248,7 @@ def diagnose(
     ----------
     bench : folder of a data set, name of one that the package brings, path of a table
         (``"measured.csv"``, ``"FILE.xlsx#SHEET"``), or a ``BenchDraft``, which says how to read its
-        tables; ``BenchDraft(path)`` is the same as a path.
+        tables; ``BenchDraft(path)`` is the same as a path. ``DraftTables`` are not read again.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
     out : folder for ``report.html``, ``gap.json``, ``cells.csv`` and a copy of the data set, which
         ``update_diagnosis`` joins new readings to; None writes nothing.

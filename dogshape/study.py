@@ -65,7 +65,7 @@ class Study:
     @property
     def dog(self) -> dict[str, float]:
         """Keys of the dog with their values, in the units that their names end in."""
-        return dict(self.config.file.dog.model_dump())
+        return self.config.file.dog.sizes
 
     # Verbs load their modules: simulation, search and pages take seconds that no other needs.
 
@@ -110,7 +110,7 @@ class Study:
         precision: float | None = None,
         jobs: int = 0,
         cluster: str | None = None,
-        keep: str | Path | None = None,
+        journal: str | Path | None = None,
         progress: Progress | bool = False,
         engine: str | None = None,
     ) -> Expectation:
@@ -127,7 +127,7 @@ class Study:
             study's number.
         precision : wanted relative standard error, which finds the number of angles.
         jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
-        keep : folder in which a run that was stopped leaves its finished shifts.
+        journal : folder in which a run that was stopped leaves its finished shifts.
         progress : True for a bar in terminal or notebook, or a ``Progress`` of one's own.
         engine : as in ``shift``.
         """
@@ -135,7 +135,7 @@ class Study:
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
         place = mismatch_rpm, force_N, force_rise_s
-        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        options = RunOptions(jobs, cluster, journal, receiver(progress))
         return simulate_mean(self._config_in(engine), options, place, angles, precision)
 
     def search(
@@ -238,20 +238,20 @@ class Study:
         simulate: bool = True,
         jobs: int = 0,
         cluster: str | None = None,
-        keep: str | Path | None = None,
+        journal: str | Path | None = None,
         progress: Progress | bool = False,
         engine: str | None = None,
     ) -> Strength:
         """Check strength, self-locking and manufacturability, and simulate the hardest landing.
 
         ``simulate`` is whether to simulate the landing, dog on dog, at the study's operating points
-        and angles; a dog that cannot be made is not simulated. ``jobs``, ``cluster``, ``keep``,
+        and angles; a dog that cannot be made is not simulated. ``jobs``, ``cluster``, ``journal``,
         ``progress`` and ``engine`` as in ``expect``. Example: ``study.strength(simulate=False)``
         """
         from dogshape.check import check_strength  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
-        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        options = RunOptions(jobs, cluster, journal, receiver(progress))
         return check_strength(self._config_in(engine), options, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "", **block: str) -> Path:
@@ -262,20 +262,22 @@ class Study:
         Example: ``study.data_sheet("sheet.html", "shortest", number="47-11", author="A. Novak")``
         """
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
-        from dogshape.pipeline.reports.data_sheet import NamedDesign  # noqa: PLC0415
+        from dogshape.pipeline.reports.named_design import NamedDesign  # noqa: PLC0415
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, {"why": why, **block})
 
-    def export_fmu(self, path: str | Path) -> Path:
-        """Write the clutch as an FMU, a co-simulation block for driveline models (FMI 3.0).
+    def export_fmu(self, path: str | Path, fmi: int = 3) -> Path:
+        """Write the clutch as an FMU, a co-simulation block for driveline models.
 
-        To ``path``; the block runs where Python with this package is installed
-        (docs/howto/own_driveline.md). InputError without the extra ``fmu``.
-        Example: ``study.export_fmu("clutch.fmu")``
+        To ``path``, in FMI 3.0 or, with ``fmi=2``, in FMI 2.0; the block runs where Python with
+        this package is installed (docs/howto/own_driveline.md). InputError without the extra
+        ``fmu`` or for another version. Example: ``study.export_fmu("clutch.fmu", fmi=2)``
         """
         from dogshape.pipeline.export.fmu import write_fmu  # noqa: PLC0415
+        from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
 
-        write_fmu(self.config, Path(path))
+        require_targets({"the FMU": Path(path)})
+        write_fmu(self.config, Path(path), fmi)
         return Path(path)
 
     def export_map(
@@ -290,8 +292,9 @@ class Study:
         """Write whether and when the clutch engages, for lumped driveline models.
 
         Over mismatch, force and relative angle, CSV, with means over the angle, tables of Modelica
-        and parameters of Simscape's Dog Clutch beside; gives the paths of all four. InputError for
-        operating points that are no grid.
+        and parameters of the dog clutches of Simscape and MapleSim beside; gives the paths of all
+        five. InputError for operating points that are no grid, StorageError for files that cannot
+        be written, and for such a table that is there without a map.
         Example: ``study.export_map("map.csv", progress=True)``
 
         Parameters
@@ -299,9 +302,13 @@ class Study:
         path : CSV file of the cells.
         jobs, cluster, keep, progress : as in ``expect``.
         """
-        from dogshape.pipeline.export.engagement_map import simulate_map  # noqa: PLC0415
+        from dogshape.pipeline.export.engagement_map import (  # noqa: PLC0415
+            require_map_targets,
+            simulate_map,
+        )
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
+        require_map_targets(Path(path))
         options = RunOptions(jobs, cluster, keep, receiver(progress))
         return simulate_map(self.config, options).write(Path(path))
 

@@ -11,13 +11,14 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Table
 from dogshape.pipeline.reports.charts import front_figure
-from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import designs_frame
+from dogshape.pipeline.reports.headline import headline
+from dogshape.pipeline.reports.named_design import named_design
 from dogshape.pipeline.reports.study_page import publish
-from dogshape.pipeline.reports.study_summary import chosen_verdict, headline, summary_tables
+from dogshape.pipeline.reports.study_summary import chosen_verdict, summary_tables
 from dogshape.pipeline.search.study_record import DesignRow, StudyRecord, read_study_record
+from dogshape.pipeline.store.check_records import VerdictRow
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.result_records import VerdictRow
 from dogshape.result import Result
 from dogshape.running import receiver
 from dogshape.sim.files import name_file_in_errors

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -14,14 +14,19 @@ from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.search.confirmation import (
     Executors,
-    audit,
     confirm,
     confirm_nearest,
     shifts_to_confirm,
 )
+from dogshape.pipeline.search.engine_audit import audit
 from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import SearchState, Trial, expectation_from
-from dogshape.pipeline.search.study_record import Confirmation, DesignRow, StudyRecord
+from dogshape.pipeline.search.study_record import (
+    Confirmation,
+    ConfirmedDesign,
+    DesignRow,
+    StudyRecord,
+)
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     OBJECTIVES,
@@ -30,10 +35,10 @@ from dogshape.pipeline.simulate.design import (
     leading_objective,
     limits_of,
     objectives_of,
-    tolerance_time,
 )
 from dogshape.pipeline.simulate.evaluation import STAGES, LifeStage, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
+from dogshape.pipeline.simulate.tolerance_time import tolerance_time
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
 from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.pipeline.store.result_records import EngineAgreement, HangPriorRow, hang_keys
@@ -145,8 +150,22 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
         searched_state = search.read()  # with the trials of all who share the search
     confirmed_state = searched_state.renew(trial for trial in state.trials if trial.confirmed)
     write_json(folder.rows, {"rows": list(chain(*(t.rows for t in confirmed_state.simulated)))})
-    result = study_record(searched_state, kept_journal)
-    changes: dict[str, Any] = {"confirmation": confirmation, "life": life, "audit": agreement}
+    changes = {"life": life, "audit": agreement}
+    result = study_record(searched_state, kept_journal).model_copy(update=changes)
+    return _with_confirmation(result, state, confirmation, nearest)
+
+
+def _with_confirmation(
+    result: StudyRecord,
+    state: SearchState,
+    confirmation: Confirmation | None,
+    nearest: Sequence[ConfirmedDesign] | None,
+) -> StudyRecord:
+    """Add the confirmation of a front, or the nearest designs, to the record of a search.
+
+    ``state`` has the trials at the new angles.
+    """
+    changes: dict[str, Any] = {"confirmation": confirmation}
     shift_count = result.n_simulated_shifts
     if confirmation is not None:
         rows = {trial.number: design_row(state, trial) for trial in state.trials if trial.confirmed}

@@ -281,6 +281,11 @@ class DogSection(Keys, of=Dog):
     mount: Mount = later("face")
 
     @property
+    def sizes(self) -> dict[str, float]:
+        """Numbers of the dog by key, without those at a later default."""
+        return self.model_dump(exclude={"mount"})
+
+    @property
     def value(self) -> Dog:
         """The dog; InputError or GeometryError for mistakes."""
         return Dog(**self.si("mount"))

@@ -15,8 +15,8 @@ from dogshape.sim.errors import InputError
 from dogshape.terminal import print_parts, terminal
 
 if TYPE_CHECKING:
-    from dogshape.bench.bench_draft import BenchDraft
-    from dogshape.bench.foreign_readings import ReadingReport
+    from dogshape.bench.bench_draft import BenchDraft, DraftTables
+    from dogshape.bench.reading_report import ReadingReport
 
 PIPE_WIDTH = 160  #: characters of a table where standard error is no terminal
 #: Fields of a draft with one text, by their options.
@@ -68,16 +68,17 @@ def print_reading(report: ReadingReport) -> None:
     print_parts(terminal(stderr=True, width=width), reading_parts(report))
 
 
-def correct_reading(draft: BenchDraft, *, confirm: bool) -> tuple[BenchDraft, ReadingReport]:
+def correct_reading(draft: BenchDraft, *, confirm: bool) -> DraftTables:
     """Ask about columns and rows until the tables of a draft are read without a fault.
 
-    With ``confirm`` a reading without a fault is asked about too. Returns the draft with the
-    answers, and the report of its reading.
+    With ``confirm`` a reading without a fault is asked about too. Returns the tables of the draft
+    with the answers.
     """
-    from dogshape.bench.bench_draft import guess_readings  # noqa: PLC0415
+    from dogshape.bench.bench_draft import read_tables  # noqa: PLC0415
 
-    report = guess_readings(draft)
+    tables = read_tables(draft)
     while draft.paths:
+        report = tables.report
         print_reading(report)
         for fault in report.faults:
             typer.echo(fault, err=True)
@@ -87,8 +88,8 @@ def correct_reading(draft: BenchDraft, *, confirm: bool) -> tuple[BenchDraft, Re
         if not answer:
             break
         draft = add_answer(draft, answer)
-        report = guess_readings(draft)
-    return draft, report
+        tables = read_tables(draft)
+    return tables
 
 
 def add_answer(draft: BenchDraft, answer: str) -> BenchDraft:

@@ -98,7 +98,7 @@ Cluster = Annotated[str | None, Option(help="Dask scheduler, e.g. tcp://schedule
 Corrections = Annotated[
     list[str] | None, Option("--correct", metavar="QUANTITY=WAY", help="e.g. time=ms")
 ]
-ShiftFolder = Annotated[Path | None, Option("--keep", help="folder of the shifts of a stopped run")]
+Journal = Annotated[Path | None, Option(help="folder of the shifts of a stopped run")]
 Jobs = Annotated[int, Option("--jobs", min=0, help="worker processes, 0: one a core")]
 SurrogateFile = Annotated[Path | None, Option(help="default: of results/NAME, or the package's")]
 OneMismatch = Annotated[float | None, Option(help="one operating point only")]
@@ -109,17 +109,17 @@ Rise = Annotated[float | None, Option(help="rise time; default: the study's tabl
 def bench_draft(
     tables: Sequence[str | Path],
     *,
-    origin: str | None = None,
-    column: Sequence[str] | None = None,
-    rise_s: float | None = None,
-    decimal: str | None = None,
-    rows: str | None = None,
-    drop: Sequence[str] | None = None,
-    keep: Sequence[str] | None = None,
-    fill_down: bool = False,
-    limit: Sequence[str] | None = None,
-    quotes: str | None = None,
-    set_: Sequence[str] | None = None,
+    origin: str | None,
+    column: Sequence[str] | None,
+    rise_s: float | None,
+    decimal: str | None,
+    rows: str | None,
+    drop: Sequence[str] | None,
+    keep: Sequence[str] | None,
+    fill_down: bool,
+    limit: Sequence[str] | None,
+    quotes: str | None,
+    set_: Sequence[str] | None,
 ) -> BenchDraft:
     """Build the draft of a bench folder from the options of reading; InputError for a wrong one."""
     from dogshape.bench.bench_draft import BenchDraft  # noqa: PLC0415
@@ -162,18 +162,18 @@ def _limit_pair(text: str) -> tuple[str, str]:
 
 
 def run_arguments(
-    jobs: int, cluster: str | None, keep: Path | None, engine: str | None
+    jobs: int, cluster: str | None, journal: Path | None, engine: str | None
 ) -> dict[str, Any]:
     """Compose the arguments of a simulating verb, with a bar of progress.
 
-    Shifts of a stopped run are kept in ``results/shifts`` unless ``keep`` names another folder.
+    Shifts of a stopped run are kept in ``results/shifts`` unless ``journal`` names another folder.
     """
     from dogshape.pipeline.simulate.executor import SHIFTS  # noqa: PLC0415
 
     return {
         "jobs": jobs,
         "cluster": cluster,
-        "keep": keep or SHIFTS,
+        "journal": journal or SHIFTS,
         "progress": True,
         "engine": engine,
     }

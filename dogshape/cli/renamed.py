@@ -14,7 +14,13 @@ VERBS: dict[tuple[str, ...], str] = {
 #: Options of a verb by their earlier names.
 OPTIONS = {
     "shift": {"--relative-angle-deg": "--angle-deg", "--html": "--report"},
-    "strength": {"--simulation": "--simulate", "--no-simulation": "--no-simulate"},
+    "expect": {"--keep": "--journal"},
+    "strength": {
+        "--simulation": "--simulate",
+        "--no-simulation": "--no-simulate",
+        "--keep": "--journal",
+    },
+    "validate": {"--keep": "--journal"},
 }
 #: Verb for an option that was one of another verb, whose value is now the second argument.
 SPLIT_OPTIONS = {

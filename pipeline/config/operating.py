@@ -369,7 +369,7 @@ def replaced_keys(settings: Mapping[str, Any], tables: Mapping[str, Any]) -> lis
 
     """
     setting_keys = {key for key, value in settings.items() if value is not None}
-    file_keys = [key for key in _dotted_keys(tables) if key not in setting_keys]
+    file_keys = [key for key in dotted_keys(tables) if key not in setting_keys]
     void_keys = _alternatives(setting_keys)
     kind = settings.get(KIND)
     if kind is not None:
@@ -396,7 +396,7 @@ def _alternatives(keys: set[str]) -> set[str]:
     return alternatives | {first for first, second in ALTERNATIVE_KEYS if second in keys}
 
 
-def _dotted_keys(tables: Mapping[str, Any]) -> Iterator[str]:
+def dotted_keys(tables: Mapping[str, Any]) -> Iterator[str]:
     """Yield the dotted keys within the tables of a file."""
     for name, table in tables.items():
         if isinstance(table, Mapping):

@@ -43,9 +43,9 @@ from dogshape.sim.shift.clutch import (
     require_engine,
     solver_for,
 )
-from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
+from dogshape.sim.shift.drive import Drive, EngineSide
 from dogshape.sim.shift.geometry import SCOPE
-from dogshape.sim.shift.mechanism import NOTHING, Mechanism
+from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.statistics.expectation import FIRST_WINDOW_SHARE
 from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.landing import Wear
@@ -312,9 +312,9 @@ class SolverSection(Keys, of=Solver, named_by=solver_for):
     def solver(
         self,
         contact: ContactSet,
-        mechanism: Mechanism = NOTHING,
-        drive: Drive = NO_DRIVE,
-        actuator: Actuator | None = None,
+        mechanism: Mechanism,
+        drive: Drive,
+        actuator: Actuator | None,
     ) -> Solver:
         """Build the solver of contact set, mechanism, drive and actuator; InputError for mistakes.
 

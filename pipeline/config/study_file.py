@@ -65,6 +65,7 @@ MAX_PASSED_PLAY = 0.5
 MIN_CONFIRM_ANGLES = 3
 #: Searched keys of the dog in the bundled studies, and all that a study may search.
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
+HEIGHT = "height_mm"
 SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm")
 
 
@@ -182,6 +183,12 @@ class Setup:
         return "" if actuator is None else f"actuator: {actuator.text}"
 
     @property
+    def mount_text(self) -> str:
+        """Teeth of a sleeve in words; empty for dogs on a face."""
+        sleeve = self.limits.sleeve
+        return "" if sleeve is None else sleeve.text(self.clutch.dog)
+
+    @property
     def mechanism(self) -> Record:
         """Values of the shift mechanism by the keys of ``[mechanism]``; empty without mechanism."""
         record = {
@@ -216,10 +223,6 @@ class Setup:
         pairs = zip(self.variables, values, strict=True)
         return {key: round(value) if key == "count" else float(value) for key, value in pairs}
 
-    def select_params(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        """Select the values of the searched keys from a row of a design, edge units."""
-        return {key: row[key] for key in self.variables}
-
     def rows(self, designs: Iterable[Mapping[str, Any]]) -> Array:
         """Stack designs as rows in edge units, (n, d), the inverse of ``params_of``."""
         rows = [[design[key] for key in self.variables] for design in designs]
@@ -228,8 +231,8 @@ class Setup:
     @property
     def prototype(self) -> dict[str, float]:
         """Values of the searched keys of the study's own dog, edge units."""
-        values = {**DEFAULTS, **self.file.dog.model_dump(), **nominal_operation(self.points)}
-        return self.select_params(values)
+        values = {**DEFAULTS, **self.file.dog.sizes, **nominal_operation(self.points)}
+        return {key: values[key] for key in self.variables}
 
     @property
     def physics(self) -> Record:
@@ -457,8 +460,12 @@ def _require_actuator(
     actuator = clutch.actuator
     if actuator is None:
         return
-    actuator.require_reach(min(point.profile.force for point in points), clutch.shift_travel)
+    min_force = min(point.profile.force for point in points)
+    actuator.require_reach(min_force, clutch.shift_travel)
     variables = file.variables.ranges
+    if HEIGHT in variables:
+        added_height = variables[HEIGHT][1] * MM - clutch.dog.height
+        actuator.require_reach(min_force, clutch.shift_travel + added_height, f"variables.{HEIGHT}")
     if RISE in variables:
         low, high = variables[RISE]
         raise InputError(

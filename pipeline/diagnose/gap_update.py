@@ -317,15 +317,13 @@ def keep_previous(folder: Path, count: int) -> DiagnosisRecord:
 def add_update(folder: Path, record: UpdateRecord, count: int) -> dict[str, str]:
     """Write an update after the first ``count`` ones; return the sentence of each by its name."""
     path = folder / UPDATES
-    updates = _read_json(path, _update_records)[:count] if path.is_file() else []
-    updates.append(record)
+    updates: list[UpdateRecord] = []
+    if path.is_file():
+        updates = _read_json(path, lambda entries: [UpdateRecord(**entry) for entry in entries])
+    updates = [*updates[:count], record]
     entries = [update.to_dict() for update in updates]
     write_whole(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")
     return {f"update {update.update}": update.sentence for update in updates}
-
-
-def _update_records(entries: Any) -> list[UpdateRecord]:
-    return [UpdateRecord(**entry) for entry in entries]
 
 
 def _read_json(path: Path, kind: Callable[[Any], T]) -> T:

@@ -51,7 +51,7 @@ class TypedAnswer:
     """Numbers of an answer."""
 
     numbers: tuple[float, ...]  #: in the unit of the question
-    ranged: bool = False  #: whether they are the two ends of a range
+    ranged: bool  #: whether they are the two ends of a range
 
 
 def read_numbers(text: str, unit: str, factors: Mapping[str, float] | None = None) -> TypedAnswer:

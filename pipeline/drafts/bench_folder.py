@@ -11,7 +11,9 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,15 +21,23 @@ import pandas as pd
 from pandas import DataFrame
 
 from dogshape.bench.bench_data import Bench, load_bench
-from dogshape.bench.bench_draft import BenchDraft, Traces, copy_trace, read_tables, row_numbers
-from dogshape.bench.foreign_readings import ReadingReport
+from dogshape.bench.bench_draft import (
+    BenchDraft,
+    DraftTables,
+    Traces,
+    copy_trace,
+    read_tables,
+    row_numbers,
+)
 from dogshape.bench.raw_sheet import file_of
+from dogshape.bench.reading_report import ReadingReport
 from dogshape.bench.table import COLUMNS
 from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
+from dogshape.pipeline.drafts.draft_source import Source, source_of
 from dogshape.pipeline.drafts.reading_table import BenchFolder, BenchReading
-from dogshape.pipeline.drafts.study_folder import Source, draft_folder, source_of
+from dogshape.pipeline.drafts.study_folder import draft_folder
 from dogshape.sim.errors import DogshapeError, InputError, number
 from dogshape.sim.interface import argument, key_argument, listed_argument
 from dogshape.sim.shift.drive import NO_DRIVE
@@ -66,7 +76,8 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> B
     """
     target = Path(out)
     with draft_folder(target, force) as folder:
-        reading, _ = _fill_folder(folder, target, draft, _name_setting)
+        tables = read_tables(draft)
+        reading, _ = _fill_folder(folder, target, tables, _name_setting)
         for path in map(file_of, draft.paths):
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
@@ -75,29 +86,30 @@ def write_bench(out: str | Path, draft: BenchDraft, *, force: bool = False) -> B
 
 @contextmanager
 def draft_bench(
-    draft: BenchDraft, corrections: Sequence[str] = ()
+    tables: DraftTables, corrections: Sequence[str]
 ) -> Iterator[tuple[Bench, BenchReading]]:
-    """Yield the data set of a draft and its reading; raises as ``write_bench``.
+    """Yield the data set of a draft's tables, and its reading; raises as ``write_bench``.
 
     Its folder is a temporary one, for as long as the context lasts. ``corrections`` are made beside
     those of the draft.
     """
+    draft = tables.draft
     if not draft.paths:
         raise InputError("the draft has no table to diagnose; name its tables")
     settings = dict(draft.values)
     stated = [*settings.get("corrections", ()), *corrections]
     if stated:
         settings["corrections"] = stated
-    draft = replace(draft, values=settings)
+    tables = replace(tables, draft=replace(draft, values=settings))
     with tempfile.TemporaryDirectory(prefix="dogshape-") as place:
         name = Path(draft.folder_name)
         folder = Path(place) / name
         folder.mkdir()
         try:
-            reading, bench = _fill_folder(folder, name, draft, _name_correction)
+            reading, bench = _fill_folder(folder, name, tables, partial(listed_argument, "correct"))
         except DogshapeError as error:
-            tables = ", ".join(map(str, draft.paths))
-            text = str(error).replace(str(name / "bench.toml"), tables)
+            paths = ", ".join(map(str, draft.paths))
+            text = str(error).replace(str(name / "bench.toml"), paths)
             raise type(error)(text) from error
         yield bench, reading
 
@@ -106,23 +118,23 @@ def _name_setting(correction: str) -> str:
     return key_argument("values", "corrections", [correction])
 
 
-def _name_correction(correction: str) -> str:
-    return listed_argument("correct", correction)
-
-
 def _fill_folder(
-    folder: Path, out: Path, draft: BenchDraft, name_correction: Callable[[str], str]
+    folder: Path,
+    out: Path,
+    tables: DraftTables,
+    name_correction: Callable[[str], str],
 ) -> tuple[BenchReading, Bench]:
     """Write ``bench.toml``, ``shifts.csv`` and traces into a folder that messages call ``out``.
 
     Returns the reading and the data set. ``name_correction`` writes the option of a
     correction.
     """
-    source, report = source_of(draft.origin), ReadingReport()
+    draft = tables.draft
+    rows = tables.rows.copy()
+    report = deepcopy(tables.report)
+    source = source_of(draft.origin)
     where = ", ".join(map(str, draft.paths)) or str(out)
-    if draft.paths:
-        rows = read_tables(draft, report)
-    else:
+    if not draft.paths:
         points = [
             (m, f, source.table.rise(f), 10) for m in source.mismatches for f in source.forces
         ]
@@ -291,16 +303,14 @@ def _values(
     draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: ReadingReport
 ) -> Data:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
-    clutch, settings, assumptions = source.clutch, dict(draft.values), report.assumed
-    drive = clutch.drive
+    clutch = source.clutch
+    settings = dict(draft.values)
     values: Data = {
         "name": out.resolve().name,
         "timeout_s": clutch.timeout,
         "shift_travel_mm": rounded(clutch.shift_travel / MM),
         **source.dog_values,
-        **{
-            f"drive.{key}": value for key, value in (drive.table if source.is_bench else {}).items()
-        },
+        **{f"drive.{key}": value for key, value in clutch.drive.table.items() if source.is_bench},
         **{f"contact.{key}": value for key, value in clutch.contact.record.items()},
         "source": "not measured yet",
     }
@@ -314,18 +324,34 @@ def _values(
             for path, digest in zip(draft.paths, digests, strict=True)
         )
         settings["source"] = "; ".join(filter(None, (settings.get("source"), files)))
+    signed = bool((rows.mismatch_rpm < 0.0).any())
+    values["record.sense"] = "known" if signed else "unknown"
+    report.assumed += _assumptions_of(source, settings, values["timeout_s"], rows, signed=signed)
+    if ways := [key for key in ("dog.height_mm", "dog.axial_gap_mm") if key in settings]:
+        longer = sum(float(settings[key]) - values[key] for key in ways)
+        values["shift_travel_mm"] = float(f"{values['shift_travel_mm'] + longer:.9g}")
+    return values | settings
+
+
+def _assumptions_of(
+    source: Source, settings: Data, timeout: float, rows: DataFrame, *, signed: bool
+) -> list[str]:
+    """List assumptions on the stand: values of the origin, and what neither rows nor user say.
+
+    ``settings`` are the values of the user; ``signed`` says that some mismatches are negative.
+    """
+    mechanism = source.clutch.mechanism
+    drive = source.clutch.drive
     origin_tables = [
         name
         for name in ("dog", "sliding", "output", "contact")
         if not any(key.startswith(f"{name}.") for key in settings)
     ]
-    mass, origin_text = clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
-    signed = bool((rows.mismatch_rpm < 0.0).any())
-    values["record.sense"] = "known" if signed else "unknown"
+    mass, origin_text = mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
     sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
     if signed:
         sense = "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
-    assumptions += [
+    return [
         sentence
         for sentence, holds in (
             (
@@ -350,7 +376,7 @@ def _values(
             (f"{mass:g} kg {origin_text} move with the ring", mass),
             (
                 f"{origin_text} friction, drag and linkage are left for the diagnosis",
-                replace(clutch.mechanism, added_mass=0.0) != NOTHING,
+                replace(mechanism, added_mass=0.0) != NOTHING,
             ),
             (
                 f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "
@@ -360,15 +386,8 @@ def _values(
                 and not source.is_bench
                 and not any("drive" in key for key in settings),
             ),
-            (
-                f"the stand gives up after {number(values['timeout_s'])} s",
-                "timeout_s" not in settings,
-            ),
+            (f"the stand gives up after {number(timeout)} s", "timeout_s" not in settings),
             (sense, "record.sense" not in settings),
         )
         if holds
     ]
-    if ways := [key for key in ("dog.height_mm", "dog.axial_gap_mm") if key in settings]:
-        longer = sum(float(settings[key]) - values[key] for key in ways)
-        values["shift_travel_mm"] = float(f"{values['shift_travel_mm'] + longer:.9g}")
-    return values | settings

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dogshape.bench.foreign_readings import ColumnReading, Exclusion, ReadingReport
+from dogshape.bench.reading_report import ColumnReading, Exclusion, ReadingReport
 from dogshape.pipeline.record import Table
 from dogshape.sim.units import unit_of
 

@@ -187,10 +187,13 @@ def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
     return points
 
 
-def open_section_svg(pair: Pair, ghost: Pair, name: str = "initial design") -> str:
+def open_section_svg(
+    pair: Pair, ghost: Pair, name: str = "initial design", *, is_sleeve: bool = False
+) -> str:
     """Draw both rings before the shift, dogs over slots, to scale.
 
-    The output dogs of ``ghost``, a design of this ``name``, are dashed.
+    The output dogs of ``ghost``, a design of this ``name``, are dashed. Teeth of a sleeve have no
+    floor between them.
     """
     width = 860.0
     height = 250.0
@@ -215,12 +218,17 @@ def open_section_svg(pair: Pair, ghost: Pair, name: str = "initial design") -> s
             for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
         ]
 
+    corners = len(section(pair.output)) if is_sleeve else 0
+    ghost_corners = len(section(ghost.output)) if is_sleeve else 0
     words = "output ring, unrolled at the mean radius; dashed: "
     corner = width - 16 + 1j * height
     elements = [
-        _ring(sliding_profile(pair.sliding), -5.0, "ring-b"),
-        _ring(output_profile(pair.output), height + 5.0, "ring-a"),
-        _line(*output_profile(ghost.output), kind="ghost"),
+        _ring(sliding_profile(pair.sliding), -5.0, "ring-b", corners),
+        _ring(output_profile(pair.output), height + 5.0, "ring-a", corners),
+        *(
+            _line(*part, kind="ghost")
+            for part in _teeth(output_profile(ghost.output), ghost_corners)
+        ),
         _line(corner - 5.0 * scale - 14.0j, corner - 14.0j, kind="bar"),
         _text(corner - 8.0 - 5.0 * scale - 10.0j, "5 mm", "end", "small"),
         _text(10.0 + 18.0j, "sliding ring", "start", "small"),
@@ -234,10 +242,19 @@ def _dogs_in_view(ring: Dog, half_width: float) -> int:
     return 2 * int(half_width / (ring.pitch / MM)) + 5
 
 
-def _ring(profile: Sequence[complex], back: float, kind: str) -> str:
-    """Draw a ring from its profile to a back line at height ``back``, px."""
-    ends = [complex(profile[-1].real, back), complex(profile[0].real, back)]
-    return _line(*profile, *ends, kind=kind, closed=True)
+def _teeth(profile: Sequence[complex], corners: int) -> list[Sequence[complex]]:
+    """Split a profile into teeth of so many ``corners``; 0 for one part with floors."""
+    length = corners or len(profile)
+    return [profile[first : first + length] for first in range(0, len(profile), length)]
+
+
+def _ring(profile: Sequence[complex], back: float, kind: str, corners: int) -> str:
+    """Draw a ring from its profile (``_teeth``) to a back line at height ``back``, px."""
+    parts = []
+    for part in _teeth(profile, corners):
+        ends = [complex(part[-1].real, back), complex(part[0].real, back)]
+        parts.append(_line(*part, *ends, kind=kind, closed=True))
+    return "".join(parts)
 
 
 class _DogSection:

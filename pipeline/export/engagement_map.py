@@ -6,7 +6,10 @@ follows the angle reads the cells, another one the means over the angle.
 
 Tables for Modelica are matrices of ``CombiTable2Ds`` (text format ``#1`` of
 ``ModelicaStandardTables``): mismatch in rad/s down, force in N across. Parameters for the Dog
-Clutch block of Simscape Driveline have the names of its reference page (MathWorks, *Dog Clutch*).
+Clutch block of Simscape Driveline have the names of its reference page (MathWorks, *Dog Clutch*),
+those for the Dog Clutch component of MapleSim's Driveline Component Library the identifiers of its
+help page (Maplesoft, *Dog Clutch*), whose relative angle repeats after ``gap`` and meets teeth
+within ``epsilon`` of its multiples.
 """
 
 from __future__ import annotations
@@ -23,9 +26,10 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Record, frame_of
 from dogshape.pipeline.simulate.executor import RunOptions
+from dogshape.pipeline.store.folder import require_targets
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.files import write_frame, write_whole
 from dogshape.sim.interface import key_argument
 from dogshape.sim.shift.conclusion import Outcome
@@ -55,7 +59,7 @@ class MapPoint(Record):
 
 
 class BlockParameter(Record):
-    """A parameter of the Dog Clutch block of Simscape Driveline."""
+    """A parameter of the dog clutch of a library."""
 
     parameter: str = key("name on the block")
     value: float = key("value of the clutch")
@@ -79,7 +83,7 @@ class EngagementMap:
         return tuple(points)
 
     @cached_property
-    def block_parameters(self) -> tuple[BlockParameter, ...]:
+    def simscape_parameters(self) -> tuple[BlockParameter, ...]:
         """Parameters of Simscape's block with which it engages as the map does."""
         clutch = self.study.clutch
         dog = clutch.dog
@@ -116,10 +120,19 @@ class EngagementMap:
                 "mechanism.damping_Ns_m, of the shift linkage",
             ),
         )
-        names = list(BlockParameter.model_fields)
-        return tuple(
-            BlockParameter(**dict(zip(names, row, strict=True)))  # type: ignore[arg-type]
-            for row in rows
+        return tuple(_block_parameter(*row) for row in rows)
+
+    @property
+    def maplesim_parameters(self) -> tuple[BlockParameter, ...]:
+        """Parameters of MapleSim's component: its teeth meet where those of the clutch do."""
+        dog = self.study.clutch.dog
+        window = dog.entry_play / dog.mean_radius
+        if dog.lean < 0.0:
+            window = dog.passing_play / dog.inner_radius
+        source = "half of the pitch less the window through which a tip enters the slot"
+        return (
+            _block_parameter("gap", dog.pitch_angle, "rad", "pitch, by dog.count"),
+            _block_parameter("epsilon", 0.5 * (dog.pitch_angle - window), "rad", source),
         )
 
     @property
@@ -136,12 +149,13 @@ class EngagementMap:
 
     def write(self, path: Path) -> tuple[Path, ...]:
         """Write cells to ``path``, and means, Modelica tables and parameters beside it."""
-        means, modelica, block = paths_beside(path)
+        means, modelica, simscape, maplesim = paths_beside(path)
         write_frame(frame_of(self.cells), path)
         write_frame(frame_of(self.points), means)
         write_whole(modelica, self.modelica_text())
-        write_frame(frame_of(self.block_parameters), block)
-        return path, means, modelica, block
+        write_frame(frame_of(self.simscape_parameters), simscape)
+        write_frame(frame_of(self.maplesim_parameters), maplesim)
+        return path, means, modelica, simscape, maplesim
 
     def modelica_text(self) -> str:
         """Write probability and mean time, s, as matrices; a mean without a shift: time-out."""
@@ -164,13 +178,32 @@ class EngagementMap:
         return f"double {name}({rows},{width})\n" + "\n".join(lines) + "\n"
 
 
-def paths_beside(path: Path) -> tuple[Path, Path, Path]:
-    """Name the files of means, Modelica tables and block parameters beside that of the cells."""
+def _block_parameter(parameter: str, value: float, unit: str, source: str) -> BlockParameter:
+    return BlockParameter(parameter=parameter, value=value, unit=unit, source=source)
+
+
+def require_map_targets(path: Path) -> None:
+    """Raise StorageError unless a map can be written to ``path`` and beside it.
+
+    A map replaces an earlier one as a whole; a table beside a path without a map is no part of
+    one, and stays.
+    """
+    require_targets({"the map": path})
+    for table in paths_beside(path):
+        if table.exists() and not path.exists():
+            fault = f"is {table}, which is there already without {path}"
+            raise StorageError(f"a table beside the map {fault}; name another file")
+        require_targets({"a table beside the map": table})
+
+
+def paths_beside(path: Path) -> tuple[Path, Path, Path, Path]:
+    """Name the files of means, Modelica tables and parameters beside that of the cells."""
     stem = path.stem
     return (
         path.with_name(f"{stem}-mean.csv"),
         path.with_name(f"{stem}-modelica.txt"),
         path.with_name(f"{stem}-simscape.csv"),
+        path.with_name(f"{stem}-maplesim.csv"),
     )
 
 

@@ -30,7 +30,8 @@ from dogshape.pipeline.reports.surrogate_findings import VariableEffect
 from dogshape.pipeline.reports.text import PLACE, axis, check_name, minus, place_name
 from dogshape.pipeline.search.study_record import DesignRow, StudyRecord
 from dogshape.pipeline.simulate.design import SIMULATED
-from dogshape.pipeline.store.result_records import HingeRow, PlaceRow, PointRow
+from dogshape.pipeline.store.check_records import HingeRow
+from dogshape.pipeline.store.result_records import PlaceRow, PointRow
 from dogshape.sim.units import short
 
 # A notebook keeps its figures in HTML too, with plotly's code once, so that they survive export.

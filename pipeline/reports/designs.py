@@ -14,7 +14,7 @@ from dogshape.pipeline.search.study_record import (
     StudyRecord,
 )
 from dogshape.pipeline.simulate.design import OBJECTIVES, SUMMARIES, Objective
-from dogshape.pipeline.store.result_records import CheckRow, VerdictRow
+from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
 from dogshape.sim.statistics.hangs import interval
 from dogshape.sim.strength.verdict import WORDS, Margin, judge
 from dogshape.surrogate.model import NORMAL_95

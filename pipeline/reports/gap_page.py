@@ -146,7 +146,7 @@ def publish(
 
 def compose_page(
     diagnosis: Inference,
-    consequence: Consequence | None = None,
+    consequence: Consequence | None,
     history: Mapping[str, str] | None = None,
 ) -> Report:
     """Compose the page of a diagnosis.

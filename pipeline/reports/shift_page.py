@@ -262,9 +262,7 @@ def event_facts(result: Engagement) -> list[str]:
     return facts
 
 
-def load_facts(
-    result: Engagement, torque_peak: float | None, limits: Limits = NO_STRIKE
-) -> list[str]:
+def load_facts(result: Engagement, torque_peak: float | None, limits: Limits) -> list[str]:
     """List the loads of a shift, in words; ``torque_peak`` in N m.
 
     Peak forces beyond rigid rings are marked, or replaced by those of the study's strike.

@@ -24,10 +24,7 @@ from dogshape.pipeline.reports.charts import (
     shiftability_figure,
     times_by_point,
 )
-from dogshape.pipeline.reports.data_sheet import (
-    TIME,
-    provenance_of,
-)
+from dogshape.pipeline.reports.data_sheet import TIME, provenance_of
 from dogshape.pipeline.reports.designs import (
     MARGIN,
     confirmation_of,
@@ -39,17 +36,16 @@ from dogshape.pipeline.reports.designs import (
     margins_of,
     of_kinds,
 )
+from dogshape.pipeline.reports.headline import headline, sides_of
 from dogshape.pipeline.reports.report import Part, Report
 from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
 from dogshape.pipeline.reports.study_summary import (
     MAX_DESIGNS,
     barriers_table,
     chosen_verdict,
-    headline,
     nearest_designs,
     nearest_table,
     nearest_verdict,
-    sides_of,
     summary_tables,
 )
 from dogshape.pipeline.reports.surrogate_findings import (
@@ -58,13 +54,7 @@ from dogshape.pipeline.reports.surrogate_findings import (
     prices_table,
     stored_effects,
 )
-from dogshape.pipeline.reports.text import (
-    axis,
-    check_name,
-    margin_cell,
-    ms_with_error,
-    time_text,
-)
+from dogshape.pipeline.reports.text import axis, check_name, margin_cell, ms_with_error, time_text
 from dogshape.pipeline.search.study_record import (
     Confirmation,
     DesignRow,
@@ -73,13 +63,9 @@ from dogshape.pipeline.search.study_record import (
 )
 from dogshape.pipeline.simulate.design import pair_with
 from dogshape.pipeline.simulate.evaluation import LifeStage
+from dogshape.pipeline.store.check_records import VerdictRow, hinge_table
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.store.result_records import (
-    LimitRow,
-    TorqueLimitRow,
-    VerdictRow,
-    hinge_table,
-)
+from dogshape.pipeline.store.result_records import LimitRow, TorqueLimitRow
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import name_file_in_errors, without_formulas
 from dogshape.surrogate.store import Validation
@@ -127,7 +113,9 @@ def _add_chosen_design(
     """Add the sections of a study that has a chosen design."""
     dog = study.dog_with(best.params(study.variables))
     confirmation = result.confirmation
-    section = Markup(open_section_svg(pair_with(study, dog), study.clutch.pair, "prototype"))
+    is_sleeve = study.limits.sleeve is not None
+    pair = pair_with(study, dog)
+    section = Markup(open_section_svg(pair, study.clutch.pair, "prototype", is_sleeve=is_sleeve))
     page.add("", *summary_tables(study, result), section)
     page.add("Front", *front_parts(study, result))
     _add_effects(page, folder)

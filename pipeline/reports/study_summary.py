@@ -14,14 +14,16 @@ from dogshape.pipeline.reports.data_sheet import (
     STATISTICAL_MARGIN,
     TIME,
     WORST_MARGIN,
-    DesignSheet,
     hang_share,
+    words_of,
+)
+from dogshape.pipeline.reports.design_record import (
+    DesignSheet,
     largest_loss,
     point_differences,
     searched_sheet,
     searched_verdict,
     time_difference,
-    words_of,
 )
 from dogshape.pipeline.reports.designs import (
     MARGIN,
@@ -29,7 +31,6 @@ from dogshape.pipeline.reports.designs import (
     Goal,
     confirmation_of,
     confirmed_designs,
-    confirmed_verdict,
     design_name,
     engaged_shifts,
     goals_of,
@@ -37,6 +38,13 @@ from dogshape.pipeline.reports.designs import (
     nearest_records,
     objection,
     out_at_new_angles,
+)
+from dogshape.pipeline.reports.headline import (
+    Pair,
+    compare_objectives,
+    failing_checks,
+    is_unclear,
+    sides_of,
 )
 from dogshape.pipeline.reports.text import (
     axis,
@@ -52,21 +60,9 @@ from dogshape.pipeline.reports.text import (
     quantile_words,
     value,
 )
-from dogshape.pipeline.search.study_record import (
-    Confirmation,
-    ConfirmedDesign,
-    DesignRow,
-    OtherShape,
-    StudyRecord,
-)
-from dogshape.pipeline.simulate.design import (
-    SIMULATED,
-    SUMMARIES,
-    WITHIN,
-    WITHIN_WORDS,
-    failing_words,
-)
-from dogshape.pipeline.store.result_records import CheckRow, VerdictRow
+from dogshape.pipeline.search.study_record import Confirmation, DesignRow, OtherShape, StudyRecord
+from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES
+from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
 
 MAX_DESIGNS = 10  #: columns of designs in a table of margins
 RANGE_END = 0.01  #: share of a search range within which a value lies at its end
@@ -75,118 +71,6 @@ VERDICT = "verdict"
 #: Columns of verdict and margins in the table of alternatives, labels of ``words_of``.
 VERDICT_COLUMNS = ("state", STATISTICAL_MARGIN, WORST_MARGIN)
 UNCLEAR_NOTE = " (within two standard errors)"
-Pair = tuple[float, float]  #: a value and its standard error
-
-
-def sides_of(confirmation: Confirmation) -> dict[str, ConfirmedDesign]:
-    """Return prototype and chosen design of a confirmation by their names."""
-    return {"prototype": confirmation.prototype, "chosen": confirmation.best}
-
-
-def headline(result: StudyRecord) -> str:
-    """Compose the headline of a study: the leading objective of its best design, or objections."""
-    best = result.best
-    confirmation = result.confirmation
-    if best is None:
-        failing = _failing_checks(result)
-        reason = f": {failing}" if failing else ""
-        sentence = f"No design of this search passes every check{reason}."
-        return sentence + _nearest_sentences(result)
-    lead = goals_of(result)[0]
-    if confirmation is None:
-        words = "no time"
-        if best.expected_shift_time_s is not None:
-            words = lead.words(lead.printed_value(best), lead.error(best))
-        return f"Best so far, not confirmed: {design_name(best)}, {lead.label} {words}."
-    if best.prototype:
-        return _prototype_headline(lead, confirmation.best)
-    name = design_name(best).capitalize()
-    words = " engages in {} of {} shifts".format(*engaged_shifts(confirmation.best))
-    comparisons = compare_objectives(result)
-    if comparisons and comparisons[0][0] == lead:
-        words = _gain_words(confirmation.prototype, *comparisons[0])
-    return f"{name}{words}.{_verdict_sentence(name, confirmation.best)}"
-
-
-def _gain_words(
-    prototype: ConfirmedDesign, goal: Goal, before: Pair, after: Pair, gain: Pair
-) -> str:
-    """Compose the words on an objective of the chosen design, and of the prototype before."""
-    words = f": {goal.label} {goal.words(*after)}"
-    prototype_words = goal.words(*before)
-    state = confirmed_verdict(prototype).state
-    if state == "fails":
-        return f"{words}; your own dog has {prototype_words}, but {objection(prototype)}"
-    if state == "not_clear":
-        return f"{words}; your own dog has {prototype_words} and is {objection(prototype)}"
-    link = ", not clearly better than" if is_unclear(*gain) else " instead of"
-    return f"{words}{link} {prototype_words} of your own dog"
-
-
-def _nearest_sentences(result: StudyRecord) -> str:
-    """Compose a sentence on each nearest design that fails nothing; each starts with a blank."""
-    words = ""
-    designs = {design.trial: design for design in result.trials}
-    for trial, confirmed in nearest_records(result).items():
-        state = confirmed_verdict(confirmed).state
-        name = "Your own dog" if designs[trial].prototype else f"Design {trial}"
-        if state == "not_clear":
-            words += _verdict_sentence(name, confirmed)
-        elif state != "fails":
-            words += f" {name} fails no check at the new angles; raise expectation.angles."
-    return words
-
-
-def _prototype_headline(lead: Goal, confirmed: ConfirmedDesign) -> str:
-    """Compose the headline of a study whose best design is the prototype."""
-    verdict = confirmed_verdict(confirmed)
-    if verdict.state == "fails":
-        words = "No design of this search is chosen before your own dog."
-    else:
-        superlative = "fastest" if lead.unit == "ms" else "best"
-        clause = " that passes" if verdict.passes else ""
-        time = lead.words(*lead.estimate(confirmed.estimates))
-        words = f"Your own dog is the {superlative}{clause}: {lead.label} {time}."
-    return words + _verdict_sentence("Your own dog", confirmed)
-
-
-def _verdict_sentence(subject: str, confirmed: ConfirmedDesign) -> str:
-    """Compose the objection to a confirmed design as a sentence that starts with a blank."""
-    words = objection(confirmed)
-    if not words:
-        return ""
-    state = confirmed_verdict(confirmed).state
-    if state == "not_judged":
-        return f" {words.capitalize()}."
-    return f" {subject} {words}." if state == "fails" else f" {subject} is {words}."
-
-
-def is_unclear(gain: float, error: float) -> bool:
-    """Check whether a difference is less than two of its standard errors."""
-    return abs(gain) < 2.0 * error
-
-
-def compare_objectives(result: StudyRecord) -> list[tuple[Goal, Pair, Pair, Pair]]:
-    """Compare the simulated objectives of prototype and chosen design.
-
-    Returns objective, value of the prototype, value of the chosen design and gain, each with its
-    standard error in the printed unit. The gain is positive if the chosen design is better. Empty
-    before the confirmation; without times if a design does not engage.
-    """
-    confirmation = result.confirmation
-    best = result.best
-    if confirmation is None or best is None or best.prototype:
-        return []
-    gains = confirmation.gains
-    before = confirmation.prototype.estimates
-    after = confirmation.best.estimates
-    sides = sides_of(confirmation).values()
-    timed = all(confirmed.expected_shift_time_s is not None for confirmed in sides)
-    return [
-        (goal, goal.estimate(before), goal.estimate(after), goal.estimate(gains))
-        for goal in goals_of(result, SIMULATED)
-        if goal.name in gains and (timed or goal.unit != "ms")
-    ]
 
 
 def summary_tables(study: Setup, result: StudyRecord) -> list[Table]:
@@ -229,24 +113,20 @@ def alternatives_table(study: Setup, result: StudyRecord, best: DesignRow) -> Ta
         sheet = sheets[trial]
         if sheet is not chosen and not sheet.prototype and not _is_alternative(result, sheet):
             continue
-        words = words_of(sheet)
-        worst = sheet.simulated.worst_against_prototype
-        worst_words = "-"
-        if worst is not None:
-            worst_words = ms_with_error(worst.difference_s, worst.standard_error_s, "+")
         cost = ""
         if sheet is not chosen:
             cost = _difference_words(time_difference(chosen.simulated, sheet.simulated))
-        params = designs[trial].params(study.variables)
+        design = designs[trial]
+        words = words_of(sheet)
         cells.append(
             [
                 "prototype" if sheet.prototype else str(trial),
-                *(minus(f"{param:.4g}") for param in params.values()),
+                *_param_cells(study, design),
                 words[TIME],
                 words[ENGAGED],
                 words[HANGS],
-                *(_goal_cell(goal, result, designs[trial]) for goal in goals),
-                worst_words,
+                *(_goal_cell(goal, result, design) for goal in goals),
+                _loss_cell(sheet),
                 *(words[column] for column in VERDICT_COLUMNS),
                 cost,
             ]
@@ -275,6 +155,19 @@ def alternatives_table(study: Setup, result: StudyRecord, best: DesignRow) -> Ta
         "Smallest margins, that of the landing at nominal size."
     )
     return Table(heads, cells, looks, text_columns, note)
+
+
+def _param_cells(study: Setup, design: DesignRow) -> list[str]:
+    """Print the searched keys of a design."""
+    return [minus(f"{param:.4g}") for param in design.params(study.variables).values()]
+
+
+def _loss_cell(sheet: DesignSheet) -> str:
+    """Print the largest loss of a design on the prototype at an operating point, ms."""
+    worst = sheet.simulated.worst_against_prototype
+    if worst is None:
+        return "-"
+    return ms_with_error(worst.difference_s, worst.standard_error_s, "+")
 
 
 def _is_alternative(result: StudyRecord, sheet: DesignSheet) -> bool:
@@ -336,11 +229,10 @@ def nearest_table(study: Setup, result: StudyRecord) -> Table:
         if "engines" in row.failed:
             words = f"{words}, engines disagree" if words else "engines disagree"
         simulated = confirmed or row
-        params = row.params(study.variables)
         cells.append(
             [
                 "your own dog" if row.prototype else str(row.trial),
-                *(minus(f"{param:.4g}") for param in params.values()),
+                *_param_cells(study, row),
                 ms_with_error(simulated.expected_shift_time_s, simulated.standard_error_s),
                 ms_with_error(simulated.engaged_mean_s, simulated.engaged_standard_error_s),
                 hang_share(simulated),
@@ -374,7 +266,7 @@ def barriers_table(result: StudyRecord) -> Table:
     for row in rows:
         if row.expected_shift_time_s is not None:
             timed.append((row.expected_shift_time_s, row))
-    fastest_time = min((time for time, _ in timed), default=None)
+    timed.sort(key=lambda pair: pair[0])
     failures = []
     for row in rows:
         margins = single_margins(row)
@@ -385,13 +277,14 @@ def barriers_table(result: StudyRecord) -> Table:
         failing = [failed for failed in failures if name in failed]
         alone = sum(len(failed) == 1 for failed in failing)
         nearest = max(failed[name] for failed in failing)
-        passing = [pair for pair in timed if pair[1].margins.get(name, -1.0) >= 0.0]
+        passing = (pair for pair in timed if pair[1].margins.get(name, -1.0) >= 0.0)
+        fastest = next(passing, None)
         design = "none passes"
         price = None
-        if passing and fastest_time is not None:
-            time, fastest = min(passing, key=lambda pair: pair[0])
-            design = f"{in_ms(time)} ({design_name(fastest)})"
-            price = time - fastest_time
+        if fastest is not None:
+            time, row = fastest
+            design = f"{in_ms(time)} ({design_name(row)})"
+            price = time - timed[0][0]
         cells.append(
             [
                 check_name(name),
@@ -430,7 +323,7 @@ def nearest_verdict(study: Setup, result: StudyRecord) -> VerdictRow | None:
 
 
 def nearest_facts(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
-    """List the hangs of prototype and nearest designs, and the shafts, as name and words."""
+    """List the hangs of prototype and nearest designs, shafts and actuator, as name and words."""
     records = nearest_records(result)
     for row in nearest_designs(result):
         confirmed = records.get(row.trial)
@@ -439,6 +332,8 @@ def nearest_facts(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]
         name = "your own dog, the prototype" if row.prototype else design_name(row)
         yield f"hangs, {name}", hang_words(confirmed)
     yield "shafts", study.clutch.drive.text
+    if study.clutch.actuator is not None:
+        yield "actuator", study.clutch.actuator.text
 
 
 def facts_of(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
@@ -447,18 +342,20 @@ def facts_of(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
     best = result.best
     assert confirmation is not None
     assert best is not None
-    verdict = prototype_verdict(study, confirmation)
+    verdict = searched_verdict(study, study.prototype, {}, confirmation.prototype)
     yield "verdict on your own dog, the prototype", _bad_unless(verdict.passes, verdict.line)
     if not best.prototype:
         verdict = chosen_verdict(study, best, confirmation)
         yield f"verdict on {design_name(best)}", _bad_unless(verdict.passes, verdict.line)
     if best.prototype:
-        failing = _failing_checks(result)
+        failing = failing_checks(result)
         if failing:
             yield "designs that fail", failing
     else:
         yield from _gain_facts(study, result, best, confirmation)
     yield "shafts", study.clutch.drive.text
+    if study.clutch.actuator is not None:
+        yield "actuator", study.clutch.actuator.text
     yield from _margin_facts(confirmation.best.checks)
     yield from _confirmation_facts(result, best, confirmation)
     yield from _engine_facts(study, result, confirmation)
@@ -509,11 +406,6 @@ def chosen_verdict(study: Setup, best: DesignRow, confirmation: Confirmation) ->
     return searched_verdict(study, params, best.margins, confirmation.best)
 
 
-def prototype_verdict(study: Setup, confirmation: Confirmation) -> VerdictRow:
-    """Return the verdict on the prototype at the new angles."""
-    return searched_verdict(study, study.prototype, {}, confirmation.prototype)
-
-
 def _confirmation_facts(
     result: StudyRecord, best: DesignRow, confirmation: Confirmation
 ) -> Iterator[tuple[str, str]]:
@@ -538,13 +430,7 @@ def _gain_facts(
     study: Setup, result: StudyRecord, best: DesignRow, confirmation: Confirmation
 ) -> Iterator[tuple[str, str]]:
     """List the facts that compare the chosen design with the prototype."""
-    for goal, (before, _), _, (gain, error) in compare_objectives(result):
-        words = f"{goal.difference(gain, error)} {goal.unit}".strip()
-        if before:
-            words += minus(f" ({100 * gain / abs(before):.0f} %)")
-        if is_unclear(gain, error):
-            words += UNCLEAR_NOTE
-        yield f"gain in the {goal.label}", _bad_unless(gain >= 0.0, words)
+    yield from _objective_facts(result)
     if time_difference(confirmation.prototype, confirmation.best):
         yield "operating points slower than the prototype", _slower_points(confirmation)
     yield from _hang_facts(confirmation)
@@ -568,6 +454,17 @@ def _gain_facts(
     ends = _range_ends(study, best)
     if ends:
         yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
+
+
+def _objective_facts(result: StudyRecord) -> Iterator[tuple[str, str]]:
+    """List the gain in each objective, of its value, and whether it is clear."""
+    for goal, (before, _), _, (gain, error) in compare_objectives(result):
+        words = f"{goal.difference(gain, error)} {goal.unit}".strip()
+        if before:
+            words += minus(f" ({100 * gain / abs(before):.0f} %)")
+        if is_unclear(gain, error):
+            words += UNCLEAR_NOTE
+        yield f"gain in the {goal.label}", _bad_unless(gain >= 0.0, words)
 
 
 def _slower_points(confirmation: Confirmation) -> str:
@@ -623,19 +520,3 @@ def _hang_facts(confirmation: Confirmation) -> Iterator[tuple[str, str]]:
         if confirmed.hang_probability is not None:
             yield f"mean of engaged shifts, {name}", engaged_text(confirmed)
             yield f"hangs, {name}", hang_words(confirmed)
-
-
-def _failing_checks(result: StudyRecord) -> str:
-    """Compose the checks that most designs fail, with the margin of the nearest design.
-
-    A limit of the smallest margin within tolerances has the name of its weakest check, if stored.
-    """
-    designs = []
-    for row in result.trials:
-        names = {}
-        for name, kind in WITHIN.items():
-            weakest = row.weakest_within(kind) or name
-            names[name] = f"{check_name(weakest)} {WITHIN_WORDS[name]}"
-        margins = row.margins.items()
-        designs.append({names.get(name, check_name(name)): margin for name, margin in margins})
-    return failing_words(designs)

@@ -14,16 +14,16 @@ from pydantic import create_model
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import SHAPE
 from dogshape.pipeline.record import SHARE, FileRecord, Record
-from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
+from dogshape.pipeline.simulate.design import OBJECTIVES
 from dogshape.pipeline.simulate.evaluation import LifeStage
+from dogshape.pipeline.simulate.tolerance_time import ToleranceTime
+from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.result_records import (
-    CheckRow,
     EngineAgreement,
     ExpectedTime,
     HangKeys,
     HangPriorRow,
-    VerdictRow,
 )
 from dogshape.sim.clutch_tables import key, validate
 from dogshape.sim.strength.manufacture import Kind

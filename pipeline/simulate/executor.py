@@ -69,7 +69,7 @@ class Executor:
     """
 
     journal: ShiftJournal
-    jobs: int = 0
+    jobs: int
     progress: Advance = NO_PROGRESS
     cluster: str | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
@@ -319,7 +319,7 @@ class RunOptions:
 
     jobs: int = 0  #: worker processes, 0 for one a core
     cluster: str | None = None  #: address of a Dask scheduler
-    keep: str | Path | None = None  #: folder for the finished shifts of a run that is stopped
+    journal: str | Path | None = None  #: folder for the finished shifts of a run that is stopped
     progress: Progress = SILENT
 
     @contextmanager
@@ -328,9 +328,9 @@ class RunOptions:
     ) -> Iterator[tuple[Executor, WorkCounter]]:
         """Yield an executor and its work counter.
 
-        The shifts of a run that is stopped stay in the folder of ``keep`` that belongs to ``name``
-        and ``inputs``; the same run goes on from there. A folder that cannot be written, or is in
-        use, gives a message, and nothing stays.
+        The shifts of a run that is stopped stay in the folder of ``journal`` that belongs to
+        ``name`` and ``inputs``; the same run goes on from there. A folder that cannot be written,
+        or is in use, gives a message, and nothing stays.
 
         Parameters
         ----------
@@ -344,7 +344,7 @@ class RunOptions:
         """
         connect(self.cluster)
         key = content_key({"asked": inputs, **engine()})
-        folder = None if self.keep is None else Path(self.keep) / f"{name}-{key[:10]}"
+        folder = None if self.journal is None else Path(self.journal) / f"{name}-{key[:10]}"
         with WorkCounter(self.progress, shifts) as counter, ExitStack() as locks:
             if folder is not None:
                 try:

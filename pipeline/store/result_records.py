@@ -1,33 +1,15 @@
-"""Records that several results share: expected times, checks, agreement of engines, gaps."""
+"""Records that several results share: expected times, agreement of engines, gaps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.record import (
-    SHARE,
-    Bad,
-    FileRecord,
-    Record,
-    Table,
-    number_or_none,
-    percent,
-    tabulate,
-)
+from dogshape.pipeline.record import SHARE, Record, number_or_none
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.statistics.expectation import MixExpectation, PointExpectation
 from dogshape.sim.statistics.hangs import HangPrior
-from dogshape.sim.statistics.shiftability import (
-    SpeedLimit,
-    TorqueLimit,
-    speed_limits,
-    torque_limits,
-)
-from dogshape.sim.strength.checks import GROUPS, RULES, LimitCheck, safety_factor
-from dogshape.sim.strength.verdict import STANDARD, State, Verdict
-from dogshape.sim.units import RPM, short
+from dogshape.sim.statistics.shiftability import EngagementLimit, speed_limits, torque_limits
+from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
     from dogshape.diagnosis.comparison import PointGap
@@ -226,13 +208,13 @@ class LimitRow(Record):
     tested_rpm: float = key("largest tested mismatch in that sense", "1/min")
 
     @classmethod
-    def of(cls, limit: SpeedLimit, share: float) -> LimitRow:
+    def of(cls, limit: EngagementLimit, share: float) -> LimitRow:
         """Record a limit engagement speed and the ``share`` that it is of."""
         return cls(
             sense=limit.sense,
             force_N=limit.force,
             share=share,
-            limit_engagement_speed_rpm=number_or_none(limit.speed / RPM),
+            limit_engagement_speed_rpm=number_or_none(limit.median / RPM),
             limit_engagement_speed_low_rpm=number_or_none(limit.low / RPM),
             limit_engagement_speed_high_rpm=number_or_none(limit.high / RPM),
             tested_rpm=limit.tested / RPM,
@@ -277,9 +259,9 @@ class TorqueLimitRow(Record):
     tested_Nm: float = key("largest tested torque in that sense", "N m")
 
     @classmethod
-    def of(cls, limit: TorqueLimit, share: float) -> TorqueLimitRow:
+    def of(cls, limit: EngagementLimit, share: float) -> TorqueLimitRow:
         """Record a limit."""
-        middle, low, high = map(number_or_none, (limit.torque, limit.low, limit.high))
+        middle, low, high = map(number_or_none, (limit.median, limit.low, limit.high))
         return cls(
             sense=limit.sense,
             force_N=limit.force,
@@ -364,240 +346,6 @@ def _quantile_rows(expectation: MixExpectation) -> list[QuantileRow]:
             )
         rows.append(row)
     return rows
-
-
-class CheckRow(FileRecord):
-    """A check of a design against its limit."""
-
-    name: str = key("name of the check", head="check")
-    value: float | None = key("checked value, in `unit`; null where infinite", head="value")
-    limit: float | None = key("limit, in `unit`; null where nothing is judged", head="limit")
-    unit: str = key("unit of value and limit", head="unit")
-    margin: float | None = key(
-        "distance to the limit over the limit; at least 0 passes", "1", head="margin"
-    )
-    passed: bool | None = key("whether `margin` is at least 0; null: not judged", head="passed")
-    group: str = key("kind of check: `make`, `load`, `lock`, `impact` or `tolerance`")
-    at_most: bool = key("whether the limit is an upper one")
-    meaning: str = key("what is checked", head="meaning")
-    formula: str = key("formula of the value", head="formula")
-    source: str = key("source of the limit", head="source")
-    limit_key: str = key("key of the study file that sets the limit", head="limit set by")
-    margin_worst_case: float | None = key(
-        "margin at worst-case tolerances; null without any or a dog", "1", None, head="worst case"
-    )
-    margin_root_sum_square: float | None = key(
-        "margin by root sum of squares of the tolerances, at the reject rate",
-        "1",
-        None,
-        head="rss",
-    )
-    margin_interval: list[float] | None = key(
-        "ends of the 95 % interval of the margin; absent where it is exact", "1", None, head="95 %"
-    )
-    ends: str | None = key(
-        "ends of ranges at which the margin is smallest; absent without ranges", "", None
-    )
-    ring: str | None = key(
-        "ring with the smaller margin; absent of equal rings", "", None, head="ring"
-    )
-    safety: float | None = key(
-        "safety factor, upper limit of a stress or force over its value; null for other checks",
-        "1",
-        None,
-        head="S",
-        form=".2f",
-    )
-
-    @classmethod
-    def of(cls, check: LimitCheck) -> CheckRow:
-        """Record a check at nominal size."""
-        rule = check.rule
-        optional: dict[str, Any] = {}
-        if check.margin_interval is not None:
-            optional["margin_interval"] = list(check.margin_interval)
-        if check.ends:
-            optional["ends"] = check.ends
-        if check.ring:
-            optional["ring"] = check.ring
-        return cls(
-            name=check.name,
-            value=number_or_none(check.value),
-            limit=check.limit,
-            unit=rule.unit,
-            margin=number_or_none(check.margin),
-            passed=check.passed,
-            group=rule.group,
-            at_most=rule.at_most,
-            meaning=rule.meaning,
-            formula=rule.formula,
-            source=rule.source,
-            limit_key=rule.key,
-            **optional,
-            safety=safety_factor(rule, check.margin),
-        )
-
-    @property
-    def unclear(self) -> bool:
-        """Whether the interval of the margin holds zero."""
-        low, high = self.margin_interval or (0.0, 0.0)
-        return low < 0.0 <= high
-
-    def within(self, worst_case: float | None, root_sum_square: float | None) -> CheckRow:
-        """Add the margins within the tolerances."""
-        margins: dict[str, Any] = {
-            "margin_worst_case": worst_case,
-            "margin_root_sum_square": root_sum_square,
-        }
-        return CheckRow(**self.to_dict(), **margins)
-
-    def cell(self, name: str) -> str:
-        """Print a value, the limit with its sense; a failure or an unclear margin as ``Bad``."""
-        if name == "margin_interval":
-            return " to ".join(map(percent, self.margin_interval or ())) or "-"
-        if self.passed is None:
-            return self._unjudged_cell(name)
-        value = getattr(self, name)
-        if "margin" in name and value is not None:
-            return Bad(percent(value)) if value < 0.0 else percent(value)
-        text = super().cell(name)
-        if name == "limit":
-            text = f"{'≤' if self.at_most else '≥'} {text}"
-        elif name == "passed" and (self.unclear or not value):
-            text = Bad("not clear" if self.unclear else "NO")
-        return text
-
-    def _unjudged_cell(self, name: str) -> str:
-        """Print a value of a check without a verdict, or a dash."""
-        if name == "margin":
-            return Bad("not judged")
-        if name in ("name", "limit_key", "meaning"):
-            return str(getattr(self, name))
-        return "-"
-
-
-def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
-    """Tabulate checks by group; by default with value, limit, safety factor and margins."""
-    columns = names or _check_columns(rows)
-    cells = list[Sequence[str]]()
-    looks = dict[int, str]()
-    for group, title in GROUPS.items():
-        members = [row for row in rows if row.group == group]
-        if members:
-            looks[len(cells)] = "group"
-            cells += [[title], *tabulate(CheckRow, members, *columns).rows]
-    text_columns = ("unit", "meaning", "formula", "source")
-    words = _places(columns, text_columns)
-    return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
-
-
-def _places(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
-    """List the places of wanted names."""
-    return [index for index, name in enumerate(names) if name in wanted]
-
-
-def _check_columns(rows: Sequence[CheckRow]) -> tuple[str, ...]:
-    """List the default columns of checks; intervals and rings only where a check has one."""
-    values = ("name", "value", "limit", "unit", "safety", "margin")
-    interval = ("margin_interval",) if any(row.margin_interval for row in rows) else ()
-    ring = ("ring",) if any(row.ring for row in rows) else ()
-    return (*values, *interval, "margin_root_sum_square", "margin_worst_case", "passed", *ring)
-
-
-class HingeRow(Record):
-    """An assumption that decides a verdict, with its effect on the smallest margin."""
-
-    assumption: str = key("key of the study file", head="assumption")
-    value: int | float = key("its value, in `unit`", head="value")
-    range: list[float] = key("ends of its range, in `unit`", head="range")
-    unit: str = key("unit of value and range", head="unit")
-    source: str = key("source of the range", head="source of the range")
-    status: str = key("`standard`, `estimate` or `assumption`", head="status")
-    smallest_margin: list[float] = key(
-        "smallest margin at either end of the range", "1", head="smallest margin"
-    )
-    weakest_check: list[str] = key("check with that margin at either end", head="check")
-    flips: bool = key("whether the smallest margin changes its sign", head="flips")
-
-    def cell(self, name: str) -> str:
-        """Print a value, the ends of a range in one cell; margins below zero as ``Bad``."""
-        if name == "range":
-            return f"{' to '.join(map(short, self.range))} {self.unit}".rstrip()
-        if name == "smallest_margin":
-            text = " to ".join(map(percent, self.smallest_margin))
-            return Bad(text) if min(self.smallest_margin) < 0.0 else text
-        if name == "weakest_check":
-            checks = (check.replace("_", " ") for check in self.weakest_check)
-            return ", ".join(dict.fromkeys(checks))
-        return super().cell(name)
-
-
-class NotJudged(Record):
-    """A standard check that nobody judged."""
-
-    check: str = key("name of the check")
-    key: str = key("key of the study file that judges it")
-
-
-def not_judged_row(missing: NotJudged) -> CheckRow:
-    """Return the row of a standard check that nobody judged, with the key that judges it."""
-    standard = next(standard for standard in STANDARD if standard.name == missing.check)
-    return CheckRow(
-        name=missing.check,
-        value=None,
-        limit=None,
-        unit="",
-        margin=None,
-        passed=None,
-        group=RULES[standard.rules[0]].group,
-        at_most=True,
-        meaning=standard.reason,
-        formula="",
-        source="",
-        limit_key=missing.key,
-    )
-
-
-class VerdictRow(Record):
-    """Verdict on a design (`docs/strength.md`)."""
-
-    state: State = key("`passes`, `fails`, `not_judged` or `not_clear`")
-    line: str = key("the verdict in a sentence")
-    failed: list[str] = key("checks with a negative margin")
-    not_clear: list[str] = key("checks whose interval of 95 % holds the limit")
-    not_judged: list[NotJudged] = key("standard checks that nobody judged")
-    hangs_on: list[HingeRow] = key("assumptions with an effect, the strongest first")
-
-    @classmethod
-    def of(cls, verdict: Verdict) -> VerdictRow:
-        """Record a verdict."""
-        return cls(**verdict.to_dict())
-
-    @property
-    def passes(self) -> bool:
-        """Whether every standard check is judged and clearly passes."""
-        return self.state == "passes"
-
-
-def hinge_table(rows: Sequence[HingeRow], *names: str) -> Table:
-    """Tabulate the assumptions of a verdict, the strongest first; by default with their sources."""
-    names = names or (
-        "assumption",
-        "value",
-        "range",
-        "smallest_margin",
-        "weakest_check",
-        "flips",
-        "status",
-        "source",
-    )
-    text_columns = ("weakest_check", "status", "source")
-    note = (
-        "Smallest margin at either end of the range of an assumption, the others as given, by the "
-        "closed forms; landings scale with the root of the contact's stiffness."
-    )
-    table = tabulate(HingeRow, rows, *names)
-    return replace(table, words=_places(names, text_columns), note=note)
 
 
 class EngineAgreement(Record):

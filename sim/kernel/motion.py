@@ -122,14 +122,18 @@ def force_at(time, knots):
     )
 
 
+@inlined
+def _fork_motion(state, numbers):
+    """Select travel, m, and speed, m/s, of the fork, which is at the ring without a linkage."""
+    if numbers.has_linkage:
+        return state[ACTUATOR_DISPLACEMENT], state[ACTUATOR_SPEED]
+    return state[DISPLACEMENT], state[AXIAL_SPEED]
+
+
 @compiled
 def _actuator_push(time, state, numbers):
     """Evaluate the force of an actuator at a state, N."""
-    travel = state[DISPLACEMENT]
-    speed = state[AXIAL_SPEED]
-    if numbers.has_linkage:
-        travel = state[ACTUATOR_DISPLACEMENT]
-        speed = state[ACTUATOR_SPEED]
+    travel, speed = _fork_motion(state, numbers)
     spindle_travel = state[SPINDLE_TRAVEL]
     level = state[ACTUATOR_LEVEL]
     return actuator_force(time, travel, speed, spindle_travel, level, numbers.actuator)
@@ -146,11 +150,7 @@ def push_at(time, state, knots, numbers):
 @compiled
 def write_actuator_rates(time, state, rates_out, numbers):
     """Write the rates of an actuator's own states into ``rates_out``, (14,)."""
-    travel = state[DISPLACEMENT]
-    speed = state[AXIAL_SPEED]
-    if numbers.has_linkage:
-        travel = state[ACTUATOR_DISPLACEMENT]
-        speed = state[ACTUATOR_SPEED]
+    travel, speed = _fork_motion(state, numbers)
     spindle_travel = state[SPINDLE_TRAVEL]
     level = state[ACTUATOR_LEVEL]
     spindle_rate, level_rate = actuator_rates(

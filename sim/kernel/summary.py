@@ -720,13 +720,13 @@ def _residual_mismatch(times, states, seating_start, end):
 
 
 @making
-def summarize(times, states, numbers, knots, driven, planes, classes):
+def summarize(times, states, number_record, knots, driven, planes, classes):
     """Compute times, events and loads of a run.
 
     Parameters
     ----------
     times, states : of the run, s, (n,), and (n, 14).
-    numbers : record of ``CLUTCH_NUMBERS``.
+    number_record : of ``CLUTCH_NUMBERS``, (1,), which is recognised faster than one alone.
     knots : of the shift force, as of ``ShiftModel``.
     driven : as for ``contact_means``.
     planes : as for ``penetration``.
@@ -736,6 +736,7 @@ def summarize(times, states, numbers, knots, driven, planes, classes):
     -------
     ShiftSummary
     """
+    numbers = number_record[0]
     shift_time = crossing(
         times, states[:, DISPLACEMENT], states[:, AXIAL_SPEED], numbers.shift_travel
     )

@@ -33,12 +33,12 @@ from dogshape.sim.quantity import (
     require_ranges,
 )
 from dogshape.sim.shift.actuation import SMALLEST_FORCE, ForceProfile
+from dogshape.sim.shift.mechanism import DAMPING_RATIO
 from dogshape.sim.units import from_si, short, unit_of
 
 PROFILE = "profile"  #: kind of a shift force over time, which is no actuator
 SECTION = "actuation"  #: table of a study
 COMMAND_RISE_S = 1e-4  #: rise of the command, which is switched
-COUPLING_DAMPING_RATIO = 0.3  #: of fork and coupling, as of a linkage (``sim.shift.mechanism``)
 FORCE_TOLERANCE = 1e-9  #: share by which a force may exceed the full one, for rounding
 STROKE_TOLERANCE_M = 1e-9  #: by which a stroke may miss the travel, for rounding
 
@@ -101,14 +101,21 @@ class Actuator:
         )
         raise InputError(Refusal(key, force, "N", rule, remedy))
 
-    def require_reach(self, force: float, travel: float) -> None:
-        """Raise InputError where a command of ``force`` in N ends before the ``travel`` in m."""
+    def require_reach(self, force: float, travel: float, of: str = "") -> None:
+        """Raise InputError where a command of ``force`` in N ends before the ``travel`` in m.
+
+        ``of`` is the key of a search whose end has that travel.
+        """
         reach = self.reach(force)
         if reach >= travel - STROKE_TOLERANCE_M:
             return
         rule = f"the ring travels {1e3 * travel:.6g} mm into engagement"
+        remedy = self.reach_remedy
+        if of:
+            rule += f" at the end of {of}"
+            remedy = f"narrow {of}, or {remedy}"
         name = f"travel over which the {self.kind} actuator pushes with {force:.6g} N"
-        raise InputError(Refusal(name, 1e3 * reach, "mm", rule, self.reach_remedy))
+        raise InputError(Refusal(name, 1e3 * reach, "mm", rule, remedy))
 
     def require_course(self, lag: float, rise_factor: float) -> None:
         """Raise InputError for a lag, s, or a factor on a rise that the kind has no use for."""
@@ -140,8 +147,8 @@ class Actuator:
 
 
 def _coupling_damping(stiffness: float, mass: float) -> float:
-    """Compute the damping of a coupling to a mass in kg, N s/m."""
-    return 2.0 * COUPLING_DAMPING_RATIO * math.sqrt(stiffness * mass)
+    """Compute the damping of a coupling to a mass in kg, as that of a linkage, N s/m."""
+    return 2.0 * DAMPING_RATIO * math.sqrt(stiffness * mass)
 
 
 @dataclass(frozen=True, kw_only=True)

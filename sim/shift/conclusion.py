@@ -258,7 +258,7 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     summary = kernel.summarize(
         run.times,
         run.states,
-        clutch.shift_numbers(point.profile),
+        np.array([clutch.shift_numbers(point.profile)]),
         knots=point.profile.knots,
         driven=run.driven,
         planes=section_planes(clutch.pair),

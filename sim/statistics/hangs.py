@@ -19,10 +19,10 @@ its designs (beta-binomial, empirical Bayes: Casella 1985, Am. Stat. 39, 83-87).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dogshape.sim.elementwise import Array, Mask
 
@@ -108,24 +108,22 @@ STRENGTHS = 16  #: strengths of that grid
 LOG_ODDS = (-14.0, 0.0)  #: natural logarithms of the odds of the smallest and the largest rate
 
 
-def pooled_priors(
-    hangs: Array, shifts: Array, settings: PriorSettings = SETTINGS
-) -> tuple[HangPrior, ...]:
+def pool(counts: ArrayLike) -> tuple[HangPrior, ...]:
     """Fit the prior of each operating point to all designs of a study.
 
-    ``hangs`` and ``shifts`` (designs, points) are counts. The rate of a point is the posterior mean
-    over a grid, from the prior of ``settings``. The strength, common to all points, is a harmonic
-    mean over a grid of even logarithms, so that the prior keeps its mean variance: the smaller one
-    by the scatter of designs at each point and by that of their sums over the points, as a design
-    may hang more at all of them.
+    ``counts`` are numbers of hangs and shifts, (designs, points, 2). The rate of a point is the
+    posterior mean over a grid, from the prior of ``SETTINGS``. The strength, common to all points,
+    is a harmonic mean over a grid of even logarithms, so that the prior keeps its mean variance:
+    the smaller one by the scatter of designs at each point and by that of their sums over the
+    points, as a design may hang more at all of them.
     """
     from scipy.special import expit, logsumexp  # noqa: PLC0415  slow to load
 
-    point_count = shifts.shape[1]
-    weak_prior = weak_priors(point_count, settings)[0]
+    hangs, shifts = np.moveaxis(np.array(counts, dtype=float), 2, 0)
+    weak_prior = weak_priors(shifts.shape[1])[0]
     rates = expit(np.linspace(*LOG_ODDS, RATES))[:, None]
     log_strengths = np.linspace(
-        math.log(settings.min_strength), math.log(settings.max_strength), STRENGTHS
+        math.log(SETTINGS.min_strength), math.log(SETTINGS.max_strength), STRENGTHS
     )
     strengths = np.exp(log_strengths)
     log_likelihoods = [
@@ -148,12 +146,6 @@ def pooled_priors(
     sum_strength = _sum_strength(hangs * is_rare, shifts * is_rare, means, strengths)
     strength = min(point_strength, sum_strength)
     return tuple(HangPrior(float(mean), strength, weak_prior.blocked_share) for mean in means)
-
-
-def pool(counts: Sequence[Sequence[tuple[int, int]]]) -> tuple[HangPrior, ...]:
-    """Fit the priors of a study to the (hangs, shifts) of its designs by operating point."""
-    numbers = np.array(counts, dtype=float)
-    return pooled_priors(numbers[:, :, 0], numbers[:, :, 1])
 
 
 def _mark_rare(

@@ -43,32 +43,17 @@ TAILS = (0.025, 0.5, 0.975)  #: ends of the interval of a limit and its median
 SEED = 1  #: of the draws
 
 
-class SpeedLimit(NamedTuple):
-    """Limit engagement speed at a force in one sense of the mismatch.
+class EngagementLimit(NamedTuple):
+    """Limit of engagement at a force in one sense: of the mismatch, rad/s, or of a torque, N m.
 
-    Speeds are magnitudes, rad/s: 0 where no tested mismatch reaches the share, infinite where the
-    largest one does.
+    Limits are magnitudes: 0 where no tested mismatch reaches the share, or no torque does, infinite
+    where the largest one does.
     """
 
     force: float  #: final shift force, N
-    sense: int  #: of the mismatch, 1 or -1
-    tested: float  #: largest tested mismatch, rad/s
-    speed: float  #: median
-    low: float  #: end of the 95 % interval
-    high: float
-
-
-class TorqueLimit(NamedTuple):
-    """Limit engagement torque at a force in one sense of the torque.
-
-    Torques are magnitudes, N m: 0 where the share is not reached without a torque, infinite where
-    it is with the largest one.
-    """
-
-    force: float  #: final shift force, N
-    sense: int  #: of the torque, 1 as the engine turns, -1 against it
-    tested: float  #: largest tested torque, N m
-    torque: float  #: median
+    sense: int  #: of the mismatch, 1 or -1; of the torque, 1 as the engine turns, -1 against it
+    tested: float  #: largest tested mismatch or torque
+    median: float
     low: float  #: end of the 95 % interval
     high: float
 
@@ -99,7 +84,7 @@ def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
 
 
 def limit_draws(tested: Array, engaged: Array, shifts: Array, share: float) -> Array:
-    """Draw limits of engagement, (``DRAWS``,); 0 and infinity as in ``SpeedLimit``.
+    """Draw limits of engagement, (``DRAWS``,); 0 and infinity as in ``EngagementLimit``.
 
     Parameters
     ----------
@@ -130,7 +115,7 @@ def limit_draws(tested: Array, engaged: Array, shifts: Array, share: float) -> A
     return limits
 
 
-def speed_limits(points: Sequence[PointExpectation], share: float) -> Iterator[SpeedLimit]:
+def speed_limits(points: Sequence[PointExpectation], share: float) -> Iterator[EngagementLimit]:
     """Estimate the limit engagement speed at each force and sense with at least two mismatches."""
     tested = [p for p in points if p.n and p.first_window is not None and p.point.mismatch != 0.0]
     tested.sort(key=_force_and_sense)
@@ -142,7 +127,7 @@ def speed_limits(points: Sequence[PointExpectation], share: float) -> Iterator[S
         engaged = np.array([float(p.first_window or 0) for p in ordered])
         shifts = np.array([float(p.n) for p in ordered])
         low, middle, high = _limit_interval(speeds, engaged, shifts, share)
-        yield SpeedLimit(force, sense, float(speeds[-1]), middle, low, high)
+        yield EngagementLimit(force, sense, float(speeds[-1]), middle, low, high)
 
 
 def _limit_interval(
@@ -158,7 +143,7 @@ def torque_limits(
     points: Sequence[PointExpectation],
     by_torque: Mapping[float, Sequence[PointExpectation]],
     share: float,
-) -> Iterator[TorqueLimit]:
+) -> Iterator[EngagementLimit]:
     """Estimate the limit at each force and sense with a tested torque, over all mismatches.
 
     Parameters
@@ -178,7 +163,7 @@ def torque_limits(
                 continue  # every shift of some torque failed in the solver
             tested = np.abs([0.0, *torques])
             low, middle, high = _limit_interval(tested, counts[:, 0], counts[:, 1], share)
-            yield TorqueLimit(force, sense, float(tested[-1]), middle, low, high)
+            yield EngagementLimit(force, sense, float(tested[-1]), middle, low, high)
 
 
 def _engaged_counts(points: Sequence[PointExpectation], force: float) -> tuple[float, float]:

@@ -267,7 +267,7 @@ class Uncertainty:
         return tuple(variants)
 
 
-def draw_order(count: int, seed: int, index: int, base: int | None = None) -> NDArray[np.int64]:
+def draw_order(count: int, seed: int, index: int, base: int | None) -> NDArray[np.int64]:
     """Assign the index of a draw to each of ``count`` even angles, (count,), each index once.
 
     Angles of a coarser grid keep their draws; the angles between them have the following ones.

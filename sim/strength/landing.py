@@ -151,7 +151,7 @@ def tail_of(values: Array, weights: Array, tail_share: float) -> Tail | None:
     )
 
 
-def tail_posterior(tail: Tail, prior: TailPrior = TAIL) -> TailGrid:
+def tail_posterior(tail: Tail, prior: TailPrior) -> TailGrid:
     """Compute the posterior of shape and scale from excesses that are not all zero."""
     mean_excess = float(tail.excesses.mean())
     smallest_scale, largest_scale = (mean_excess * factor for factor in prior.scale_ends)
@@ -171,9 +171,7 @@ def tail_posterior(tail: Tail, prior: TailPrior = TAIL) -> TailGrid:
     return TailGrid(xi.ravel(), sigma.ravel(), probabilities / probabilities.sum())
 
 
-def tail_draws(
-    tail: Tail, posterior: TailGrid, share: float | None, prior: TailPrior = TAIL
-) -> Array:
+def tail_draws(tail: Tail, posterior: TailGrid, share: float | None, prior: TailPrior) -> Array:
     """Draw the value that ``share`` of all shifts exceeds, (``prior.draws``,).
 
     With ``share`` None the largest value of as many new shifts.
@@ -191,20 +189,18 @@ def tail_draws(
     return np.asarray(tail.threshold + sigma * np.expm1(-xi * np.log(ratio)) / xi)
 
 
-def tail_interval(
-    values: Array, weights: Array, share: float | None, prior: TailPrior = TAIL
-) -> tuple[float, float]:
+def tail_interval(values: Array, weights: Array, share: float | None) -> tuple[float, float]:
     """Compute the 95 % interval of the value that ``share`` of all shifts exceeds.
 
     ``values`` of shifts, (n,), with ``weights`` (n,), which need not add up to one. With ``share``
     None that of the largest value of as many new shifts.
     """
-    tail = tail_of(values, weights, max(prior.tail_share, 3.0 * (share or 0.0)))
+    tail = tail_of(values, weights, max(TAIL.tail_share, 3.0 * (share or 0.0)))
     if tail is None:
         return 0.0, 0.0
     if not tail.excesses.any():
         return tail.threshold, tail.threshold
-    draws = tail_draws(tail, tail_posterior(tail, prior), share, prior)
+    draws = tail_draws(tail, tail_posterior(tail, TAIL), share, TAIL)
     low, high = np.quantile(draws, LEVELS)
     return float(low), float(high)
 

@@ -153,7 +153,7 @@ class Spread:
 
     by_dimension: dict[str, float]
     worst_case: float
-    share: float = 1.0  #: ``Tolerances.statistical_share``
+    share: float  #: ``Tolerances.statistical_share``
 
     @property
     def root_sum_square(self) -> float:

@@ -77,83 +77,59 @@ class Material:
         return self.surface_hardness * HARDNESS / 3.0
 
 
-def _material(
-    name: str,
-    *,
-    proof_stress_MPa: float,
-    bending_endurance_MPa: float,
-    static_factor: float,
-    allowable_pressure_MPa: float,
-    surface_hardness_HV: float,
-    case_depth_mm: float,
-    source: str,
-) -> Material:
-    """Build a material from values in the units of a study file."""
-    return Material(
-        name,
-        source,
-        proof_stress=proof_stress_MPa * MPA,
-        bending_endurance=bending_endurance_MPa * MPA,
-        static_factor=static_factor,
-        allowable_pressure=allowable_pressure_MPa * MPA,
-        surface_hardness=surface_hardness_HV,
-        case_depth=case_depth_mm * MM,
-    )
-
-
 _SETS = (
-    _material(
+    Material(
         "16MnCr5",
-        proof_stress_MPa=735.0,
-        bending_endurance_MPa=430.0,
+        proof_stress=735.0 * MPA,
+        bending_endurance=430.0 * MPA,
         static_factor=2.5,
-        allowable_pressure_MPa=200.0,
-        surface_hardness_HV=700.0,
-        case_depth_mm=0.4,
+        allowable_pressure=200.0 * MPA,
+        surface_hardness=700.0,
+        case_depth=0.4 * MM,
         source="case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
         "ISO 6336-5 MQ, lowest core hardness",
     ),
-    _material(
+    Material(
         "20MnCr5",
-        proof_stress_MPa=930.0,
-        bending_endurance_MPa=461.0,
+        proof_stress=930.0 * MPA,
+        bending_endurance=461.0 * MPA,
         static_factor=2.5,
-        allowable_pressure_MPa=200.0,
-        surface_hardness_HV=700.0,
-        case_depth_mm=0.4,
+        allowable_pressure=200.0 * MPA,
+        surface_hardness=700.0,
+        case_depth=0.4 * MM,
         source="case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
         "ISO 6336-5 MQ, middle core hardness",
     ),
-    _material(
+    Material(
         "18CrNiMo7-6",
-        proof_stress_MPa=835.0,
-        bending_endurance_MPa=500.0,
+        proof_stress=835.0 * MPA,
+        bending_endurance=500.0 * MPA,
         static_factor=2.5,
-        allowable_pressure_MPa=200.0,
-        surface_hardness_HV=720.0,
-        case_depth_mm=0.4,
+        allowable_pressure=200.0 * MPA,
+        surface_hardness=720.0,
+        case_depth=0.4 * MM,
         source="case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
         "MPa; ISO 6336-5 MQ, core of 30 HRC and more",
     ),
-    _material(
+    Material(
         "42CrMo4",
-        proof_stress_MPa=900.0,
-        bending_endurance_MPa=369.0,
+        proof_stress=900.0 * MPA,
+        bending_endurance=369.0 * MPA,
         static_factor=2.5,
-        allowable_pressure_MPa=160.0,
-        surface_hardness_HV=600.0,
-        case_depth_mm=1.0,
+        allowable_pressure=160.0 * MPA,
+        surface_hardness=600.0,
+        case_depth=1.0 * MM,
         source="quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
         "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root",
     ),
-    _material(
+    Material(
         "31CrMoV9",
-        proof_stress_MPa=900.0,
-        bending_endurance_MPa=420.0,
+        proof_stress=900.0 * MPA,
+        bending_endurance=420.0 * MPA,
         static_factor=1.6,
-        allowable_pressure_MPa=140.0,
-        surface_hardness_HV=750.0,
-        case_depth_mm=0.3,
+        allowable_pressure=140.0 * MPA,
+        surface_hardness=750.0,
+        case_depth=0.3 * MM,
         source="quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
         "ISO 6336-5 MQ, nitriding steel",
     ),

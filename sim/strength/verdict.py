@@ -357,7 +357,6 @@ def hinges(
     contact_stiffness: float | None = None,
     mechanism: Mechanism = NOTHING,
     given: Collection[str] = (),
-    spans: Spans = SPANS,
 ) -> tuple[Hinge, ...]:
     """Compute the effect of each assumption on the smallest margin, the strongest first.
 
@@ -383,11 +382,11 @@ def hinges(
 
     nominal, _ = smallest_margin(limits)
     moves = [
-        *_load_moves(dog, limits, given, spans),
-        *_strike_moves(limits, mechanism, given, spans),
+        *_load_moves(dog, limits, given),
+        *_strike_moves(limits, mechanism, given),
     ]
     if contact_stiffness is not None:
-        moves.append(_stiffness_move(limits, contact_stiffness, spans.contact_stiffness))
+        moves.append(_stiffness_move(limits, contact_stiffness))
     effective = []
     for move in moves:
         low, high = move.ends
@@ -411,8 +410,9 @@ def hinges(
     return tuple(sorted(effective, key=lambda hinge: (not hinge.flips, -hinge.effect)))
 
 
-def _stiffness_move(limits: Limits, stiffness: float, span: Span) -> _Move:
+def _stiffness_move(limits: Limits, stiffness: float) -> _Move:
     """Return the move of the contact's stiffness, Pa/m."""
+    span = SPANS.contact_stiffness
     return _Move(
         "contact.stiffness_Pa_m",
         stiffness,
@@ -432,7 +432,7 @@ _LOAD_KEYS: dict[str, tuple[str, tuple[float, float]]] = {
 }
 
 
-def _load_moves(dog: Dog, limits: Limits, given: Collection[str], spans: Spans) -> Iterable[_Move]:
+def _load_moves(dog: Dog, limits: Limits, given: Collection[str]) -> Iterable[_Move]:
     """List the moves of the load case: friction, toothing and sharing of the dogs."""
     load = limits.load
     has_scatter = load.scatter(dog) is not None or load.run_out > 0.0
@@ -440,14 +440,14 @@ def _load_moves(dog: Dog, limits: Limits, given: Collection[str], spans: Spans) 
         value = getattr(load, name)
         if value is None or (name == "load_sharing" and has_scatter):
             continue
-        span: Span = getattr(spans, name)
+        span: Span = getattr(SPANS, name)
         low, high = (min(max(end, minimum), maximum) for end in span.ends(value))
         if name == "friction_release":
             low = max(low, load.friction_hold)  # the upper end of the interval by its meaning
         yield _Move(key, value, (low, high), span=span, limits=partial(_with_load, limits, name))
     if load.spline_friction == 0.0:
         return
-    friction_span = spans.spline_friction_release
+    friction_span = SPANS.spline_friction_release
     low, high = friction_span.ends(load.release_friction)
     yield _Move(
         "load.spline_friction_release",
@@ -461,8 +461,8 @@ def _load_moves(dog: Dog, limits: Limits, given: Collection[str], spans: Spans) 
         yield _Move(
             "mechanism.spline_radius_mm",
             radius,
-            spans.spline_radius.ends(radius),
-            span=spans.spline_radius,
+            SPANS.spline_radius.ends(radius),
+            span=SPANS.spline_radius,
             limits=lambda end: _with_load(limits, "spline_radius", end * MM),
         )
 
@@ -483,9 +483,7 @@ def _with_stiffness(limits: Limits, nominal: float, value: float) -> Limits:
     return _with_load(limits, "contact_stiffness", value)
 
 
-def _strike_moves(
-    limits: Limits, mechanism: Mechanism, given: Collection[str], spans: Spans
-) -> Iterable[_Move]:
+def _strike_moves(limits: Limits, mechanism: Mechanism, given: Collection[str]) -> Iterable[_Move]:
     """List the moves of a strike to the ends of the study's range, or of the assumed range.
 
     Ring and shaft without a key in ``[strike]`` are those of ``[mechanism]``.
@@ -503,7 +501,7 @@ def _strike_moves(
         ends = (low, high)
         span = Span(low, high, "range of the study", "estimate")
         if low == high:
-            span = getattr(spans, name)
+            span = getattr(SPANS, name)
             ends = span.ends(low)
         nominal: float = getattr(mechanism, name)
         section = "mechanism" if nominal and f"strike.{key}" not in given else "strike"
@@ -528,17 +526,13 @@ def _with_strike_value(strike: Strike, name: str, value: float) -> Strike:
 
 
 def landing_by_stiffness(
-    dog: Dog,
-    limits: Limits,
-    landings: Landings,
-    contact_stiffness: float,
-    span: Span = SPANS.contact_stiffness,
+    dog: Dog, limits: Limits, landings: Landings, contact_stiffness: float
 ) -> tuple[float, float]:
     """Compute the smallest margin of a landing at either end of the contact's stiffness, Pa/m."""
+    move = _stiffness_move(limits, contact_stiffness)
     margins = []
-    for end in span.ends(contact_stiffness):
-        case = _with_stiffness(limits, contact_stiffness, end)
-        scale = math.sqrt(end / contact_stiffness)
-        checks = demand_checks(landings.demand(dog, case, scale), case)
+    for end in move.ends:
+        case = move.limits(end)
+        checks = demand_checks(landings.demand(dog, case, move.landing_scale(end)), case)
         margins.append(min(check.margin for check in checks))
     return margins[0], margins[1]

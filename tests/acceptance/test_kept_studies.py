@@ -11,7 +11,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, bundled_studies, load_study
 from dogshape.pipeline.search.confirmation import new_angles
-from dogshape.pipeline.search.study_record import StudyRecord
+from dogshape.pipeline.search.study_record import DesignRow, StudyRecord
 from dogshape.pipeline.simulate import evaluation
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -20,7 +20,7 @@ from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import RPM
 from tests.search_results import bundled_result
 
-Kept = tuple[Setup, dict[str, Any], dict[str, Any]]
+Kept = tuple[Setup, dict[str, Any], DesignRow]
 
 
 @pytest.fixture(scope="module", params=bundled_studies())
@@ -28,7 +28,7 @@ def kept(request: pytest.FixtureRequest) -> Kept:
     """A study as it is, its kept result and the row of its chosen design."""
     result = bundled_result(request.param)
     chosen = result["confirmation"]["chosen"]
-    row = next(row for row in result["trials"] if row["trial"] == chosen)
+    row = next(DesignRow(**row) for row in result["trials"] if row["trial"] == chosen)
     return load_study(request.param), result, row
 
 
@@ -40,7 +40,7 @@ def test_kept_result_is_of_the_study_as_it_is(kept: Kept) -> None:
     assert result["physics_hash"] == study.search_setup.physics_hash
     assert result["objectives"] == list(study.file.search.objectives)
     assert len(result["trials"]) == study.file.search.trials
-    operated = study.search_setup.with_operation(study.select_params(row))
+    operated = study.search_setup.with_operation(row.params(study.variables))
     points = {(round(p.mismatch / RPM, 6), round(p.profile.force, 6)) for p in operated.points}
     confirmed = result["confirmation"]["best"]["points"]
     assert {(round(p["mismatch_rpm"], 6), round(p["force_N"], 6)) for p in confirmed} == points
@@ -48,7 +48,7 @@ def test_kept_result_is_of_the_study_as_it_is(kept: Kept) -> None:
 
 def test_kept_margins_are_those_of_today(kept: Kept) -> None:
     study, result, row = kept
-    design = design_of(study, study.select_params(row))
+    design = design_of(study, row.params(study.variables))
     margins = {one["name"]: one["margin"] for one in result["confirmation"]["best"]["checks"]}
     assert design.feasible
     for check in design.checks:
@@ -61,7 +61,7 @@ def test_kept_times_are_simulated_again(kept: Kept) -> None:
     points = result["confirmation"]["best"]["points"]
     place = min(range(len(points)), key=lambda k: points[k]["sd_s"] / points[k]["mean_s"])
     seed = study.file.expectation.seed + evaluation.NEW_ANGLES
-    params = study.select_params(row)
+    params = row.params(study.variables)
     base, angles = new_angles(study.search_setup), points[place]["n"]  # more where hangs decided
     block = evaluation.design_blocks(study.search_setup, params, angles, seed, base)[place]
     rows = scratch_executor(1).run([block])

@@ -140,6 +140,7 @@ export mq200_paper#1 --svg a.svg --why x | --why and --title are for
 export mq200#33 --sheet a.html --title autor=x | did you mean 'author'
 export mq200_paper#1 --sheet a.pdf | must end in .html
 export mq200_paper --fmu a.zip | must end in .fmu
+export mq200_paper --fmu a.fmu --fmi 1 | --fmi is 1, but FMUs are of FMI 2 or 3; give --fmi 2 or
 export amt --map a.csv | a map needs every mismatch with every force
 compare mq200_paper | needs two or more
 compare mq200_paper nowhere | 'nowhere' is no folder of results, no study and no contact set

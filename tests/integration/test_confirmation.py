@@ -11,7 +11,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.reports.designs import designs_frame, out_at_new_angles
-from dogshape.pipeline.reports.study_summary import headline
+from dogshape.pipeline.reports.headline import headline
 from dogshape.pipeline.search.confirmation import HANG_ANGLES, contested_designs, deciding_points
 from dogshape.pipeline.search.state import PointTimes, SearchState, Trial, under_priors
 from dogshape.pipeline.search.study_record import StudyRecord

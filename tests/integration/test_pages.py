@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from dogshape.designs import write_data_sheet
-from dogshape.pipeline.reports.data_sheet import named_design
+from dogshape.pipeline.reports.named_design import named_design
 from dogshape.pipeline.reports.shift_page import write_animation
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import engage

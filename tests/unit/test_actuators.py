@@ -26,6 +26,7 @@ from dogshape.validation.second_engine import stand_of
 
 def _settings(kind: str, **changes: Any) -> dict[str, Any]:
     """Return the keys of an example at full command; None leaves one of them out."""
+    changes = {"variables.height_mm": [1.6, 5.0], **changes}
     numbers = record_quantities(EXAMPLES[kind])
     keys = {f"actuation.{key}": value for key, value in numbers.items() if value}
     settings = {"actuation.kind": kind, "operating.force_N": None, **keys, **changes}
@@ -84,6 +85,11 @@ def test_numbers_of_an_actuator_change_the_physics() -> None:
         ),
         ("cam", {"actuation.rise_s": [0.1]}, 'rise_s belongs to actuation.kind = "profile"'),
         ("cam", {"actuation.stroke_mm": 3.0}, "with 500 N is 3 mm, but the ring travels 4.65 mm"),
+        (
+            "cam",
+            {"actuation.stroke_mm": 5.0},
+            "ring travels 5.95 mm into engagement at the end of variables.height_mm; narrow",
+        ),
         (
             "spring",
             {"operating.force_N": [80.0]},

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.confirmation import agreement_of, audit
+from dogshape.pipeline.search.engine_audit import agreement_of, audit
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import require_agreement
 from dogshape.sim.errors import EngineError

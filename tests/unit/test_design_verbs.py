@@ -15,7 +15,7 @@ from dogshape.bench.texts import text_of
 from dogshape.cli.verbs.study import _named_study
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.reports.data_sheet import named_design
+from dogshape.pipeline.reports.named_design import named_design
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.versions import bundled_root
@@ -102,17 +102,17 @@ def test_drawing_carries_every_dimension() -> None:
 
 
 @pytest.mark.parametrize(("option", "library", "words"), [
-    ("--step", "build123d", "STEP files need build123d"),
-    ("--fmu", "pythonfmu3", "an FMU needs pythonfmu3"),
+    ("--step a.step", "build123d", "STEP files need build123d"),
+    ("--fmu a.fmu", "pythonfmu3", "an FMU needs pythonfmu3"),
+    ("--fmi 2 --fmu a.fmu", "pythonfmu", "an FMU needs pythonfmu,"),
 ])  # fmt: skip
 def test_nothing_is_written_where_the_extra_is_missing(
     dogshape: Call, monkeypatch: pytest.MonkeyPatch, option: str, library: str, words: str
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    file = f"a.{option.removeprefix('--')}"
-    said = dogshape("export", "mq200_paper", "--svg", "a.svg", "--stl", "a.stl", option, file)
+    said = dogshape("export", "mq200_paper", "--svg", "a.svg", "--stl", "a.stl", *option.split())
     assert words in said.sentence
-    assert f"dogshape[{'cad' if option == '--step' else 'fmu'}]" in said.sentence
+    assert f"dogshape[{'cad' if '--step' in option else 'fmu'}]" in said.sentence
     assert list(Path().iterdir()) == []
 
 

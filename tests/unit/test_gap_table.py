@@ -6,6 +6,7 @@ import json
 import tempfile
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pandas as pd
 import pytest
@@ -14,6 +15,8 @@ from typer.testing import CliRunner
 
 import dogshape as ds
 from dogshape.bench.bench_data import Bench
+from dogshape.bench.bench_draft import read_tables
+from dogshape.bench.foreign_table import read_foreign
 from dogshape.cli import dialogue
 from dogshape.cli.app import app
 from dogshape.diagnosis.terms import NONE, UNKNOWN
@@ -65,6 +68,23 @@ def test_a_table_is_diagnosed_and_nothing_is_left(dogshape: Call) -> None:
     assert "read: 4 rows, 4 shifts, 4 of them with a time" in text
     assert "assumed: m 1.csv: each row is one shift" in text
     assert ds.diagnose("mq200_adams").to_dict()["reading"] is None
+
+
+@pytest.mark.parametrize("asks", [False, True])
+def test_a_table_is_read_once(dogshape: Call, monkeypatch: pytest.MonkeyPatch, asks: bool) -> None:
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: asks)
+    read = Mock(wraps=read_foreign)
+    monkeypatch.setattr("dogshape.bench.bench_draft.read_foreign", read)
+    Path("m.csv").write_text(TABLE)
+    assert dogshape("diagnose", "m.csv").status == 0
+    assert read.call_count == 1
+
+
+def test_tables_that_are_read_may_be_diagnosed_twice() -> None:
+    Path("m.csv").write_text(TABLE)
+    tables = read_tables(ds.BenchDraft("m.csv"))
+    first, second = (ds.diagnose(tables).to_dict()["reading"] for _ in range(2))
+    assert first == second == ds.diagnose("m.csv").to_dict()["reading"]
 
 
 def test_a_written_diagnosis_of_a_table_takes_new_readings(dogshape: Call) -> None:

@@ -48,7 +48,7 @@ GUARDED = {
     "sqlalchemy": ("pipeline/store/trial_storage.py",),
     "plotly": ("pipeline/reports/",),
     "typer": ("dogshape/cli/", "validation/blind/verbs.py"),
-    "openpyxl": ("bench/raw_sheet.py",),
+    "openpyxl": ("bench/workbook.py",),
     "rich": ("dogshape/terminal.py",),
     "joblib": ("pipeline/simulate/executor.py", "validation/blind/sealed.py"),
     "distributed": ("pipeline/simulate/executor.py",),
@@ -56,7 +56,8 @@ GUARDED = {
     "asammdf": ("bench/traces.py",),
     "nptdms": ("bench/traces.py",),
     "build123d": ("pipeline/export/cad.py",),
-    "pythonfmu3": ("pipeline/export/fmu.py", "pipeline/export/fmu_slave.py"),
+    "pythonfmu": ("pipeline/export/fmi2_slave.py",),
+    "pythonfmu3": ("pipeline/export/fmi3_slave.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
     "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
@@ -229,7 +230,7 @@ print(*sorted({set(SLOW) - {"numpy"}} & set(sys.modules)))
 
 def test_no_room_asks_for_the_time_of_day() -> None:
     """Only a report's provenance does, and what reads the times that a bench wrote."""
-    reading = ("bench/cell_values", "bench/table", "bench/raw_sheet")
+    reading = ("bench/cell_values", "bench/table", "bench/workbook")
     allowed = {ROOT / f"{name}.py" for name in reading}
     allowed |= {ROOT / f"pipeline/reports/{name}.py" for name in ("data_sheet", "study_page")}
     words = re.compile(r"time\.time\(|datetime|time_ns\(|st_mtime")

@@ -14,7 +14,7 @@ from dogshape.cli.options import emit
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Bad, FileRecord, Record, Table, frame_of, tabulate
 from dogshape.pipeline.reports.report import Report
-from dogshape.pipeline.store.result_records import CheckRow, check_table
+from dogshape.pipeline.store.check_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import key, validate
 from dogshape.sim.errors import InputError
 from dogshape.terminal import ProgressBar, print_parts

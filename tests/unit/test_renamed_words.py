@@ -18,6 +18,9 @@ from tests.conftest import Call
         ("gap ./plan", "diagnose ./plan"),
         ("shift s --relative-angle-deg=3 --html a.html", "shift s --angle-deg=3 --report a.html"),
         ("strength mq200 --no-simulation", "strength mq200 --no-simulate"),
+        ("expect mq200 --keep old", "expect mq200 --journal old"),
+        ("strength mq200 --keep=old", "strength mq200 --journal=old"),
+        ("validate stand --keep old", "validate stand --journal old"),
         ("check mq200 --designs d.csv --json", "predict mq200 --json d.csv"),
         ("check --designs=d.csv mq200 --out o.csv", "predict mq200 --out o.csv d.csv"),
         ("expect s.toml --draws d.csv --angles 4", "expect-draws s.toml --angles 4 d.csv"),
@@ -30,7 +33,10 @@ def test_an_earlier_word_is_the_present_one(old: str, new: str) -> None:
     assert current_words(words) == (words, {})
 
 
-@pytest.mark.parametrize("line", ["init study --out x", "check mq200 --designs", "fit study", ""])
+@pytest.mark.parametrize(
+    "line",
+    ["init study --out x", "check mq200 --designs", "fit study", "", "diagnose m.csv --keep row=*"],
+)
 def test_other_words_stay(line: str) -> None:
     assert current_words(line.split()) == (line.split(), {})
 

@@ -14,21 +14,14 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports import single_shifts, surrogate_findings
-from dogshape.pipeline.reports.charts import (
-    assumptions_figure,
-    front_figure,
-    shiftability_figure,
-)
-from dogshape.pipeline.reports.data_sheet import command_of, searched_sheet, words_of
+from dogshape.pipeline.reports.charts import assumptions_figure, front_figure, shiftability_figure
+from dogshape.pipeline.reports.data_sheet import command_of, words_of
+from dogshape.pipeline.reports.design_record import searched_sheet
 from dogshape.pipeline.reports.designs import designs_frame, goals_of
+from dogshape.pipeline.reports.headline import headline
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study_page import point_parts
-from dogshape.pipeline.reports.study_summary import (
-    alternatives_table,
-    facts_of,
-    headline,
-    summary_tables,
-)
+from dogshape.pipeline.reports.study_summary import alternatives_table, facts_of, summary_tables
 from dogshape.pipeline.reports.surrogate_findings import (
     FACTORS,
     TOLERANCES,
@@ -42,8 +35,9 @@ from dogshape.pipeline.reports.surrogate_findings import (
 from dogshape.pipeline.reports.text import minus, with_error
 from dogshape.pipeline.search.study_record import Confirmation, DesignRow
 from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.store.check_records import HingeRow
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.result_records import HingeRow, PointRow
+from dogshape.pipeline.store.result_records import PointRow
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.strength.locking import locking_checks, locking_friction

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.design import tolerance_time
+from dogshape.pipeline.simulate.tolerance_time import tolerance_time
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.sim.clutch_tables import MechanismSection

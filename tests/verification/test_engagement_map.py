@@ -11,7 +11,8 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.export.engagement_map import EngagementMap, simulate_map
 from dogshape.pipeline.simulate.executor import RunOptions
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.shift.stepped_shift import StepLoads, SteppedShift, StepPhase, start_of
 from dogshape.sim.units import DEG, MM, RPM
 
 MISMATCHES = [-50.0, 25.0, 149.0]
@@ -60,7 +61,8 @@ def test_cells_cover_the_grid_and_a_pitch(engagement_map: EngagementMap) -> None
 
 def test_files_hold_cells_means_and_tables(study: ds.Study, tmp_path: Path) -> None:
     paths = study.export_map(tmp_path / "map.csv", jobs=1)
-    names = ["map.csv", "map-mean.csv", "map-modelica.txt", "map-simscape.csv"]
+    tables = ["map-mean.csv", "map-modelica.txt", "map-simscape.csv", "map-maplesim.csv"]
+    names = ["map.csv", *tables]
     assert [path.name for path in paths] == names
     cells = pd.read_csv(paths[0])
     means = pd.read_csv(paths[1])
@@ -69,13 +71,13 @@ def test_files_hold_cells_means_and_tables(study: ds.Study, tmp_path: Path) -> N
         groups["shift_time_s"].mean().to_numpy(), rel=1e-8
     )
     assert list(means["engagement_probability"]) == list(groups["engaged"].mean())
-    tables = _read_modelica(paths[2])
-    assert list(tables) == ["engagement_probability", "shift_time"]
-    for table in tables.values():
+    matrices = _read_modelica(paths[2])
+    assert list(matrices) == ["engagement_probability", "shift_time"]
+    for table in matrices.values():
         assert table[1:, 0] == pytest.approx(np.array(MISMATCHES) * RPM)
         assert table[0, 1:] == pytest.approx(FORCES)
     times = means["mean_time_s"].to_numpy().reshape(3, 2)
-    assert tables["shift_time"][1:, 1:] == pytest.approx(times, rel=1e-8)
+    assert matrices["shift_time"][1:, 1:] == pytest.approx(times, rel=1e-8)
 
 
 def _read_modelica(path: Path) -> dict[str, np.ndarray]:
@@ -111,7 +113,7 @@ def test_shifts_that_hang_lower_probability_and_threshold() -> None:
 
 def test_block_parameters_are_those_of_the_clutch(engagement_map: EngagementMap) -> None:
     clutch = engagement_map.study.clutch
-    rows = {row.parameter: (row.value, row.unit) for row in engagement_map.block_parameters}
+    rows = {row.parameter: (row.value, row.unit) for row in engagement_map.simscape_parameters}
     assert rows["Number of teeth"] == (15.0, "1")
     assert rows["Tooth height"] == (pytest.approx(clutch.dog.height / MM), "mm")
     assert rows["Ring-hub clearance when disengaged"] == (pytest.approx(1.0), "mm")
@@ -119,8 +121,51 @@ def test_block_parameters_are_those_of_the_clutch(engagement_map: EngagementMap)
     assert rows["Tooth overlap to engage"] == (pytest.approx(overlap), "mm")
     assert rows["Backlash"] == (clutch.dog.backlash_angle / DEG, "deg")
     assert rows["Engagement speed threshold"] == (pytest.approx(149.0), "rpm")
-    for row in engagement_map.block_parameters:
+    for row in (*engagement_map.simscape_parameters, *engagement_map.maplesim_parameters):
         assert row.source
+
+
+@pytest.mark.parametrize("backlash_mm", [0.0, 1.0])
+def test_teeth_of_maplesim_meet_where_tips_meet(backlash_mm: float) -> None:
+    """Of even angles without mismatch, as many tips meet as lie within epsilon of a tooth."""
+    study = ds.Study("mq200", {"dog.chamfer_deg": 0.0, "dog.backlash_mm": backlash_mm})
+    config = study.config.in_engine("planar")
+    clutch = config.clutch
+    gap, epsilon = (row.value for row in EngagementMap(config, ()).maplesim_parameters)
+    assert gap * clutch.dog.count == pytest.approx(2.0 * np.pi)
+    count = 60
+    meetings = 0
+    for angle in (np.arange(count) + 0.5) * gap / count:
+        shift = SteppedShift(clutch, start_of(clutch, 0.0, float(angle)))
+        phases = []
+        while shift.time < 0.05 and not shift.engaged:
+            shift.advance(shift.time + 5e-4, StepLoads(400.0, 0.0, 0.0))
+            phases.append(shift.phase)
+        meetings += StepPhase.FACE_CONTACT in phases
+    assert meetings / count == pytest.approx(2.0 * epsilon / gap, abs=1.0 / count)
+
+
+def test_a_map_replaces_an_earlier_one_but_no_other_table(study: ds.Study, tmp_path: Path) -> None:
+    path = tmp_path / "map.csv"
+    table = tmp_path / "map-mean.csv"
+    table.write_text("of another origin")
+    with pytest.raises(StorageError, match=r"map-mean.csv, which is there already without .*map"):
+        study.export_map(path, jobs=1)
+    assert table.read_text() == "of another origin"
+    assert [*tmp_path.iterdir()] == [table]
+    path.write_text("an earlier map")
+    study.export_map(path, jobs=1)
+    assert table.read_text().startswith("mismatch_rpm,")
+
+
+def test_a_map_is_not_simulated_where_a_table_cannot_be_written(
+    study: ds.Study, tmp_path: Path
+) -> None:
+    (tmp_path / "map.csv").touch()
+    (tmp_path / "map-simscape.csv").mkdir()
+    with pytest.raises(StorageError, match=r"map-simscape.csv, which is a folder; name a file"):
+        study.export_map(tmp_path / "map.csv")
+    assert (tmp_path / "map.csv").read_text() == ""
 
 
 def test_points_that_are_no_grid_are_refused(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from dogshape.sim.statistics.hangs import (
     HangPrior,
     PriorSettings,
     interval,
-    pooled_priors,
+    pool,
     weak_priors,
 )
 from tests.conftest import Point
@@ -132,15 +132,15 @@ def test_points_together_are_one_point_with_all_shifts(point: Point) -> None:
 def test_pool_of_a_study_finds_the_rate_of_its_designs() -> None:
     rng, shifts = np.random.default_rng(3), np.full((60, 6), 64)
     hangs = rng.binomial(64, 0.003, size=shifts.shape)
-    priors = pooled_priors(hangs, shifts)
+    priors = pool(np.stack([hangs, shifts], axis=2))
     share = hangs.sum() / shifts.sum()
     assert np.mean([one.rate for one in priors]) == pytest.approx(share, rel=0.2)
     # Designs of one rate: its share counts for more than their own shifts at a point.
     assert priors[0].strength > 64
     blocked = hangs.copy()
     blocked[:10, 2] = rng.binomial(64, 0.6, size=10)
-    assert pooled_priors(blocked, shifts)[2].rate < 0.02
-    unseen = pooled_priors(np.zeros_like(hangs), shifts)
+    assert pool(np.stack([blocked, shifts], axis=2))[2].rate < 0.02
+    unseen = pool(np.stack([np.zeros_like(hangs), shifts], axis=2))
     assert 0.0 < unseen[0].rate < 1e-3
 
 
@@ -149,7 +149,7 @@ def test_one_hang_neither_sinks_nor_an_unseen_one_makes_a_design() -> None:
     rng, rate = np.random.default_rng(4), 0.003
     shifts = np.full((40, 6), 64)
     hangs = rng.binomial(64, rate, size=shifts.shape)
-    priors = pooled_priors(hangs, shifts)
+    priors = pool(np.stack([hangs, shifts], axis=2))
     pairs = list(zip(priors, range(6), strict=True))
     means = [np.mean([p.posterior(int(row[k]), 64).mean for p, k in pairs]) for row in hangs]
     assert max(means) - min(means) < 0.5 * np.ptp(hangs.mean(axis=1) / 64)
@@ -175,7 +175,7 @@ def test_pool_covers_designs_whose_rates_scatter(shape: float, least: float) -> 
         factors = np.ones(40) if shape == math.inf else rng.gamma(shape, 1.0 / shape, size=40)
         true = factors[:, None] * rates
         hangs = rng.binomial(64, true)
-        priors = pooled_priors(hangs, shifts)
+        priors = pool(np.stack([hangs, shifts], axis=2))
         for row, share in zip(hangs.tolist(), true.mean(axis=1).tolist(), strict=True):
             found = [p.posterior(k, 64) for p, k in zip(priors, row, strict=True)]
             mean = sum(one.mean for one in found) / 6

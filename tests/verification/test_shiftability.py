@@ -224,10 +224,10 @@ def test_limits_are_by_force_and_sense_of_the_mismatch() -> None:
     ]  # fmt: skip
     first, second = speed_limits(found, 0.9)
     assert (first.force, first.sense, first.tested) == (200.0, 1, 20.0)
-    assert 5.0 < first.low < first.speed < first.high < 20.0
-    assert (second.force, second.speed) == (300.0, math.inf)
+    assert 5.0 < first.low < first.median < first.high < 20.0
+    assert (second.force, second.median) == (300.0, math.inf)
     rows = [LimitRow.of(limit, 0.9) for limit in (first, second)]
-    assert rows[0].limit_engagement_speed_rpm == pytest.approx(first.speed / RPM)
+    assert rows[0].limit_engagement_speed_rpm == pytest.approx(first.median / RPM)
     assert rows[1].limit_engagement_speed_rpm is None
     assert rows[1].cell("limit_engagement_speed_rpm") == f"over {9.0 / RPM:.4g}"
 
@@ -264,7 +264,7 @@ def test_the_limit_torque_of_a_pressed_flank_is_its_closed_form(flat: Clutch, se
     assert (found.force, found.sense) == (force, sense)
     assert found.tested == pytest.approx(1.2 * limit)
     assert 0.97 * limit < found.low <= found.high < 1.1 * limit
-    assert found.torque == pytest.approx(limit, rel=0.06)
+    assert found.median == pytest.approx(limit, rel=0.06)
 
 
 def _counted(force: float, engaged: int, n: int) -> PointExpectation:
@@ -287,10 +287,10 @@ def test_limit_torques_are_by_force_and_sense_over_all_mismatches() -> None:
     }
     over, found = torque_limits(points, loaded, 0.85)
     assert (over.force, over.sense, over.tested) == (300.0, 1, 2.0)
-    assert math.isinf(over.torque)
+    assert math.isinf(over.median)
     assert (found.force, found.sense) == (500.0, 1)
     assert found.low < 1.5 < found.high
-    assert found.torque == pytest.approx(1.5, abs=0.03)
+    assert found.median == pytest.approx(1.5, abs=0.03)
     assert [limit.sense for limit in torque_limits(points, {-1.0: loaded[1.0]}, 0.85)] == [-1, -1]
     assert not [*torque_limits(points, {}, 0.85)]
 

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 import dogshape as ds
+from dogshape.app import open_live_page
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
+from dogshape.pipeline.reports.data_sheet import provenance_of
 from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs
 from dogshape.sim.strength.dog_strength import (
     Limits,
@@ -205,6 +207,25 @@ def test_mistakes_of_a_sleeve_are_sentences(dogshape: Call, tmp_path: Path) -> N
     )
 
 
+def test_sheet_console_and_live_page_state_the_mount(dogshape: Call, tmp_path: Path) -> None:
+    words = "sleeve, teeth 8 mm high, pressure angle 30°"
+    settings = {"dog.mount": "sleeve", "sleeve.speed_rpm": 2000}
+    study = ds.Study("amt", settings)
+    assert study.dog == ds.Study("amt").dog
+    assert "amt: count=30" in repr(study)
+    assert provenance_of(study.config, None)["mount"] == f"{words}, 2000 1/min"
+    assert "mount" not in provenance_of(load_study("amt"), None)
+    said = dogshape("strength", "amt", "--no-simulate", "--set", "dog.mount=sleeve")
+    assert f"mount: {words}\n" in said.out
+    assert "mount:" not in dogshape("strength", "amt", "--no-simulate").out
+    page = open_live_page(study)
+    texts = {number.key: number.text for number in page.numbers}
+    page.write("dog.svg", texts, "", tmp_path / "dog.svg")
+    assert "teeth of a sleeve" in (tmp_path / "dog.svg").read_text("utf-8")
+    with pytest.raises(ds.InputError, match="STL and STEP have dogs on a face"):
+        page.write("rings.step", texts, "", tmp_path / "rings.step")
+
+
 def test_the_drawing_has_teeth_without_a_floor() -> None:
     study = _amt("manufacturing.rim_mm=8")
     drawing = dimensioned_svg(study.clutch.dog, study.limits)
@@ -213,6 +234,11 @@ def test_the_drawing_has_teeth_without_a_floor() -> None:
     face = dimensioned_svg(study.clutch.dog, replace(study.limits, sleeve=None))
     assert "both rings alike, one turned over" in face
     assert face.count('class="part"') == 1
+    dog = study.clutch.dog
+    rings = [open_section_svg(dog, dog, is_sleeve=is_sleeve) for is_sleeve in (False, True)]
+    on_face, in_sleeve = (ring.count('class="ring-a"') for ring in rings)
+    assert on_face == 1
+    assert in_sleeve == rings[1].count('class="ring-b"') > 4
 
 
 def test_the_example_engages_and_holds_itself() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -31,6 +31,9 @@ from dogshape.cli.options import (
 )
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.interface import argument
+
+if TYPE_CHECKING:
+    from dogshape.bench.bench_draft import DraftTables
 
 Bank = Annotated[
     Path | None, Option(help="folder of simulations that diagnoses share; default: user's cache")
@@ -86,7 +89,7 @@ def diagnose(
         if effect_names is not None:
             calibrated_study.require_effects(effect_names, load(effects))
         calibrated_study.require_new_study(write, base)
-    draft = _table_draft(
+    tables = _read_draft(
         bench,
         origin=origin,
         column=column,
@@ -101,7 +104,7 @@ def diagnose(
         set_=set_,
     )
     diagnosis = ds.diagnose(
-        draft or bench,
+        tables or bench,
         correct=correct or (),
         out=out,
         bank=bank,
@@ -130,13 +133,13 @@ def diagnose(
     emit(record, json, lambda: [*diagnosis.to_parts(), *lines])
 
 
-def _table_draft(bench: str, **options: Any) -> ds.BenchDraft | None:
-    """Build the draft of a table and print its reading; None for the folder of a data set.
+def _read_draft(bench: str, **options: Any) -> DraftTables | None:
+    """Read a table and print its reading; None for the folder of a data set.
 
     A fault is asked about in a terminal. ``options`` are those of ``bench_draft``; InputError for
     an option that a folder does not take.
     """
-    from dogshape.bench.bench_draft import guess_readings, is_table  # noqa: PLC0415
+    from dogshape.bench.bench_draft import is_table, read_tables  # noqa: PLC0415
 
     if not is_table(bench):
         for name, value in options.items():
@@ -149,11 +152,11 @@ def _table_draft(bench: str, **options: Any) -> ds.BenchDraft | None:
         return None
     draft = bench_draft([bench], **options)
     if dialogue.may_ask():
-        return dialogue.correct_reading(draft, confirm=False)[0]
-    report = guess_readings(draft)
-    if not report.faults:
-        dialogue.print_reading(report)
-    return draft
+        return dialogue.correct_reading(draft, confirm=False)
+    tables = read_tables(draft)
+    if not tables.report.faults:
+        dialogue.print_reading(tables.report)
+    return tables
 
 
 def plan_shifts(

@@ -76,12 +76,12 @@ def study(
     """
     from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
     from dogshape.pipeline.config.toml_text import toml_value  # noqa: PLC0415
-    from dogshape.pipeline.drafts import study_folder  # noqa: PLC0415
+    from dogshape.pipeline.drafts import draft_keys, study_folder  # noqa: PLC0415
 
     study_folder.require_free(out, force)
     values = dict(pair_of(text) for text in set_ or [])
     if mount is not None:
-        values[study_folder.MOUNT] = mount
+        values[draft_keys.MOUNT] = mount
     write = _ask_study if dialogue.may_ask(yes) else study_folder.write_study
     written = write(out, origin, values, force=force)
     lines = [
@@ -107,9 +107,10 @@ def _remarks(draft: WrittenStudy | BenchReading) -> list[str]:
 
 def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> WrittenStudy:
     """Ask for the values of a study, part by part, and write its folder."""
-    from dogshape.pipeline.drafts import study_folder as draft  # noqa: PLC0415
+    from dogshape.pipeline.drafts import draft_keys, study_folder  # noqa: PLC0415
+    from dogshape.pipeline.drafts.draft_source import bundled_kinds  # noqa: PLC0415
 
-    typer.echo(f"kinds of clutch: {draft.bundled_kinds()}", err=True)
+    typer.echo(f"kinds of clutch: {bundled_kinds()}", err=True)
     origin = dialogue.ask("begin from (a kind, a study, or the folder of a bench)", origin)
     defaults: dict[str, Any] = {}
     answers: dict[str, Any] = {}
@@ -117,7 +118,7 @@ def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -
 
     def user_keys() -> dict[str, Any]:
         changes = changed_values(answers, defaults)
-        points = draft.OPERATION if changes.keys() & draft.OPERATION else ()
+        points = draft_keys.OPERATION if changes.keys() & draft_keys.OPERATION else ()
         return values | changes | {key: answers[key] for key in points}
 
     def repeat_until_valid(make: Callable[[dict[str, Any]], Any]) -> Any:
@@ -129,15 +130,21 @@ def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -
                 answers.update(ask_values(defaults | answers, questions))
 
     # The answers to a part decide the defaults of the next one.
-    parts = (draft.ACTUATOR_KIND, draft.ACTUATION, draft.OPERATION, draft.CLUTCH, draft.USE)
+    parts = (
+        draft_keys.ACTUATOR_KIND,
+        draft_keys.ACTUATION,
+        draft_keys.OPERATION,
+        draft_keys.CLUTCH,
+        draft_keys.USE,
+    )
     for part in parts:
-        part_defaults, part_questions = draft.questions_of(origin, user_keys(), part)
+        part_defaults, part_questions = study_folder.questions_of(origin, user_keys(), part)
         defaults |= part_defaults
         questions |= part_questions
         answers |= ask_values(part_defaults, part_questions)
-        if part is draft.OPERATION:
-            repeat_until_valid(partial(draft.check_draft, origin))
-    return repeat_until_valid(partial(draft.write_study, out, origin, force=force))
+        if part is draft_keys.OPERATION:
+            repeat_until_valid(partial(study_folder.check_draft, origin))
+    return repeat_until_valid(partial(study_folder.write_study, out, origin, force=force))
 
 
 @init.command()
@@ -243,9 +250,11 @@ def _explain(draft: BenchDraft, json: bool) -> None:
 
 def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand; returns the draft with the answers."""
-    from dogshape.pipeline.drafts.study_folder import MASS, WORDS, source_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts.draft_keys import MASS, WORDS  # noqa: PLC0415
+    from dogshape.pipeline.drafts.draft_source import source_of  # noqa: PLC0415
 
-    draft, report = dialogue.correct_reading(draft, confirm=True)
+    tables = dialogue.correct_reading(draft, confirm=True)
+    draft = tables.draft
     values = {"name": dialogue.ask("name of the data set", target.name)} | dict(draft.values)
     values = {"source": dialogue.ask("who measured it, and when", "not said")} | values
     origin = dialogue.ask("clutch of the stand, as in (study or bench)", draft.origin)
@@ -254,7 +263,7 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
         questions = WORDS | {MASS: "moving mass, with fork and rod, kg"}
         values = changed_values(ask_values(dog_values, questions), dog_values) | values
     for key, (question, choices) in RECORD_QUESTIONS.items():
-        if key not in values and (key != EMPTY_CELLS or report.empty_rows):
+        if key not in values and (key != EMPTY_CELLS or tables.report.empty_rows):
             values[key] = dialogue.ask(f"{question}: {', '.join(choices)}", "unknown", choices)
     if "timeout_s" not in values and dialogue.ask("has the stand a time-out of its own?", False):
         values["timeout_s"] = dialogue.ask("time-out, s", 1.0)
@@ -263,7 +272,8 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
 
 def ask_values(defaults: Mapping[str, Any], questions: Mapping[str, str]) -> dict[str, Any]:
     """Ask for values by their keys, except for keys that earlier answers make void."""
-    from dogshape.pipeline.drafts.study_folder import CHOICES, is_void, value_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts.draft_keys import CHOICES  # noqa: PLC0415
+    from dogshape.pipeline.drafts.study_folder import is_void, value_of  # noqa: PLC0415
 
     answers: dict[str, Any] = {}
     for key, default in defaults.items():

@@ -16,12 +16,12 @@ from dogshape.cli.options import (
     Corrections,
     Engine,
     Jobs,
+    Journal,
     Json,
     OneForce,
     OneMismatch,
     Rise,
     Sets,
-    ShiftFolder,
     StudyArg,
     SurrogateFile,
     angles_of,
@@ -55,7 +55,7 @@ FILE_LABELS = {
     "stl": "one ring, both are alike",
     "step": "both rings",
     "sheet": "data sheet",
-    "fmu": "FMI 3.0 co-simulation",
+    "fmu": "FMI {fmi}.0 co-simulation",
     "map": "map over mismatch, force and angle",
 }
 
@@ -63,7 +63,7 @@ FILE_LABELS = {
 def _named_study(name: str, settings: list[str]) -> ds.Study:
     """Load a study by name, file or results, or a searched design as FOLDER#N or STUDY#N."""
     from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
-    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
     folder = StudyFolder(Path(name))
@@ -76,11 +76,7 @@ def _named_study(name: str, settings: list[str]) -> ds.Study:
 
 def _warn_of_doubts(study: ds.Study, angles: Collection[float] = ()) -> None:
     """Warn of units in doubt, of slides that lose power, and of angles beyond a pitch, deg."""
-    from dogshape.pipeline.simulate.plausibility import (  # noqa: PLC0415
-        angle_notes,
-        slide_notes,
-        slips_of,
-    )
+    from dogshape.pipeline.simulate.plausibility import angle_notes, slide_notes, slips_of  # noqa: PLC0415
 
     config = study.config
     warn([*slips_of(config), *slide_notes(config), *angle_notes(config.clutch.dog, angles)])
@@ -139,7 +135,7 @@ def expect(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Compute the expected shift time over the relative angle.
@@ -155,7 +151,7 @@ def expect(
         force_rise_s=force_rise_s,
         angles=relative_angles,
         precision=precision,
-        **run_arguments(jobs, cluster, keep, engine),
+        **run_arguments(jobs, cluster, journal, engine),
     )
     if json:
         warn(warning.removeprefix("warning: ") for warning in result.shortfall)
@@ -198,7 +194,7 @@ def validate(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Compare a bench data set with the simulation.
@@ -209,7 +205,7 @@ def validate(
         bench,
         angles_of(angles),
         correct=correct or (),
-        **run_arguments(jobs, cluster, keep, engine),
+        **run_arguments(jobs, cluster, journal, engine),
     )
     show(comparison, json)
 
@@ -223,7 +219,7 @@ def strength(
     engine: Engine = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    keep: ShiftFolder = None,
+    journal: Journal = None,
     json: Json = False,
 ) -> None:
     """Check strength, self-locking and manufacture of a design.
@@ -249,7 +245,7 @@ def strength(
         roots = root_stress.root_checks(problem.config.clutch.dog, problem.config.limits)
         record["finite_elements"] = [root.to_dict() for root in roots]
         tables = [root_stress.root_table(roots)]
-    arguments = run_arguments(jobs, cluster, keep, engine)
+    arguments = run_arguments(jobs, cluster, journal, engine)
     result = problem.strength(simulate=simulate, **arguments)
     parts = result.to_parts()
     if explain:
@@ -413,6 +409,7 @@ def export(
     why: Annotated[str, Option(help="with --sheet: reason of a decision")] = "",
     title: Annotated[list[str] | None, Option(metavar="KEY=TEXT", help="with --sheet")] = None,
     fmu: Annotated[Path | None, Option(help="block for driveline models; extra [fmu]")] = None,
+    fmi: Annotated[int, Option(help="with --fmu: version of FMI, 2 or 3")] = 3,
     map_: Annotated[
         Path | None, Option("--map", help="CSV: engagement and time, with tables beside")
     ] = None,
@@ -428,13 +425,12 @@ def export(
     results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
     Its --title has number (of the drawing), revision, date, author, checker and decided_by.
     The map has every mismatch with every force of the study at expectation.angles angles; with
-    --jobs workers.
+    --jobs workers. It replaces an earlier map with its tables.
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
-    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
-    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
     from dogshape.sim.strength.spline import require_face  # noqa: PLC0415
@@ -446,12 +442,9 @@ def export(
     radius = setup.limits.root_radius
     body = body_mm * MM
     files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet, "fmu": fmu, "map": map_}
-    if not any(files.values()):
-        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
-        raise InputError(f"export was asked for nothing; {remedy}")
+    _require_files(files)
     if (why or title) and sheet is None:
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
-    require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     sleeve = setup.limits.sleeve
     if stl or step:
@@ -459,20 +452,23 @@ def export(
     if sleeve is None and (svg or stl or step):
         for ring_dog in {pair.sliding, pair.output}:
             require_fillets(ring_dog, radius)
-    _load_extras(step, fmu)  # before anything is written
+    _load_extras(step, fmu, fmi)  # before anything is written
     design = design_of(setup, {})
     if not design.feasible:
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _warn_of_doubts(ds.Study.from_config(setup))
     _write_geometry(setup, ring, dog_design.title, body=body, svg=svg, stl=stl, step=step)
-    lines = _write_models(ds.Study.from_config(dog_design.prototype_study), fmu, map_, jobs)
+    models = ds.Study.from_config(dog_design.prototype_study)
+    if fmu is not None:
+        models.export_fmu(fmu, fmi)
+    lines = [] if map_ is None else _write_map(models, map_, jobs)
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
         block = dict(text.partition("=")[::2] for text in title or ())
         write_data_sheet(dog_design, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
-    labels = dict(FILE_LABELS)
+    labels = {kind: FILE_LABELS[kind].format(fmi=fmi) for kind in written}
     if not pair.alike:
         labels |= {"stl": f"{ring} ring", "svg": f"drawing of the {ring} ring's dog"}
     lines += [f"wrote {path} ({labels[kind]})" for kind, path in written.items()]
@@ -485,7 +481,21 @@ def export(
     emit({**written, **sizes}, json, lambda: lines)
 
 
-def _load_extras(step: Path | None, fmu: Path | None) -> None:
+def _require_files(files: dict[str, Path | None]) -> None:
+    """Raise InputError where no file is named, StorageError where one cannot be written."""
+    from dogshape.pipeline.export.engagement_map import require_map_targets  # noqa: PLC0415
+    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
+
+    if not any(files.values()):
+        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
+        raise InputError(f"export was asked for nothing; {remedy}")
+    require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
+    map_ = files["map"]
+    if map_ is not None:
+        require_map_targets(map_)
+
+
+def _load_extras(step: Path | None, fmu: Path | None, fmi: int) -> None:
     """Load the extras of the files that are asked for; InputError with the way to install one."""
     from dogshape.pipeline.export.cad import load_cad  # noqa: PLC0415
     from dogshape.pipeline.export.fmu import load_fmu_builder  # noqa: PLC0415
@@ -493,15 +503,11 @@ def _load_extras(step: Path | None, fmu: Path | None) -> None:
     if step is not None:
         load_cad()
     if fmu is not None:
-        load_fmu_builder()
+        load_fmu_builder(fmi)
 
 
-def _write_models(study: ds.Study, fmu: Path | None, map_: Path | None, jobs: int) -> list[str]:
-    """Write block and map for driveline models; return lines on the tables beside the map."""
-    if fmu is not None:
-        study.export_fmu(fmu)
-    if map_ is None:
-        return []
+def _write_map(study: ds.Study, map_: Path, jobs: int) -> list[str]:
+    """Write the map for driveline models; return lines on the tables beside it."""
     _, *tables = study.export_map(map_, jobs=jobs, progress=True)
     return [f"wrote {path}" for path in tables]
 

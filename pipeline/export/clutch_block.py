@@ -1,35 +1,20 @@
-"""Slave of the co-simulation FMU: one engagement as FMI 3.0 has it.
+"""Body of the co-simulation FMU: one engagement as a block of a driveline model.
 
-``pipeline.export.fmu`` puts this file into the FMU beside ``study.json``, the study whose clutch it
-simulates; the physics is that of the installed package (``sim.shift.stepped_shift``). All values
-are in SI units. Speeds, angles and torques count positive in the sense in which the engine turns.
+Variables, state and steps of the block are the same in all versions of FMI; ``fmi2_slave`` and
+``fmi3_slave`` declare them to pythonfmu and pythonfmu3. The physics is that of
+``sim.shift.stepped_shift``. All values are in SI units. Speeds, angles and torques count positive
+in the sense in which the engine turns.
 """
 
 from __future__ import annotations
 
-import ctypes
 import json
-import sys
-from collections.abc import Callable
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
-
-from pythonfmu3 import (
-    Boolean,
-    DefaultExperiment,
-    Float64,
-    Fmi3Causality,
-    Fmi3Initial,
-    Fmi3Slave,
-    Fmi3Status,
-    Fmi3StepResult,
-    Fmi3Variability,
-    Int32,
-    Unit,
-)
 
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
@@ -153,44 +138,44 @@ def clutch_with(clutch: Clutch, parameters: dict[str, float]) -> Clutch:
     return replace(clutch, **parts)
 
 
-def hold_loader(resources: Path) -> None:
-    """Instantiate the loader of an FMU on Linux once more, and never free that instance.
+@dataclass(frozen=True)
+class BlockVariable:
+    """A variable of the block; enumerations of FMI by the names that all versions have."""
 
-    At the end of a process the loader of pythonfmu3 0.3.4 releases its last reference twice
-    (``pyState``), which may abort the process; an instance that stays has one reference more.
+    kind: type  #: float, int or bool
+    name: str
+    unit: str  #: of SI, empty for a pure number
+    meaning: str
+    causality: str
+    variability: str
+    getter: Callable[[], Any]
+    setter: Callable[[float], None] | None = None
+
+
+class ClutchBlock:
+    """Dog clutch of a study; parameters are fixed once the initialization is left.
+
+    Parameters
+    ----------
+    folder
+        Resources of the FMU, with the study.
+    log
+        Receiver of sentences about errors. No error may leave the block: the loader of pythonfmu3
+        0.3.4 then frees it twice.
+
     """
-    library = resources.parent / "binaries" / "x86_64-linux" / f"{DogClutch.__name__}.so"
-    on_linux = sys.platform.startswith("linux") and library.is_file()
-    if library in _held_loaders or not on_linux:
-        return
-    _held_loaders.add(library)
-    instantiate = ctypes.CDLL(str(library)).fmi3InstantiateCoSimulation
-    instantiate.restype = ctypes.c_void_p
-    flags = [ctypes.c_bool(False)] * 4  # visible, logging, event mode, early return
-    no_variables = None, ctypes.c_size_t(0)
-    no_callbacks = (None,) * 3
-    folder = f"{resources}/".encode()
-    instantiate(b"held", b"", folder, *flags, *no_variables, *no_callbacks)
 
-
-_held_loaders: set[Path] = set()  # of this process
-
-
-class DogClutch(Fmi3Slave):  # type: ignore[misc]
-    """Dog clutch of a study; parameters are fixed once the initialization is left."""
-
-    def __init__(self, **arguments: Any) -> None:
-        super().__init__(**arguments)
-        folder = Path(self.resources)
-        if "logger" in arguments:  # from the loader, not from the builder of an FMU
-            hold_loader(folder)
+    def __init__(self, folder: Path, log: Callable[[str], None]) -> None:
         study = packed_study(folder)
-        self.guid = uuid5(NAMESPACE_URL, (folder / RESOURCE).read_text(encoding="utf-8"))
-        self.author = "dogshape"
-        self.version = engine()["dogshape"]
-        self.description = f"{DESCRIPTION} Study {study.name}."
-        self.default_experiment = DefaultExperiment(start_time=0.0, step_size=STEP_S)
+        #: Attributes of the model description.
+        self.identity: dict[str, Any] = {
+            "guid": uuid5(NAMESPACE_URL, (folder / RESOURCE).read_text(encoding="utf-8")),
+            "author": "dogshape",
+            "version": engine()["dogshape"],
+            "description": f"{DESCRIPTION} Study {study.name}.",
+        }
         self.time = 0.0
+        self._log = log
         self._begin: float | None = None  # time of the first step, s
         self._clutch = study.clutch
         self._loads = dict.fromkeys(INPUTS, 0.0)
@@ -199,19 +184,10 @@ class DogClutch(Fmi3Slave):  # type: ignore[misc]
         self._parameters = {name: value for name, (value, _) in parameters_of(self._clutch).items()}
         self._shift: SteppedShift | None = None
         self._fault = ""  # of the parameters
-        for name, (mass, length, time, angle) in UNITS.items():
-            self.register_units([Unit(name, kg=mass, m=length, s=time, rad=angle)])
-        self._register_time()
-        self._register_inputs()
-        self._register_parameters()
-        self._register_outputs()
 
     @property
     def shift(self) -> SteppedShift:
-        """Shift of the present parameters, of those of the study where they are wrong.
-
-        No error may leave the slave: the loader of pythonfmu3 0.3.4 then frees it twice.
-        """
+        """Shift of the present parameters, of those of the study where they are wrong."""
         if self._shift is None:
             self._fault = ""
             clutch = self._clutch
@@ -219,88 +195,77 @@ class DogClutch(Fmi3Slave):  # type: ignore[misc]
                 clutch = clutch_with(clutch, self._parameters)
             except DogshapeError as error:
                 self._fault = str(error)
-                self.log(self._fault, Fmi3Status.error)
+                self._log(self._fault)
             self._shift = SteppedShift(clutch, ShiftStart(*self._start.values()))
         return self._shift
 
-    def _add(self, kind: type[Any], name: str, unit: str, meaning: str, **options: Any) -> None:
-        """Register a variable; a pure number has no unit."""
-        if unit:
-            options["unit"] = unit
-        self.register_variable(kind(name, description=meaning, **options), nested=False)
-
-    def _register_time(self) -> None:
-        self._add(
-            Float64,
+    def variables(self) -> Iterator[BlockVariable]:
+        """Yield time, inputs, parameters and outputs."""
+        yield BlockVariable(
+            float,
             "time",
             unit="s",
             meaning="time of the simulation",
-            causality=Fmi3Causality.independent,
-            variability=Fmi3Variability.continuous,
+            causality="independent",
+            variability="continuous",
             getter=lambda: self.time,
         )
-
-    def _register_inputs(self) -> None:
         for name, (unit, meaning) in INPUTS.items():
-            self._add(
-                Float64,
+            yield BlockVariable(
+                float,
                 name,
                 unit=unit,
                 meaning=meaning,
-                causality=Fmi3Causality.input,
-                variability=Fmi3Variability.continuous,
+                causality="input",
+                variability="continuous",
                 getter=partial(self._loads.get, name),
                 setter=partial(self._loads.__setitem__, name),
             )
-
-    def _register_parameters(self) -> None:
-        """Register motion at the start and quantities of the clutch."""
         for name, (unit, meaning) in STARTS.items():
-            self._register_parameter(name, unit, meaning, self._start)
+            yield self._parameter(name, unit, meaning, self._start)
         for name, (_, key) in parameters_of(self._clutch).items():
             unit = SI_UNITS.get(suffix_of(key), "")
             meaning = f"key {key} of a study file, in SI units"
-            self._register_parameter(name, unit, meaning, self._parameters)
+            yield self._parameter(name, unit, meaning, self._parameters)
+        yield from self._outputs()
 
-    def _register_parameter(
+    def _parameter(
         self, name: str, unit: str, meaning: str, values: dict[str, float]
-    ) -> None:
+    ) -> BlockVariable:
         def write(value: float) -> None:
             values[name] = value
             self._shift = None
 
-        self._add(
-            Int32 if isinstance(values[name], int) else Float64,
+        return BlockVariable(
+            int if isinstance(values[name], int) else float,
             name,
             unit=unit,
             meaning=meaning,
-            causality=Fmi3Causality.parameter,
-            variability=Fmi3Variability.fixed,
-            initial=Fmi3Initial.exact,
+            causality="parameter",
+            variability="fixed",
             getter=partial(values.get, name),
             setter=write,
         )
 
-    def _register_outputs(self) -> None:
+    def _outputs(self) -> Iterator[BlockVariable]:
         for name, (unit, meaning) in OUTPUTS.items():
-            self._register_output(Float64, name, unit, meaning, self._motion_getter(name))
+            yield self._output(float, name, unit, meaning, self._motion_getter(name))
         meaning = f"time of the engagement, {NOT_ENGAGED_S:g} before it"
-        self._register_output(Float64, "engagement_time", "s", meaning, self._engagement_time)
-        self._register_output(Int32, "phase", "", PHASES, lambda: int(self.shift.phase))
+        yield self._output(float, "engagement_time", "s", meaning, self._engagement_time)
+        yield self._output(int, "phase", "", PHASES, lambda: int(self.shift.phase))
         meaning = "whether ring and actuator made the travel"
-        self._register_output(Boolean, "engaged", "", meaning, lambda: self.shift.engaged)
+        yield self._output(bool, "engaged", "", meaning, lambda: self.shift.engaged)
 
-    def _register_output(
-        self, kind: type[Any], name: str, unit: str, meaning: str, getter: Callable[[], Any]
-    ) -> None:
-        is_real = kind is Float64
-        self._add(
+    def _output(
+        self, kind: type, name: str, unit: str, meaning: str, getter: Callable[[], Any]
+    ) -> BlockVariable:
+        return BlockVariable(
             kind,
             name,
             unit=unit,
             meaning=meaning,
-            causality=Fmi3Causality.output,
-            variability=Fmi3Variability.continuous if is_real else Fmi3Variability.discrete,
+            causality="output",
+            variability="continuous" if kind is float else "discrete",
             getter=getter,
         )
 
@@ -313,27 +278,27 @@ class DogClutch(Fmi3Slave):  # type: ignore[misc]
             return NOT_ENGAGED_S
         return self.shift.engagement_time + (self._begin or 0.0)
 
-    def exit_initialization_mode(self) -> None:
+    def initialize(self) -> None:
         """Build the clutch, and log wrong parameters."""
         self._shift = self.shift
 
-    def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
-        """Advance by a communication step, or log the reason why it is impossible."""
+    def step(self, current_time: float, step_size: float) -> bool:
+        """Advance by a communication step, s; False with a sentence in the log if impossible."""
         if self._begin is None:
             self._begin = current_time
         end = current_time + step_size
         shift = self.shift
         if self._fault:
-            return Fmi3StepResult(status=Fmi3Status.error)
+            return False
         try:
             shift.advance(end - self._begin, StepLoads(*self._loads.values()))
         except DogshapeError as error:
-            self.log(str(error), Fmi3Status.error)
-            return Fmi3StepResult(status=Fmi3Status.error)
+            self._log(str(error))
+            return False
         self.time = end
-        return Fmi3StepResult(status=Fmi3Status.ok)
+        return True
 
-    def _get_fmu_state(self) -> dict[str, Any]:
+    def save(self) -> dict[str, Any]:
         """Copy inputs, parameters and the state of the shift as values of JSON."""
         return {
             "time": self.time,
@@ -344,8 +309,8 @@ class DogClutch(Fmi3Slave):  # type: ignore[misc]
             "shift": asdict(self.shift.save()),
         }
 
-    def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        """Go to a state of ``_get_fmu_state``."""
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go to a state of ``save``."""
         self.time = state["time"]
         self._begin = state["begin"]
         self._loads.update(state["loads"])
