@@ -13,7 +13,8 @@ import dogshape as ds
 from dogshape.cli import dialogue
 from dogshape.cli.app import app
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.drafts.study_folder import ACTUATOR_NUMBERS, write_study
+from dogshape.pipeline.drafts.draft_keys import ACTUATOR_NUMBERS
+from dogshape.pipeline.drafts.study_folder import write_study
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.sim.errors import InputError
 from dogshape.sim.quantity import record_quantities
