@@ -41,17 +41,18 @@ def chosen_clutch(clutch: Clutch) -> Clutch:
 
 def measure_cell(plant: ClutchPlant, point: OperatingPoint) -> tuple[int, float]:
     """Return the number of refused shifts and the largest penetration of the others, m."""
-    dog = plant.clutch.dog
+    pitch_angle = plant.clutch.dog.pitch_angle
+    planes = section_planes(plant.clutch.pair)
     refused_count = 0
     penetration = 0.0
     for k in range(ANGLES):
-        shift = engage(plant, point, (k + 0.5) / ANGLES * dog.pitch_angle)
+        shift = engage(plant, point, (k + 0.5) / ANGLES * pitch_angle)
         if shift.outcome is Outcome.DIVERGED:
             refused_count += 1
         else:
             run = shift.run
             numbers = plant.clutch.numbers
-            depth, _ = kernel.extremes(run.times, run.states, section_planes(dog), numbers)
+            depth, _ = kernel.extremes(run.times, run.states, planes, numbers)
             penetration = max(penetration, depth)
     return refused_count, penetration
 

@@ -179,7 +179,7 @@ class LivePage:
             path.write_text(dimensioned_svg(dog, limits, study.name), encoding="utf-8")
         else:
             require_face(limits.sleeve)
-            write_step(dog, limits.root_radius, BODY_THICKNESS, path)
+            write_step(study.config.clutch.pair, limits.root_radius, BODY_THICKNESS, path)
 
 
 def _number(key: str, texts: Texts) -> float:
@@ -358,8 +358,8 @@ def answer_at_once(live_page: LivePage, question: Question) -> tuple[dict[str, s
         refusal = "" if any(faults.values()) else f"There is no such dog: {message}"
         return faults, {"answer.className": "stale", "refused.children": refusal}
     svg = open_section_svg(
-        study.config.clutch.dog,
-        live_page.study.config.clutch.dog,
+        study.config.clutch.pair,
+        live_page.study.config.clutch.pair,
         is_sleeve=study.config.limits.sleeve is not None,
     )
     return dict.fromkeys(texts, ""), {

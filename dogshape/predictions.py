@@ -22,7 +22,13 @@ from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Place, Setup, points_of
 from dogshape.pipeline.record import Figure, Table
 from dogshape.pipeline.reports.text import time_text
-from dogshape.pipeline.simulate.design import Design, design_of, dogs_of, limits_of
+from dogshape.pipeline.simulate.design import (
+    Design,
+    design_of,
+    dogs_of,
+    limits_of,
+    pair_with,
+)
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.result import Result
 from dogshape.sim.clutch_tables import DogSection
@@ -353,7 +359,7 @@ def judge_designs(study: Setup, names: Sequence[str], x: Array) -> Judgements:
     parts = []
     with np.errstate(all="ignore"):  # of impossible shapes
         if has_common_limits(study, names):
-            is_possible |= dogs_of(study, names, x).possible
+            is_possible |= pair_with(study, dogs_of(study, names, x)).possible
         indices = np.flatnonzero(is_possible)
         for start in range(0, len(indices), CHUNK_SIZE):
             chunk = indices[start : start + CHUNK_SIZE]

@@ -38,10 +38,13 @@ from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog, Mount
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
+from dogshape.sim.shift.pair import OutputDog
 from dogshape.sim.units import DEG, from_si, suffix_of, to_si, unit_of
 
 DECLARATION = "quantity"  #: of a key, in the extras of its field
 MAX_VALUE_CHARACTERS = 60  #: of a value in a message
+MATING_KEYS = ("traction_deg", "braking_deg")  #: of a dog, in which both rings agree
+ANGLE_ERROR_DEG = 1e-9  #: of equal side angles
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"
 
 _INTEGER = "a whole number"
@@ -316,6 +319,32 @@ class DogSection(Keys, of=Dog):
         return lengths | {"backlash_mm": angle * per_deg}
 
 
+class OutputDogSection(Keys, of=OutputDog):
+    """Dimensions of the output ring's dog that differ from ``[dog]`` (``sim.shift.pair``).
+
+    ``material`` names the set of that ring; side angles are those of ``[dog]``.
+    """
+
+    traction_deg: float | None = later()
+    braking_deg: float | None = later()
+    material: str | None = later()
+
+    @property
+    def value(self) -> OutputDog:
+        """Dimensions that differ; InputError for mistakes."""
+        return OutputDog(**self.si(*MATING_KEYS, "material"))
+
+    def require_mate(self, dog: Dog) -> None:
+        """Raise InputError for a side angle with which the flanks of ``dog`` do not mate."""
+        for name in MATING_KEYS:
+            angle = getattr(self, name)
+            mate = from_si(name, getattr(dog, name.removesuffix("_deg")))
+            if angle is not None and not math.isclose(angle, mate, abs_tol=ANGLE_ERROR_DEG):
+                rule = f"flanks lie on each other at the {mate:.6g} deg of dog.{name} alone"
+                remedy = f"give {mate:.6g} or leave it out"
+                raise InputError(Refusal(f"output_dog.{name}", angle, "deg", rule, remedy))
+
+
 class SlidingSection(Section):
     """The ring that is shifted."""
 
@@ -491,7 +520,7 @@ def _key(error: ErrorDetails) -> str:
 def _is_unmodelled(path: list[str]) -> bool:
     """Test whether an unknown key asks for geometry beyond ``SCOPE``."""
     *tables, name = path
-    if tables in (["sliding"], ["output"]):
+    if tables in (["sliding"], ["output"], ["output_dog"]):
         return name in DogSection.model_fields
     return tables in ([], ["dog"], ["variables"], ["tolerance"]) and any(
         word in name.lower() for word in UNMODELLED

@@ -143,14 +143,18 @@ CLUTCH_NUMBERS = np.dtype(
                 ("mean_radius", "f8"),  # m
                 ("pitch_angle", "f8"),  # rad
                 ("axial_gap", "f8"),  # m
-                ("height", "f8"),  # m
+                ("height", "f8"),  # of the lower dog, m
                 ("radial_width", "f8"),  # m
                 ("shift_travel", "f8"),  # displacement at which a shift is finished, m
                 ("crest_overlap", "f8"),  # of two faces at dogs facing dogs, m
-                ("double_face_width", "f8"),  # m
-                ("face_slope", "f8"),  # tangent of the chamfer
-                ("double_back_width", "f8"),  # m
-                ("back_slope", "f8"),  # tangent of the chamfer of the back
+                ("face_reach", "f8"),  # sum of the widths of two faces that meet, m
+                ("face_slope", "f8"),  # tangent of the flatter face
+                ("face_width", "f8"),  # of the flatter face, m
+                ("face_slope_rise", "f8"),  # tangent of the steeper face less that of the flatter
+                ("back_reach", "f8"),  # sum of the widths of two backs that meet, m
+                ("back_slope", "f8"),  # tangent of the flatter back
+                ("back_width", "f8"),  # of the flatter back, m
+                ("back_slope_rise", "f8"),  # tangent of the steeper back less that of the flatter
                 # Drive, torques about the axis from the output to the sliding ring.
                 ("has_drive", "?"),  # whether any torque acts
                 ("torque_start", "f8"),  # of the piece of torques, s
@@ -175,17 +179,19 @@ CLUTCH_NUMBERS = np.dtype(
 
 
 class Surfaces(NamedTuple):
-    """Surfaces of a dog with p planes that touch."""
+    """Surfaces of the rigid dog of a pair and planes of the compliant one, q and p of them."""
 
-    corners: Array  #: of the rigid dog's quadrilaterals, m, (p, 4, 3)
-    normals: Array  #: outward, (p, 3)
-    offsets: Array  #: of the compliant dog's planes along their normals, m, (p,)
+    corners: Array  #: of the rigid dog's quadrilaterals, m, (q, 4, 3)
+    rigid_normals: Array  #: of the quadrilaterals, outward, (q, 3)
+    normals: Array  #: of the compliant dog's planes, outward, (p, 3)
+    offsets: Array  #: of these planes along their normals, m, (p,)
     traction_lean: float  #: least turn by a traction flank's lean over the distance, rad/m
     braking_lean: float  #: least turn by a braking flank's lean over the distance, rad/m
     half_backlash: float  #: rad
     pitch_angle: float  #: rad
     axial_gap: float  #: m
     travel: float  #: m
+    is_rigid_face: Mask  #: whether a quadrilateral is a face of the tip, (q,)
     is_face: Mask  #: whether a plane is a face of the tip, (p,)
 
 

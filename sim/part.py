@@ -42,7 +42,7 @@ def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
 
     The ridge of a roof comes between the edges.
     """
-    floor = Plane(np.array([0.0, 0.0, 1.0]), -0.5 * dog.height)
+    floor = Plane(np.array([0.0, 0.0, 1.0]), -dog.dedendum)
     sides = dog_planes(dog).touching
     tip_radii = (len(sides) - 1) * [tip_radius(dog, root_radius)]
     radii = (-root_radius, *tip_radii, -root_radius)
@@ -165,7 +165,7 @@ def ring_part(
     Raises GeometryError where roundings do not fit.
     """
     pieces = profile(dog, root_radius, segments, step)
-    floor = -0.5 * dog.height
+    floor = -dog.dedendum
     depth = WAIST_DEPTH * min(body, dog.height)
     turns = dog.pitch_angle * np.arange(dog.count)
     rows = []

@@ -18,7 +18,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -573,13 +573,13 @@ def _difference(base: Setting, changed: Setting) -> Fields:
 def _flat_fields(setting: Setting) -> Fields:
     """Return all fields of a setting by part and name, ``contact.stiffness`` for instance."""
     profile = setting.point.profile
-    clutch = vars(setting.clutch)
+    clutch = {entry.name: getattr(setting.clutch, entry.name) for entry in fields(setting.clutch)}
     parts = ("dog", "rings", "contact", "mechanism")
-    fields: Fields = {}
+    part_fields: Fields = {}
     for part in parts:
-        fields |= {f"{part}.{name}": value for name, value in vars(clutch[part]).items()}
+        part_fields |= {f"{part}.{name}": value for name, value in vars(clutch[part]).items()}
     return {
-        **fields,
+        **part_fields,
         "actuation.factor": profile.force / PROBE.profile.force,
         "actuation.loss": profile.loss,
         "actuation.rise_factor": profile.rise / PROBE.profile.rise,

@@ -17,6 +17,7 @@ from dogshape.sim.clutch_tables import (
     DriveSection,
     Keys,
     MechanismSection,
+    OutputDogSection,
     OutputSection,
     Section,
     SlidingSection,
@@ -358,6 +359,7 @@ class StudyFile(Section):
     format: int
     name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^\w[\w.-]*$")]
     dog: DogSection
+    output_dog: OutputDogSection | None = later()
     sliding: SlidingSection
     output: OutputSection
     contact: ContactSection = ContactSection()

@@ -41,6 +41,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
 from dogshape.sim.shift.drive import MAX_TORQUE_NM
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.pair import ALIKE, OutputDog, dog_pair
 from dogshape.sim.shift.trace import torque_peak
 from dogshape.sim.statistics.expectation import SetPoint
 from dogshape.sim.statistics.shift_records import (
@@ -53,6 +54,7 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
+from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.spline import Sleeve
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
@@ -203,10 +205,13 @@ class Setup:
     def dog_with(self, params: dict[str, float]) -> Dog:
         """Return the study's dog with other values, edge units; keys of the operation are ignored.
 
-        Raises InputError or GeometryError where there is no such dog.
+        Raises InputError or GeometryError where there is no such dog, or none beside it on the
+        output ring.
         """
         shape = {key: value for key, value in params.items() if key not in OPERATED}
-        return replace(self.clutch.dog, **dog_fields(shape))
+        dog = replace(self.clutch.dog, **dog_fields(shape))
+        dog_pair(dog, self.clutch.output_dog)
+        return dog
 
     def torque_peak(self, shift: Engagement) -> float | None:
         """Compute the largest torque of the driveline in a shift, N m; None without stiffness."""
@@ -423,6 +428,7 @@ def build_study(file: StudyFile) -> Setup:
         solver=Solver(),
         drive=file.drive.value,
         actuator=file.actuation.actuator,
+        output_dog=output_dog_of(file),
     )
     _require_confirmation(file)
     _require_limit_torques(file)
@@ -509,6 +515,7 @@ def _require_parts(file: StudyFile) -> None:
         partial(_operating_rows, file),
         file.load.case,
         *(partial(getattr, section, "value") for section in sections),
+        partial(output_dog_of, file),
         partial(wear_of, file),
         partial(sleeve_of, file),
         partial(getattr, file.variables, "ranges"),
@@ -568,6 +575,8 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
         strikes=tuple(file.strike.at_ends(clutch, points)) if file.strike else (),
         sleeve=sleeve_of(file),
+        output_dog=clutch.output_dog,
+        output_material=_output_material(file),
     )
 
 
@@ -601,13 +610,13 @@ def _require_fall(file: StudyFile, clutch: Clutch, force: float) -> None:
     ``force`` is the least shift force, N.
     """
     alternating = file.shift.alternating
-    dog = clutch.dog
+    pair = clutch.pair
     mass = clutch.rings.mass + clutch.mechanism.added_mass
-    fall_time = math.sqrt(2.0 * mass * dog.height / force)
-    max_speed = MAX_PASSED_PLAY * dog.entry_play / dog.mean_radius / fall_time / RPM
+    fall_time = math.sqrt(2.0 * mass * pair.depth / force)
+    max_speed = MAX_PASSED_PLAY * pair.entry_play / clutch.dog.mean_radius / fall_time / RPM
     if alternating is not None and alternating.amplitude_rpm > max_speed:
         rule = (
-            f"{force:.6g} N push the ring {dog.height / MM:.4g} mm into a slot in "
+            f"{force:.6g} N push the ring {pair.depth / MM:.4g} mm into a slot in "
             f"{1e3 * fall_time:.3g} ms, and more than {max_speed:.4g} 1/min may throw it out again"
         )
         key = "shift.alternating.amplitude_rpm"
@@ -616,10 +625,33 @@ def _require_fall(file: StudyFile, clutch: Clutch, force: float) -> None:
         )
 
 
+def output_dog_of(file: StudyFile) -> OutputDog:
+    """Build what differs in the output ring's dog; InputError or GeometryError for mistakes."""
+    section = file.output_dog
+    if section is None:
+        return ALIKE
+    dog = file.dog.value
+    section.require_mate(dog)
+    output_dog = section.value
+    dog_pair(dog, output_dog)
+    return output_dog
+
+
+def _output_material(file: StudyFile) -> Material | None:
+    """Look up the material of the output ring, None for that of the sliding ring."""
+    name = None if file.output_dog is None else file.output_dog.material
+    return None if name is None else material_of(name)
+
+
 def wear_of(file: StudyFile) -> Wear | None:
     """Build the wear model, None without ``[wear]``; InputError for mistakes."""
     if file.wear is None:
         return None
+    if file.output_dog is not None:
+        raise InputError(
+            "[wear] wears the dogs of both rings alike, and [output_dog] makes them unlike; leave "
+            "one of them out, or give the worn ring as [output_dog]"
+        )
     wear: Wear = file.wear.value
     wear.edges(file.dog.value, 1.0)  # refuses edges sharper than those of the dog
     return wear

@@ -24,6 +24,7 @@ from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.part import dog_corners, fill_plane, require_room
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Corner, Lines, Vertices, rotation
+from dogshape.sim.shift.pair import Pair
 from dogshape.sim.units import MM
 
 SHELL_MARGIN = 0.02e-3  #: reach of the shell beyond the annulus, m; less than a land
@@ -45,7 +46,7 @@ def load_cad() -> Any:
         raise InputError(f"{fault}; {remedy}") from error
 
 
-def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
+def write_step(pair: Pair, root_radius: float, body: float, path: Path) -> None:
     """Write both rings in neutral to a STEP file in mm.
 
     Two solids, ``sliding ring`` and ``output ring``, on the z axis with their crests an
@@ -54,8 +55,8 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
 
     Parameters
     ----------
-    dog
-        Dog of both rings.
+    pair
+        Dogs of both rings.
     root_radius
         Radius of fillets and rounded tips, m.
     body
@@ -72,12 +73,13 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
 
     """
     cad = load_cad()
-    sliding_ring = ring_solid(dog, root_radius, body)
+    sliding_ring = ring_solid(pair.sliding, root_radius, body)
+    output_ring = sliding_ring if pair.alike else ring_solid(pair.output, root_radius, body)
     # Transformed, not moved: a moved copy would share the name of the first ring.
-    output_ring = sliding_ring.rotate(cad.Axis.X, 180.0, transform=True)
-    half_pitch = math.degrees(0.5 * dog.pitch_angle)
+    output_ring = output_ring.rotate(cad.Axis.X, 180.0, transform=True)
+    half_pitch = math.degrees(0.5 * pair.sliding.pitch_angle)
     output_ring = output_ring.rotate(cad.Axis.Z, half_pitch, transform=True)
-    output_ring = output_ring.translate((0.0, 0.0, dog.travel / MM), transform=True)
+    output_ring = output_ring.translate((0.0, 0.0, pair.travel / MM), transform=True)
     sliding_ring.label = "sliding ring"
     output_ring.label = "output ring"
     pair = cad.Compound(label="dog clutch", children=[sliding_ring, output_ring])
@@ -133,7 +135,7 @@ def _floor_angle(dog: Dog, corners: Sequence[Corner]) -> float:
 
 def _toothed_side(cad: Any, dog: Dog, corners: Sequence[Corner], cut_angle: float) -> list[Any]:
     """Build the faces of one pitch, floor to floor, a little larger than the annulus."""
-    floor = np.array([[0.0, 0.0, -0.5 * dog.height]])
+    floor = np.array([[0.0, 0.0, -dog.dedendum]])
     radii = _shell_radii(dog)
     floor_edges = []
     for angle in (cut_angle - dog.pitch_angle - FLOOR_MARGIN, cut_angle + FLOOR_MARGIN):
@@ -208,8 +210,8 @@ def _cylinder(cad: Any, corner: Corner, begin: _Edge, end: _Edge) -> Any:
 
 def _sector(cad: Any, dog: Dog, body: float, cut_angle: float) -> Any:
     """Build one pitch of a plain ring that ends above the crests."""
-    bottom = -0.5 * dog.height - body
-    top = 0.5 * dog.height + 1.0 * MM
+    bottom = -dog.dedendum - body
+    top = dog.addendum + 1.0 * MM
     angles = (cut_angle - dog.pitch_angle, cut_angle - 0.5 * dog.pitch_angle, cut_angle)
 
     def rim(radius: float) -> list[tuple[float, float, float]]:

@@ -9,10 +9,12 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from html import escape
 
 from dogshape.sim.shift.geometry import Dog, crest_loss, section, tip_radius
+from dogshape.sim.shift.pair import Pair
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.units import DEG, MM
 
@@ -186,45 +188,47 @@ def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
 
 
 def open_section_svg(
-    dog: Dog, ghost: Dog, name: str = "initial design", *, is_sleeve: bool = False
+    pair: Pair, ghost: Pair, name: str = "initial design", *, is_sleeve: bool = False
 ) -> str:
     """Draw both rings before the shift, dogs over slots, to scale.
 
-    The dogs of ``ghost``, a design of this ``name``, are dashed in the output ring. Teeth of a
-    sleeve have no floor between them.
+    The output dogs of ``ghost``, a design of this ``name``, are dashed. Teeth of a sleeve have no
+    floor between them.
     """
     width = 860.0
     height = 250.0
-    gap = dog.axial_gap / MM
-    max_height = max(dog.height, ghost.height) / MM
-    scale = min(
-        width / (4.3 * ghost.pitch / MM), (height - 70.0) / (2.0 * max_height + gap)
-    )  # px/mm
+    gap = pair.sliding.axial_gap / MM
+    heights = max(design.sliding.height + design.output.height for design in (pair, ghost)) / MM
+    pitch = ghost.sliding.pitch / MM
+    scale = min(width / (4.3 * pitch), (height - 70.0) / (heights + gap))  # px/mm
     crest_level = 0.5 * (height + gap * scale)  # of the output ring
 
     def output_profile(ring: Dog) -> list[complex]:
-        half_height = 0.5 * ring.height / MM
+        rise = ring.addendum / MM
         return [
-            complex(0.5 * width + x * scale, crest_level + (half_height - z) * scale)
+            complex(0.5 * width + x * scale, crest_level + (rise - z) * scale)
             for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
         ]
 
     def sliding_profile(ring: Dog) -> list[complex]:
-        depth = gap + 0.5 * ring.height / MM
+        depth = gap + ring.addendum / MM
         half_pitch = 0.5 * ring.pitch / MM
         return [
             complex(0.5 * width + (half_pitch - x) * scale, crest_level - (depth - z) * scale)
             for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
         ]
 
-    corners = len(section(dog)) if is_sleeve else 0
-    ghost_corners = len(section(ghost)) if is_sleeve else 0
+    corners = len(section(pair.output)) if is_sleeve else 0
+    ghost_corners = len(section(ghost.output)) if is_sleeve else 0
     words = "output ring, unrolled at the mean radius; dashed: "
     corner = width - 16 + 1j * height
     elements = [
-        _ring(sliding_profile(dog), -5.0, "ring-b", corners),
-        _ring(output_profile(dog), height + 5.0, "ring-a", corners),
-        *(_line(*part, kind="ghost") for part in _teeth(output_profile(ghost), ghost_corners)),
+        _ring(sliding_profile(pair.sliding), -5.0, "ring-b", corners),
+        _ring(output_profile(pair.output), height + 5.0, "ring-a", corners),
+        *(
+            _line(*part, kind="ghost")
+            for part in _teeth(output_profile(ghost.output), ghost_corners)
+        ),
         _line(corner - 5.0 * scale - 14.0j, corner - 14.0j, kind="bar"),
         _text(corner - 8.0 - 5.0 * scale - 10.0j, "5 mm", "end", "small"),
         _text(10.0 + 18.0j, "sliding ring", "start", "small"),
@@ -266,14 +270,14 @@ class _DogSection:
         self.top_radius = tip_radius(dog, self.root_radius)  # m
         self.left = self.point(-reach, 0.0)
         self.right = self.point(reach, 0.0)
-        half_height = 0.5 * dog.height
-        self.bottom = self.point(0.0, -half_height).imag + 84.0  # of the ring, px
+        self.bottom = self.point(0.0, -dog.dedendum).imag + 84.0  # of the ring, px
         self.corners = [self.point(x, z) for x, z in section(dog)]
         self.braking_root, self.edge, *_, self.back, self.traction_root = self.corners
         self.crest = min(self.corners, key=lambda corner: (corner.imag, -corner.real))
         middle = 0.25 * (dog.pitch - dog.backlash)
         #: intersection of the traction flank with the plane of the tip
-        self.traction_tip = self.point(middle - half_height * dog.tangents[1], half_height)
+        rise = dog.addendum
+        self.traction_tip = self.point(middle - rise * dog.tangents[1], rise)
 
     def point(self, x: float, z: float) -> complex:
         """Place a point of the section, m from the middle of the dog, in px."""
@@ -470,6 +474,17 @@ def _notes(drawing: _DogSection) -> list[str]:
     ]
 
 
+def ring_drawings(pair: Pair, limits: Limits, title: str) -> list[str]:
+    """Draw the dimensioned section of the dog of both rings, or of either where they are unlike."""
+    if not limits.has_unlike_rings:
+        return [dimensioned_svg(pair.sliding, limits, title)]
+    output_limits = replace(limits, material=limits.output_material or limits.material)
+    return [
+        dimensioned_svg(pair.sliding, limits, f"{title}, sliding ring"),
+        dimensioned_svg(pair.output, output_limits, f"{title}, output ring"),
+    ]
+
+
 def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned section") -> str:
     """Draw the dimensioned section of one dog as an SVG document.
 
@@ -477,10 +492,11 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
     """
     drawing = _DogSection(dog, limits)
     angle_level = drawing.crest.imag - 96.0
+    plane = "median plane" if dog.root_depth is None else "pitch plane"
     elements = [
         _part(drawing),
         _line(drawing.left - 8.0, drawing.right + 8.0, kind="axis"),
-        _text(drawing.right + 60.0 + 4.0j, "median plane", "start", "small"),
+        _text(drawing.right + 60.0 + 4.0j, plane, "start", "small"),
         *_lengths(drawing),
         *_face_angles(drawing, angle_level),
         *_flank_angles(drawing, angle_level),

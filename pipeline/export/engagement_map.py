@@ -87,15 +87,16 @@ class EngagementMap:
         """Parameters of Simscape's block with which it engages as the map does."""
         clutch = self.study.clutch
         dog = clutch.dog
+        pair = clutch.pair
         share = self.study.file.expectation.first_window_share
         rows = (
             ("Number of teeth", float(dog.count), "1", "dog.count"),
-            ("Backlash", dog.backlash_angle / DEG, "deg", "play of the seated pair"),
-            ("Tooth height", dog.height / MM, "mm", "dog.height_mm"),
+            ("Backlash", pair.backlash_angle / DEG, "deg", "play of the seated pair"),
+            ("Tooth height", pair.depth / MM, "mm", "dog.height_mm"),
             ("Ring-hub clearance when disengaged", dog.axial_gap / MM, "mm", "dog.axial_gap_mm"),
             (
                 "Tooth overlap to engage",
-                (dog.height - clutch.seated_tolerance) / MM,
+                (pair.depth - clutch.seated_tolerance) / MM,
                 "mm",
                 "height less shift.seated_tolerance_mm, where a shift of the map ends",
             ),

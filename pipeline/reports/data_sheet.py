@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import toml_value
-from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.pipeline.export.drawing import ring_drawings
 from dogshape.pipeline.record import Bad, Table, percent
 from dogshape.pipeline.reports.design_record import DesignSheet, PointDifference, PointTime
 from dogshape.pipeline.reports.named_design import NamedDesign
@@ -43,6 +43,7 @@ from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import ContactSet
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.pair import OutputDog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.verdict import WORDS
@@ -182,11 +183,14 @@ def write_sheet(
     page = Report(f"{design.title}: data sheet", title.pop("why"), compact=True)
     page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))
     page.add("", Table(("", ""), [judged]))
-    page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, design.title)))
+    drawings = ring_drawings(study.clutch.pair, study.limits, design.title)
+    page.add("", *map(Markup, drawings))
     sizes = [_size_cells(dimension) for dimension in dimensions]
     page.add(f"Dimensions ({sheet.material})", Table(("", "", ""), sizes))
     page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))
-    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square")
+    columns = ["name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square"]
+    if study.limits.has_unlike_rings:
+        columns.append("ring")
     page.add("Margins to the limits", check_table(rows, *columns))
     assumptions = verdict.hangs_on[:MAX_ASSUMPTIONS]
     hinges = hinge_table(assumptions, "assumption", "range", "smallest_margin")
@@ -256,6 +260,17 @@ def _dimensions(study: Setup) -> list[Dimension]:
                 value=from_si(name, size),
                 unit=unit_of(name),
                 tolerance=from_si(name, tolerance),
+            )
+        )
+    for name, size in study.clutch.output_dog.given.items():
+        key = quantities_of(OutputDog)[name].key
+        tolerance = limits.tolerances.dimensions.get(name)
+        dimensions.append(
+            Dimension(
+                key=f"output_dog_{key}",
+                value=from_si(key, size),
+                unit=unit_of(key),
+                tolerance=from_si(key, tolerance),
             )
         )
     return dimensions

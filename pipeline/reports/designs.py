@@ -170,7 +170,8 @@ def confirmed_verdict(confirmed: ConfirmedDesign) -> VerdictRow:
     for check in confirmed.checks:
         if check.margin is not None:
             low, high = check.margin_interval or (check.margin, check.margin)
-            margins.append(Margin(check.name, check.margin, clear=low >= 0.0 or high < 0.0))
+            clear = low >= 0.0 or high < 0.0
+            margins.append(Margin(check.name, check.margin, clear, check.ring or ""))
     return VerdictRow.of(judge(margins, ()))
 
 

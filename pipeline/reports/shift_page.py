@@ -27,6 +27,7 @@ from dogshape.pipeline.reports.text import ENGINES, check_name, in_ms, minus, va
 from dogshape.sim import kernel
 from dogshape.sim.files import write_whole
 from dogshape.sim.shift.conclusion import Engagement, Outcome
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.shift.trace import Phase, Trace, crests_cross
 from dogshape.sim.statistics.blocks import events_record, loads_record
@@ -143,8 +144,8 @@ def write_animation(
 
 def _animation_data(result: Engagement) -> dict[str, Any]:
     """Collect series, phases and geometry of a shift as the scripts of the page read them."""
-    dog = result.clutch.dog
-    solid = dog_solid(dog)
+    pair = result.clutch.pair
+    dog = pair.sliding
     phases = [
         {
             "name": phase_title(phase.name),
@@ -159,10 +160,20 @@ def _animation_data(result: Engagement) -> dict[str, Any]:
         "series": _series(result).round(9).to_dict("list"),
         "phases": phases,
         "pitch": dog.pitch / MM,
-        "height": dog.height / MM,
-        "gap": dog.axial_gap / MM,
+        "travel": pair.travel / MM,
+        "length": pair.axial_length / MM,
         "radii": [dog.inner_radius / MM, dog.outer_radius / MM],
         "count": dog.count,
+        "sliding": _ring_shape(dog),
+        "output": _ring_shape(pair.output),
+    }
+
+
+def _ring_shape(dog: Dog) -> dict[str, Any]:
+    """Collect section and surface of a ring's dog in mm; the root is below the pitch plane."""
+    solid = dog_solid(dog)
+    return {
+        "root": dog.dedendum / MM,
         "profile": outline(dog, 1),
         "vertices": np.round(solid.vertices / MM, 4).ravel().tolist(),
         "cells": solid.cells.ravel().tolist(),

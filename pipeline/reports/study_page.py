@@ -11,7 +11,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
+from dogshape.pipeline.export.drawing import open_section_svg, ring_drawings
 from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Bad, Table, percent, tabulate
 from dogshape.pipeline.reports.charts import (
@@ -61,6 +61,7 @@ from dogshape.pipeline.search.study_record import (
     StudyRecord,
     read_study_record,
 )
+from dogshape.pipeline.simulate.design import pair_with
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.check_records import VerdictRow, hinge_table
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
@@ -113,7 +114,8 @@ def _add_chosen_design(
     dog = study.dog_with(best.params(study.variables))
     confirmation = result.confirmation
     is_sleeve = study.limits.sleeve is not None
-    section = Markup(open_section_svg(dog, study.clutch.dog, "prototype", is_sleeve=is_sleeve))
+    pair = pair_with(study, dog)
+    section = Markup(open_section_svg(pair, study.clutch.pair, "prototype", is_sleeve=is_sleeve))
     page.add("", *summary_tables(study, result), section)
     page.add("Front", *front_parts(study, result))
     _add_effects(page, folder)
@@ -125,7 +127,8 @@ def _add_chosen_design(
     if result.life:
         page.add("Life", life_table(result.life))
     title = f"{design_name(best).capitalize()}, dimensioned section"
-    page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
+    drawings = ring_drawings(pair_with(study, dog), study.limits, title)
+    page.add("Drawing", *map(Markup, drawings))
 
 
 def _add_nearest_designs(
@@ -168,7 +171,7 @@ def _drawing(study: Setup, design: DesignRow) -> list[Part]:
     except GeometryError:
         return []
     title = f"{design_name(design).capitalize()}, nearest to passing every check"
-    return [Markup(dimensioned_svg(dog, study.limits, title))]
+    return [*map(Markup, ring_drawings(pair_with(study, dog), study.limits, title))]
 
 
 def front_parts(study: Setup, result: StudyRecord) -> list[Part]:

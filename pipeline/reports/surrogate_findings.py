@@ -20,7 +20,13 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import SHARE, FileRecord, Record, Table
 from dogshape.pipeline.reports.text import check_name, in_ms
-from dogshape.pipeline.simulate.design import WITHIN, check_dog, dogs_of, limits_of
+from dogshape.pipeline.simulate.design import (
+    WITHIN,
+    check_dog,
+    dogs_of,
+    limits_of,
+    pair_with,
+)
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import first_designs
 from dogshape.sim.clutch_tables import key, validate
@@ -294,7 +300,7 @@ def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
         return np.array([np.broadcast_to(margin, len(places)) for margin in margins]).T
 
     with np.errstate(all="ignore"):  # of shapes that cannot be
-        possible = dogs_of(study, shape, designs[:, of_shape]).possible
+        possible = pair_with(study, dogs_of(study, shape, designs[:, of_shape])).possible
         groups: dict[tuple[float, ...], list[int]] = {}  # operated alike, with limits alike
         for place in np.flatnonzero(np.broadcast_to(possible, len(designs))).tolist():
             groups.setdefault(tuple(designs[place, ~of_shape].tolist()), []).append(place)

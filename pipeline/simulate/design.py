@@ -22,6 +22,7 @@ from dogshape.sim.clutch_tables import si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, Refusal, require_known
 from dogshape.sim.shift.geometry import Dog, Dogs
+from dogshape.sim.shift.pair import Pair
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.strength.checks import RULES, LimitCheck, Rule
@@ -269,6 +270,11 @@ def dogs_of(study: Setup, names: Sequence[str], x: Array) -> Dogs:
     return Dogs(**(nominal | si_fields(columns)))
 
 
+def pair_with(study: Setup, dog: Dog) -> Pair:
+    """Build the pair of a dog, or of ``Dogs``, with that of the study's output ring."""
+    return Pair(dog, study.clutch.output_dog.beside(dog))
+
+
 def mark_worthy(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
     """Mark the designs that are ``worth_simulating``, (n,).
 
@@ -280,7 +286,7 @@ def mark_worthy(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
         return np.array([worth_simulating(study, params) for params in designs])
     x = study.rows(designs)
     with np.errstate(all="ignore"):  # of shapes that cannot be
-        passed = np.ones(len(x), dtype=bool) & dogs_of(study, names, x).possible
+        passed = np.ones(len(x), dtype=bool) & pair_with(study, dogs_of(study, names, x)).possible
         for limits in ([], limits_of(study)):  # margins within tolerances take longest
             if passed.any():
                 dogs = dogs_of(study, names, x[passed])
@@ -395,13 +401,13 @@ OBJECTIVES = {
             "axial_length_mm",
             "axial length, root to root",
             "mm",
-            lambda _design, dog: dog.axial_length / MM,
+            lambda design, dog: pair_with(design.study, dog).axial_length / MM,
         ),
         Objective(
             "backlash_mm",
             "backlash at the mean radius",
             "mm",
-            lambda _design, dog: dog.backlash / MM,
+            lambda design, dog: pair_with(design.study, dog).backlash / MM,
             low=-math.inf,
         ),
         Objective(

@@ -12,6 +12,7 @@ from dataclasses import replace
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import SPLINE
+from dogshape.sim.shift.pair import Pair
 from dogshape.sim.shift.slide import LOSS_LIMIT, slide_loss, sliding_faces, stiffness_for_loss
 from dogshape.sim.strength.dog_strength import outside_fit, strength_checks
 from dogshape.sim.strength.materials import DENSITY, STATIC_CYCLES
@@ -36,6 +37,9 @@ def notes_of(study: Setup) -> list[str]:
     root_faults = []
     if study.limits.sleeve is None:
         root_faults = outside_fit(clutch.dog, study.limits.root_radius)
+        if not clutch.pair.alike:
+            output_faults = outside_fit(clutch.pair.output, study.limits.root_radius)
+            root_faults += [f"output ring: {fault}" for fault in output_faults]
     notes = [f"{fault}; --fem checks it" for fault in root_faults]
     if study.limits.strikes and clutch.mechanism.ring_inertia == 0.0:
         notes.append(
@@ -104,7 +108,7 @@ def slips_of(study: Setup) -> list[str]:
         *_angle_slips(study.clutch.dog),
         *_size_slips(study),
         *_ring_slips(study),
-        *_play_notes(study.clutch.dog),
+        *_play_notes(study.clutch.pair),
     ]
 
 
@@ -153,9 +157,9 @@ def _size_slips(study: Setup) -> list[str]:
     return notes
 
 
-def _play_notes(dog: Dog) -> list[str]:
+def _play_notes(pair: Pair) -> list[str]:
     """Warn of flanks whose play is less than the usual errors of pitch."""
-    play = dog.passing_play if dog.lean < 0.0 else dog.entry_play
+    play = pair.passing_play if pair.sliding.lean < 0.0 else pair.entry_play
     if play < PITCH_ERROR:
         return [
             f"the flanks leave {play / MM:.3g} mm between a tip and the mouth of its "

@@ -56,6 +56,9 @@ class CheckRow(FileRecord):
     ends: str | None = key(
         "ends of ranges at which the margin is smallest; absent without ranges", "", None
     )
+    ring: str | None = key(
+        "ring with the smaller margin; absent of equal rings", "", None, head="ring"
+    )
     safety: float | None = key(
         "safety factor, upper limit of a stress or force over its value; null for other checks",
         "1",
@@ -73,6 +76,8 @@ class CheckRow(FileRecord):
             optional["margin_interval"] = list(check.margin_interval)
         if check.ends:
             optional["ends"] = check.ends
+        if check.ring:
+            optional["ring"] = check.ring
         return cls(
             name=check.name,
             value=number_or_none(check.value),
@@ -150,10 +155,11 @@ def _places(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
 
 
 def _check_columns(rows: Sequence[CheckRow]) -> tuple[str, ...]:
-    """List the default columns of checks; intervals only where a check has one."""
+    """List the default columns of checks; intervals and rings only where a check has one."""
     values = ("name", "value", "limit", "unit", "safety", "margin")
     interval = ("margin_interval",) if any(row.margin_interval for row in rows) else ()
-    return (*values, *interval, "margin_root_sum_square", "margin_worst_case", "passed")
+    ring = ("ring",) if any(row.ring for row in rows) else ()
+    return (*values, *interval, "margin_root_sum_square", "margin_worst_case", "passed", *ring)
 
 
 class HingeRow(Record):

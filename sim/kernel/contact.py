@@ -158,7 +158,7 @@ def contact(angle, distance, relative_speed, axial_speed, surfaces, law, room):
     distance : of the median planes, m.
     relative_speed : output less sliding speed, rad/s.
     axial_speed : of the sliding ring into engagement, m/s.
-    surfaces : ``Surfaces`` of the dog.
+    surfaces : ``Surfaces`` of both dogs.
     law : record of ``CONTACT_LAW``.
     room : of ``clip_room``.
 
@@ -170,6 +170,7 @@ def contact(angle, distance, relative_speed, axial_speed, surfaces, law, room):
     buffers = _clip_buffers(room)
     pitch = surfaces.pitch_angle
     plane_count = surfaces.normals.shape[0]
+    quad_count = surfaces.rigid_normals.shape[0]
     axial = 0.0
     torque = 0.0
     turn = -relative_speed
@@ -190,7 +191,7 @@ def contact(angle, distance, relative_speed, axial_speed, surfaces, law, room):
             axial += force
             torque += moment
             continue
-        for quad in range(plane_count):
+        for quad in range(quad_count):
             if not _may_touch(quad, surfaces, buffers):
                 continue
             for plane in range(plane_count):
@@ -231,7 +232,7 @@ def _may_touch(quad, surfaces, buffers):
     for turn in range(plane_count):
         # The plane of the same kind comes first: most surfaces lie above it.
         plane = quad + turn
-        if plane >= plane_count:
+        while plane >= plane_count:
             plane -= plane_count
         planes = buffers.planes
         placed = planes[plane, 0], planes[plane, 1], planes[plane, 2], planes[plane, 3]
@@ -276,13 +277,12 @@ def _part_nearest(quad, plane, surfaces, buffers):
         Number of corners, 0 for no such part, and index of the polygon in ``buffers``.
     """
     corners = surfaces.corners
-    normals = surfaces.normals
-    plane_count = normals.shape[0]
+    plane_count = surfaces.normals.shape[0]
     corner_count = 4
     polygon = 0
     cosine = 0.0
     for i in range(3):
-        cosine += normals[quad, i] * buffers.planes[plane, i]
+        cosine += surfaces.rigid_normals[quad, i] * buffers.planes[plane, i]
     if -cosine <= MIN_GRADIENT_COSINE or not _may_be_nearest(buffers, plane, plane_count):
         return 0, polygon
     for i in range(4):
@@ -351,7 +351,7 @@ def _triangle(polygon, i, quad, plane, turn, speed, surfaces, law, buffers):
     tuple of float
         Force along the shaft, N, and torque about it, N m.
     """
-    normal = surfaces.normals[quad]
+    normal = surfaces.rigid_normals[quad]
     nx = normal[0]
     ny = normal[1]
     nz = normal[2]
@@ -360,7 +360,7 @@ def _triangle(polygon, i, quad, plane, turn, speed, surfaces, law, buffers):
     weight, points = _quadrature_points(polygon, i, normal, plane, buffers)
     dynamic_friction = law.dynamic_friction
     static_friction = law.static_friction
-    if law.has_face_friction and surfaces.is_face[quad] and surfaces.is_face[plane]:
+    if law.has_face_friction and surfaces.is_rigid_face[quad] and surfaces.is_face[plane]:
         dynamic_friction = law.face_friction
         static_friction = law.face_friction
     for x, y, depth in points:
@@ -423,8 +423,8 @@ def _impact(turn, speed, surfaces, law, room):
     ny = 0.0
     nz = 0.0
     plane_count = surfaces.normals.shape[0]
-    for quad in range(plane_count):
-        normal = surfaces.normals[quad]
+    for quad in range(surfaces.rigid_normals.shape[0]):
+        normal = surfaces.rigid_normals[quad]
         if not _may_touch(quad, surfaces, buffers):
             continue
         for plane in range(plane_count):
@@ -487,20 +487,24 @@ def facing(overlap, numbers):
     Returns
     -------
     tuple of float
-        Overlap, m, twice the width, m, and slope of the two faces or backs.
+        Overlap, overlap at which they part, and depth below the crests at which they touch, m.
     """
     if overlap > 0.0:
-        return overlap, numbers.double_face_width, numbers.face_slope
-    return -overlap, numbers.double_back_width, numbers.back_slope
+        beyond = max(0.0, overlap - numbers.face_width)
+        depth = overlap * numbers.face_slope + beyond * numbers.face_slope_rise
+        return overlap, numbers.face_reach, depth
+    beyond = max(0.0, -overlap - numbers.back_width)
+    depth = -overlap * numbers.back_slope + beyond * numbers.back_slope_rise
+    return -overlap, numbers.back_reach, depth
 
 
 @compiled
 def faces_meet(angle, displacement, numbers):
     """Decide whether a position allows a face to touch a face, or a back a back.
 
-    Those that overlap by L touch at a depth of ``L tan(chamfer)``; a twentieth of the height is
-    allowed for the turn of one face against the other.
+    Equal ones that overlap by L touch at a depth of ``L tan(chamfer)``; a twentieth of the height
+    is allowed for the turn of one face against the other.
     """
-    overlap, max_overlap, slope = facing(face_overlap(angle, numbers), numbers)
-    max_depth = overlap * slope + FACE_DEPTH_SHARE * numbers.height
+    overlap, max_overlap, depth = facing(face_overlap(angle, numbers), numbers)
+    max_depth = depth + FACE_DEPTH_SHARE * numbers.height
     return 0.0 < overlap < max_overlap and displacement - numbers.axial_gap <= max_depth

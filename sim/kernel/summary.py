@@ -344,15 +344,15 @@ def _cubic(s, step, start, start_rate, end, end_rate):
 def penetration(displacement, angle, planes, numbers):
     r"""Compute the penetration of a sliding dog into an output dog, m; 0 for separate dogs.
 
-    Sections at the mean radius are convex and one is the other turned by half a turn, so
-    along each shared normal they overlap by :math:`2 p_n - n \cdot c`, with the plane's
-    distance and the way between both centres; the least over all planes is the depth.
+    Sections at the mean radius are convex, so along each normal of a plane they overlap by
+    :math:`p_n - n \cdot c`, with the sum of both extents and the way between both centres; the
+    least over all planes is the depth.
 
     Parameters
     ----------
     displacement : of the sliding ring from the start, m.
     angle : output ring's lead over dogs facing dogs, rad.
-    planes : normals across and along the shaft, and :math:`2 p_n`, m, (p, 3).
+    planes : normals across and along the shaft, and :math:`p_n`, m, (p, 3).
     """
     pitch = numbers.pitch_angle * numbers.mean_radius
     deepest = 0.0
@@ -503,8 +503,8 @@ def _find_events(times, states, overlaps, face_touches, numbers):
         displacement = state[DISPLACEMENT]
         farthest = max(farthest, displacement) if i else displacement
         rebound = max(rebound, farthest - displacement)
-        overlap, max_overlap, slope = facing(overlaps[i], numbers)
-        distance = numbers.axial_gap + overlap * slope - displacement
+        overlap, max_overlap, depth = facing(overlaps[i], numbers)
+        distance = numbers.axial_gap + depth - displacement
         if not 0.0 < overlap < max_overlap:
             distance = numbers.axial_gap + numbers.height
         largest_distance = max(largest_distance, distance)

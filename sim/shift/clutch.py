@@ -32,6 +32,7 @@ from dogshape.sim.shift.mechanism import (
     Shaft,
     shaft_of,
 )
+from dogshape.sim.shift.pair import ALIKE, OutputDog, Pair, dog_pair
 from dogshape.sim.units import RPM, unit_of
 
 
@@ -268,6 +269,7 @@ class Clutch:
     mechanism: Mechanism = NOTHING  #: the shift force acts on the ring, which nothing else holds
     drive: Drive = NO_DRIVE  #: speed of the shafts and torques on them
     actuator: Actuator | None = None  #: None: the shift force is that over time of the point
+    output_dog: OutputDog = ALIKE  #: dimensions in which the output ring's dog differs from ``dog``
 
     def __post_init__(self) -> None:
         remedy = "give what turns with the dogs alone"
@@ -276,7 +278,12 @@ class Clutch:
     @property
     def shift_travel(self) -> float:
         """Travel at which a shift counts as finished, m."""
-        return self.dog.travel - self.seated_tolerance
+        return self.pair.travel - self.seated_tolerance
+
+    @cached_property
+    def pair(self) -> Pair:
+        """Dogs of sliding and output ring."""
+        return dog_pair(self.dog, self.output_dog)
 
     @property
     def shafts(self) -> tuple[Shaft, Shaft]:
@@ -396,18 +403,25 @@ class Clutch:
     def _set_dogs(self, numbers: np.record) -> None:
         """Write count, pitch, faces and travel of the dogs."""
         dog = self.dog
+        pair = self.pair
+        faces = pair.faces
+        backs = pair.backs
         numbers.dog_count = dog.count
         numbers.mean_radius = dog.mean_radius
         numbers.pitch_angle = dog.pitch_angle
         numbers.axial_gap = dog.axial_gap
-        numbers.height = dog.height
+        numbers.height = pair.depth
         numbers.radial_width = dog.radial_width
         numbers.shift_travel = self.shift_travel
-        numbers.crest_overlap = dog.crest_overlap
-        numbers.double_face_width = 2.0 * dog.face_width
-        numbers.face_slope = dog.tangents[0]
-        numbers.double_back_width = 2.0 * dog.back_width
-        numbers.back_slope = math.tan(dog.chamfer_back)
+        numbers.crest_overlap = pair.crest_overlap
+        numbers.face_reach = faces.reach
+        numbers.face_slope = faces.slope
+        numbers.face_width = faces.flat_width
+        numbers.face_slope_rise = faces.slope_rise
+        numbers.back_reach = backs.reach
+        numbers.back_slope = backs.slope
+        numbers.back_width = backs.flat_width
+        numbers.back_slope_rise = backs.slope_rise
 
     def _set_drive(self, numbers: np.record) -> None:
         """Write synchroniser and pack; a run writes torques over time piece by piece."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -38,8 +38,9 @@ from dogshape.sim.kernel_layout import (
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.drive import impulses
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.shift.mesh import pressure_apex
+from dogshape.sim.shift.pair import Pair
 from dogshape.sim.shift.trace import OVERLAPS, PHASES, Events, Loads, Phase, Trace, trace_of
 from dogshape.sim.units import MM
 
@@ -77,29 +78,55 @@ _CLASSES = np.array(OVERLAPS)
 LATEST_RELEASE_SHARE = 0.99
 
 
-@lru_cache(maxsize=4)  # shifts of a design have one dog
-def section_planes(dog: Dog) -> Array:
-    r"""Compute normals of a dog's planes across and along the shaft, and 2 p_n in m, (p, 3).
+class SectionPlane(NamedTuple):
+    """Plane of a dog's section at the mean radius."""
 
-    At the mean radius, for ``sim.kernel.penetration``: flanks, face and back.
-    """
+    across: float  #: component of its normal across the shaft
+    along: float  #: component of its normal along the shaft
+    offset: float  #: along the normal, m
+
+    def extent(self, dog: Dog) -> float:
+        """Compute the farthest extent of a dog's section along the normal, m."""
+        return max(self.across * y + self.along * z for y, z in section(dog))
+
+
+def section_lines(dog: Dog) -> tuple[SectionPlane, ...]:
+    """List the planes of a dog's section at the mean radius: flanks, face and back."""
     quarter = 0.25 * (dog.pitch - dog.backlash)
-    half_height = 0.5 * dog.height
+    rise = dog.addendum
     right_angle = 0.5 * math.pi
     ridge = 0.5 * dog.crest_overlap
     # Lean and sense of each plane's normal, and a point of the plane.
     lines = (
         (dog.traction, 1.0, quarter, 0.0),
         (dog.braking, -1.0, -quarter, 0.0),
-        (right_angle - dog.chamfer, -1.0, ridge, half_height),
-        (right_angle - dog.chamfer_back, 1.0, ridge, half_height),
+        (right_angle - dog.chamfer, -1.0, ridge, rise),
+        (right_angle - dog.chamfer_back, 1.0, ridge, rise),
     )
     planes = []
     for lean, sense, y, z in lines:
         n_y = sense * math.cos(lean)
         n_z = math.sin(lean)
-        planes.append((n_y, n_z, 2.0 * (n_y * y + n_z * z)))
-    return np.array(planes)
+        planes.append(SectionPlane(n_y, n_z, n_y * y + n_z * z))
+    return tuple(planes)
+
+
+@lru_cache(maxsize=4)  # shifts of a design have one pair
+def section_planes(pair: Pair) -> Array:
+    r"""Compute normals of a pair's planes across and along the shaft, and p_n in m, (p, 3).
+
+    At the mean radius, for ``sim.kernel.penetration``; p_n is the sum of the extents of both dogs.
+    """
+    sliding_planes = section_lines(pair.sliding)
+    if pair.alike:
+        return np.array([(p.across, p.along, 2.0 * p.offset) for p in sliding_planes])
+    rows = []
+    for planes, mate in (
+        (sliding_planes, pair.output),
+        (section_lines(pair.output), pair.sliding),
+    ):
+        rows += [(p.across, p.along, p.offset + p.extent(mate)) for p in planes]
+    return np.array(rows)
 
 
 def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
@@ -111,14 +138,15 @@ def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
     is not in its slot. ``deepest`` is the penetration, ``farthest`` the way over the shift, m.
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
-    limit = COVERED_DEPTH * pressure_apex(clutch.dog)[1]
+    limit = COVERED_DEPTH * pressure_apex(clutch.pair.compliant)[1]
     if deepest > limit:
         rule = f"the contact pushes back down to {limit / MM:.4g} mm: dogs passed through"
         return str(Refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy))
-    dog = clutch.dog
-    excess = farthest - dog.travel
-    if dog.backlash > 0.0:
-        excess -= dog.backlash / dog.lean if dog.lean > 0.0 else math.inf
+    pair = clutch.pair
+    lean = clutch.dog.lean
+    excess = farthest - pair.travel
+    if pair.backlash > 0.0:
+        excess -= pair.backlash / lean if lean > 0.0 else math.inf
     if excess > clutch.seated_tolerance:
         rule = (
             f"full travel and its tolerance of {clutch.seated_tolerance / MM:.4g} mm end it: the "
@@ -139,7 +167,8 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
         return
     dog = clutch.dog
     stiffness = clutch.contact.stiffness
-    area = dog.count * dog.tip_width * dog.radial_width
+    tip_width = min(dog.tip_width, clutch.pair.output.tip_width)
+    area = dog.count * tip_width * dog.radial_width
     depth = force / (stiffness * area)
     if depth <= clutch.seated_tolerance:
         return
@@ -232,7 +261,7 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         np.array([clutch.shift_numbers(point.profile)]),
         knots=point.profile.knots,
         driven=run.driven,
-        planes=section_planes(clutch.dog),
+        planes=section_planes(clutch.pair),
         classes=_CLASSES,
     )
     delay = point.profile.delay
@@ -325,7 +354,7 @@ def engage(plant: Engine, point: OperatingPoint, relative_angle: float) -> Engag
     clutch = plant.clutch
     run = plant.run(point, relative_angle)
     result = conclude(clutch, point, relative_angle, run)
-    max_missed = MAX_MISSED_OVERLAP_M + 0.5 * clutch.dog.edge_radius
+    max_missed = MAX_MISSED_OVERLAP_M + 0.5 * clutch.pair.edge_radius
     valid = result.outcome is not Outcome.DIVERGED and result.missed <= max_missed
     if run.failure or valid:
         return result

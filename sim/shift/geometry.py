@@ -1,15 +1,16 @@
-r"""The dog and the pair of rings, from a few numbers and two diameters (Jasny et al. 2019).
+r"""The dog and a pair of equal rings, from a few numbers and two diameters (Jasny et al. 2019).
 
 Chamfer :math:`\alpha`, side angles :math:`\beta, \gamma`, height *h*, *N* dogs, pitch
 :math:`\vartheta = 2\pi/N`, backlash :math:`\varphi`, *j* at the mean radius. A flank is a plane
-through the radial line at :math:`\pm(\vartheta - \varphi)/4` at half height, so that mating flanks
-lie on each other once the play is turned; there a slot is wider than a dog by :math:`\varphi r`.
+through the radial line at :math:`\pm(\vartheta - \varphi)/4` in the *pitch plane*, :math:`z = 0` at
+half height (``root_depth`` of unlike rings: ``sim.shift.pair``), so that mating flanks lie on each
+other once the play is turned; there a slot is wider than a dog by :math:`\varphi r`.
 The ridge, :math:`z = h/2`, divides the tip at the share *c* (``crest``) from the braking to the
 traction edge at every radius. The face falls from it by :math:`\alpha` towards the braking flank,
 the back by :math:`\alpha_b` towards the traction flank; *c* = 1 has no back, *c* = 0 no face.
 Widths run along the circumference at radius *r*:
 :math:`w_{tip,root} = \tfrac{1}{2}(\vartheta - \varphi) r \mp \tfrac{h}{2}(\tan\beta +
-\tan\gamma)`. With median planes *D* apart, rings have a play of :math:`\varphi r + D(\tan\beta +
+\tan\gamma)`. With pitch planes *D* apart, rings have a play of :math:`\varphi r + D(\tan\beta +
 \tan\gamma)`, as far as flanks face each other: down from :math:`D = h - 2d` with the larger depth
 *d* of both edges below the ridge. Undercut flanks pass where that is not negative there. At full
 depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
@@ -36,8 +37,8 @@ SHARPEST = 2e-5  #: m of an edge's or root's radius; nothing made is sharper
 #: What no key of the dog can say; every refusal of such a key or value ends with it.
 SCOPE = (
     "the model has flanks of -10 (undercut) to 60 deg, faces that fall to one side or, with "
-    "dog.crest and dog.chamfer_back_deg, to both, backlash (dog.backlash_mm), and equal dogs on "
-    "both rings"
+    "dog.crest and dog.chamfer_back_deg, to both, backlash (dog.backlash_mm), and on both rings "
+    "dogs of one number, annulus and pair of side angles ([output_dog] has what may differ)"
 )
 EQUAL_DOGS = (
     "the model has at least two equal dogs around each ring, which keep the rings parallel; give a "
@@ -81,6 +82,8 @@ class Dog:
     chamfer_back: float = quantity("chamfer_back_deg", 0.0, 60.0, 0.0, late=True, remedy=SCOPE)
     #: of the seated pair along the circumference at the mean radius, m
     backlash: float = quantity("backlash_mm", 0.0, 50.0, 0.0, late=True)
+    #: of the root below the pitch plane, m; None: half the height
+    root_depth: float | None = None
 
     def __post_init__(self) -> None:
         for rule in _rules(self):
@@ -134,6 +137,16 @@ class Dog:
         """Play of the seated pair, rad."""
         return self.backlash / self.mean_radius
 
+    @property
+    def dedendum(self) -> float:
+        """Depth of the root below the pitch plane, m."""
+        return 0.5 * self.height if self.root_depth is None else self.root_depth
+
+    @property
+    def addendum(self) -> float:
+        """Height of the crest above the pitch plane, m."""
+        return self.height - self.dedendum
+
     @cached_property
     def lean(self) -> float:
         """Sum of the tangents of both side angles."""
@@ -159,12 +172,12 @@ class Dog:
         It runs between the planes of both flanks, whatever the chamfers take.
         """
         middle = 0.5 * (self.pitch_angle - self.backlash_angle) * radius
-        return middle - 0.5 * self.height * self.lean
+        return middle - self.addendum * self.lean
 
     def root_width_at(self, radius: float) -> float:
         """Width of the dog at its root at ``radius``, m; the slot's mouth has the play more."""
         middle = 0.5 * (self.pitch_angle - self.backlash_angle) * radius
-        return middle + 0.5 * self.height * self.lean
+        return middle + self.dedendum * self.lean
 
     @cached_property
     def tip_width(self) -> float:
@@ -237,7 +250,8 @@ class Dog:
         Twice the way of the ridge from the middle of the dog towards the traction flank; where it
         is negative, backs overlap by as much.
         """
-        traction_edge = 0.5 * (self.pitch - self.backlash) - self.height * self.tangents[1]
+        traction_line = 0.5 * (self.pitch - self.backlash)
+        traction_edge = traction_line - 2.0 * self.addendum * self.tangents[1]
         return traction_edge - 2.0 * (1.0 - self.crest) * self.tip_width
 
     @property
@@ -248,9 +262,9 @@ class Dog:
         positive to growing angles. Two ridges on each other cross at twice this distance over the
         radius.
         """
-        half_height = 0.5 * self.height
+        rise = self.addendum
         _, traction, braking = self.tangents
-        return (1.0 - self.crest) * half_height * braking - self.crest * half_height * traction
+        return (1.0 - self.crest) * rise * braking - self.crest * rise * traction
 
     @property
     def edge_cuts(self) -> tuple[float, float]:
@@ -318,21 +332,22 @@ class Dog:
 def section(dog: Dog) -> list[tuple[float, float]]:
     """Compute the corners of a dog's profile unrolled at the mean radius, from root to root.
 
-    Points (along the circumference, above the median plane), m: braking root, braking edge, ridge,
+    Points (along the circumference, above the pitch plane), m: braking root, braking edge, ridge,
     traction edge, traction root; a ridge on an edge is one point with it. The slot's floor runs on
     at the root's height.
     """
-    half_height = 0.5 * dog.height
+    rise = dog.addendum
+    depth = dog.dedendum
     quarter = 0.25 * (dog.pitch - dog.backlash)
-    braking_edge = half_height - dog.edge_drop
-    traction_edge = half_height - dog.back_drop
-    ridge = [(0.5 * dog.crest_overlap, half_height)] if dog.has_back else []
+    braking_edge = rise - dog.edge_drop
+    traction_edge = rise - dog.back_drop
+    ridge = [(0.5 * dog.crest_overlap, rise)] if dog.has_back else []
     return [
-        (-quarter - half_height * tan(dog.braking), -half_height),
+        (-quarter - depth * tan(dog.braking), -depth),
         (-quarter + braking_edge * tan(dog.braking), braking_edge),
         *ridge,
         (quarter - traction_edge * tan(dog.traction), traction_edge),
-        (quarter + half_height * tan(dog.traction), -half_height),
+        (quarter + depth * tan(dog.traction), -depth),
     ]
 
 
@@ -557,15 +572,32 @@ def tip_radius(dog: Dog, root_radius: float) -> float:
     return dog.edge_radius or root_radius
 
 
-def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
-    """Compute the part of two flanks that touches at full depth; ``root_radius`` in m."""
+def _flank_losses(dog: Dog, root_radius: float, flank: Flank) -> tuple[float, float, float]:
+    """Compute the depth of a flank's rounded edge below the ridge, m: inside, mean, outside."""
     side = FLANKS.index(flank)
     edge = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * dog.edge_cuts[side]
-    inner_loss = dog.drops_at(dog.inner_radius)[side] + edge
-    mean_loss = dog.drops_at(dog.mean_radius)[side] + edge
-    outer_loss = dog.drops_at(dog.outer_radius)[side] + edge
-    inner_height = dog.height - 2.0 * inner_loss
-    outer_height = dog.height - 2.0 * outer_loss
+    return (
+        dog.drops_at(dog.inner_radius)[side] + edge,
+        dog.drops_at(dog.mean_radius)[side] + edge,
+        dog.drops_at(dog.outer_radius)[side] + edge,
+    )
+
+
+def flank_contact(
+    dog: Dog, root_radius: float, flank: Flank, mate: Dog | None = None
+) -> FlankContact:
+    """Compute the part of a dog's flank that touches at full depth.
+
+    ``root_radius`` in m; ``mate`` is the dog of the other ring, None for an equal one.
+    """
+    inner_loss, mean_loss, outer_loss = _flank_losses(dog, root_radius, flank)
+    mate_losses = inner_loss, mean_loss, outer_loss
+    depth = dog.height
+    if mate is not None:
+        mate_losses = _flank_losses(mate, root_radius, flank)
+        depth = smallest(dog.height, mate.height)
+    inner_height = depth - (inner_loss + mate_losses[0])
+    outer_height = depth - (outer_loss + mate_losses[2])
     # Of a height that falls to zero within the width, the part that is positive.
     difference = abs(inner_height - outer_height)
     highest = largest(inner_height, outer_height, 0.0)
@@ -573,7 +605,8 @@ def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     mean_height = 0.5 * (inner_height + outer_height)
     both_touch = smallest(inner_height, outer_height) >= 0.0
     touching_height = where(both_touch, mean_height, partial_height)
-    return FlankContact(mean_loss, dog.height - mean_loss, dog.radial_width * touching_height)
+    low = dog.height - depth + mate_losses[1]
+    return FlankContact(low, dog.height - mean_loss, dog.radial_width * touching_height)
 
 
 def _crest_angles(dog: Dog) -> tuple[float, float]:

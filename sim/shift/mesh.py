@@ -1,6 +1,6 @@
 r"""Meshes of a dog: the two sides of the contact, and formats for Drake and print.
 
-Frame of a ring: z along the axis towards the other ring, median plane of the dogs at z = 0, dog *k*
+Frame of a ring: z along the axis towards the other ring, pitch plane at z = 0, dog *k*
 about the angle :math:`k\vartheta`; the traction flank is on the side of growing angle. Rigid side:
 the surfaces that can touch. Compliant side: one dog as pyramids whose apex is equally deep below
 its three faces, so that the pressure below each is stiffness times depth; the body reaches so far
@@ -94,12 +94,11 @@ def dog_planes(dog: Dog) -> DogPlanes:
 
     The face of a tip with one falls to either side.
     """
-    half = 0.5 * dog.height
     axis = np.array([0.0, 0.0, 1.0])
     radial = np.array([1.0, 0.0, 0.0])
     # Faces fall from the ridge.
     _, ridge_normal = ridge_line(dog)
-    ridge = dog.ridge_offset * ridge_normal + half * axis
+    ridge = dog.ridge_offset * ridge_normal + dog.addendum * axis
 
     def flank(side: int, angle: float) -> Plane:
         _, outward = flank_line(dog, side)
@@ -114,7 +113,7 @@ def dog_planes(dog: Dog) -> DogPlanes:
         braking=flank(-1, dog.braking),
         face=tip_face(-dog.chamfer if dog.crest > 0.0 else dog.chamfer_back),
         back=tip_face(dog.chamfer_back) if dog.has_back else None,
-        root=Plane(-axis, half),
+        root=Plane(-axis, dog.dedendum),
         inner=Plane(-radial, -dog.inner_radius * flank_line(dog, +1)[0][0]),
         outer=Plane(radial, dog.outer_radius),
     )
@@ -481,7 +480,7 @@ def rigid_dog(dog: Dog) -> Mesh:
             for radius in (dog.inner_radius, dog.outer_radius):
                 start = radius * radial
                 top = (face.offset - face.normal @ start) / (face.normal @ slope)
-                points += [start - 0.5 * dog.height * slope, start + top * slope]
+                points += [start - dog.dedendum * slope, start + top * slope]
     return Mesh(np.array(points), _in_triangles(touching_quads(dog)))
 
 
@@ -506,11 +505,12 @@ def dog_solid(dog: Dog) -> Mesh:
     return Mesh(skin.vertices, np.concatenate([skin.cells, _in_triangles(caps)]))
 
 
-def ring_of(dog: Dog, mesh: Mesh) -> Mesh:
-    """Repeat a mesh about the axis, once a pitch, as a single mesh."""
-    turns = [rotation(index * dog.pitch_angle) for index in range(dog.count)]
+def ring_of(dog: Dog, mesh: Mesh, count: int | None = None) -> Mesh:
+    """Repeat a mesh about the axis, once a pitch, as a single mesh of ``count`` or all dogs."""
+    count = count or dog.count
+    turns = [rotation(index * dog.pitch_angle) for index in range(count)]
     vertices = [mesh.vertices @ turn.T for turn in turns]
-    cells = [mesh.cells + index * len(mesh.vertices) for index in range(dog.count)]
+    cells = [mesh.cells + index * len(mesh.vertices) for index in range(count)]
     return Mesh(np.concatenate(vertices), np.concatenate(cells))
 
 
@@ -549,7 +549,7 @@ def compliant_dog(dog: Dog) -> Mesh:
     A finer mesh has the same field, linear in each. Rounded edges and a hip add prisms.
     """
     apex, _ = pressure_apex(dog)
-    reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)
+    reach = max(dog.dedendum + apex[2], dog.dedendum)
     planes = dog_planes(dog)
     width = dog.radial_width
     root_depth = 1.5 * reach
@@ -560,7 +560,7 @@ def compliant_dog(dog: Dog) -> Mesh:
         deepest = max(face.depth(apex) for face in planes.tip)
         root_depth = max(root_depth, deepest)
         ends = max(ends, deepest - 0.5 * width)
-    root_distance = root_depth - apex[2] - 0.5 * dog.height
+    root_distance = root_depth - apex[2] - dog.dedendum
     skin = planes._replace(
         root=planes.root.moved(float(root_distance)),
         inner=planes.inner.moved(float(ends)),

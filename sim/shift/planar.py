@@ -36,7 +36,6 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import LATEST_RELEASE_SHARE, Run, failure_of, states_held
 from dogshape.sim.shift.drive import TorqueCourse
-from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import (
     rigid_dog,
     stacked,
@@ -44,6 +43,7 @@ from dogshape.sim.shift.mesh import (
     touching_planes,
     touching_quads,
 )
+from dogshape.sim.shift.pair import Pair
 
 PLACE_ERROR_S = 1e-4  #: error of a place over that of a speed
 FIRST_STEP = 1e-5  #: s
@@ -56,6 +56,7 @@ FREE_REBOUND_M = 1e9  #: distance of the stop in a motion without contact
 #: Surfaces and law of dogs that never touch.
 NO_DOGS = Surfaces(
     corners=np.zeros((1, 4, 3)),
+    rigid_normals=np.zeros((1, 3)),
     normals=np.zeros((1, 3)),
     offsets=np.zeros(1),
     traction_lean=0.0,
@@ -64,30 +65,36 @@ NO_DOGS = Surfaces(
     pitch_angle=1.0,
     axial_gap=1e9,
     travel=1e9,
+    is_rigid_face=np.zeros(1, dtype=bool),
     is_face=np.zeros(1, dtype=bool),
 )
 NO_LAW = empty_record(CONTACT_LAW)
 NO_LOOK = np.zeros(0)  #: no state of a look: a ring that stands still is simulated on
 
 
-@lru_cache(maxsize=4)  # draws of what is uncertain have one dog
-def surfaces_of(dog: Dog) -> Surfaces:
-    """Compute the surfaces of a dog and its planes."""
+@lru_cache(maxsize=4)  # draws of what is uncertain have one pair
+def surfaces_of(pair: Pair) -> Surfaces:
+    """Compute the surfaces of the rigid dog of a pair and the planes of the compliant one."""
+    dog = pair.compliant
+    rigid = pair.rigid
     normals, offsets = stacked(touching_planes(dog))
-    corners = rigid_dog(dog).vertices[np.array(touching_quads(dog))]
+    rigid_normals, _ = stacked(touching_planes(rigid))
+    corners = rigid_dog(rigid).vertices[np.array(touching_quads(rigid))]
     lean = np.tan([dog.traction, dog.braking])
     lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
     traction_lean, braking_lean = lean.tolist()
     return Surfaces(
         corners=corners,
+        rigid_normals=rigid_normals,
         normals=normals,
         offsets=offsets,
         traction_lean=traction_lean,
         braking_lean=braking_lean,
-        half_backlash=float(0.5 * dog.backlash_angle),
+        half_backlash=float(0.5 * pair.backlash_angle),
         pitch_angle=float(dog.pitch_angle),
         axial_gap=float(dog.axial_gap),
-        travel=float(dog.travel),
+        travel=float(pair.travel),
+        is_rigid_face=tip_planes(rigid),
         is_face=tip_planes(dog),
     )
 
@@ -100,8 +107,8 @@ class PlanarClutch:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """Surfaces of the dog."""
-        return surfaces_of(self.clutch.dog)
+        """Surfaces of both dogs."""
+        return surfaces_of(self.clutch.pair)
 
     @cached_property
     def law(self) -> np.record:

@@ -1,6 +1,6 @@
 r"""The clutch as a Drake multibody plant.
 
-World frame: z along the shaft, median plane of the output ring at z = 0. The sliding ring is turned
+World frame: z along the shaft, pitch plane of the output ring at z = 0. The sliding ring is turned
 over about x and starts at z = travel. All dogs see the same contact while the rings stay coaxial,
 so one sliding dog with mass, inertia and forces over N moves as N do; it meets the whole output
 ring.
@@ -458,11 +458,10 @@ class ClutchPlant:
         )
         if shaft.side_inertia or clutch.drive.has_torques:
             plant.AddJointActuator("output_torque", joint)
-        properties = geo.ProximityProperties()
-        geo.AddRigidHydroelasticProperties(properties)
-        self._add_contact(properties)
-        shape = _in_memory(to_obj(ring_of(clutch.dog, rigid_dog(clutch.dog))), ".obj")
-        plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "output_dogs", properties)
+        if clutch.pair.is_sliding_rigid:
+            self._add_compliant_dogs(body, RigidTransform(), clutch.dog.count)
+        else:
+            self._add_rigid_dogs(body, RigidTransform(), clutch.dog.count)
 
     def _add_stop(self, carriage: tree.RigidBody) -> None:
         """Set a stop behind the sliding ring: a plate on its carriage meets a fixed one.
@@ -534,18 +533,36 @@ class ClutchPlant:
         plant.AddJointActuator("shift_force", joint)
         if clutch.has_forces:
             plant.AddJointActuator("drag_torque", turning)
+        start = [0.0, 0.0, clutch.pair.travel]
+        turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start)
+        count = clutch.dog.count // self.share
+        if clutch.pair.is_sliding_rigid:
+            self._add_rigid_dogs(body, turned_over, count)
+        else:
+            self._add_compliant_dogs(body, turned_over, count)
+        return carriage
+
+    def _add_rigid_dogs(self, body: tree.RigidBody, pose: RigidTransform, count: int) -> None:
+        """Add the first ``count`` rigid dogs of a ring to its body as one surface."""
+        dog = self.clutch.pair.rigid
         properties = geo.ProximityProperties()
-        modulus = clutch.contact.stiffness * pressure_apex(clutch.dog)[1]
+        geo.AddRigidHydroelasticProperties(properties)
+        self._add_contact(properties)
+        shape = _in_memory(to_obj(ring_of(dog, rigid_dog(dog), count)), ".obj")
+        self.plant.RegisterCollisionGeometry(body, pose, shape, "rigid_dogs", properties)
+
+    def _add_compliant_dogs(self, body: tree.RigidBody, pose: RigidTransform, count: int) -> None:
+        """Add the first ``count`` compliant dogs of a ring to its body, a volume each."""
+        dog = self.clutch.pair.compliant
+        properties = geo.ProximityProperties()
+        modulus = self.clutch.contact.stiffness * pressure_apex(dog)[1]
         geo.AddCompliantHydroelasticProperties(1.0, modulus, properties)
         self._add_contact(properties)
-        start = [0.0, 0.0, clutch.dog.travel]
-        turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start)
-        shape = _in_memory(to_vtk(compliant_dog(clutch.dog)), ".vtk")
-        for index in range(clutch.dog.count // self.share):
-            turn = RotationMatrix.MakeZRotation(index * clutch.dog.pitch_angle)
-            pose = turned_over @ RigidTransform(turn, [0.0, 0.0, 0.0])
-            plant.RegisterCollisionGeometry(body, pose, shape, f"dog_{index}", properties)
-        return carriage
+        shape = _in_memory(to_vtk(compliant_dog(dog)), ".vtk")
+        for index in range(count):
+            turn = RotationMatrix.MakeZRotation(index * dog.pitch_angle)
+            dog_pose = pose @ RigidTransform(turn, [0.0, 0.0, 0.0])
+            self.plant.RegisterCollisionGeometry(body, dog_pose, shape, f"dog_{index}", properties)
 
     def _add_contact(self, properties: geo.ProximityProperties) -> None:
         """Add dissipation and friction of the dogs to the properties of a geometry."""

@@ -57,18 +57,23 @@ class SlidingFace(NamedTuple):
 
 
 def sliding_faces(clutch: Clutch) -> list[SlidingFace]:
-    """List the sloped faces of a tip; empty for a flat one."""
-    dog = clutch.dog
+    """List the sloped faces of a pair that are parallel; empty for flat ones.
+
+    Of unlike slopes the ridge of the steeper dog, which is compliant, slides on a rigid face and
+    loses nothing.
+    """
+    pair = clutch.pair
+    dog = pair.rigid
     right_angle = 0.5 * math.pi
     front_turn = right_angle - dog.traction + dog.chamfer
     back_turn = right_angle - dog.braking + dog.chamfer_back
     if dog.has_back:
         front_turn = dog.chamfer + dog.chamfer_back
         back_turn = front_turn
-    front = SlidingFace(dog.chamfer, dog.face_width, front_turn, dog.crest_overlap)
-    back = SlidingFace(dog.chamfer_back, dog.back_width, back_turn, -dog.crest_overlap)
-    faces = [front] if dog.crest > 0.0 else []
-    faces += [back] if dog.crest < 1.0 else []
+    front = SlidingFace(dog.chamfer, dog.face_width, front_turn, pair.crest_overlap)
+    back = SlidingFace(dog.chamfer_back, dog.back_width, back_turn, -pair.crest_overlap)
+    faces = [front] if pair.faces.slope_rise == 0.0 else []
+    faces += [back] if pair.backs.slope_rise == 0.0 else []
     return [face for face in faces if face.slope > 0.0]
 
 

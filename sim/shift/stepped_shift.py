@@ -157,7 +157,7 @@ class SteppedShift:
         self.engagement_time = math.nan
         self._latched = False
         self._sense = drive.sense
-        self._planes = section_planes(clutch.dog)
+        self._planes = section_planes(clutch.pair)
         self._state = self._start_state(start)
         self._step = FIRST_STEP
         self._mode = np.zeros(1, STEP_MODE)

@@ -100,13 +100,15 @@ def crests_cross(clutch: Clutch, relative_angle: Array, displacement: Array) -> 
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
     dog = clutch.dog
-    radius = dog.edge_radius
-    setback = 2.0 * crest_setback(dog, radius)
-    crossing_angle = abs(2.0 * dog.ridge_offset - setback) / dog.mean_radius
+    dogs = (dog, clutch.pair.output)
+    setback = sum(crest_setback(ring_dog, ring_dog.edge_radius) for ring_dog in dogs)
+    offset = sum(ring_dog.ridge_offset for ring_dog in dogs)
+    crossing_angle = abs(offset - setback) / dog.mean_radius
     slope = math.sin(math.atan(clutch.contact.static_friction))
-    reach = 0.5 * crossing_angle * dog.radial_width + 2.0 * radius * slope
+    reach = 0.5 * crossing_angle * dog.radial_width + 2.0 * clutch.pair.edge_radius * slope
     overlap = kernel.face_overlap(relative_angle, clutch.numbers)
-    depth = displacement - dog.axial_gap - 2.0 * crest_loss(dog, radius)
+    loss = sum(crest_loss(ring_dog, ring_dog.edge_radius) for ring_dog in dogs)
+    depth = displacement - dog.axial_gap - loss
     return (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - setback) <= reach)
 
 

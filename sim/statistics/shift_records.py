@@ -32,9 +32,9 @@ DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "bac
 def clutch_record(clutch: Clutch) -> Record:
     """Return the inputs of a simulation that concern the clutch, in the units of files.
 
-    A limit of steps, later keys of the dog, IMPACT, friction of faces, engine, mechanism, drive and
-    actuator have keys if they are not the usual ones; the limit of time never has, since a shift
-    that it ends is not kept (``unfinished``).
+    A limit of steps, later keys of the dog, another dog of the output ring, IMPACT, friction of
+    faces, engine, mechanism, drive and actuator have keys if they are not the usual ones; the limit
+    of time never has, since a shift that it ends is not kept (``unfinished``).
     """
     dog = clutch.dog
     rings = clutch.rings
@@ -45,6 +45,7 @@ def clutch_record(clutch: Clutch) -> Record:
     }
     return {
         **dog_record,
+        **clutch.output_dog.record,
         "sliding_mass_kg": rings.mass,
         **edge_record(rings, ("sliding_inertia_kgm2", "output_inertia_kgm2")),
         # Records of shafts that stand have the key of the speed that earlier versions had.

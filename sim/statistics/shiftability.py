@@ -67,7 +67,8 @@ def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
     from dogshape.sim.shift.planar import free_flight  # noqa: PLC0415  the same
 
     dog = clutch.dog
-    if dog.chamfer > 0.0 or dog.chamfer_back > 0.0:
+    pair = clutch.pair
+    if any(faces.slope + faces.slope_rise > 0.0 for faces in (pair.faces, pair.backs)):
         return None
     _, states, _ = free_flight(clutch, point.profile, dog.axial_gap)
     travel = states[:, DISPLACEMENT]
@@ -76,8 +77,8 @@ def direct_share(clutch: Clutch, point: OperatingPoint) -> float | None:
         return None
     gap_speed = float(np.interp(dog.axial_gap, travel, speed))
     radius = dog.outer_radius if dog.lean > 0.0 else dog.inner_radius
-    window = dog.backlash_angle + dog.height * dog.lean / radius
-    overlap = kernel.FACE_DEPTH_SHARE * dog.height
+    window = pair.backlash_angle + pair.depth * dog.lean / radius
+    overlap = kernel.FACE_DEPTH_SHARE * pair.depth
     share = (window - abs(point.mismatch) * overlap / gap_speed) / dog.pitch_angle
     return min(max(share, 0.0), 1.0)
 

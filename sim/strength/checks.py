@@ -55,6 +55,7 @@ class LimitCheck:
     limit: float
     ends: str = ""  #: ends of ranges in the study file at which the margin is smallest
     interval: tuple[float, float] | None = None  #: of the value, 95 %; None where it is exact
+    ring: str = ""  #: of unlike rings the one with the smaller margin; empty where both are alike
 
     @property
     def name(self) -> str:
@@ -109,7 +110,8 @@ class LimitCheck:
         if self.ends:
             value = f"{value} at {self.ends}"
         bound = "at most" if self.rule.at_most else "at least"
-        return f"{self.rule.meaning} is {value}, but it must be {bound} {limit}"
+        ring = f" (of the {self.ring})" if self.ring else ""
+        return f"{self.rule.meaning}{ring} is {value}, but it must be {bound} {limit}"
 
     @property
     def passed(self) -> bool:
@@ -143,6 +145,16 @@ def worse_check(first: LimitCheck, second: LimitCheck) -> LimitCheck:
         limit=where(is_first, first.limit, second.limit),
         ends=where(is_first, first.ends, second.ends),
     )
+
+
+RINGS = ("sliding ring", "output ring")  #: names of unlike rings
+
+
+def worse_ring(sliding: LimitCheck, output: LimitCheck) -> LimitCheck:
+    """Return the check with the smaller margin of both rings, with the name of its ring."""
+    check = worse_check(sliding, output)
+    sliding_name = where(sliding.margin < output.margin, RINGS[0], "")
+    return replace(check, ring=where(output.margin < sliding.margin, RINGS[1], sliding_name))
 
 
 _NARROW = "use fewer or lower dogs or smaller side angles"

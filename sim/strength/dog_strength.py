@@ -16,7 +16,7 @@ Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternatin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial, reduce
 from typing import NamedTuple
@@ -26,7 +26,14 @@ import numpy as np
 from dogshape.sim.elementwise import hypot, largest, log, map_elements, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
-from dogshape.sim.strength.checks import LimitCheck, checks_of, feasible, worse_check
+from dogshape.sim.shift.pair import ALIKE, OutputDog
+from dogshape.sim.strength.checks import (
+    LimitCheck,
+    checks_of,
+    feasible,
+    worse_check,
+    worse_ring,
+)
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
@@ -170,7 +177,8 @@ class Limits:
 
     A shift may end ``seated_tolerance`` short of full depth, m. ``strikes`` are the ends of the
     range of the flank strike; without one it is not judged. Dogs without a ``sleeve`` stand on the
-    face of a ring.
+    face of a ring. Checks are those of the worse ring; ``output_material`` None is the sliding
+    ring's, and ``mate`` the dog of the other ring while one of unlike rings is checked.
     """
 
     load: LoadCase = field(default_factory=LoadCase)
@@ -180,6 +188,21 @@ class Limits:
     seated_tolerance: float = 5e-5
     strikes: tuple[Strike, ...] = ()
     sleeve: Sleeve | None = None
+    output_dog: OutputDog = ALIKE
+    output_material: Material | None = None
+    mate: Dog | None = None
+
+    @property
+    def has_unlike_rings(self) -> bool:
+        """Whether the rings differ in dog or material."""
+        return self.output_dog != ALIKE or self.output_material is not None
+
+    @property
+    def ring_materials(self) -> tuple[Material, ...]:
+        """Materials of the rings."""
+        if self.output_material is None:
+            return (self.material,)
+        return self.material, self.output_material
 
     @property
     def root_radius(self) -> float:
@@ -206,13 +229,17 @@ class Limits:
         return self.material.endurance(cycles) * load.reversal / load.safety_fatigue
 
 
+RingChecks = Callable[[Dog, Limits], tuple[LimitCheck, ...]]  #: checks of one ring
+
+
 def root_load(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> Load:
     """Return the load of the most loaded dog on a flank; by default under the static torque."""
     return _at_load_height(dog, limits, flank, limits.load.force_per_dog(dog, flank, torque))
 
 
 def _at_load_height(dog: Dog, limits: Limits, flank: Flank, force: float) -> Load:
-    level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
+    contact = flank_contact(dog, limits.root_radius, flank, limits.mate)
+    level = contact.level(limits.load.load_height)
     return Load(force, flank, level)
 
 
@@ -264,7 +291,8 @@ def engaged_length(dog: Dog, limits: Limits, flank: Flank) -> float:
 
 
 def _contact_area(dog: Dog, limits: Limits, flank: Flank) -> float:
-    return largest(flank_contact(dog, limits.root_radius, flank).area, SMALLEST_AREA)
+    contact = flank_contact(dog, limits.root_radius, flank, limits.mate)
+    return largest(contact.area, SMALLEST_AREA)
 
 
 def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
@@ -319,21 +347,47 @@ def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> floa
 def within_tolerances(dog: Dog, limits: Limits, kind: Kind) -> tuple[LimitCheck, ...]:
     """Return the checks of contact ratio and clearance within the tolerances."""
     return tolerance_checks(
-        dog, limits.root_radius, limits.tolerances, seated=limits.seated_tolerance, kind=kind
+        dog,
+        limits.root_radius,
+        limits.tolerances,
+        seated=limits.seated_tolerance,
+        kind=kind,
+        output_dog=limits.output_dog,
     )
 
 
 def strength_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
     """Return all checks of a design, or of ``Dogs``, that need no simulation.
 
-    Values and limits are in the unit of each check: numbers, or arrays (n,) for ``Dogs``.
+    Values and limits are in the unit of each check: numbers, or arrays (n,) for ``Dogs``. Of unlike
+    rings a check is that of the worse one.
     """
-    return tuple(check for group in _GROUPS for check in group(dog, limits))
+    return tuple(check for group in _GROUPS for check in _checks_of(group, dog, limits))
 
 
 def keeps_limits(dog: Dog, limits: Limits) -> bool:
     """Test whether every check passes; stops at the first group that fails."""
-    return all(feasible(group(dog, limits)) for group in _GROUPS)
+    return all(feasible(_checks_of(group, dog, limits)) for group in _GROUPS)
+
+
+def _checks_of(
+    group: RingChecks, dog: Dog, limits: Limits, nominal: Dog | None = None
+) -> Iterable[LimitCheck]:
+    """Return the checks of a group, of unlike rings those of the worse one.
+
+    ``nominal`` is the sliding dog from which ``dog`` deviates, as the output dog does then.
+    """
+    if not limits.has_unlike_rings or group is _tolerance_checks:
+        return group(dog, limits)
+    output = limits.output_dog.beside(dog, nominal)
+    output_material = limits.output_material or limits.material
+    sliding_checks = group(dog, replace(limits, mate=output))
+    output_limits = replace(limits, mate=dog, material=output_material)
+    checks = {check.name: check for check in sliding_checks}
+    for check in group(output, output_limits):
+        sliding = checks.get(check.name)
+        checks[check.name] = worse_ring(sliding, check) if sliding else check
+    return checks.values()
 
 
 def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
@@ -348,7 +402,7 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
             case = limits.with_root_radius(radius)
             has_radius = root_radius == radius
             for group in _GROUPS[:-1]:
-                for check in group(shape, case):
+                for check in _checks_of(group, shape, case, dog):
                     margin = margins_by_name.get(check.name, math.inf)
                     margins_by_name[check.name] = where(has_radius, check.margin, margin)
         return margins_by_name
@@ -431,11 +485,16 @@ def _strike_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
     return tuple(reduce(worse_check, checks) for checks in zip(*checks_by_strike, strict=True))
 
 
+def _tolerance_checks(dog: Dog, limits: Limits) -> tuple[LimitCheck, ...]:
+    """Return the checks of contact ratio and clearance, which are of both rings."""
+    return within_tolerances(dog, limits, "root_sum_square")
+
+
 #: Groups of checks, cheap and often failing ones first; the last includes the tolerances.
-_GROUPS: tuple[Callable[[Dog, Limits], tuple[LimitCheck, ...]], ...] = (
+_GROUPS: tuple[RingChecks, ...] = (
     _shape_checks,
     lambda dog, limits: locking_checks(dog, limits.load),
     _load_checks,
     _strike_checks,
-    lambda dog, limits: within_tolerances(dog, limits, "root_sum_square"),
+    _tolerance_checks,
 )

@@ -43,6 +43,7 @@ from dogshape.sim.elementwise import Array, empirical_distribution, sqrt
 from dogshape.sim.errors import InputError, Refusal
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
+from dogshape.sim.shift.pair import dog_pair
 from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
 from dogshape.sim.strength.dog_strength import Limits
@@ -240,18 +241,32 @@ def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
 
 
 def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
-    """Compute pressures on face, core and edge, Pa, (n, 3), of ``landings`` in N/m, (n, k)."""
+    """Compute pressures on face, core and edge, Pa, (n, 3), of ``landings`` in N/m, (n, k).
+
+    ``dog`` is that of the sliding ring; both rings bear one load. Where slopes are unlike, an edge
+    also bears on a plane face, as on a like edge of twice its radius.
+    """
+    pair = dog_pair(dog, limits.output_dog)
+    mate = pair.output
     radius = tip_radius(dog, limits.root_radius)
-    flat_widths = np.array(OVERLAPS) - 2.0 * radius * dog.crest_cut
+    mate_radius = tip_radius(mate, limits.root_radius)
+    crest_cuts = radius * dog.crest_cut + mate_radius * mate.crest_cut
+    smaller_radius = min(radius, mate_radius)
+    if mate_radius != radius:  # two cylinders bear as two like ones of their harmonic mean
+        radius = 2.0 * radius * mate_radius / (radius + mate_radius)
+    flat_widths = np.array(OVERLAPS) - crest_cuts
     shares = np.broadcast_to(limits.load.landing(dog, landings.ravel()), landings.size)
     loads = landings * (1.0 / np.sqrt(shares)).reshape(landings.shape)
     has_flat = flat_widths >= LAND
     flat_loads = loads[:, has_flat]
     flats = flat_widths[has_flat]
-    core_spread = 2.0 * limits.material.case_depth
+    core_spread = 2.0 * min(material.case_depth for material in limits.ring_materials)
     face = (flat_loads / flats).max(axis=1, initial=0.0)
     core = (flat_loads / (flats + core_spread)).max(axis=1, initial=0.0)
     edge = edge_pressure(loads[:, ~has_flat].max(axis=1, initial=0.0), radius)
+    if max(pair.faces.slope_rise, pair.backs.slope_rise) > 0.0:
+        flat_load = flat_loads.max(axis=1, initial=0.0)
+        edge = np.maximum(edge, edge_pressure(flat_load, 2.0 * smaller_radius))
     return np.array([face, core, edge]).T
 
 
@@ -259,9 +274,13 @@ def demand_checks(
     demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
 ) -> tuple[LimitCheck, ...]:
     """Return the checks of the pressures of a landing, with the ``interval`` of the demand."""
-    material = limits.material
-    face_limit = material.case_yield / limits.load.safety
-    allowables = (face_limit, limits.allowable_stress, material.edge_pressure)
+    materials = limits.ring_materials
+    safety = limits.load.safety
+    allowables = (
+        min(material.case_yield for material in materials) / safety,
+        min(material.proof_stress for material in materials) / safety,
+        min(material.edge_pressure for material in materials),
+    )
     names = (rule.name for rule in LANDING_RULES)
     checks = checks_of(zip(names, demand, allowables, strict=True))
     if interval is None:

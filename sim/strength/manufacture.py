@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import reduce
+from functools import partial, reduce
 from statistics import NormalDist
 from typing import Any, Literal
 
@@ -23,6 +23,7 @@ from dogshape.sim.elementwise import hashable, hypot, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, Refusal
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
+from dogshape.sim.shift.pair import ALIKE, OutputDog
 from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
 from dogshape.sim.units import DEG, MM
 
@@ -233,9 +234,16 @@ def losses(
     return spreads
 
 
-def _contact_ratios(dog: Dog, root_radius: float) -> dict[str, float]:
-    """Compute the share of the height that touches, by flank."""
-    return {f: flank_contact(dog, root_radius, f).height / dog.height for f in FLANKS}
+def _contact_ratios(
+    dog: Dog, root_radius: float, output_dog: OutputDog, nominal: Dog
+) -> dict[str, float]:
+    """Compute the share of the lower dog's height that touches, by flank.
+
+    ``nominal`` is the sliding dog from which ``dog`` deviates, as the output dog does then.
+    """
+    mate = None if output_dog == ALIKE else output_dog.beside(dog, nominal)
+    height = dog.height if mate is None else smallest(dog.height, mate.height)
+    return {f: flank_contact(dog, root_radius, f, mate).height / height for f in FLANKS}
 
 
 def tolerance_checks(
@@ -244,14 +252,17 @@ def tolerance_checks(
     tolerances: Tolerances,
     seated: float,
     kind: Kind = "root_sum_square",
+    *,
+    output_dog: OutputDog = ALIKE,
 ) -> tuple[LimitCheck, ...]:
     """Return the checks of contact ratio and clearance within the tolerances.
 
     ``root_radius`` and the ``seated`` tolerance of a shift in m.
     """
-    spreads = losses(dog, root_radius, tolerances, _contact_ratios)
-    nominal = _contact_ratios(dog, root_radius)
-    seated_share = seated / dog.height
+    ratios_of = partial(_contact_ratios, output_dog=output_dog, nominal=dog)
+    spreads = losses(dog, root_radius, tolerances, ratios_of)
+    nominal = ratios_of(dog, root_radius)
+    seated_share = seated / smallest(dog.height, output_dog.beside(dog).height)
     ratios = [
         nominal[flank] - seated_share - getattr(spread, kind) for flank, spread in spreads.items()
     ]

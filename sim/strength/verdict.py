@@ -233,6 +233,8 @@ class Verdict:
     not_judged: tuple[Missing, ...]
     count: int  #: number of checks
     hangs_on: tuple[Hinge, ...] = field(default=(), repr=False)  #: strongest assumption first
+    #: of unlike rings the worse one by the name of a failed or unclear check
+    rings: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def passes(self) -> bool:
@@ -250,9 +252,10 @@ class Verdict:
             return f"passes: all {self.count} checks pass"
         parts = []
         if clear_failures:
-            parts.append(f"fails: {_words_of(clear_failures)}")
+            parts.append(f"fails: {_words_of(clear_failures, self.rings)}")
         if self.unclear:
-            parts.append(f"not clear: {_words_of(self.unclear)} (limit within the 95 % interval)")
+            unclear = _words_of(self.unclear, self.rings)
+            parts.append(f"not clear: {unclear} (limit within the 95 % interval)")
         if self.not_judged:
             parts.append(missing)
         return "; ".join(parts)
@@ -281,10 +284,14 @@ TOLERANCE_WORDS = {
 }
 
 
-def _words_of(names: Sequence[str]) -> str:
-    """Join the names of checks in words, without the units of bounded quantities."""
-    words = (name.removesuffix(suffix_of(name)).replace("_", " ") for name in names)
-    return ", ".join(TOLERANCE_WORDS.get(name, name) for name in words)
+def _words_of(names: Sequence[str], rings: Mapping[str, str]) -> str:
+    """Join the names of checks in words, without units, each with its ring of unlike ones."""
+    words = []
+    for name in names:
+        text = name.removesuffix(suffix_of(name)).replace("_", " ")
+        text = TOLERANCE_WORDS.get(text, text)
+        words.append(f"{text} ({rings[name]})" if name in rings else text)
+    return ", ".join(words)
 
 
 class Margin(NamedTuple):
@@ -293,11 +300,12 @@ class Margin(NamedTuple):
     name: str
     value: float
     clear: bool = True  #: whether its interval excludes zero
+    ring: str = ""  #: of unlike rings the worse one
 
     @classmethod
     def of(cls, check: LimitCheck) -> Margin:
         """Return the margin of a check."""
-        return cls(check.name, check.margin, check.clear)
+        return cls(check.name, check.margin, check.clear, check.ring)
 
 
 #: Verdict on an impossible shape.
@@ -324,6 +332,7 @@ def judge(
         tuple(missing),
         count=len(margins),
         hangs_on=tuple(hangs_on),
+        rings={m.name: m.ring for m in margins if m.ring and m.name in failed + unclear},
     )
 
 

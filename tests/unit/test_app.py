@@ -23,6 +23,7 @@ from dogshape.pipeline.config.study_file import bundled_studies, load_study, rep
 from dogshape.pipeline.export.drawing import open_section_svg
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.pair import dog_pair
 from tests.conftest import Call
 
 PAPER = load_study("mq200_paper")
@@ -121,7 +122,7 @@ def test_links_say_the_design(live_page: LivePage) -> None:
 
 
 def test_the_open_section_has_both_rings_to_scale(prototype: Dog) -> None:
-    root = ElementTree.fromstring(open_section_svg(prototype, prototype))
+    root = ElementTree.fromstring(open_section_svg(dog_pair(prototype), dog_pair(prototype)))
     paths = {
         path.get("class"): path.get("d", "")
         for path in root.iter("{http://www.w3.org/2000/svg}path")

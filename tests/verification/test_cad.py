@@ -12,6 +12,7 @@ from dogshape.pipeline.export.cad import ring_solid, write_step
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import part_volume
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.pair import OutputDog, dog_pair
 from dogshape.sim.units import DEG, MM
 from tests.conftest import require_program
 
@@ -48,7 +49,7 @@ def test_step_reads_as_two_rings(prototype: Dog, tmp_path: Path, shape: tuple[fl
     import build123d
 
     dog, radius = _dog(prototype, shape)
-    write_step(dog, radius, BODY, tmp_path / "pair.step")
+    write_step(dog_pair(dog), radius, BODY, tmp_path / "pair.step")
     sliding, output = build123d.import_step(tmp_path / "pair.step").solids()
     text = (tmp_path / "pair.step").read_text(encoding="ascii")
     for words in ("PRODUCT('sliding ring'", "PRODUCT('output ring'", "SI_UNIT(.MILLI.,.METRE.)"):
@@ -73,6 +74,26 @@ def test_step_reads_as_two_rings(prototype: Dog, tmp_path: Path, shape: tuple[fl
 
     # Rings touch at full depth without sharing volume, and share some beyond.
     tooth = 0.25 * dog.pitch * dog.height * dog.radial_width / MM**3
+    assert shared(0.02) < 1e-6 * tooth
+    assert shared(-0.05) > 1e-3 * tooth
+
+
+@pytest.mark.usefixtures("_kernel")
+def test_step_of_unlike_rings_has_either_dog(prototype: Dog, tmp_path: Path) -> None:
+    """Volumes of both parts; at the travel of the lower dog the rings touch and share nothing."""
+    import build123d
+
+    pair = dog_pair(prototype, OutputDog(height=3.0 * MM, chamfer=5.0 * DEG))
+    write_step(pair, 0.3 * MM, BODY, tmp_path / "pair.step")
+    sliding, output = build123d.import_step(tmp_path / "pair.step").solids()
+    for ring, dog in ((sliding, pair.sliding), (output, pair.output)):
+        assert ring.volume == pytest.approx(part_volume(dog, 0.3 * MM, BODY) / MM**3, rel=1e-5)
+
+    def shared(move: float) -> float:
+        common = sliding.intersect(output.translate((0, 0, move - pair.travel / MM)))
+        return sum(float(part.volume) for part in common or [])
+
+    tooth = 0.25 * prototype.pitch * pair.depth * prototype.radial_width / MM**3
     assert shared(0.02) < 1e-6 * tooth
     assert shared(-0.05) > 1e-3 * tooth
 

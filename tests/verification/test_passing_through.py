@@ -24,6 +24,7 @@ from dogshape.sim.shift.conclusion import (
 from dogshape.sim.shift.drive import NO_DRIVE, Drive
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
+from dogshape.sim.shift.pair import dog_pair
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, RPM
@@ -33,12 +34,12 @@ _DOG = Dog(31, 10.63 * DEG, 6.89 * DEG, 24.5 * DEG, 2.485e-3, 52e-3, 44e-3, 1e-3
 
 def _depth(dog: Dog, displacement: float, pitches: float) -> float:
     numbers, angle = replace(_fine(), dog=dog).numbers, pitches * dog.pitch_angle
-    return kernel.penetration(displacement, angle, section_planes(dog), numbers)
+    return kernel.penetration(displacement, angle, section_planes(dog_pair(dog)), numbers)
 
 
 def _extremes(shift: Engagement) -> tuple[float, float]:
     """Find the deepest penetration and the farthest way of a shift, m."""
-    planes = section_planes(shift.clutch.dog)
+    planes = section_planes(shift.clutch.pair)
     return kernel.extremes(shift.run.times, shift.run.states, planes, shift.clutch.numbers)
 
 
@@ -115,7 +116,7 @@ def test_dogs_that_pass_within_a_step_are_found() -> None:
     states[:, DISPLACEMENT] = _DOG.travel
     states[:, OUTPUT_SPEED] = pitch / 1e-3
     times, numbers = np.array([0.0, 1e-3]), _fine().numbers
-    deepest, farthest = kernel.extremes(times, states, section_planes(_DOG), numbers)
+    deepest, farthest = kernel.extremes(times, states, section_planes(dog_pair(_DOG)), numbers)
     assert farthest == pytest.approx(_DOG.travel)
     between = (_depth(_DOG, _DOG.travel, share) for share in np.linspace(0.5, 1.5, 21))
     assert deepest == pytest.approx(max(between))

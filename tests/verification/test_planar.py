@@ -15,6 +15,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solve
 from dogshape.sim.shift.conclusion import Outcome, section_planes
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
+from dogshape.sim.shift.pair import dog_pair
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
@@ -57,7 +58,7 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -
     while len(errors) < 60:
         angle = rng.uniform(-dog.pitch_angle, dog.pitch_angle)
         way = rng.uniform(0.98 * dog.axial_gap, dog.travel)
-        if not 0.0 < kernel.penetration(way, angle, section_planes(dog), numbers) < 1e-4:
+        if not 0.0 < kernel.penetration(way, angle, section_planes(dog_pair(dog)), numbers) < 1e-4:
             continue
         output, sliding, speed = (float(v) for v in rng.normal(0.0, [5.0, 5.0, 0.3]))
         plant.plant.SetPositions(plant.plant_context, [1.0 + angle, way, 1.0])

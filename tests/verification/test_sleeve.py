@@ -234,8 +234,8 @@ def test_the_drawing_has_teeth_without_a_floor() -> None:
     face = dimensioned_svg(study.clutch.dog, replace(study.limits, sleeve=None))
     assert "both rings alike, one turned over" in face
     assert face.count('class="part"') == 1
-    dog = study.clutch.dog
-    rings = [open_section_svg(dog, dog, is_sleeve=is_sleeve) for is_sleeve in (False, True)]
+    pair = study.clutch.pair
+    rings = [open_section_svg(pair, pair, is_sleeve=is_sleeve) for is_sleeve in (False, True)]
     on_face, in_sleeve = (ring.count('class="ring-a"') for ring in rings)
     assert on_face == 1
     assert in_sleeve == rings[1].count('class="ring-b"') > 4

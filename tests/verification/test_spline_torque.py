@@ -16,6 +16,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import section_planes
 from dogshape.sim.shift.mechanism import SMOOTH_SPEED_M_S, Mechanism, smooth_sign
+from dogshape.sim.shift.pair import dog_pair
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import SHIFT, ClutchPlant
 from dogshape.sim.statistics.blocks import engage
@@ -97,7 +98,11 @@ def test_engines_press_a_spline_alike(clutch: Clutch, contact: ContactSet, chamf
     scale = 0.003 * contact.stiffness * dog.radial_width**2 * 1e-5 * dog.mean_radius
     while seen < 10:
         angle, way = rng.uniform(0, dog.pitch_angle), rng.uniform(0.98 * dog.axial_gap, dog.travel)
-        if not 2e-6 < kernel.penetration(way, angle, section_planes(dog), own.numbers) < 3e-5:
+        if (
+            not 2e-6
+            < kernel.penetration(way, angle, section_planes(dog_pair(dog)), own.numbers)
+            < 3e-5
+        ):
             continue
         turn, speed = float(rng.normal(0.0, 15.0)), float(rng.uniform(0.02, 0.3))
         _, torque = kernel.contact(

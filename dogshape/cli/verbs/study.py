@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option, echo
 
@@ -37,6 +37,7 @@ from dogshape.sim.units import MM
 if TYPE_CHECKING:
     from dogshape.pipeline.config.study_file import Setup
 
+Ring = Literal["sliding", "output"]
 TABLES = (".csv", ".xlsx")
 ENDINGS = {
     "--stl": (".stl",),
@@ -236,6 +237,11 @@ def strength(
 
         if problem.config.limits.sleeve is not None:
             raise InputError("--fem has dogs on a face, and dog.mount is 'sleeve'; leave --fem out")
+        if problem.config.limits.has_unlike_rings:
+            raise InputError(
+                "--fem has one dog for both rings, and [output_dog] gives another one; leave out "
+                "--fem, or compute each ring as a study of equal dogs"
+            )
         roots = root_stress.root_checks(problem.config.clutch.dog, problem.config.limits)
         record["finite_elements"] = [root.to_dict() for root in roots]
         tables = [root_stress.root_table(roots)]
@@ -396,7 +402,7 @@ def compare(
 
 def export(
     study: Annotated[str, Argument(metavar="STUDY", help="or FOLDER#N or STUDY#N, a design")],
-    stl: Annotated[Path | None, Option(help="one ring for print; both are alike")] = None,
+    stl: Annotated[Path | None, Option(help="one ring for print; see --ring")] = None,
     step: Annotated[Path | None, Option(help="both rings for CAD; extra [cad]")] = None,
     svg: Annotated[Path | None, Option(help="dimensioned section of a dog")] = None,
     sheet: Annotated[Path | None, Option(help="data sheet, HTML or JSON by ending")] = None,
@@ -408,6 +414,7 @@ def export(
         Path | None, Option("--map", help="CSV: engagement and time, with tables beside")
     ] = None,
     body_mm: Annotated[float, Option(help="thickness of a ring below the slots")] = 3.0,
+    ring: Annotated[Ring, Option(help="of --stl and --svg where the rings are unlike")] = "sliding",
     jobs: Jobs = 0,
     set_: Sets = None,
     json: Json = False,
@@ -430,7 +437,8 @@ def export(
 
     dog_design = named_design(study, set_, chosen=False)
     setup = dog_design.design_study
-    dog = setup.clutch.dog
+    pair = setup.clutch.pair
+    dog = pair.output if ring == "output" else pair.sliding
     radius = setup.limits.root_radius
     body = body_mm * MM
     files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet, "fmu": fmu, "map": map_}
@@ -442,13 +450,14 @@ def export(
     if stl or step:
         require_face(sleeve)
     if sleeve is None and (svg or stl or step):
-        require_fillets(dog, radius)
+        for ring_dog in {pair.sliding, pair.output}:
+            require_fillets(ring_dog, radius)
     _load_extras(step, fmu, fmi)  # before anything is written
     design = design_of(setup, {})
     if not design.feasible:
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _warn_of_doubts(ds.Study.from_config(setup))
-    _write_geometry(setup, dog_design.title, body, svg, stl, step)
+    _write_geometry(setup, ring, dog_design.title, body=body, svg=svg, stl=stl, step=step)
     models = ds.Study.from_config(dog_design.prototype_study)
     if fmu is not None:
         models.export_fmu(fmu, fmi)
@@ -460,11 +469,14 @@ def export(
         write_data_sheet(dog_design, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     labels = {kind: FILE_LABELS[kind].format(fmi=fmi) for kind in written}
+    if not pair.alike:
+        labels |= {"stl": f"{ring} ring", "svg": f"drawing of the {ring} ring's dog"}
     lines += [f"wrote {path} ({labels[kind]})" for kind, path in written.items()]
     sizes = {"root_radius_mm": radius / MM}
     if sleeve is None:
         volume = part_volume(dog, radius, body) / MM**3
-        lines.append(f"volume of a ring {volume:.1f} mm3")
+        ring_name = "a ring" if pair.alike else f"the {ring} ring"
+        lines.append(f"volume of {ring_name} {volume:.1f} mm3")
         sizes = {"ring_volume_mm3": volume, **sizes, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
 
@@ -502,7 +514,9 @@ def _write_map(study: ds.Study, map_: Path, jobs: int) -> list[str]:
 
 def _write_geometry(
     setup: Setup,
+    ring: Ring,
     title: str,
+    *,
     body: float,
     svg: Path | None,
     stl: Path | None,
@@ -510,20 +524,22 @@ def _write_geometry(
 ) -> None:
     """Write drawing, mesh and solids of a dog; ``body`` is the thickness below the slots, m."""
     from dogshape.pipeline.export.cad import write_step  # noqa: PLC0415
-    from dogshape.pipeline.export.drawing import dimensioned_svg  # noqa: PLC0415
+    from dogshape.pipeline.export.drawing import ring_drawings  # noqa: PLC0415
     from dogshape.sim.part import ring_part  # noqa: PLC0415
     from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
 
-    dog = setup.clutch.dog
+    pair = setup.clutch.pair
+    dog = pair.output if ring == "output" else pair.sliding
     radius = setup.limits.root_radius
     if svg is not None:
+        drawings = ring_drawings(pair, setup.limits, title)
         with name_file_in_errors(svg):
-            svg.write_text(dimensioned_svg(dog, setup.limits, title), encoding="utf-8")
+            svg.write_text(drawings[-1 if ring == "output" else 0], encoding="utf-8")
     if stl is not None:
         with name_file_in_errors(stl):
             stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {title} ring"))
     if step is not None:
-        write_step(dog, radius, body, step)
+        write_step(pair, radius, body, step)
 
 
 def app(

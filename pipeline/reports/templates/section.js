@@ -14,13 +14,13 @@ const Section = (() => {
       one.canvas.width = Math.round(width * ratio); one.canvas.height = Math.round(height * ratio);
       one.setTransform(ratio, 0, 0, ratio, 0, 0);
     }
-    scale = Math.min(width / (3.1 * data.pitch), (height - 64) / (2 * data.height + data.gap));
-    // The median plane of the output ring; with the gap open both rings fill the view.
-    level = height - 32 - 0.5 * data.height * scale;
+    scale = Math.min(width / (3.1 * data.pitch), (height - 64) / data.length);
+    // The pitch plane of the output ring; with the gap open both rings fill the view.
+    level = height - 32 - data.output.root * scale;
   }
 
   // Corner points of dog k of a ring, px; the sliding ring (flip -1) is turned over.
-  const dog = (ring, k) => data.profile.map(([x, z]) => [
+  const dog = (ring, k) => ring.profile.map(([x, z]) => [
     0.5 * width + (ring.flip * x + k * data.pitch + ring.shift) * scale,
     level - (ring.flip * z + ring.middle) * scale]);
 
@@ -44,10 +44,10 @@ const Section = (() => {
 
   function show(now) {
     const turned = -now.relative_angle_deg * Math.PI / 180 * radius, shift = turned - around * Math.round(turned / around);
-    const middle = data.height + data.gap - now.displacement_mm;
+    const middle = data.travel - now.displacement_mm;
     pen.clearRect(0, 0, width, height);
-    const lower = drawRing({flip: 1, middle: 0, shift: 0, fill: "#f3ddcb", mark: "#f5b98a", line: "#c8590c"});
-    const upper = drawRing({flip: -1, middle, shift, fill: "#c9d8ea", mark: "#9cc3ee", line: "#1f5fa8"});
+    const lower = drawRing({profile: data.output.profile, flip: 1, middle: 0, shift: 0, fill: "#f3ddcb", mark: "#f5b98a", line: "#c8590c"});
+    const upper = drawRing({profile: data.sliding.profile, flip: -1, middle, shift, fill: "#c9d8ea", mark: "#9cc3ee", line: "#1f5fa8"});
     if (now.touching) {  // what lies on both outlines
       ink.globalCompositeOperation = "copy"; draw(lower, "#d1242f", 5, null, ink);
       ink.globalCompositeOperation = "source-in"; draw(upper, "#d1242f", 5, null, ink);

@@ -4,7 +4,7 @@ const Solid = (() => {
   const [inner, outer] = data.radii, BODY = 0.11 * outer;  // length of a ring behind its dogs
 
   // A ring in its own frame: dogs about multiples of the pitch, the body behind them.
-  function ring(colour, mark, dark, opacity) {
+  function ring(shape, colour, mark, dark, opacity) {
     const group = new THREE.Group(), lines = new THREE.LineBasicMaterial({color: dark});
     function solid(geometry, color, angle) {
       const flat = geometry.index ? geometry.toNonIndexed() : geometry;
@@ -18,12 +18,12 @@ const Solid = (() => {
       return mesh;
     }
     const dog = new THREE.BufferGeometry();
-    dog.setAttribute("position", new THREE.Float32BufferAttribute(data.vertices, 3));
-    dog.setIndex(data.cells);
+    dog.setAttribute("position", new THREE.Float32BufferAttribute(shape.vertices, 3));
+    dog.setIndex(shape.cells);
     for (let k = 0; k < data.count; k++)
       solid(dog, k ? colour : mark, 10).rotation.z = 2 * Math.PI * k / data.count;
     // The rim of the body, turned about an axis, which then becomes z.
-    const root = -0.5 * data.height;
+    const root = -shape.root;
     const rim = [[inner, root - BODY], [outer, root - BODY], [outer, root], [inner, root], [inner, root - BODY]];
     const turned = new THREE.LatheGeometry(rim.map(([x, y]) => new THREE.Vector2(x, y)), 12 * data.count);
     solid(turned.rotateX(0.5 * Math.PI), colour, 40);
@@ -42,7 +42,8 @@ const Solid = (() => {
     }
     viewer.set_property(["Lights", "AmbientLight", "<object>"], "intensity", 1.6);
     viewer.renderer.toneMapping = THREE.NoToneMapping;
-    const output = ring(0xc8590c, 0xf5b98a, 0x5e2a06, 1), sliding = ring(0x1f5fa8, 0x9cc3ee, 0x0e2c4e, 0.4);
+    const output = ring(data.output, 0xc8590c, 0xf5b98a, 0x5e2a06, 1);
+    const sliding = ring(data.sliding, 0x1f5fa8, 0x9cc3ee, 0x0e2c4e, 0.4);
     const carriage = new THREE.Group();  // turns and slides; inside it the ring lies turned over
     sliding.rotation.x = Math.PI;
     carriage.add(sliding);
@@ -54,7 +55,7 @@ const Solid = (() => {
     viewer.set_camera_target([0, 0, 0]);
     pane.dataset.state = "drawn";
     return {viewer, show(now) {
-      const turned = -now.relative_angle_deg * Math.PI / 180, height = data.height + data.gap - now.displacement_mm;
+      const turned = -now.relative_angle_deg * Math.PI / 180, height = data.travel - now.displacement_mm;
       carriage.rotation.z = turned; carriage.position.z = height / outer;
       pane.dataset.pose = [turned, height].map(v => v.toFixed(4)).join(" ");
       viewer.set_dirty();

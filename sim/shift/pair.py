@@ -1,0 +1,246 @@
+r"""The dogs of both rings, and the lengths that follow from the two.
+
+The sliding ring has the dog of ``[dog]``; the output ring has that dog with the dimensions of
+``[output_dog]`` in place of its own. Number, annulus and side angles are those of both rings, or
+flanks would not lie on each other. A ring's *pitch plane* holds the radial lines of its flanks
+(``sim.shift.geometry``): half the height above the root of the sliding dog. At full depth the pitch
+planes of both rings coincide, and flanks lie on each other once the play is turned.
+
+With heights :math:`h_1, h_2` of sliding and output dog and axial gap *g* the crest of the higher
+dog meets the floor of the lower at the depth :math:`h = \min(h_1, h_2)`, so the travel is :math:`g
++ h` and the open pair is :math:`g + h_1 + h_2` long from root to root. A lower output dog lacks the
+end of its tip, a higher one stands between deeper slots: below the pitch plane its root is
+
+.. math:: d_2 = \max\left(\tfrac{h_1}{2}, h_2 - \tfrac{h_1}{2}\right)
+
+deep. A dog that leaves the play *j* to half a pitch is :math:`(\vartheta r - j)/2` wide in its
+pitch plane, so the play of the pair is :math:`(j_1 + j_2)/2`. The ridges of two dogs that face each
+other overlap by the mean of both ``crest_overlap``.
+
+Two faces of slopes :math:`a \le b` and widths :math:`f_a, f_b` whose ridges overlap by *L* touch at
+the displacement :math:`g + a L + (b - a) \max(0, L - f_a)`: the ridge of the steeper on the flatter
+face, then the edge of the flatter on the steeper. They part at :math:`L = f_a + f_b`.
+
+One dog of a pair is rigid, the other carries the compliant layer of both. Which one does not matter
+for faces that are parallel; a rigid ridge that slides on a flatter compliant face would plough
+through the layer and lose power to its dissipation (``sim.shift.slide``). So the dog that falls
+less is the rigid one, of equal falls that with the rounder edges, else that of the output ring.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dogshape.sim.elementwise import largest, smallest, tan
+from dogshape.sim.errors import GeometryError, Refusal
+from dogshape.sim.quantity import quantity, record_quantities, require_ranges
+from dogshape.sim.shift.geometry import Dog, Dogs
+from dogshape.sim.units import MM
+
+
+@dataclass(frozen=True)
+class OutputDog:
+    """Dimensions in which the output ring's dog differs from that of the sliding ring, SI units.
+
+    None stands for the dimension of the sliding dog.
+    """
+
+    chamfer: float | None = quantity("chamfer_deg", 0.0, 60.0, None)
+    height: float | None = quantity("height_mm", 0.2, 100.0, None)
+    edge_radius: float | None = quantity("edge_radius_mm", 0.0, 10.0, None)
+    crest: float | None = quantity("crest", 0.0, 1.0, None)
+    chamfer_back: float | None = quantity("chamfer_back_deg", 0.0, 60.0, None)
+    backlash: float | None = quantity("backlash_mm", 0.0, 50.0, None)
+
+    def __post_init__(self) -> None:
+        require_ranges(self, "output_dog", "check the value and its unit")
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Dimensions that are given, SI units."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+    @property
+    def record(self) -> dict[str, float]:
+        """Dimensions that are given, by their keys in a record and in the units of files."""
+        items = record_quantities(self).items()
+        return {f"output_dog_{key}": value for key, value in items if value is not None}
+
+    @property
+    def _deviating(self) -> list[str]:
+        """Names of the given dimensions that deviate: a missing face or play does not."""
+        missing = {"chamfer": self.crest == 0.0, "chamfer_back": self.crest == 1.0}
+        missing["backlash"] = self.backlash == 0.0
+        return [name for name in self.given if not missing.get(name)]
+
+    def beside(self, sliding: Dog, nominal: Dog | None = None) -> Dog:
+        """Return the output dog beside a ``sliding`` dog, or beside each of ``Dogs``.
+
+        Deviations of the sliding dog from its ``nominal`` one are those of the output dog too;
+        dimensions stop at 0. Raises GeometryError for an impossible shape.
+        """
+        changes = self.given
+        if not changes:
+            return sliding
+        if nominal is not None:
+            for name in self._deviating:
+                deviation = getattr(sliding, name) - getattr(nominal, name)
+                changes[name] = largest(0.0, changes[name] + deviation)
+        height = changes.get("height", sliding.height)
+        if np.any(height != sliding.height):
+            pitch_depth = 0.5 * sliding.height
+            changes["root_depth"] = largest(pitch_depth, height - pitch_depth)
+        try:
+            return replace(sliding, **changes)
+        except GeometryError as error:
+            raise GeometryError(f"output ring: {error}") from error
+
+
+ALIKE = OutputDog()  #: both rings have one dog
+MIN_HEIGHT_SHARE = 0.5  #: of the sliding dog's height; a crest in the pitch plane has no flank
+
+
+class Slope(NamedTuple):
+    """Two faces, or two backs, that meet."""
+
+    slope: float  #: tangent of the flatter one
+    flat_width: float  #: of the flatter one, along the circumference, m
+    slope_rise: float  #: tangent of the steeper less that of the flatter one
+    reach: float  #: sum of both widths, m
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Dogs of sliding and output ring; of many pairs ``Dogs``.
+
+    Raises GeometryError where the output dog is at most half as high as the sliding one, or
+    undercut dogs do not pass each other.
+    """
+
+    sliding: Dog
+    output: Dog
+
+    def __post_init__(self) -> None:
+        if isinstance(self.sliding, Dogs):
+            return
+        if not self._is_high_enough:
+            least = MIN_HEIGHT_SHARE * self.sliding.height
+            rule = f"it must exceed half of dog.height_mm, {least / MM:.4g} mm"
+            remedy = "use a higher output dog or a lower sliding dog"
+            height = self.output.height / MM
+            raise GeometryError(Refusal("output_dog.height_mm", height, "mm", rule, remedy))
+        if self.passing_play < 0.0:
+            rule = "undercut flanks must pass each other on the way in (0 mm)"
+            remedy = "use more backlash, less undercut or a larger chamfer"
+            name = "play of unlike rings at the mouth of a slot"
+            raise GeometryError(Refusal(name, self.passing_play / MM, "mm", rule, remedy))
+
+    @property
+    def _is_high_enough(self) -> bool:
+        """Whether the crest of the output dog stands above its pitch plane."""
+        return self.output.height > MIN_HEIGHT_SHARE * self.sliding.height
+
+    @property
+    def possible(self) -> bool:
+        """Whether both dogs and the pair keep all rules of a shape; (n,) of bool for ``Dogs``."""
+        dogs = self.sliding.possible & self.output.possible
+        return dogs & self._is_high_enough & (self.passing_play >= 0.0)
+
+    @property
+    def alike(self) -> bool:
+        """Whether both rings have one dog."""
+        return self.output is self.sliding or self.output == self.sliding
+
+    @property
+    def rigid(self) -> Dog:
+        """Dog without a compliant layer: the one whose tip falls less."""
+        return self.sliding if self.is_sliding_rigid else self.output
+
+    @property
+    def compliant(self) -> Dog:
+        """Dog with the compliant layer of both."""
+        return self.output if self.is_sliding_rigid else self.sliding
+
+    @property
+    def is_sliding_rigid(self) -> bool:
+        """Whether the sliding dog is the rigid one."""
+        falls = [dog.chamfer + dog.chamfer_back for dog in (self.sliding, self.output)]
+        if falls[0] == falls[1]:
+            return self.sliding.edge_radius > self.output.edge_radius
+        return falls[0] < falls[1]
+
+    @property
+    def depth(self) -> float:
+        """Axial way from crests on crests to full depth, m."""
+        return smallest(self.sliding.height, self.output.height)
+
+    @property
+    def travel(self) -> float:
+        """Axial way from the start of the shift to full depth, m."""
+        return self.sliding.axial_gap + self.depth
+
+    @property
+    def axial_length(self) -> float:
+        """Room the pair needs along the shaft when open, root to root, m."""
+        return self.sliding.axial_gap + (self.sliding.height + self.output.height)
+
+    @property
+    def backlash(self) -> float:
+        """Play of the seated pair along the circumference at the mean radius, m."""
+        return 0.5 * (self.sliding.backlash + self.output.backlash)
+
+    @property
+    def backlash_angle(self) -> float:
+        """Play of the seated pair, rad."""
+        return 0.5 * (self.sliding.backlash_angle + self.output.backlash_angle)
+
+    @property
+    def entry_play(self) -> float:
+        """Width of a slot's mouth less the width of the tip that enters it, at mean radius, m."""
+        return self.depth * self.sliding.lean + self.backlash
+
+    @property
+    def passing_play(self) -> float:
+        """Play with which flanks first face each other on the way in, at the inner radius, m."""
+        inner = self.sliding.inner_radius
+        drops = [largest(*dog.drops_at(inner)) for dog in (self.sliding, self.output)]
+        return self.backlash_angle * inner + (self.depth - sum(drops)) * self.sliding.lean
+
+    @property
+    def crest_overlap(self) -> float:
+        """Overlap of two faces at dogs facing dogs, ridge to ridge at the mean radius, m."""
+        return 0.5 * (self.sliding.crest_overlap + self.output.crest_overlap)
+
+    @property
+    def edge_radius(self) -> float:
+        """Mean radius of the edges of both dogs, m."""
+        return 0.5 * (self.sliding.edge_radius + self.output.edge_radius)
+
+    @property
+    def faces(self) -> Slope:
+        """Faces that meet where ridges overlap."""
+        dogs = (self.sliding, self.output)
+        return _slope(*((dog.tangents[0], dog.face_width) for dog in dogs))
+
+    @property
+    def backs(self) -> Slope:
+        """Backs that meet where the overlap of the ridges is negative."""
+        dogs = (self.sliding, self.output)
+        return _slope(*((tan(dog.chamfer_back), dog.back_width) for dog in dogs))
+
+
+def _slope(first: tuple[float, float], second: tuple[float, float]) -> Slope:
+    """Join two faces, each by the tangent of its fall and its width in m."""
+    (flat, width), (steep, _) = sorted((first, second))
+    return Slope(flat, width, steep - flat, first[1] + second[1])
+
+
+@lru_cache(maxsize=64)  # a pair is asked for with every shift
+def dog_pair(sliding: Dog, output_dog: OutputDog = ALIKE) -> Pair:
+    """Build the pair of a sliding dog and the output dog beside it."""
+    return Pair(sliding, output_dog.beside(sliding))
