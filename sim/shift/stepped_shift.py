@@ -38,6 +38,7 @@ from dogshape.sim.kernel_layout import (
     OUTPUT_SIDE_SPEED,
     OUTPUT_SPEED,
     RIGID_STATE_SIZE,
+    SHAFTED_STATE_SIZE,
     SLIDING_ANGLE,
     SLIDING_SPEED,
     STATE_SIZE,
@@ -136,7 +137,7 @@ class SavedShift:
 
     time: float  #: s
     step: float  #: of the integration, to try next, s
-    state: tuple[float, ...]  #: (12,)
+    state: tuple[float, ...]  #: (14,)
     mode: tuple[float, ...]  #: fields of ``STEP_MODE``
     phase: int  #: of ``StepPhase``
     engagement_time: float  #: s; NaN before it
@@ -151,7 +152,7 @@ class SteppedShift:
         drive = replace(
             clutch.drive, sliding_torque=(0.0,), output_torque=(0.0,), times=(), control=None
         )
-        self.clutch = replace(clutch, drive=drive)
+        self.clutch = replace(clutch, drive=drive, actuator=None)
         self.time = 0.0
         self.phase = StepPhase.FREE_FLY
         self.engagement_time = math.nan
@@ -168,7 +169,7 @@ class SteppedShift:
         self._room = kernel.clip_room(len(self._model.surfaces.normals))
 
     def _start_state(self, start: ShiftStart) -> Array:
-        """Build the state of rings that turn apart, (12,)."""
+        """Build the state of rings that turn apart, (14,)."""
         state = np.zeros(STATE_SIZE)
         state[[OUTPUT_ANGLE, OUTPUT_SIDE_ANGLE]] = start.relative_angle
         state[[SLIDING_SPEED, INPUT_SIDE_SPEED]] = self._sense * start.sliding_speed
@@ -190,7 +191,7 @@ class SteppedShift:
         for name in ("damping", "friction", "spline_force_per_torque", "detent"):
             setattr(numbers, name, 0.0)
         numbers.shift_travel = math.inf
-        if numbers.state_size < STATE_SIZE:
+        if numbers.state_size < SHAFTED_STATE_SIZE:
             numbers.state_size = RIGID_STATE_SIZE
         self._latched = True
 
@@ -223,7 +224,7 @@ class SteppedShift:
         """Integrate to ``end`` in s, or the engagement, or a full record.
 
         Steps are those with which a doubtful shift is repeated (``sim.shift.conclusion``). Returns
-        times in s, (n,), and states, (n, 12), from the present ones on.
+        times in s, (n,), and states, (n, 14), from the present ones on.
         """
         clutch = self.clutch
         solver = clutch.solver
@@ -270,9 +271,9 @@ class SteppedShift:
         knots[KNOT_FORCE] = 0.0 if self._latched else loads.force
         knots[KNOT_SLOPE] = 0.0
         numbers = self._model.numbers[0]
-        numbers["torque_start"] = self.time
-        numbers["sliding_torque"] = self._sense * loads.sliding_torque
-        numbers["output_torque"] = self._sense * loads.output_torque
+        numbers.torque_start = self.time
+        numbers.sliding_torque = self._sense * loads.sliding_torque
+        numbers.output_torque = self._sense * loads.output_torque
         if self._latched:
             self._state[AXIAL_SPEED] = 0.0
 
@@ -287,7 +288,7 @@ class SteppedShift:
     def _evaluate(self, times: Array, states: Array) -> Array:
         """Follow the phase; return the impulses of force, N s, and torque, N m s, of the contact.
 
-        ``times``, s, (n,), and ``states``, (n, 12), are those of ``_integrate``. Raises EngineError
+        ``times``, s, (n,), and ``states``, (n, 14), are those of ``_integrate``. Raises EngineError
         where dogs pass through each other.
         """
         loads = np.array([self._contact_loads(state) for state in states])
@@ -323,7 +324,7 @@ class SteppedShift:
         return count * force, count * torque
 
     def _follow_phase(self, states: Array, touches: Mask) -> None:
-        """Update the phase by the states, (n, 12), and contacts, (n,), at the ends of steps."""
+        """Update the phase by the states, (n, 14), and contacts, (n,), at the ends of steps."""
         numbers = self._model.numbers[0]
         gap = self.clutch.dog.axial_gap
         for state, touching in zip(states, touches, strict=True):

@@ -174,6 +174,16 @@ def test_engaged_rings_turn_together_and_stay(clutch: Clutch) -> None:
     assert last.contact_force > 0.0
 
 
+@pytest.mark.parametrize(("name", "columns"), [("mq200_paper", 6), ("mq200_both", 12)])
+def test_shafts_move_on_behind_the_latch(name: str, columns: int) -> None:
+    clutch = load_study(name).in_engine("planar").clutch
+    shift = SteppedShift(clutch, ShiftStart(0.0, 0.0, 0.2))
+    shift.advance(0.2, StepLoads(500.0, 10.0, 0.0))
+    shift.advance(0.21, StepLoads(500.0, 10.0, 0.0))
+    assert shift.engaged
+    assert shift._model.numbers[0].state_size == columns
+
+
 def test_a_shift_that_goes_back_repeats_itself(clutch: Clutch) -> None:
     """Before and after the engagement, to the last digit."""
     shift = SteppedShift(clutch.with_engine("planar"), start_of(clutch, 50 * RPM, 10 * DEG))
