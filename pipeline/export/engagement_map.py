@@ -37,7 +37,7 @@ from dogshape.sim.statistics.blocks import even_blocks
 from dogshape.sim.units import DEG, MM, RPM
 
 
-class MapCell(Record):
+class EngagementCell(Record):
     """One shift of a map."""
 
     mismatch_rpm: float = key("mismatch speed", "1/min")
@@ -72,7 +72,7 @@ class EngagementMap:
     """Simulated map of a study."""
 
     study: Setup
-    cells: tuple[MapCell, ...]  #: by mismatch, force and angle, each growing
+    cells: tuple[EngagementCell, ...]  #: by mismatch, force and angle, each growing
 
     @cached_property
     def points(self) -> tuple[MapPoint, ...]:
@@ -207,7 +207,7 @@ def paths_beside(path: Path) -> tuple[Path, Path, Path, Path]:
     )
 
 
-def _mean_of(cells: Sequence[MapCell]) -> MapPoint:
+def _mean_of(cells: Sequence[EngagementCell]) -> MapPoint:
     """Average cells of one mismatch and force over the relative angle."""
     finished = [cell for cell in cells if cell.outcome != Outcome.DIVERGED.value]
     times = [cell.shift_time_s for cell in finished if cell.shift_time_s is not None]
@@ -254,7 +254,7 @@ def simulate_map(study: Setup, options: RunOptions) -> EngagementMap:
     cells = []
     for point, point_rows in zip(points, rows, strict=True):
         for angle, row in zip(angles, point_rows, strict=True):
-            cell = MapCell(
+            cell = EngagementCell(
                 mismatch_rpm=point.mismatch / RPM,
                 force_N=point.profile.force,
                 angle_deg=angle / DEG,
