@@ -184,8 +184,9 @@ def load_points(place: str | Path) -> Bench:
 def predict_field(bench: Bench, options: BankOptions) -> Field:
     """Predict the effects at the operating points of a bench; simulate missing shifts."""
     bench = replace(bench, clutch=bench.clutch.with_engine(options.engine))
-    models = models_of(bench, load(options.effects), options)
-    model = next(iter(models.values()))
-    # Shifts that are planned have no part in a drift of the data set.
-    observed = replace(observe(bench, model), drift=None)
-    return field_of(Likelihood(bench, observed, model, options.settings))
+    with threadpool_limits(limits=1, user_api="blas"):
+        models = models_of(bench, load(options.effects), options)
+        model = next(iter(models.values()))
+        # Shifts that are planned have no part in a drift of the data set.
+        observed = replace(observe(bench, model), drift=None)
+        return field_of(Likelihood(bench, observed, model, options.settings))
