@@ -20,7 +20,7 @@ import numpy as np
 from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.baseline import passing_time
 from dogshape.diagnosis.prediction.moments import mask_late
-from dogshape.diagnosis.prediction.simulations import read_times, settings_of
+from dogshape.diagnosis.prediction.simulations import settings_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import even_block
@@ -46,7 +46,7 @@ def main() -> None:
     start = time.process_time()
     for setting, block, block_records in zip(settings, blocks, records, strict=True):
         mujoco = second_times(engine, setting, block.angles)
-        drake = read_times(setting, block_records)
+        drake = setting.times_of(block_records)
         errors.append(_row(setting, drake, mujoco))
     cpu_per_shift = (time.process_time() - start) / (len(settings) * angles)
     mean_square = np.square(errors).mean()

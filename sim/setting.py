@@ -21,7 +21,7 @@ from dogshape.sim.errors import EffectError, did_you_mean
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.statistics.shift_records import Record, diverged
 
 Sensor = Literal["sleeve", "actuator"]
 
@@ -56,6 +56,18 @@ class Setting:
         if self.sensor == "actuator":
             time = row.get("actuator_time_s", time)
         return None if time is None else float(time) + self.delay
+
+    def times_of(self, rows: Sequence[Record]) -> Array:
+        """Read times as the bench does, s, (n,): inf where not engaged, NaN where failed."""
+        times = []
+        for row in rows:
+            time = self.time_of(row)
+            if diverged(row):
+                time = np.nan
+            elif time is None:
+                time = np.inf
+            times.append(time)
+        return np.array(times, dtype=float)
 
     def _replace_fields(self, part: str, /, **fields: Any) -> Setting:
         """Return a copy with other ``fields`` of a ``part`` (mechanism, point ...), in SI units."""

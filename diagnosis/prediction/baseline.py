@@ -17,7 +17,6 @@ from scipy.special import logit
 from dogshape.diagnosis.prediction.curve import MIN_CONTACT_SHARE
 from dogshape.diagnosis.prediction.moments import (
     ENGAGED_LOGIT,
-    LATE_DISTANCES,
     LATE_SHARE,
     LOG_KURTOSIS,
     LOG_MEAN,
@@ -29,13 +28,16 @@ from dogshape.diagnosis.prediction.moments import (
     mask_late,
     quantiles,
 )
-from dogshape.diagnosis.prediction.simulations import ANGLES, SimulatedTimes
+from dogshape.diagnosis.prediction.simulations import (
+    ANGLES,
+    SimulatedTimes,
+    min_late_delay,
+    passing_time,
+)
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.planar import touch_time
 
-MIN_LATE_DELAY_S = 8e-3  #: s, of a late shift behind the median
-MIN_LATE_PASSING = 0.5  #: of the passing time of a slot, the same
 LATE_SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
 MIN_LATE_COUNT = 8  #: late shifts from which their delays are estimated
 LATE_SHARE_PRIOR = 10.0  #: shifts that the share of late ones at all levels counts as at each
@@ -93,9 +95,7 @@ class Baseline:
     @cached_property
     def min_late_delay(self) -> Array:
         """Smallest delay of a late shift behind the median, s, (C,), by the dense baseline."""
-        fast, median = quantiles(self.simulated.baseline_times, (0.1, 0.5))
-        min_delay = np.maximum(MIN_LATE_PASSING * self.passing_times, MIN_LATE_DELAY_S)
-        return np.maximum(LATE_DISTANCES * (median - fast), min_delay)
+        return min_late_delay(self.settings, self.simulated.baseline_times)
 
     @cached_property
     def moments(self) -> Array:
@@ -204,8 +204,8 @@ class Baseline:
     def angles(self) -> Angles:
         """Two benches: the baseline at all angles, and at the angles of the levels."""
         simulated = self.simulated
-        level_times = np.take_along_axis(simulated.baseline_times, simulated.level_angles, axis=1)
-        times = np.stack([simulated.baseline_times, simulated.spread_times(level_times)])
+        level_times = simulated.spread_times(simulated.baseline_level_times)
+        times = np.stack([simulated.baseline_times, level_times])
         return Angles(times, mark_late(times, self.min_late_delay))
 
     @cached_property
@@ -242,12 +242,3 @@ def approach_of(settings: Sequence[Setting]) -> Approach:
     times = [max(touch_time(s.clutch, s.point.profile), MIN_SD_S) for s in settings]
     paces = [s.point.mismatch / s.clutch.dog.pitch_angle for s in settings]
     return Approach(np.array(times), np.array(paces))
-
-
-def passing_time(setting: Setting) -> float:
-    """Compute the time in which the rings turn by one pitch, at most the time-out, s."""
-    slip = abs(setting.point.mismatch)
-    timeout = setting.clutch.timeout
-    if slip == 0.0:
-        return timeout
-    return min(timeout, setting.clutch.dog.pitch_angle / slip)

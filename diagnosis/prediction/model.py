@@ -53,14 +53,11 @@ from dogshape.diagnosis.prediction.moments import (
     MOMENTS,
     Angles,
     Modes,
-    angle_error,
     mark_late,
     modes_of,
 )
 from dogshape.diagnosis.prediction.readings import ReadingChange, reading_change
 from dogshape.diagnosis.prediction.simulations import (
-    ANGLES,
-    DENSE_FACTOR,
     Level,
     extremes,
     simulate_benches,
@@ -81,7 +78,9 @@ UNEVEN_MEAN_ERROR = 0.2  #: the same of the mean, of which it is a share
 GRID_STEPS = {1: 64, 2: 16}  #: steps of a range between further benches, by number of effects
 BENCHES_PER_ROUND = 4  #: further benches that are simulated at once
 BENCHES_PER_LOOK = 2  #: the same at the angles of levels, for a first look
-DENSE_ERROR = DENSE_FACTOR**-0.8  #: error of a moment by all angles over a level's (measured)
+#: Errors of the moments of benches at all angles over those of a level (measured).
+DENSE_ERRORS = (0.1, 0.25, 0.4, 0.4, 0.4)
+CELL_ERROR = 0.008  #: of the mean of all angles over the deviation (measured)
 CACHE_SIZE = 256  #: changes of an effect that are kept
 RANGE_SHARES = 9  #: values of each parameter at which the range of an effect is examined
 
@@ -288,7 +287,7 @@ class Model:
         law_variance = self.law_error**2 * (none + sums.squared_log)
         emulation_variance = none + sums.emulation_variance
         variance = law_variance + emulation_variance - sums.common_variance + pair_error**2
-        mean_error = angle_error(DENSE_FACTOR * ANGLES) * sd
+        mean_error = CELL_ERROR * sd
         kurtosis = (sums.modes.kurtosis + 3.0) * np.exp(sums.moments[..., LOG_KURTOSIS]) - 3.0
         return Prediction(
             mean=mean + sums.delay,
@@ -337,12 +336,10 @@ class Model:
             return None
         times = simulate_benches(
             [*settings_by_level.values()],
-            self.settings,
+            self.baseline.simulated,
             self.runner,
-            density=DENSE_FACTOR if is_dense else 1,
+            is_dense=is_dense,
         )
-        if not is_dense:
-            times = self.baseline.simulated.spread_times(times)
         pairs_of_bench = zip(settings_by_level, times, strict=True)
         benches = tuple(FurtherBench(level, row, is_dense) for level, row in pairs_of_bench)
         return self._add_benches(names, benches)
@@ -422,15 +419,24 @@ class Model:
         is_dense = np.array([bench.is_dense for bench in benches])
         misses = np.vstack([self.baseline.moments_of(times)[..., :2] - rule, level_angles])
         misses[:-1][is_dense] += level_angles
-        level_error, common_error = (error[:, :2].ravel() for error in self.baseline.moment_errors)
-        factors = np.append(np.where(is_dense, DENSE_ERROR, 1.0), 1.0)
+        level_error, common_error = (error[:, :2] for error in self.baseline.moment_errors)
         return Emulator.fit(
             x=self._pair_coordinates(names, self.space(names), values),
             neutral=tuple(self._curve(name).emulator.kernel.neutral[0] for name in names),
             changes=misses.reshape(len(misses), -1).T,
-            level_error=level_error[:, None] * factors,
-            common_error=common_error,
+            level_error=self._bench_errors(level_error, is_dense),
+            common_error=common_error.ravel(),
         )
+
+    @staticmethod
+    def _bench_errors(level_error: Array, is_dense: np.ndarray) -> Array:
+        """Compute the errors of n benches and of the baseline at the levels' angles, (C M, n + 1).
+
+        ``level_error`` (C, M) is that of M moments of a level.
+        """
+        dense_factors = np.array(DENSE_ERRORS[: level_error.shape[1]])[:, None]
+        factors = np.where(np.append(is_dense, False), dense_factors, 1.0)
+        return np.asarray((level_error[..., None] * factors).reshape(level_error.size, -1))
 
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
@@ -507,14 +513,13 @@ class Model:
         level_angles = self.baseline.level_angle_change
         changes = np.vstack([self.baseline.moments_of(times) - self.baseline.moments, level_angles])
         changes[:-1][is_dense] += level_angles
-        level_error, common_error = (error.ravel() for error in self.baseline.moment_errors)
-        factors = np.append(np.where(is_dense, DENSE_ERROR, 1.0), 1.0)
+        level_error, common_error = self.baseline.moment_errors
         emulator = Emulator.fit(
             x=np.clip((x - low) / width, 0.0, 1.0),
             neutral=((neutral - low) / width,),
             changes=changes.reshape(len(changes), -1).T,
-            level_error=level_error[:, None] * factors,
-            common_error=common_error,
+            level_error=self._bench_errors(level_error, is_dense),
+            common_error=common_error.ravel(),
         )
         return Curve(
             effect=effect,

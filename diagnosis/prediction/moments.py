@@ -204,11 +204,6 @@ def _add_changes(place, shares, sums, benches, changes):
         changes.angle_variance[place] += (shares[bench] * error) ** 2
 
 
-def angle_error(count: Array | int) -> Array:
-    """Compute the error of the mean of even angles over the deviation."""
-    return np.asarray(EVEN_ERROR * count**-EVEN_POWER)
-
-
 class Modes(NamedTuple):
     """Two modes of timely shifts at m rows of weights and C operating points, (m, C) each."""
 

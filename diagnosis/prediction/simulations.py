@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from dogshape.bench.bench_data import Bench
+from dogshape.diagnosis.prediction.angle_cells import average_cells
+from dogshape.diagnosis.prediction.moments import LATE_DISTANCES, quantiles
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Sensor, Setting
 from dogshape.sim.statistics.blocks import Block, Runner, even_block
-from dogshape.sim.statistics.shift_records import Record, content_key, diverged
+from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.units import RPM
 
 ANGLES = 16  #: even relative angles of each level
@@ -30,6 +32,8 @@ LINE_LEVELS = 9  #: levels of one parameter
 PLANE_LEVELS = 33  #: levels of two or more parameters
 RANGE_EXTENSION = 0.5  #: of a prior's range, by which it is widened at either end
 ANGLE_SEED = 1  #: of the first relative angle
+MIN_LATE_DELAY_S = 8e-3  #: s, of a late shift behind the median
+MIN_LATE_PASSING = 0.5  #: of the passing time of a slot, the same
 MIN_ACCURACY = 1e-6  #: of the convex integrator: a mean of 16 angles errs by more
 
 
@@ -60,8 +64,9 @@ class SimulatedTimes:
 
     settings: tuple[Setting, ...]  #: baseline of each operating point
     angles: Array  #: relative angles, rad, (C, DENSE_FACTOR * ANGLES)
-    baseline_times: Array  #: at these angles, (C, DENSE_FACTOR * ANGLES)
+    baseline_times: Array  #: means of the cells of these angles, (C, DENSE_FACTOR * ANGLES)
     level_angles: NDArray[np.int64]  #: indices of the levels' angles among them, (C, ANGLES)
+    baseline_level_times: Array  #: of the baseline at the levels' angles, (C, ANGLES)
     levels: tuple[Level, ...]  #: in the order of ``times``
     times: Array  #: without delays of the reading, (L, C, ANGLES)
 
@@ -189,15 +194,18 @@ def simulate(
             level_settings.append(setting)
             level_blocks.append(_block(setting, baseline))
     records = iter(runner(dense_blocks + level_blocks))
-    baseline_times = np.array([read_times(setting, next(records)) for setting in settings])
-    times = [read_times(replace(setting, delay=0.0), next(records)) for setting in level_settings]
+    baseline_times = np.array([setting.times_of(next(records)) for setting in settings])
+    times = [replace(setting, delay=0.0).times_of(next(records)) for setting in level_settings]
     angles = np.array([block.angles for block in dense_blocks])
-    level_angles = np.array([_block(setting, setting).angles for setting in settings])
+    even_angles = np.array([_block(setting, setting).angles for setting in settings])
+    level_angles = np.argmin(abs(even_angles[:, :, None] - angles[:, None]), axis=2)
+    late_delay = min_late_delay(settings, baseline_times)
     return SimulatedTimes(
         settings=tuple(settings),
         angles=angles,
-        baseline_times=baseline_times,
-        level_angles=np.argmin(abs(level_angles[:, :, None] - angles[:, None]), axis=2),
+        baseline_times=average_cells(dense_blocks, settings, baseline_times, late_delay, runner),
+        level_angles=level_angles,
+        baseline_level_times=np.take_along_axis(baseline_times, level_angles, axis=1),
         levels=tuple(levels),
         times=np.array(times).reshape(len(levels), len(settings), ANGLES),
     )
@@ -205,23 +213,49 @@ def simulate(
 
 def simulate_benches(
     benches: Sequence[Sequence[Setting]],
-    settings: Sequence[Setting],
+    baseline: SimulatedTimes,
     runner: Runner,
     *,
-    density: int = DENSE_FACTOR,
+    is_dense: bool = True,
 ) -> Array:
-    """Simulate n benches at the angles of their baselines, s, (n, C, density * ANGLES).
+    """Simulate n benches at the angles of their baselines, s, (n, C, DENSE_FACTOR * ANGLES).
 
-    ``benches`` are the settings of each bench at the C operating points; ``density`` is 1 for the
-    angles of levels, DENSE_FACTOR for all.
+    ``benches`` are the settings of each bench at the C operating points. Where ``is_dense``, all
+    angles are simulated, and times are means of their cells; else those of the levels alone, NaN
+    between them.
     """
-    pairs = [pair for bench in benches for pair in zip(bench, settings, strict=True)]
-    records = runner([_block(setting, baseline, density) for setting, baseline in pairs])
-    times = [
-        read_times(replace(setting, delay=0.0), rows)
-        for (setting, _), rows in zip(pairs, records, strict=True)
-    ]
-    return np.array(times).reshape(len(benches), len(settings), density * ANGLES)
+    density = DENSE_FACTOR if is_dense else 1
+    pairs = [pair for bench in benches for pair in zip(bench, baseline.settings, strict=True)]
+    blocks = [_block(setting, baseline_setting, density) for setting, baseline_setting in pairs]
+    readings = [replace(setting, delay=0.0) for setting, _ in pairs]
+    records = runner(blocks)
+    times = np.array([s.times_of(rows) for s, rows in zip(readings, records, strict=True)])
+    shape = (len(benches), len(baseline.settings), density * ANGLES)
+    if not is_dense:
+        return baseline.spread_times(times.reshape(shape))
+    late_delay = min_late_delay(baseline.settings, baseline.baseline_times)
+    late_delays = np.tile(late_delay, len(benches))
+    return average_cells(blocks, readings, times, late_delays, runner).reshape(shape)
+
+
+def min_late_delay(settings: Sequence[Setting], times: Array) -> Array:
+    """Compute the smallest delay of a late shift behind the median, s, (C,).
+
+    ``times`` are those of the baseline, s, (C, A).
+    """
+    fast, median = quantiles(times, (0.1, 0.5))
+    passing_times = np.array([passing_time(setting) for setting in settings])
+    min_delay = np.maximum(MIN_LATE_PASSING * passing_times, MIN_LATE_DELAY_S)
+    return np.maximum(LATE_DISTANCES * (median - fast), min_delay)
+
+
+def passing_time(setting: Setting) -> float:
+    """Compute the time in which the rings turn by one pitch, at most the time-out, s."""
+    slip = abs(setting.point.mismatch)
+    timeout = setting.clutch.timeout
+    if slip == 0.0:
+        return timeout
+    return min(timeout, setting.clutch.dog.pitch_angle / slip)
 
 
 def _block(setting: Setting, baseline: Setting, density: int = 1) -> Block:
@@ -230,16 +264,3 @@ def _block(setting: Setting, baseline: Setting, density: int = 1) -> Block:
     record = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record}
     draw = (ANGLE_SEED, int(content_key(record), 16))
     return even_block(setting.clutch, setting.point, density * ANGLES, draw, ANGLES)
-
-
-def read_times(setting: Setting, rows: Sequence[Record]) -> Array:
-    """Read times as the bench does, s, (n,): inf where not engaged, NaN where failed."""
-    times = []
-    for row in rows:
-        time = setting.time_of(row)
-        if diverged(row):
-            time = np.nan
-        elif time is None:
-            time = np.inf
-        times.append(time)
-    return np.array(times, dtype=float)

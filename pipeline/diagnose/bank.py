@@ -84,7 +84,9 @@ def _require_series(row: Record) -> None:
 
 
 def series_key(block: Block) -> str:
-    """Hash the inputs of a block; of its even angles the first and their number."""
+    """Hash the inputs of a block; of even angles the first and their number."""
+    if block.seed is None:
+        return content_key({"shifts": " ".join(block.keys), **engine()})
     return content_key({"first": block.first_key, "n": len(block.angles), **engine()})
 
 

@@ -133,7 +133,7 @@ def test_the_gap_closes_as_in_closed_form(simulated: Model, force: float) -> Non
 def test_uneven_angles_weigh_the_times_with_the_other_effect(
     simulated: Model, effect: str, share: float, centre: float
 ) -> None:
-    """A longer flight and uneven angles together, against 48 shifts with both at each point."""
+    """A longer flight and uneven angles together, against 240 shifts with both at each point."""
     hypothesis = effect, "relative_angle"
     space = simulated.space(hypothesis)
     own, concentration, _ = space.parameters
@@ -144,8 +144,9 @@ def test_uneven_angles_weigh_the_times_with_the_other_effect(
     there = further.predict(hypothesis, shares)
     for k, setting in enumerate(simulated.settings):
         changed = space.effects[0].apply(setting, {own.name: own.at(share)})
-        angles = simulated.baseline.simulated.angles[k]
-        weights = angle_weights(angles / setting.clutch.dog.pitch_angle, 6.0, centre)
+        turns = (np.arange(240) + 0.5) / 240
+        angles = turns * setting.clutch.dog.pitch_angle
+        weights = angle_weights(turns, 6.0, centre)
         times = [
             engage(PlanarClutch(changed.clutch), changed.point, angle).shift_time
             for angle in angles
@@ -155,7 +156,8 @@ def test_uneven_angles_weigh_the_times_with_the_other_effect(
         )
         exact = np.average(soon[known := np.isfinite(soon)], weights=weights[known])
         assert p.mean[0, k] == pytest.approx(exact, abs=2.5 * p.error[0, k])
-        assert there.mean[0, k] == pytest.approx(exact, rel=0.02)
+        # The 48 angles themselves err by up to 3.3 % at this concentration.
+        assert there.mean[0, k] == pytest.approx(exact, rel=0.03)
 
 
 def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> None:
@@ -165,7 +167,7 @@ def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> No
     rows = [Level(pair, tuple(v)) for v in simulated.space(pair).values(shares).tolist()]
     settings, given = simulated.settings, simulated.effects
     benches = [[level.setting(given, one) for one in settings] for level in rows]
-    times = simulate_benches(benches, settings, _compiled)
+    times = simulate_benches(benches, simulated.baseline.simulated, _compiled)
     exact = np.nanmean(mask_late(times, simulated.baseline.min_late_delay), axis=2)
     model = simulated
     for share in shares[:2]:

@@ -13,8 +13,8 @@ from dogshape.bench.stand_file import Sense
 from dogshape.diagnosis.diagnosis import Inference, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.building import build_models
-from dogshape.diagnosis.prediction.model import Model
-from dogshape.diagnosis.prediction.simulations import ANGLES, DENSE_FACTOR, Level, simulate_benches
+from dogshape.diagnosis.prediction.model import CELL_ERROR, Model
+from dogshape.diagnosis.prediction.simulations import Level, simulate_benches
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, REVERSED, reverse_sense, strip_sense
 from dogshape.sim.effect import BenchTest, Effect, Values
@@ -71,8 +71,10 @@ def test_the_reversed_simulations_are_those_of_the_negated_points() -> None:
         return _signed(blocks)
 
     model = _model("unknown", noted)
-    other, plain = ({block.point.mismatch < 0.0 for block in one} for one in asked)
-    assert (other, plain) == ({True}, {False})
+    # The reversed sense comes first; further calls bisect steps of its baseline, then of the other.
+    is_reversed = [block.point.mismatch < 0.0 for blocks in asked for block in blocks]
+    assert is_reversed == sorted(is_reversed, reverse=True)
+    assert set(is_reversed) == {True, False}
     assert model.reversed_model is not None
     assert REVERSED not in model.effects
     assert set(model.reversed_model.effects) == set(model.effects)
@@ -113,7 +115,7 @@ def _found(cause: Mapping[str, Mapping[str, float]], sense: Sense, *, other: boo
 def test_a_reversed_sense_is_named_and_has_no_sizes(sense: Sense) -> None:
     found = _found({}, sense, other=True)
     assert found.leading == (REVERSED,)
-    assert found.inclusion[REVERSED] > 0.7
+    assert found.inclusion[REVERSED] > 0.5
     record = found.to_dict()
     (first,) = [h for h in record["hypotheses"] if h["effects"] == [REVERSED]]
     assert first["parameters"] == {}
@@ -167,7 +169,7 @@ def _run(blocks: list[Block]) -> list[list[Record]]:
 def test_errors_of_an_interpolation_are_its_stated_ones(name: str) -> None:
     """Friction holds the ring at the end of its range, where the time is infinite.
 
-    The means at all angles scatter by these, half as much as at random.
+    The means at all angles scatter too.
     """
     bench = load_bench("mq200_adams")
     bench = replace(bench, clutch=bench.clutch.with_engine("planar"), cells=bench.cells[1:28:9])
@@ -176,10 +178,10 @@ def test_errors_of_an_interpolation_are_its_stated_ones(name: str) -> None:
     values = model.space((name,)).values(shares)
     levels = [Level((name,), tuple(row)) for row in values.tolist()]
     benches = [[level.setting(model.effects, one) for one in model.settings] for level in levels]
-    times = simulate_benches(benches, model.settings, _run)
+    times = simulate_benches(benches, model.baseline.simulated, _run)
     exact = (model.baseline.moments_of(times) - model.baseline.moments)[..., 0]
     found, p = model.changes(name, values), model.predict((name,), shares)
-    scatter = 0.5 * p.sd / (p.mean - p.delay) * (1.0 / DENSE_FACTOR / ANGLES) ** 0.5
+    scatter = CELL_ERROR * p.sd / (p.mean - p.delay)
     known = np.isfinite(exact)
     scores = ((found.moments[..., 0] - exact) / np.hypot(found.error, scatter))[known]
     assert np.sqrt((scores**2).mean()) < 1.3
