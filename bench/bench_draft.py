@@ -277,8 +277,7 @@ def copy_trace(
     path, target = Path(row.file).parent / row.trace.replace("\\", "/"), folder / "traces"
     if not path.is_file():
         report.faults.append(
-            f"{row['file']}, row {row['row']}: there is no trace {path}; add the file, or empty "
-            "the cell"
+            f"{row.file}, row {row.row}: there is no trace {path}; add the file, or empty the cell"
         )
         return ""
     target.mkdir(exist_ok=True)
