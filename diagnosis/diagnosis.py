@@ -216,7 +216,7 @@ class Inference:
                 continue
             neutral = self.effects[name].neutral(self.model.setting)
             for parameter, column in zip(self.effects[name].parameters, draws.T, strict=True):
-                end = find_end(parameter, column, neutral[parameter.name])
+                end = find_end(parameter, column, neutral[parameter.name], self.settings)
                 if end is not None:
                     value = parameter.low if end == "low" else parameter.high
                     range_ends.append(RangeEnd(name, parameter.name, end, value))
@@ -382,8 +382,11 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
         within_margin=conclusion.within_margin,
         held_out=predict_held_out(likelihood, fits[leading], rival, times - baseline),
         record_meanings=_record_meanings(fitted, conclusion, settings),
-        facts=(*facts_of(bench), *measured_facts(bench, likelihood.model.effects)),
-        flights=Flights(likelihood.model.effects, likelihood.model.settings),
+        facts=(
+            *facts_of(bench, settings.static_error),
+            *measured_facts(bench, likelihood.model.effects),
+        ),
+        flights=Flights(likelihood.model.effects, likelihood.model.settings, settings),
         seconds=time.process_time() - begin,
     )
 
@@ -425,7 +428,7 @@ def _fit_ranking(answers: Sequence[_Answer], evidence: Probabilities) -> _Fitted
     """Fit none and all plausible hypotheses of a ranking."""
     ranking = answers[0].ranking
     likelihood = ranking.likelihood
-    flights = Flights(likelihood.model.effects, likelihood.model.settings)
+    flights = Flights(likelihood.model.effects, likelihood.model.settings, likelihood.settings)
     hypotheses = [NONE]
     for h, probability in evidence.items():
         if probability > MIN_FITTED_PROBABILITY and h in ranking.samples and h != NONE:
@@ -536,11 +539,11 @@ def _search_of(
     """Begin the ranking of hypotheses under one reading of the record."""
     bench = replace(bench, cells=tuple(cell.with_empty(reading.empty) for cell in bench.cells))
     observed = observe(bench, model)
-    flights = Flights(model.effects, model.settings)
+    flights = Flights(model.effects, model.settings, settings)
     facts = measured_facts(bench, model.effects)
     contacts = None
     if observed.contacts is not None:
-        contacts = Contacts(bench, observed.contacts, model.effects, model.settings)
+        contacts = Contacts(bench, observed.contacts, model.effects, model.settings, settings)
 
     def side_likelihood(hypothesis: Hypothesis, shares: Array) -> Array:
         """Compute the log likelihood of traces and direct tests, (n,)."""
