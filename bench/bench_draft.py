@@ -149,7 +149,10 @@ class ReadingSteps:
 
 
 def explain_reading(draft: BenchDraft) -> ReadingSteps:
-    """Read the tables of a draft step by step."""
+    """Read the tables of a draft; list the lines of each step, and faults instead of raising.
+
+    InputError for a draft without a table or with one that is not there.
+    """
     _require_readable(draft)
     lines: list[StepLine] = []
     report = ReadingReport()
