@@ -196,7 +196,10 @@ def require_shifts(bench: Bench, *, times: bool) -> None:
 
 
 def readings_of(stand: Stand, sheet: Sheet, asked: tuple[str, ...]) -> list[Reading]:
-    """Return the rows of a table as readings; numbers that cannot be true raise DataError."""
+    """Return the rows of a table as readings; numbers that cannot be true raise DataError.
+
+    ``asked`` are the corrections that the user asked for; ``time=given`` allows early times.
+    """
     readings = []
     for row in sheet.rows:
         try:

@@ -149,7 +149,10 @@ class ReadingSteps:
 
 
 def explain_reading(draft: BenchDraft) -> ReadingSteps:
-    """Read the tables of a draft step by step."""
+    """Read the tables of a draft; list the lines of each step, and faults instead of raising.
+
+    InputError for a draft without a table or with one that is not there.
+    """
     _require_readable(draft)
     lines: list[StepLine] = []
     report = ReadingReport()
@@ -277,8 +280,7 @@ def copy_trace(
     path, target = Path(row.file).parent / row.trace.replace("\\", "/"), folder / "traces"
     if not path.is_file():
         report.faults.append(
-            f"{row['file']}, row {row['row']}: there is no trace {path}; add the file, or empty "
-            "the cell"
+            f"{row.file}, row {row.row}: there is no trace {path}; add the file, or empty the cell"
         )
         return ""
     target.mkdir(exist_ok=True)

@@ -17,6 +17,7 @@ from dogshape.bench.draft_arguments import NONE, column_argument, column_placeho
 from dogshape.bench.quantities import (
     LOOSE,
     SHIFT_QUANTITIES,
+    SHIFT_TIME,
     SHIFTS,
     WORD,
     TableQuantity,
@@ -268,8 +269,7 @@ def _missing_time(free: Sequence[Column]) -> str:
             f"shift_time_s may be the difference of '{first.head}' and '{second.head}'; say "
             f"{answer}"
         )
-    time = SHIFT_QUANTITIES["shift_time_s"]
-    clocks = [c.head for c in free if c.is_dated and has_word(time.words, names[c])]
+    clocks = [c.head for c in free if c.is_dated and has_word(SHIFT_TIME.words, names[c])]
     if clocks:
         return f"'{clocks[0]}' (shift_time_s) holds clock times; write durations in s or ms"
     grown = [c.head for c in free if c.unit and c.unit.dimension == TIME and grows(c)]

@@ -35,7 +35,7 @@ from dogshape.bench.cell_values import (
 )
 from dogshape.bench.decoding import TableLimits
 from dogshape.bench.draft_arguments import rows_argument, rows_example
-from dogshape.bench.quantities import SHIFT_QUANTITIES, SPLITTING, has_word, plain_words, score
+from dogshape.bench.quantities import SHIFT_TIME, SPLITTING, has_word, plain_words, score
 from dogshape.bench.raw_sheet import (
     QuoteError,
     RawRow,
@@ -340,7 +340,7 @@ def _columns(sheet: RawSheet, layout: Layout, cells: Sequence[Cells]) -> tuple[C
             parts = split_head(head, unit)
             durations = tuple(durations_of(column_cells))
             duration_column = Column(k + 1, head, *parts, durations)
-            if durations and score(SHIFT_QUANTITIES["shift_time_s"], duration_column) > 0.0:
+            if durations and score(SHIFT_TIME, duration_column) > 0.0:
                 column_cells = durations
             true_numbers = k + 1 in sheet.true_numbers
             hidden = k + 1 in sheet.hidden_columns

@@ -64,6 +64,43 @@ SHAFTS = (
     r"|moteur|arbre|albero|eje|hridel|wal|primary|secondary|primaer|sekundaer|entree|sortie"
     r"|pignon|manchon|ingranaggio|ozubeni"
 )
+SHIFT_FORCE = TableQuantity(
+    "force_N",
+    FORCE,
+    _FORCE,
+    r"\w*force|\w*kraft|f|effort|forza|fuerza|forca|sila|kracht|voima|ero",
+    rf"time|\w*zeit|{_RISE}|{_SPREAD}|{_EXTREME}|(feder|spring|reib|friction|vorspann"
+    r"|preload|brems|rueckstell|rast|detent)\w*",
+    needed=True,
+    filled=True,
+)
+SHIFT_COUNT = TableQuantity(
+    "n_shifts",
+    None,
+    "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen|no of shifts"
+    "|number of shifts|stueckzahl|nombre( d essais)?|numero|liczba|pocet|antal|aantal",
+    r"shifts|count|anzahl|number|schaltungen|samples|n",
+    r"ok|nok|io|nio|engaged|eingelegt|\w*fail\w*|\w*fehl\w*|ungueltig|invalid|rel|diff"
+    rf"|{SHAFTS}",
+)
+SHIFT_TIME = TableQuantity(
+    "shift_time_s",
+    TIME,
+    r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)"
+    r"|shifting time|temps de (passage|changement)|tempo di (cambio|innesto)"
+    r"|tiempo de cambio|cas razeni|czas zmiany|schakeltijd|vaxlingstid",
+    r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+|temps|duree|tempo|tiempo|duracion|cas|czas"
+    r"|tijd|tid|aika",
+    rf"\w*stamp|\w*zeitstempel|timeout|datum|date|delay|verzoegerung|\w*totzeit|dead|start\w*"
+    rf"|beginn?|ende?|stop|uhrzeit|clock|heure|ora|{_RISE}|{_SPREAD}|{_EXTREME}",
+    needed=True,
+)
+SHIFT_TIME_SD = TableQuantity(
+    "shift_time_sd_s",
+    TIME,
+    _SPREAD,
+    against=r"f|force|\w*kraft|n|mismatch|\w*drehzahl|rise|anstieg|regime",
+)
 SHIFTS = (
     TableQuantity(
         "mismatch_rpm",
@@ -77,16 +114,7 @@ SHIFTS = (
         filled=True,
         by_unit=False,
     ),
-    TableQuantity(
-        "force_N",
-        FORCE,
-        _FORCE,
-        r"\w*force|\w*kraft|f|effort|forza|fuerza|forca|sila|kracht|voima|ero",
-        rf"time|\w*zeit|{_RISE}|{_SPREAD}|{_EXTREME}|(feder|spring|reib|friction|vorspann"
-        r"|preload|brems|rueckstell|rast|detent)\w*",
-        needed=True,
-        filled=True,
-    ),
+    SHIFT_FORCE,
     TableQuantity(
         "force_rise_s",
         TIME,
@@ -94,27 +122,8 @@ SHIFTS = (
         _RISE,
         _SPREAD,
     ),
-    TableQuantity(
-        "n_shifts",
-        None,
-        "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen|no of shifts"
-        "|number of shifts|stueckzahl|nombre( d essais)?|numero|liczba|pocet|antal|aantal",
-        r"shifts|count|anzahl|number|schaltungen|samples|n",
-        r"ok|nok|io|nio|engaged|eingelegt|\w*fail\w*|\w*fehl\w*|ungueltig|invalid|rel|diff"
-        rf"|{SHAFTS}",
-    ),
-    TableQuantity(
-        "shift_time_s",
-        TIME,
-        r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)"
-        r"|shifting time|temps de (passage|changement)|tempo di (cambio|innesto)"
-        r"|tiempo de cambio|cas razeni|czas zmiany|schakeltijd|vaxlingstid",
-        r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+|temps|duree|tempo|tiempo|duracion|cas|czas"
-        r"|tijd|tid|aika",
-        rf"\w*stamp|\w*zeitstempel|timeout|datum|date|delay|verzoegerung|\w*totzeit|dead|start\w*"
-        rf"|beginn?|ende?|stop|uhrzeit|clock|heure|ora|{_RISE}|{_SPREAD}|{_EXTREME}",
-        needed=True,
-    ),
+    SHIFT_COUNT,
+    SHIFT_TIME,
     TableQuantity(
         "engaged",
         None,
@@ -129,12 +138,7 @@ SHIFTS = (
         "trace( file)?|messdatei|measurement file",
         "file|datei|dateiname|filename|fichier",
     ),
-    TableQuantity(
-        "shift_time_sd_s",
-        TIME,
-        _SPREAD,
-        against=r"f|force|\w*kraft|n|mismatch|\w*drehzahl|rise|anstieg|regime",
-    ),
+    SHIFT_TIME_SD,
     TableQuantity(
         "order",
         None,
@@ -298,8 +302,7 @@ def is_force_by_area(column: Column) -> bool:
     unit = column.unit
     if unit is None:
         return False
-    force = SHIFT_QUANTITIES["force_N"]
-    is_named = has_word(f"{force.words}|{force.loose}", plain_words(column.name))
+    is_named = has_word(f"{SHIFT_FORCE.words}|{SHIFT_FORCE.loose}", plain_words(column.name))
     return unit.dimension == PRESSURE or (is_named and unit.text.lower() == "kg")
 
 
@@ -314,5 +317,4 @@ def repeated_name(column: Column) -> str | None:
         return None
     if column.unit is not None:
         return name if column.unit.dimension == TIME else None
-    time = SHIFT_QUANTITIES["shift_time_s"]
-    return name if has_word(f"{time.words}|{time.loose}|{_REPEATED}", name) else None
+    return name if has_word(f"{SHIFT_TIME.words}|{SHIFT_TIME.loose}|{_REPEATED}", name) else None

@@ -15,7 +15,9 @@ from dogshape.bench.column_options import column_labels
 from dogshape.bench.foreign_table import REPEATS, ROUNDED, ForeignTable
 from dogshape.bench.quantities import (
     MEAN,
-    SHIFT_QUANTITIES,
+    SHIFT_COUNT,
+    SHIFT_TIME,
+    SHIFT_TIME_SD,
     counts_up,
     has_word,
     plain_words,
@@ -89,12 +91,11 @@ def _certain_repeats(columns: Sequence[Column]) -> list[Column]:
         name = repeated_name(column)
         if name is not None and not column.hidden and np.isfinite(column.values).any():
             groups.setdefault(name, []).append(column)
-    time = SHIFT_QUANTITIES["shift_time_s"]
     for name, group in groups.items():
         units = {column.unit.text if column.unit else "" for column in group}
-        worded = has_word(time.words, name)
+        worded = has_word(SHIFT_TIME.words, name)
         enough = len(group) >= (2 if worded else MIN_REPEATS)
-        if enough and len(units) == 1 and not has_word(time.against, name):
+        if enough and len(units) == 1 and not has_word(SHIFT_TIME.against, name):
             values = np.array([column.values for column in group])
             phases = (np.diff(values, axis=0)[:, np.isfinite(values).all(axis=0)] > 0.0).all()
             if worded or not phases or values.shape[1] < 2:
@@ -110,12 +111,12 @@ def _summaries_of(
     summaries, questions = [], []
     for column in other_columns:
         name = plain_words(column.name)
-        if score(SHIFT_QUANTITIES["shift_time_sd_s"], column) > 0.0:
+        if score(SHIFT_TIME_SD, column) > 0.0:
             summaries.append(column)
             continue
         if has_word(MEAN, name):
             expected = values.mean(axis=0)
-        elif score(SHIFT_QUANTITIES["n_shifts"], column) > 0.0 and not counts_up(column):
+        elif score(SHIFT_COUNT, column) > 0.0 and not counts_up(column):
             expected = values.count(axis=0)
         else:
             continue

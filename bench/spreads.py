@@ -17,7 +17,7 @@ from dogshape.bench.draft_arguments import column_argument, column_placeholder, 
 from dogshape.bench.quantities import (
     MEAN,
     OTHER_SPREAD,
-    SHIFT_QUANTITIES,
+    SHIFT_TIME_SD,
     STANDARD_DEVIATION,
     STANDARD_ERROR,
     VARIANCE,
@@ -111,7 +111,7 @@ def _variation_match(time: Match | None, free: Sequence[Column]) -> tuple[list[M
             return [], [_variation_question(column, time)]
         reason = "name and unit; percent of the mean"
         terms = ((column, PERCENT), *time.terms)
-        return [Match(SHIFT_QUANTITIES["shift_time_sd_s"], terms, reason, formula="c0 * c1")], []
+        return [Match(SHIFT_TIME_SD, terms, reason, formula="c0 * c1")], []
     return [], []
 
 

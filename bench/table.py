@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,30 @@ from dogshape.bench.traces import BenchTrace, bad_cell, read_trace
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, number_rule
 
-COLUMNS = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "engaged",
-           "trace", "shift_time_sd_s", "order", "timestamp")  # fmt: skip
+Texts = NDArray[np.str_]
+
+
+class SheetCells(NamedTuple):
+    """Cells of ``shifts.csv`` by column, text, each (rows,)."""
+
+    mismatch_rpm: Texts
+    force_N: Texts
+    force_rise_s: Texts
+    n_shifts: Texts
+    shift_time_s: Texts
+    engaged: Texts
+    trace: Texts
+    shift_time_sd_s: Texts
+    order: Texts
+    timestamp: Texts
+
+    def column(self, name: str) -> Texts:
+        """Return the cells of a column by its name."""
+        column: Texts = getattr(self, name)
+        return column
+
+
+COLUMNS = SheetCells._fields
 NEEDED = COLUMNS[:5]  #: without the others, a source says nothing of them
 NUMERIC = (*NEEDED, *COLUMNS[7:])
 MAX_SHIFTS = 1_000_000  #: shifts that a row may stand for; at one a second they take twelve days
@@ -73,26 +95,25 @@ def load_sheet(path: Path) -> Sheet:
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
     rows, nothing = [row for row, _ in table.rows], [""] * len(table.rows)
-    cells = {
-        name: np.array(table.column(name) if name in table.head else nothing) for name in COLUMNS
-    }
-    cells |= {"engaged": np.char.lower(cells["engaged"])}
+    columns = (table.column(name) if name in table.head else nothing for name in COLUMNS)
+    cells = SheetCells(*map(np.array, columns))
+    cells = cells._replace(engaged=np.char.lower(cells.engaged))
     values = {
-        name: np.array([float(c) if is_plain(c) else np.nan for c in cells[name]])
+        name: np.array([float(c) if is_plain(c) else np.nan for c in cells.column(name)])
         for name in NUMERIC
     }
-    values |= {"timestamp": np.array([_seconds(cell) for cell in cells["timestamp"]])}
+    values |= {"timestamp": np.array([_seconds(cell) for cell in cells.timestamp])}
     for column, bad, rule in _faults(cells, values):
         if (wrong := np.asarray(bad, dtype=bool)).any():
             at = int(wrong.argmax())
-            raise bad_cell(path, rows[at], f"column {column}", cells[column][at], rule)
+            raise bad_cell(path, rows[at], f"column {column}", cells.column(column)[at], rule)
     sheet_rows = []
     for k, row in enumerate(rows):
         numbers: list[Any] = [None if np.isnan(v := values[n][k]) else v.item() for n in NUMERIC]
         mismatch, force, rise, n, time, sd, order, stamp = numbers
-        engaged = True if time is not None else ENGAGED[cells["engaged"][k]]
+        engaged = True if time is not None else ENGAGED[cells.engaged[k]]
         place = stamp if order is None else order
-        trace = _trace_of(path, row, cells["trace"][k])
+        trace = _trace_of(path, row, cells.trace[k])
         sheet_rows.append(
             Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
         )
@@ -109,20 +130,19 @@ def _trace_of(path: Path, row: int, name: str) -> BenchTrace | None:
         raise DataError(f"{path}, row {row}, column trace: {error}") from error
 
 
-def _faults(
-    cells: Mapping[str, NDArray[np.str_]], values: Mapping[str, Array]
-) -> Iterator[tuple[str, Any, str]]:
+def _faults(cells: SheetCells, values: Mapping[str, Array]) -> Iterator[tuple[str, Any, str]]:
     """Yield columns, marks of their wrong cells, and the rule that these break."""
     for name in NUMERIC[:-1]:
-        is_filled = (cells[name] != "") | (name in COLUMNS[:3])
+        column = cells.column(name)
+        is_filled = (column != "") | (name in COLUMNS[:3])
         bad = is_filled & ~np.isfinite(values[name]) & (name != "n_shifts")
-        first = cells[name][int(bad.argmax())]
+        first = column[int(bad.argmax())]
         yield name, bad, "a finite number" if is_plain(first) else number_rule(first)
     count, time, sd, stamps = (values[name] for name in NUMERIC[3:] if name != "order")
     count = np.clip(np.nan_to_num(count), 0.0, 1e300)
-    outcomes = cells["engaged"]
-    trace_names = cells["trace"]
-    stamp_cells = cells["timestamp"]
+    outcomes = cells.engaged
+    trace_names = cells.trace
+    stamp_cells = cells.timestamp
     timed, spread, traced = ~np.isnan(time), ~np.isnan(sd), trace_names != ""
     plain, stamped = np.array(list(map(is_plain, stamp_cells))), stamp_cells != ""
     is_outside = [Path(c).is_absolute() or ".." in Path(c).parts for c in trace_names]
@@ -167,7 +187,7 @@ def _faults(
         ("trace", is_outside, "a path inside the folder of the data set"),
     )
     for name in ("order", "timestamp"):
-        empty = timed & (cells[name] == "")
+        empty = timed & (cells.column(name) == "")
         rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"
         yield name, empty & (empty.sum() < timed.sum()), rule
 

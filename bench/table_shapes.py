@@ -57,7 +57,10 @@ def is_transposed(grid: CellGrid) -> bool:
 
 
 def transposed(sheet: RawSheet) -> RawSheet:
-    """Exchange rows and columns; columns give the row numbers."""
+    """Exchange rows and columns; the numbers of the columns become those of the rows.
+
+    Empty columns are left out. DataError for hidden, merged or marked cells, or notes.
+    """
     if any(row.marks for row in sheet.rows) or sheet.hidden_columns or sheet.merged or sheet.notes:
         raise DataError(
             f"{sheet.path} is transposed, a column for each shift, and has hidden, merged or marked"

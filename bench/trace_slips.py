@@ -92,14 +92,20 @@ def traced(stand: Stand, sheet: Sheet) -> list[TracedRow]:
 
 
 def speed_ratio(one: TracedRow) -> float:
-    """Compute the ratio of relative speed at the beginning to mismatch of the row."""
+    """Compute the ratio of the relative speed at the beginning to the mismatch of the row.
+
+    It is negative for opposite senses; NaN without a mismatch.
+    """
     slip = one.trace.output_speed - one.trace.sliding_speed
     first = float(np.median(slip[: max(FIRST, slip.size // 32)]))
     return first / RPM / (one.row.mismatch or np.nan)
 
 
 def travel_ratio(one: TracedRow) -> float:
-    """Compute the largest displacement of a whole shift over the travel of the sleeve."""
+    """Compute the largest displacement of a whole shift over the travel of the sleeve.
+
+    It counts from rest; NaN for a shift without a time and a trace that ends early.
+    """
     most = one.trace.displacement.max() - one.rest
     return float(most / one.stand.clutch.dog.travel) if one.row.time and not one.short else np.nan
 

@@ -26,7 +26,7 @@ from scipy.stats import kstest
 from dogshape.bench.bench_data import Bench, Cell, Reading, load_bench
 from dogshape.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Inference, diagnose
-from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
+from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, freedom_of
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import Model, Prediction
@@ -128,7 +128,7 @@ def draw_cells(
     p = model.predict(listed, truth.shares)
     unlisted = "unknown" in truth.hypothesis
     mean = draw_means(likelihood, p, unlisted, generator)
-    stretch = float(generator.choice(STRETCHES)) if unlisted else 1.0
+    stretch = float(generator.choice(USUAL.unlisted_stretches)) if unlisted else 1.0
     freedom = freedom_of(likelihood._spread_variance(p)[0])
     sd = stretch * p.sd[0] * np.sqrt(freedom / generator.chisquare(freedom))
     cells = []

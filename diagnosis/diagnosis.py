@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -216,7 +216,7 @@ class Inference:
                 continue
             neutral = self.effects[name].neutral(self.model.setting)
             for parameter, column in zip(self.effects[name].parameters, draws.T, strict=True):
-                end = find_end(parameter, column, neutral[parameter.name])
+                end = find_end(parameter, column, neutral[parameter.name], self.settings)
                 if end is not None:
                     value = parameter.low if end == "low" else parameter.high
                     range_ends.append(RangeEnd(name, parameter.name, end, value))
@@ -382,8 +382,11 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
         within_margin=conclusion.within_margin,
         held_out=predict_held_out(likelihood, fits[leading], rival, times - baseline),
         record_meanings=_record_meanings(fitted, conclusion, settings),
-        facts=(*facts_of(bench), *measured_facts(bench, likelihood.model.effects)),
-        flights=Flights(likelihood.model.effects, likelihood.model.settings),
+        facts=(
+            *facts_of(bench, settings.static_error),
+            *measured_facts(bench, likelihood.model.effects),
+        ),
+        flights=Flights(likelihood.model.effects, likelihood.model.settings, settings),
         seconds=time.process_time() - begin,
     )
 
@@ -425,7 +428,7 @@ def _fit_ranking(answers: Sequence[_Answer], evidence: Probabilities) -> _Fitted
     """Fit none and all plausible hypotheses of a ranking."""
     ranking = answers[0].ranking
     likelihood = ranking.likelihood
-    flights = Flights(likelihood.model.effects, likelihood.model.settings)
+    flights = Flights(likelihood.model.effects, likelihood.model.settings, likelihood.settings)
     hypotheses = [NONE]
     for h, probability in evidence.items():
         if probability > MIN_FITTED_PROBABILITY and h in ranking.samples and h != NONE:
@@ -536,11 +539,11 @@ def _search_of(
     """Begin the ranking of hypotheses under one reading of the record."""
     bench = replace(bench, cells=tuple(cell.with_empty(reading.empty) for cell in bench.cells))
     observed = observe(bench, model)
-    flights = Flights(model.effects, model.settings)
+    flights = Flights(model.effects, model.settings, settings)
     facts = measured_facts(bench, model.effects)
     contacts = None
     if observed.contacts is not None:
-        contacts = Contacts(bench, observed.contacts, model.effects, model.settings)
+        contacts = Contacts(bench, observed.contacts, model.effects, model.settings, settings)
 
     def side_likelihood(hypothesis: Hypothesis, shares: Array) -> Array:
         """Compute the log likelihood of traces and direct tests, (n,)."""
@@ -560,7 +563,7 @@ def _search_of(
     if bench.record.sense == "known":
         reversed_prior = settings.reversed_known
     priors = _reading_priors(bench, reading, settings)
-    log_meaning = sum(np.log(prior) for values in priors.values() for prior in values.values())
+    log_meaning = sum(np.log(prior) for _, values in priors for prior in values.values())
     return HypothesisSearch(
         likelihood=Likelihood(bench, observed, model, settings),
         side_likelihood=side_likelihood,
@@ -572,7 +575,7 @@ def _search_of(
 
 def _answers_of(bench: Bench, reading: _Reading, ranking: Ranking) -> list[_Answer]:
     """List the answers of a ranking under each meaning that the record may have."""
-    priors = _meaning_priors(bench, reading, ranking.likelihood)
+    priors = dict(_meaning_priors(bench, reading, ranking.likelihood))
     answers = []
     for values in itertools.product(*priors.values()):
         meaning = dict(zip(priors, values, strict=True))
@@ -591,31 +594,28 @@ def _answers_of(bench: Bench, reading: _Reading, ranking: Ranking) -> list[_Answ
 
 def _reading_priors(
     bench: Bench, reading: _Reading, settings: Settings
-) -> dict[str, dict[str, float]]:
-    """List the prior probability of a reading by each open key of the record that it answers."""
-    priors: dict[str, dict[str, float]] = {}
+) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield each open key of the record that a reading answers, with the prior of its value."""
     if bench.record.displacement_at == "unknown":
-        priors["displacement_at"] = {reading.place: 0.5}
+        yield "displacement_at", {reading.place: 0.5}
     if reading.empty != "unknown":
         left_out = settings.left_out if reading.empty == "not_made" else 1.0
-        priors["empty_cells"] = {reading.empty: left_out}
-    return priors
+        yield "empty_cells", {reading.empty: left_out}
 
 
 def _meaning_priors(
     bench: Bench, reading: _Reading, likelihood: Likelihood
-) -> dict[str, dict[str, float]]:
-    """List the values of each open key of the record with their prior probabilities."""
+) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield each open key of the record, and its values with their prior probabilities."""
     record = bench.record
     settings = likelihood.settings
-    priors = _reading_priors(bench, reading, settings)
+    yield from _reading_priors(bench, reading, settings)
     if record.time_zero == "unknown" and DELAY in likelihood.model.effects:
         at_force = settings.zero_at_force
-        priors["time_zero"] = {"command": 1.0 - at_force, "force": at_force}
+        yield "time_zero", {"command": 1.0 - at_force, "force": at_force}
     if record.sense == "unknown" and likelihood.model.reversed_model is not None:
         reversed_prior = settings.reversed_unknown
-        priors["sense"] = {"as_noted": 1.0 - reversed_prior, "reversed": reversed_prior}
-    return priors
+        yield "sense", {"as_noted": 1.0 - reversed_prior, "reversed": reversed_prior}
 
 
 def _log_weight(

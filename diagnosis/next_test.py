@@ -27,7 +27,6 @@ from dogshape.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
 from dogshape.diagnosis.diagnosis import Inference, RecordMeaning
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import (
-    MIN_SHARE,
     SETUP_HOURS,
     SHIFT_HOURS,
     TRACING_HOURS,
@@ -86,7 +85,6 @@ RECORD_QUESTIONS = {  #: name and instruction of the question about a key of the
         "Look up whether shifts without a time were not made, or failed.",
     ),
 }
-PRESENCE_ERROR = 0.2  #: of 1, of a look whether an effect acts: wrong once in 160
 UNKNOWN_VALUES = 32  #: of an effect's range, which a test may read of an unlisted cause
 MAX_REFUTED = 0.05  #: probability of the answer after a word that refutes it
 GAIN_STEP = 1e-3  #: per hour, to which gains are compared
@@ -330,8 +328,13 @@ def _direct_tests(diagnosis: Inference) -> list[NextTest]:
     return tests
 
 
-def quantities_of(effects: Iterable[Effect], setting: Setting) -> list[ReadQuantity]:
-    """List the parameters, or the presence, that a direct test of some effects reads."""
+def quantities_of(
+    effects: Iterable[Effect], setting: Setting, presence_error: float
+) -> list[ReadQuantity]:
+    """List the parameters, or the presence, that a direct test of some effects reads.
+
+    ``presence_error`` is the error of a presence, 1 or 0.
+    """
     quantities = []
     for effect in effects:
         neutral = effect.neutral(setting)
@@ -340,7 +343,7 @@ def quantities_of(effects: Iterable[Effect], setting: Setting) -> list[ReadQuant
             quantities.append(ReadQuantity(effect, parameter, neutral[parameter.name], error))
         if not effect.parameters:
             source = "assumption: look at the stand"
-            error = InstrumentError(effect.name, 0.0, PRESENCE_ERROR, source)
+            error = InstrumentError(effect.name, 0.0, presence_error, source)
             quantities.append(ReadQuantity(effect, None, 0.0, error))
     return quantities
 
@@ -357,7 +360,8 @@ def _predict_reading(diagnosis: Inference, effects: Sequence[Effect]) -> Predict
 
     An effect without parameters reads 1 where it is present, else 0.
     """
-    quantities = quantities_of(effects, diagnosis.model.setting)
+    presence_error = diagnosis.settings.presence_error
+    quantities = quantities_of(effects, diagnosis.model.setting, presence_error)
     absent = [read.neutral for read in quantities]
     columns: dict[str, list[int]] = {}
     for column, read in enumerate(quantities):
@@ -443,7 +447,9 @@ def _refuting_reading(diagnosis: Inference, test: NextTest, answer: Hypothesis) 
     words = _claim(diagnosis, answer)
     distances = []
     intervals = []
-    for column, read in enumerate(quantities_of(effects, diagnosis.model.setting)):
+    presence_error = diagnosis.settings.presence_error
+    quantities = quantities_of(effects, diagnosis.model.setting, presence_error)
+    for column, read in enumerate(quantities):
         low, high = test.outcome.interval(answer, column, diagnosis.settings.adequate)
         distance = max(low - read.neutral, read.neutral - high) / (high - low)
         distances.append(distance if read.effect.name in answer else -np.inf)
@@ -549,8 +555,9 @@ def _predict_shifts(
     options = [(plain_mean + gain * residual, (1.0 - gain) * error**2)]
     if not is_known:  # a slip of the record does not come again
         options.append((plain_mean, error**2))
-    share = np.clip(engaged, MIN_SHARE, 1.0 - MIN_SHARE)
-    share_variance = share * (1.0 - share) / shifts + MIN_SHARE**2
+    share_error = settings.engaged_error
+    share = np.clip(engaged, share_error, 1.0 - share_error)
+    share_variance = share * (1.0 - share) / shifts + share_error**2
     parts = []
     for option_mean, option_variance in options:
         mean_variance = option_variance + variance / np.maximum(1.0, shifts * share)

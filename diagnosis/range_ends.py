@@ -11,11 +11,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.effect import Parameter
-
-MAX_DISTANCE_SDS = 1.5  #: standard deviations of the draws
-MAX_DISTANCE = 0.2  #: of the range, on the scale of the prior
 
 End = Literal["low", "high"]
 
@@ -33,7 +31,7 @@ class RangeEnd(NamedTuple):
         return self._asdict()
 
 
-def find_end(parameter: Parameter, draws: Array, neutral: float) -> End | None:
+def find_end(parameter: Parameter, draws: Array, neutral: float, settings: Settings) -> End | None:
     """Find the end of a range that draws (n,) of its parameter pile up at.
 
     Ends towards the neutral value, which is no effect, and limits of possible values do not count.
@@ -44,5 +42,5 @@ def find_end(parameter: Parameter, draws: Array, neutral: float) -> End | None:
         ends["low"] = shares
     if neutral < parameter.high < parameter.most:
         ends["high"] = 1.0 - shares
-    limit = min(MAX_DISTANCE, MAX_DISTANCE_SDS * float(np.std(shares)))
+    limit = min(settings.end_distance, settings.end_distance_sds * float(np.std(shares)))
     return next((end for end, distance in ends.items() if distance.mean() < limit), None)

@@ -1,6 +1,8 @@
 """Constants that decide an answer of the diagnosis, each with unit, meaning, status and source.
 
-A diagnosis takes its settings as one value and keeps them with its result.
+A diagnosis takes its settings as one value and keeps them with its result. Constants of their
+modules are numbers of angles, draws and nodes with the errors that follow from them, guards of a
+division, limits of cost and of wording, and the hours of tests, which a data set may state.
 """
 
 from __future__ import annotations
@@ -8,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
+
+import numpy as np
 
 Status = Literal["measured", "judged"]
 
@@ -45,6 +49,13 @@ class Settings:
     law: float = constant(
         0.03, "of the change of ln time", "error of an effect's law at one operating point",
         "judged", "an effect is one law of several that a stand may have")
+    range_extension: float = constant(
+        0.5, "of the range", "by which the range of a prior is widened at either end", "judged",
+        "a size beyond its usual range is found where such a bench exists")
+    pair_error: float = constant(
+        0.7, "of the product of both changes of ln time",
+        "error of the rule for two effects, at each point and in common", "measured",
+        "median of 28 joint simulations")
     spread_share: float = constant(
         0.2, "of the spread", "error of a simulated spread of single shifts", "judged",
         "opened cases of a foreign engine")
@@ -58,6 +69,22 @@ class Settings:
         24.0, "shifts", "number of shifts that a simulated share of late or engaged ones counts as",
         "judged", "opened cases of a foreign engine")
     late_least: float = constant(0.003, "probability", "least share of late shifts", "judged", "")
+    late_most: float = constant(0.9, "probability", "largest share of late shifts", "judged", "")
+    late_slots: float = constant(
+        5.0, "slots", "that a late shift passes where too few simulated ones are late", "judged",
+        "")
+    late_pooled: float = constant(
+        10.0, "shifts", "that the share of late ones at all levels counts as at each level",
+        "judged", "")
+    engaged_range: tuple[float, float] = constant(
+        (0.01, 0.99), "probability", "range of a share that engages", "judged",
+        "no simulation excludes an outcome")
+    engaged_error: float = constant(
+        0.02, "probability", "error of a simulated share that engages", "judged",
+        "one shift of 48 angles")
+    drift: float = constant(
+        0.1, "of the mean time", "prior standard deviation of a drift over the whole series",
+        "judged", "")
     odd_share: float = constant(
         0.005, "probability", "share of operating points whose mean is off, whatever the cause",
         "judged", "in a checked table an entry in some hundred is wrong")
@@ -69,9 +96,53 @@ class Settings:
         "known (one standard deviation of the logarithm); no data set of shifts may name them",
         "judged", "the stiction velocity is stated with the contact, which leaves a quarter; oil "
         "film damps up to 10 times more, edge contact is up to 30 times softer than a flank")
+    static_error: float = constant(
+        0.05, "of the value", "least error of static readings of the actuator", "judged", "")
+    # errors of the marks of traces
     flight_freedom: float = constant(
         5.0, "degrees of freedom", "of the Student distribution of a profile's marks", "judged",
         "one odd profile decides nothing alone")
+    flight_law: float = constant(
+        0.02, "of the change of a mark", "error of an effect's law in free flight", "judged", "")
+    flight_creep: float = constant(
+        1.8, "of the creep of the smooth law", "error of the start of a held ring, by the speed at "
+        "the mark", "judged", "")
+    flight_triple: float = constant(
+        0.5, "of the largest change by two effects beyond their sum",
+        "error of a mark with three effects", "judged", "")
+    flight_touch: float = constant(
+        0.02, "s", "error of a mark behind the first touch", "judged", "")
+    offset_sizes: tuple[float, ...] = constant(
+        tuple(np.geomspace(1e-3, 0.2, 10).tolist()), "s",
+        "offsets of marks by an unknown cause, as probable as each other", "judged",
+        "from the step of a recording to a long shift")
+    offset_length: float = constant(
+        1.5, "of ln force and ln share", "length over which offsets are alike", "judged", "")
+    offset_smooth: float = constant(
+        0.9, "of the variance", "share of it that neighbouring offsets have in common", "judged",
+        "")
+    face_radius: float = constant(
+        0.25, "of the way from inner to mean radius", "where faces meet", "judged",
+        "turned against each other, rigid ones meet at the inner radius, those of the compiled "
+        "engine up to half way")
+    face_law: float = constant(
+        0.06, "of friction and chamfer", "error of slope and acceleration on faces in common",
+        "judged", "")
+    face_single: float = constant(
+        0.05, "of friction and chamfer", "error of each face by itself", "judged", "")
+    face_end: float = constant(
+        5e-5, "m", "error of the displacement where faces part", "judged", "")
+    balance_law: float = constant(
+        0.02, "of the sliding side's gain", "error of the balance of both rings in common",
+        "judged", "")
+    balance_held: float = constant(
+        0.5, "of the drag's part in a balance", "error of each balance", "judged",
+        "a held ring shows no sense")
+    speed_error: float = constant(
+        0.01, "of a mismatch", "least error of a nominal value beside a stated one", "judged", "")
+    contact_factors: tuple[float, ...] = constant(
+        (3.0, 10.0, 30.0, 100.0), "", "of all errors of the contact's marks where something "
+        "unknown acts, as probable as each other", "judged", "")
     # priors
     included: Mapping[str, float] = constant(
         {"actuation_delay": 0.3, "sleeve_friction": 0.3, "linkage_compliance": 0.1},
@@ -92,6 +163,9 @@ class Settings:
     unlisted_lengths: tuple[float, ...] = constant(
         (1.0,), "of ln force and ln mismatch", "lengths over which that is alike", "judged",
         "from a neighbour to the whole table")
+    unlisted_stretches: tuple[float, ...] = constant(
+        (1.0, 2.0), "", "factors of all spreads where something unlisted acts, as probable as each "
+        "other", "judged", "")
     reversed_known: float = constant(
         0.02, "probability", "of the reversed sense of rotation where it was noted", "judged",
         "one entry in some hundred is wrong")
@@ -121,9 +195,8 @@ class Settings:
         1.5, "", "power of 1 + rounds of benches by which that error falls", "measured",
         "changes by the second to tenth round on the same data")
     emulated_floor: float = constant(
-        0.3, "nats", "error of a log evidence by emulated times that no bench removes", "measured",
-        "five seeds and two orders of benches on the published stand: 0.2 to 0.4, by the chaos of "
-        "48 shifts a bench")
+        0.2, "nats", "error of a log evidence by emulated times that no bench removes", "measured",
+        "five seeds on the published stand: 0.08 to 0.27 between sets of benches")
     rule_nats: float = constant(
         25.0, "nats", "that the rule for two effects may cost a hypothesis at its true sizes",
         "measured", "10 to 25 at the truth of three of six opened pairs of a foreign engine")
@@ -134,11 +207,12 @@ class Settings:
         0.5, "of the gain by such means", "that counts as an error of the log evidence", "judged",
         "hardly any gain is found wholly")
     converged: float = constant(
-        0.03, "probability", "that the error of an evidence may move, without further benches",
-        "judged", "inclusions of the published stand with 0.01 agree within twice their errors")
+        0.01, "probability", "that the error of an evidence may move, without further benches",
+        "measured", "five seeds on the published stand: inclusions spread by up to 0.19 with 0.03, "
+        "by 0.07 with 0.01, by 0.07 with 0.004")
     simulations_each: int = constant(
         10, "rounds of four benches", "for one hypothesis at most", "judged",
-        "20 move no probability of the published stand by more than its stated error")
+        "24 move no probability of the published stand by more than its stated error")
     # limits of the answer
     named: float = constant(
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",
@@ -160,6 +234,14 @@ class Settings:
     visible: float = constant(
         4.0, "squared standard errors", "below which two predictions are indistinguishable",
         "judged", "two standard errors in all")
+    presence_error: float = constant(
+        0.2, "of 1", "error of a look whether an effect acts", "judged", "wrong once in 160")
+    end_distance: float = constant(
+        0.2, "of the range", "mean distance of sizes from an end of their range, below which they "
+        "lie there", "judged", "")
+    end_distance_sds: float = constant(
+        1.5, "standard deviations of the sizes", "the same", "judged",
+        "1 for an exponential density, 1.3 for half a normal one, 1.7 where data say nothing")
     engaged_margin: float = constant(
         0.05, "share engaged", "margin of a share engaged", "judged", "one shift in twenty")
     # fmt: on

@@ -58,7 +58,7 @@ class StudyResult(Result):
 
     @property
     def verdict(self) -> VerdictRow | None:
-        """Verdict on the chosen design at the new angles; None before the confirmation."""
+        """Verdict on the chosen design at the new angles; None without a design confirmed."""
         if self.best is None or self.record.confirmation is None:
             return None
         return chosen_verdict(self.config, self.best, self.record.confirmation)

@@ -52,7 +52,7 @@ from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
 from dogshape.surrogate.model import MIN_DESIGNS
 
-UNKNOWN = "simulation"  #: failed check of a design without an estimate of some objective
+NO_ESTIMATE = "simulation"  #: failed check of a design without an estimate of some objective
 
 
 @dataclass(frozen=True)
@@ -339,12 +339,12 @@ def _failed_checks(trial: Trial, design: Design) -> list[str]:
     if not trial.judged:
         failed.append("engines")
     if not failed and not trial.simulated:
-        failed.append(UNKNOWN)
+        failed.append(NO_ESTIMATE)
     return failed
 
 
 def _estimates(study: Setup, trial: Trial, *, has_times: bool) -> dict[str, Estimate | None]:
-    """Return the estimates of the simulated objectives by name; without times if not."""
+    """Return the estimates of the simulated objectives by name; None for times without any."""
     names = [objective.name for objective in objectives_of(study) if objective.simulated]
     estimates = dict.fromkeys([SIMULATED, *names])
     for name in estimates:

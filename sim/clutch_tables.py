@@ -15,6 +15,7 @@ from typing import (
     Annotated,
     Any,
     ClassVar,
+    NamedTuple,
     Optional,
     TypeVar,
     cast,
@@ -51,6 +52,7 @@ _INTEGER = "a whole number"
 _NUMBER = "a number"
 _BOOL = "true or false"
 _TABLE = "a table of keys"
+_LIST = "a list in square brackets"
 #: Requirement on a value by the kind of the rule; braces hold the validator's limits.
 RULES: Mapping[str, str] = {
     **dict.fromkeys(("bool_parsing", "bool_type"), _BOOL),
@@ -68,7 +70,7 @@ RULES: Mapping[str, str] = {
     "string_pattern_mismatch": NAME,
     "string_too_long": "not longer than {max_length} characters",
     "string_too_short": "not empty",
-    "list_type": "a list in square brackets",
+    "list_type": _LIST,
     "too_long": "a list of at most {max_length} values",
     "too_short": "a list of at least {min_length} values",
 }
@@ -82,18 +84,38 @@ LIMIT_REMEDIES = {
 }
 
 
-def broken_rule(name: str, error: ErrorDetails) -> str:
-    """Return the message on a value that breaks a rule: name, value, rule and remedy."""
-    rule = RULES.get(error["type"], "of another kind")
-    rule = rule.format(**error.get("ctx", {})).replace(" 1 values", " one value")
-    remedy = _remedy(rule, error.get("input"))
-    unit = unit_of(name)
-    if unit and rule == _NUMBER:
-        rule += f" in {unit}"
-    text = repr(error.get("input"))
-    if len(text) > MAX_VALUE_CHARACTERS:
-        text = f"{text[:MAX_VALUE_CHARACTERS]}... ({len(text)} characters)"
-    return f"{name} is {text}, but it must be {rule}; {remedy}"
+class BrokenRule(NamedTuple):
+    """A rule of the validator that a value breaks."""
+
+    kind: str  #: of the rule, a key of ``RULES``
+    value: Any
+    limits: Mapping[str, Any]  #: of the rule by name; the exception of a rule in code as ``error``
+    path: tuple[str, ...]  #: tables and key of the value
+
+    @classmethod
+    def of(cls, error: ErrorDetails) -> BrokenRule:
+        """Read an error of the validator."""
+        # Pydantic adds the kind of value that it tried, which unlike a key has a space.
+        path = tuple(str(part) for part in error["loc"] if " " not in str(part))
+        return cls(error["type"], error["input"], error.get("ctx", {}), path)
+
+    @property
+    def key(self) -> str:
+        """Dotted key of the value."""
+        return ".".join(self.path) or "the file"
+
+    def sentence(self, name: str) -> str:
+        """Word the mistake of a value called ``name``: name, value, rule and remedy."""
+        rule = RULES.get(self.kind, "of another kind")
+        rule = rule.format(**self.limits).replace(" 1 values", " one value")
+        remedy = _remedy(rule, self.value)
+        unit = unit_of(name)
+        if unit and rule == _NUMBER:
+            rule += f" in {unit}"
+        text = repr(self.value)
+        if len(text) > MAX_VALUE_CHARACTERS:
+            text = f"{text[:MAX_VALUE_CHARACTERS]}... ({len(text)} characters)"
+        return f"{name} is {text}, but it must be {rule}; {remedy}"
 
 
 def _remedy(rule: str, value: Any) -> str:
@@ -104,7 +126,7 @@ def _remedy(rule: str, value: Any) -> str:
             return "write the number alone, without a unit"
         if rule == _NUMBER or meant == round(meant):
             return f"write {meant:g}"
-    if rule == RULES["list_type"]:
+    if rule == _LIST:
         return f"write [{_list_text(str(value))}]"
     if rule == _TABLE:
         return "give its keys one by one"
@@ -305,8 +327,7 @@ class DogSection(Keys, of=Dog):
                 "both are one play; give one of them"
             )
         if isinstance(angle, bool) or not isinstance(angle, int | float):
-            fault: Any = {"type": "float_type", "input": angle}
-            raise ValueError(broken_rule(name, fault))
+            raise ValueError(BrokenRule("float_type", angle, {}, ()).sentence(name))
         try:
             per_deg = mm_per_deg(data["outer_diameter_mm"], data["inner_diameter_mm"])
             max_angle = abs(quantities_of(Dog)["backlash"].high / per_deg)
@@ -490,31 +511,22 @@ def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(join_faults(source, _faults(model, error.errors()))) from error
+        faults = _faults(model, [BrokenRule.of(details) for details in error.errors()])
+        raise InputError(join_faults(source, faults)) from error
 
 
-def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
+def _faults(model: type[BaseModel], broken_rules: Sequence[BrokenRule]) -> list[str]:
     """Word the errors of the validator: unknown keys, missing keys, broken rules."""
-    unknown = [_unknown_key(model, e) for e in errors if e["type"] == "extra_forbidden"]
+    unknown = [_unknown_key(model, b.path) for b in broken_rules if b.kind == "extra_forbidden"]
     # A misspelt key is also a missing one; the spelling is the better hint.
     hints = " ".join(unknown)
-    missing_keys = [f"'{_key(e)}'" for e in errors if e["type"] == "missing"]
+    missing_keys = [f"'{broken.key}'" for broken in broken_rules if broken.kind == "missing"]
     missing = [f"{key} is missing; add it" for key in missing_keys if key not in hints]
-    broken = []
-    for error in errors:
-        if error["type"] not in {"extra_forbidden", "missing"}:
-            validator_error = error.get("ctx", {}).get("error")
-            broken.append(str(validator_error or broken_rule(_key(error), error)))
-    return [*unknown, *missing, *broken]
-
-
-def _path(error: ErrorDetails) -> list[str]:
-    # Pydantic adds the kind of value that it tried, which unlike a key has a space.
-    return [str(part) for part in error["loc"] if " " not in str(part)]
-
-
-def _key(error: ErrorDetails) -> str:
-    return ".".join(_path(error)) or "the file"
+    sentences = []
+    for broken in broken_rules:
+        if broken.kind not in {"extra_forbidden", "missing"}:
+            sentences.append(str(broken.limits.get("error") or broken.sentence(broken.key)))
+    return [*unknown, *missing, *sentences]
 
 
 def _is_unmodelled(path: list[str]) -> bool:
@@ -527,10 +539,10 @@ def _is_unmodelled(path: list[str]) -> bool:
     )
 
 
-def _unknown_key(model: type[BaseModel], error: ErrorDetails) -> str:
+def _unknown_key(model: type[BaseModel], path: Sequence[str]) -> str:
     """Word the error of an unknown key; suggest a similar key, or its name in another table."""
-    key = _key(error)
-    *tables, name = _path(error)
+    key = ".".join(path)
+    *tables, name = path
     if _is_unmodelled([*tables, name]):
         return f"'{key}' is not a known key: {SCOPE}; leave it out"
     other_tables = [table for table in _keys(model, []) if name in _keys(model, [table])]

@@ -50,7 +50,7 @@ class Parameter:
     """One number of an effect, in the unit that its name ends in."""
 
     name: str  #: in files, with the unit at its end
-    neutral: float | Callable[[Setting], float]  #: value without effect, or a function that has it
+    neutral: float | Callable[[Setting], float]  #: value without effect; by setting
     low: float  #: end of the prior's range
     high: float
     scale: Scale  #: scale on which the prior is uniform
@@ -216,7 +216,10 @@ class Effect:
             ) from error
 
     def possible(self, setting: Setting, values: Values) -> bool:
-        """Test whether the effect with ``values`` gives a bench that can exist."""
+        """Test whether the effect with ``values`` gives a bench that can exist.
+
+        EffectError for an effect that fails otherwise.
+        """
         try:
             self.apply(setting, values)
         except EffectError:

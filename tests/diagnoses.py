@@ -135,7 +135,7 @@ def diagnosis_of(
         rival=rival,
         record_meanings=(),
         tests=advised_tests(),
-        facts=facts_of(bench),
+        facts=facts_of(bench, USUAL.static_error),
         margin_s=0.011,
         sizes=sizes,
         leading_error=0.004,

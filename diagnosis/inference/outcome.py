@@ -54,7 +54,6 @@ MIN_INFORMATION_NATS = 0.005  #: of a test, from which its chances are stated
 OUTCOME_DRAWS = 256  #: outcomes drawn of each test
 NEAREST_DRAWS = 8  #: draws that give the width of a density
 MAX_SIGMAS = 9.0  #: standard errors to the ends of a density
-MIN_SHARE = 0.02  #: of shifts that engage or fail, and its simulated error
 SETUP_HOURS = 0.5  #: h, for an operating point
 TRACING_HOURS = 1.5  #: h, for traces
 SHIFT_HOURS = 0.02  #: h, for a shift
@@ -323,6 +322,7 @@ class Field:
     error: Array  #: standard errors of its means, s, (cells,)
     log_sd_error: Array  #: standard errors of ln of its spreads, (cells,)
     common: Array  #: covariance of the means, s^2, (cells, cells)
+    engaged_error: float  #: of a simulated share that engages
 
     def distances(self, shifts: Array) -> list[Array]:
         """Compute squared distances of truths from all at numbers of shifts, (truths, h)."""
@@ -331,8 +331,9 @@ class Field:
         variance = self.baseline.sd[0, cells] ** 2 / n + self.error[cells] ** 2
         covariance = np.diag(variance) + self.common[np.ix_(cells, cells)]
         root = np.linalg.inv(np.linalg.cholesky(covariance))
-        share = np.clip(self.baseline.engaged_share[0, cells], MIN_SHARE, 1.0 - MIN_SHARE)
-        share_error = np.sqrt(share * (1.0 - share) / n + MIN_SHARE**2)
+        error = self.engaged_error
+        share = np.clip(self.baseline.engaged_share[0, cells], error, 1.0 - error)
+        share_error = np.sqrt(share * (1.0 - share) / n + error**2)
         # One shift has no spread.
         freedom = np.where(n >= 2.0, n - 1.0, 1e-9)
         log_sd_variance = 0.25 * polygamma(1, 0.5 * freedom)
@@ -382,6 +383,7 @@ def field_of(likelihood: Likelihood) -> Field:
         error=np.sqrt(likelihood.mean_variance(base)[0]),
         log_sd_error=np.hypot(settings.spread_share, np.log1p(relative_error)),
         common=common @ common.T,
+        engaged_error=settings.engaged_error,
     )
 
 

@@ -72,7 +72,6 @@ REPLACE_NATS = 14.0  #: below the best, within which predictions are replaced
 STAKE_DIGITS = 4  #: of a stake, so that no last digit of a processor sets the order
 UNLISTED_DRAWS = 256  #: draws of a hypothesis to which an unlisted gap is added
 UNLISTED_POWER = 0.2  #: of the likelihood by which these are drawn
-STRETCHES = (1.0, 2.0)  #: of all spreads, where an unlisted cause acts
 UNLISTED_PAIRS = 3  #: leading pairs to which an unlisted gap is added
 REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
 
@@ -288,9 +287,9 @@ class HypothesisSearch:
         return math.hypot(reducible_error, self.likelihood.settings.emulated_floor)
 
     def reducible_error(self, h: Hypothesis) -> float:
-        """Estimate the part of that error which further benches of the hypothesis would remove.
+        """Estimate the part of ``emulation_error`` that further benches would remove.
 
-        0 where all effects are of the reading of a shift: nothing is interpolated.
+        0 where all effects act on the reading of a shift alone: nothing is interpolated.
         """
         settings = self.likelihood.settings
         if not self.likelihood.model.contact_effects(h):
@@ -318,9 +317,9 @@ class HypothesisSearch:
         )
 
     def uncertain_draws(self, h: Hypothesis) -> np.ndarray:
-        """List the likely draws: the best one, then those that may be predicted worst.
+        """List the likely draws by index: the best one, then by falling error of prediction.
 
-        The error is that between levels of one effect, or of two effects together.
+        The error is that of interpolation for one effect, that in common for several.
         """
         sample = self.samples[h]
         is_possible = np.isfinite(sample.log_likelihood)
@@ -360,7 +359,9 @@ class HypothesisSearch:
         bases = [h for h in self.samples if len(strip_sense(h)) < 2]
         bases += sorted(pairs, key=lambda h: -self.value(h))[:UNLISTED_PAIRS]
         options = [
-            *itertools.product(settings.unlisted_sizes, settings.unlisted_lengths, STRETCHES)
+            *itertools.product(
+                settings.unlisted_sizes, settings.unlisted_lengths, settings.unlisted_stretches
+            )
         ]
         logs = []
         for h in bases:

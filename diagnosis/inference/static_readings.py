@@ -31,7 +31,6 @@ from dogshape.sim.units import MM
 MIN_READINGS = 3  #: that a line needs
 SIGMAS_90 = 1.645  #: standard errors to the ends of 90 %
 RANGE_VALUES = 200  #: of a range, where a test reads something unlisted
-MIN_RELATIVE_ERROR = 0.05  #: of a value
 
 
 @dataclass(frozen=True)
@@ -83,8 +82,11 @@ def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
     return float(logsumexp(logs, b=weights))
 
 
-def facts_of(bench: Bench) -> tuple[Fact, ...]:
-    """Derive the facts from the static readings of a data set."""
+def facts_of(bench: Bench, min_error: float) -> tuple[Fact, ...]:
+    """Derive the facts from the static readings of a data set.
+
+    ``min_error`` is the least standard error of a value, as a share of it.
+    """
     ratio = bench.sensor.linkage_ratio
     pairs = [(c.arm_force_N, c.arm_displacement_mm) for c in bench.calibration]
     readings = [(f, x) for f, x in pairs if f is not None and x is not None]
@@ -96,14 +98,17 @@ def facts_of(bench: Bench) -> tuple[Fact, ...]:
     square_sum = ((displacement - start - slope * force) ** 2).sum()
     scatter = float(np.sqrt(square_sum / (len(readings) - 2)))
     slope_error, start_error = (scatter * np.sqrt(np.diag(matrix))).tolist()
-    force_fact = _force_fact(bench.clutch.dog.travel, ratio, start, start_error)
+    force_fact = _force_fact(bench.clutch.dog.travel, ratio, start, start_error, min_error)
     if slope <= 0.0:
         return (force_fact,)
     efficiency = bench.sensor.linkage_efficiency
-    return _compliance_fact(ratio, efficiency, slope, slope_error), force_fact
+    fact = _compliance_fact(ratio, efficiency, slope, slope_error, min_error)
+    return fact, force_fact
 
 
-def _force_fact(travel: float, ratio: float, start: float, start_error: float) -> Fact:
+def _force_fact(
+    travel: float, ratio: float, start: float, start_error: float, min_error: float
+) -> Fact:
     """Derive the factor of the forces from the travel without force.
 
     ``travel`` of the sleeve, and ``start`` of the actuator with its standard error, are in m.
@@ -119,13 +124,13 @@ def _force_fact(travel: float, ratio: float, start: float, start_error: float) -
         parameter="force_factor",
         neutral=1.0,
         value=value,
-        error=max(start_error / travel / ratio, MIN_RELATIVE_ERROR * value),
+        error=max(start_error / travel / ratio, min_error * value),
         sentence=sentence,
     )
 
 
 def _compliance_fact(
-    ratio: float, efficiency: float | None, slope: float, slope_error: float
+    ratio: float, efficiency: float | None, slope: float, slope_error: float, min_error: float
 ) -> Fact:
     """Derive the compliance at the sleeve from that at the arm, ``slope``, m/N.
 
@@ -145,7 +150,7 @@ def _compliance_fact(
         parameter="compliance_mm_kN",
         neutral=0.0,
         value=value,
-        error=max(error, MIN_RELATIVE_ERROR * value),
+        error=max(error, min_error * value),
         sentence=sentence,
     )
 

@@ -33,7 +33,6 @@ Probabilities = dict[Hypothesis, float]
 
 FOLDED_DRAWS = 100  #: draws of a hypothesis
 EQUIVALENTS = {"linkage_compliance": "moving_mass"}  #: a stiff linkage with mass is a mass
-SHARE_ERROR = 0.02  #: of a predicted share that engages
 
 
 @dataclass(frozen=True)
@@ -263,8 +262,9 @@ def prediction_distance(
     spread_distance = (freedom > 0.0) * log_sd_change**2 / spread_variance
     distance = distance + spread_distance.sum(axis=1)
     shifts = observed.engaged_count + observed.failed_count
-    share = np.clip(smaller.engaged_share, SHARE_ERROR, 1.0 - SHARE_ERROR)
-    share_variance = share * (1.0 - share) / np.maximum(shifts, 1.0) + SHARE_ERROR**2
+    share_error = settings.engaged_error
+    share = np.clip(smaller.engaged_share, share_error, 1.0 - share_error)
+    share_variance = share * (1.0 - share) / np.maximum(shifts, 1.0) + share_error**2
     share_change = predicted.engaged_share - smaller.engaged_share
     engaged_distance = (shifts > 0) * share_change**2 / share_variance
     return np.asarray(distance + engaged_distance.sum(axis=1))

@@ -9,7 +9,8 @@ with :math:`m_k` the predicted time without dead time, *B* the root of the discr
 whose amplitude *s* is summed over, and *F* all other errors in common: those of nuisances, of
 nominal values, of drift and clock, and of emulation and effects together. A variance of single
 shifts over the predicted one follows Fisher's *F*. Any number of late shifts may hide in a mean,
-and a mean may be odd: each point takes the most probable of these, with the probability of all.
+and a mean may be odd: the residual of a point is that of its most probable option, and its
+probability that of all options together.
 """
 
 from __future__ import annotations
@@ -37,8 +38,6 @@ NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])  #: amplitudes over the scale o
 WEIGHTS = np.diff([0.0, *(2.0 * norm.cdf(np.sqrt(NODES[1:] * NODES[:-1])) - 1.0), 1.0])
 MIN_EIGENVALUE_SHARE = 0.02  #: of the largest one, from which a direction of a covariance counts
 MAX_LATE_COUNTS = 6  #: numbers of late shifts within one mean that are tried beside 0
-MAX_LATE_SHARE = 0.9  #: of the shifts that engage
-ENGAGED_SHARES = (0.01, 0.99)  #: range of a share that engages
 TABLE_SIZE = 257  #: shares at which probabilities of numbers of shifts are computed
 DIFFERENCE_STEP = 0.15  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
@@ -339,7 +338,7 @@ class Likelihood:
         hidden = np.where(hides_late[:, None], numbers, 0.0)
         is_possible = (numbers <= count[:, None]) & (hides_late[:, None] | (numbers == 0))
         low = self.settings.late_least
-        shares = _table_shares(low, MAX_LATE_SHARE)[:, None, None]
+        shares = _table_shares(low, self.settings.late_most)[:, None, None]
         log = _log_count(
             shares,
             count=hidden + late_count[:, None],
@@ -362,7 +361,7 @@ class Likelihood:
             late_share=late_share[is_option],
             is_odd=column == max_count + 1,
             is_main=column == max_count + 2,
-            log_count=_ShareTable(low, MAX_LATE_SHARE, table[:, is_option]),
+            log_count=_ShareTable(low, self.settings.late_most, table[:, is_option]),
         )
 
     def _updated_variance(self, q: Prediction, predicted: Array) -> Array:
@@ -451,7 +450,7 @@ class Likelihood:
     @cached_property
     def _engaged_table(self) -> _ShareTable:
         """Log probability of each point's number that engaged, by the share that engages."""
-        low, high = ENGAGED_SHARES
+        low, high = self.settings.engaged_range
         log = _log_count(
             _table_shares(low, high)[:, None],
             count=self.observed.engaged_count,
@@ -462,7 +461,7 @@ class Likelihood:
 
     def mean_with_late(self, p: Prediction) -> Array:
         """Compute the mean of all shifts, late ones too, s, (m, C)."""
-        late_share = np.clip(p.late_share, 0.0, MAX_LATE_SHARE)
+        late_share = np.clip(p.late_share, 0.0, self.settings.late_most)
         return np.asarray(p.mean + late_share * self.model.baseline.late_delay.mean)
 
     def draw_common_errors(self, p: Prediction, generator: np.random.Generator) -> CommonErrors:

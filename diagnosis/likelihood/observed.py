@@ -27,7 +27,6 @@ from dogshape.diagnosis.prediction.moments import MIN_SD_S, mark_late
 from dogshape.diagnosis.terms import Array
 
 MIN_SINGLE_SHIFTS = 4  #: of a point, from which late ones can be seen
-DRIFT_SD = 0.1  #: of the mean time, prior standard deviation of a drift over the whole series
 UPPER_PROBABILITY = 0.95  #: below the upper end of an interval that holds 90 %
 
 
@@ -89,7 +88,7 @@ class _Times(NamedTuple):
 
 def observe(bench: Bench, model: Model) -> Observations:
     """Gather the observations of a data set at the operating points of a model."""
-    drift = estimate_drift(bench.cells, model.baseline.min_late_delay)
+    drift = estimate_drift(bench.cells, model.baseline.min_late_delay, model.constants.drift)
     summaries = []
     for k, (cell, min_delay) in enumerate(
         zip(bench.cells, model.baseline.min_late_delay.tolist(), strict=True)
@@ -181,10 +180,11 @@ def _read_times(readings: Sequence[Reading], min_delay: float) -> _Times:
     return _Times(times, counts, is_late)
 
 
-def estimate_drift(cells: Sequence[Cell], min_late_delay: Array) -> Drift | None:
+def estimate_drift(cells: Sequence[Cell], min_late_delay: Array, prior_sd: float) -> Drift | None:
     """Estimate the drift over the series; None where the order of the shifts is not known.
 
-    ``min_late_delay`` of a late shift behind the median is in s, (C,).
+    ``min_late_delay`` of a late shift behind the median is in s, (C,); ``prior_sd`` of the drift
+    is a share of the mean time.
     """
     rows = [[r for r in cell.readings if r.time is not None] for cell in cells]
     readings = list(itertools.chain.from_iterable(rows))
@@ -207,13 +207,15 @@ def estimate_drift(cells: Sequence[Cell], min_late_delay: Array) -> Drift | None
         centres[k] = np.average(timely_places, weights=weights)
         relative_times = times[~is_late] / means[k] - 1.0
         residuals.append((weights, timely_places - centres[k], relative_times))
-    mean, variance = _regress(residuals)
+    mean, variance = _regress(residuals, prior_sd)
     sd = float(np.sqrt(variance))
-    informed = 1.0 - variance / DRIFT_SD**2
+    informed = 1.0 - variance / prior_sd**2
     return Drift(mean, sd, offsets=sd * means * centres, informed=informed, places=places)
 
 
-def _regress(residuals: Sequence[tuple[Array, Array, Array]]) -> tuple[float, float]:
+def _regress(
+    residuals: Sequence[tuple[Array, Array, Array]], prior_sd: float
+) -> tuple[float, float]:
     """Regress relative times on places in the series: posterior mean and variance of the slope.
 
     ``residuals`` are weights, places and times of each operating point, less their means.
@@ -222,12 +224,12 @@ def _regress(residuals: Sequence[tuple[Array, Array, Array]]) -> tuple[float, fl
     freedom = weights.size - len(residuals)
     square_sum = float((weights * places**2).sum())
     if freedom < 2.0 or square_sum == 0.0:
-        return 0.0, DRIFT_SD**2
+        return 0.0, prior_sd**2
     product_sum = float((weights * places * times).sum())
     residual_sum = float((weights * times**2).sum()) - product_sum**2 / square_sum
     scatter = max(residual_sum, 1e-12) / (freedom - 1.0)
     # The 90 % interval of the slope is that of Student's distribution.
     student_quantile = student.ppf(UPPER_PROBABILITY, freedom - 1.0)
     scatter *= float(student_quantile / norm.ppf(UPPER_PROBABILITY)) ** 2
-    information = DRIFT_SD**-2.0 + square_sum / scatter
+    information = prior_sd**-2.0 + square_sum / scatter
     return product_sum / scatter / information, 1.0 / information

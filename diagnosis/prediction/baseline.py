@@ -34,13 +34,12 @@ from dogshape.diagnosis.prediction.simulations import (
     min_late_delay,
     passing_time,
 )
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.planar import touch_time
 
-LATE_SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
 MIN_LATE_COUNT = 8  #: late shifts from which their delays are estimated
-LATE_SHARE_PRIOR = 10.0  #: shifts that the share of late ones at all levels counts as at each
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
 #: the share of late shifts over the binomial one, of the logit of those that engage, ln kurtosis.
 LEVEL_ERRORS = (0.1, 0.25, 1.0, 0.5, 0.3)
@@ -76,6 +75,7 @@ class Baseline:
     """Moments of the baseline at C operating points, and what follows from the simulated times."""
 
     simulated: SimulatedTimes  #: baseline and levels
+    constants: Settings  #: that decide an answer
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -143,14 +143,14 @@ class Baseline:
     def late_delay(self) -> LateDelay:
         """Mean and standard deviation of a late shift's delay behind timely ones.
 
-        Where hardly any shift is late, it passes ``LATE_SLOTS`` slots, and scatters as much.
+        Where hardly any shift is late, it passes ``late_slots`` slots, and scatters as much.
         """
         times = self._pooled_times
         is_late = self._pooled_is_late
         (level_medians,) = quantiles(self._level_times, (0.5,))
         baseline_count = self.simulated.baseline_times.shape[1]
         timeout = np.array([setting.clutch.timeout for setting in self.settings])
-        mean = np.minimum(LATE_SLOTS * self.passing_times, 0.5 * timeout)
+        mean = np.minimum(self.constants.late_slots * self.passing_times, 0.5 * timeout)
         sd = mean.copy()
         for cell in np.flatnonzero(is_late.sum(axis=1) >= MIN_LATE_COUNT):
             median = np.median(times[cell][np.isfinite(times[cell])])
@@ -226,11 +226,12 @@ class Baseline:
         kurtosis = count * (squares**2).sum(axis=-1) / square_sum**2
         engaged = is_engaged.sum(axis=-1)
         shifts = (~np.isnan(times)).sum(axis=-1)
-        late_count = is_late.sum(axis=-1) + LATE_SHARE_PRIOR * self.pooled_late_share
+        pooled_count = self.constants.late_pooled
+        late_count = is_late.sum(axis=-1) + pooled_count * self.pooled_late_share
         moments = np.empty((*mean.shape, MOMENTS))
         moments[..., LOG_MEAN] = np.where(count > 0, np.log(np.maximum(mean, 1e-6)), np.nan)
         moments[..., LOG_SD] = np.where(count > 1, np.log(sd), np.nan)
-        moments[..., LATE_SHARE] = late_count / (engaged + LATE_SHARE_PRIOR)
+        moments[..., LATE_SHARE] = late_count / (engaged + pooled_count)
         moments[..., ENGAGED_LOGIT] = logit((engaged + 0.5) / (shifts + 1.0))
         log_kurtosis = np.log(np.maximum(kurtosis, 1.0))
         moments[..., LOG_KURTOSIS] = np.where(count > 3, log_kurtosis, np.nan)

@@ -44,7 +44,10 @@ def _build_model(
 ) -> Model:
     """Build the model of a data set with the displacement read by a sensor."""
     baseline = settings_of(bench, sensor)
-    wide_effects = {name: widen_ranges(effect, baseline[0]) for name, effect in effects.items()}
+    wide_effects = {
+        name: widen_ranges(effect, baseline[0], settings.range_extension)
+        for name, effect in effects.items()
+    }
     measured = {result.effect for result in bench.measured}
     nuisances = {}
     for name in settings.nuisance:
@@ -61,10 +64,10 @@ def _build_model(
         wide_effects.pop(DELAY, None)
     return Model(
         effects=wide_effects,
-        baseline=Baseline(simulated),
+        baseline=Baseline(simulated, settings),
         nuisances=nuisances,
         reading_effects=reading_effects_of(wide_effects, baseline),
-        law_error=settings.law,
+        constants=settings,
         reversed_model=reversed_model,
         runner=runner,
     )
@@ -88,9 +91,9 @@ def _build_reversed(
     reversed_settings = [s.with_point(mismatch=0.0 - s.point.mismatch) for s in baseline]
     return Model(
         effects=reversed_effects,
-        baseline=Baseline(simulate(reversed_effects, reversed_settings, runner)),
+        baseline=Baseline(simulate(reversed_effects, reversed_settings, runner), settings),
         nuisances={},
         reading_effects=reading_effects_of(reversed_effects, reversed_settings),
-        law_error=settings.law,
+        constants=settings,
         runner=runner,
     )

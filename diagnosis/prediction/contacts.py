@@ -31,7 +31,7 @@ from dogshape.bench.bench_data import Bench
 from dogshape.bench.contact_marks import SPEED_GAIN, TURNING_RAD_S, SeenContacts
 from dogshape.diagnosis.prediction.flights import log_student
 from dogshape.diagnosis.prediction.simulations import Level
-from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, REVERSED, Array, Hypothesis, strip_sense
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
@@ -43,17 +43,6 @@ TABLE_NODES = 17  #: along each parameter
 REFERENCE_SHARES = (0.5, 0.0, 1.0)
 MIN_FORCE_N = 0.5  #: of a profile, below which it has no ratio to another one
 MAX_FORCE_RATIO = 20.0
-#: Share of the way from inner to mean radius at which faces meet. Turned against each other,
-#: rigid ones meet at the inner radius, those of the compiled engine up to half way.
-FACE_RADIUS_SHARE = 0.25
-FACE_LAW = 0.06  #: of friction and chamfer, error of the slope and of the acceleration in common
-CREEP_LAW = USUAL.nuisance["contact_creep"] - 1.0  #: of the stiction velocity, error in common
-END_ERROR_M = 5e-5  #: m, of the displacement where faces part
-SINGLE_FACE = 0.05  #: of friction and chamfer, error of each face by itself
-BALANCE_LAW = 0.02  #: of the sliding side's gain, error in common
-HELD_LAW = 0.5  #: of the drag's part in a balance, error in common: a held ring shows no sense
-MIN_SPEED_SHARE = 0.01  #: of a mismatch, error of a nominal value beside a stated one
-UNKNOWN_FACTORS = (3.0, 10.0, 30.0, 100.0)  #: of all errors, where something unknown acts
 
 
 class ClutchQuantities(NamedTuple):
@@ -99,18 +88,21 @@ class Contacts:
         marks: SeenContacts,
         effects: Mapping[str, Effect],
         settings: Sequence[Setting],
+        constants: Settings,
     ) -> None:
+        self.constants = constants
+        self.freedom = constants.flight_freedom
         self.marks = marks
         self.effects = effects
         self.settings = settings
         self.dog = bench.clutch.dog
         self.detent_width = settings[0].clutch.mechanism.detent_width
         inner = self.dog.inner_radius
-        self.face_radius = inner + FACE_RADIUS_SHARE * (self.dog.mean_radius - inner)
+        self.face_radius = inner + constants.face_radius * (self.dog.mean_radius - inner)
         self.senses = np.array([np.sign(s.point.mismatch) or 1.0 for s in settings])
         share = bench.errors.each_point.sizes[2]
         offset = bench.errors.each_point.sizes[3]
-        self.speed_share = max(share, MIN_SPEED_SHARE)
+        self.speed_share = max(share, constants.speed_error)
         self.speed_offset = offset
         systematic = bench.errors.systematic.sizes
         self.common_speed = float(np.hypot(systematic[2], SPEED_GAIN))
@@ -136,9 +128,10 @@ class Contacts:
     def log_unknown(self) -> float:
         """Compute the log density of the marks if no known effect moved them."""
         logs = []
-        for factor in (1.0, *UNKNOWN_FACTORS):  # both forces are the nominal one
+        factors = self.constants.contact_factors
+        for factor in (1.0, *factors):  # both forces are the nominal one
             logs.append(float(self.log_density(NONE, np.zeros((1, 0)), factor)[0, 0]))
-        log_moved = np.logaddexp.reduce(logs[1:]) - np.log(len(UNKNOWN_FACTORS))
+        log_moved = np.logaddexp.reduce(logs[1:]) - np.log(len(factors))
         return float(np.logaddexp(logs[0], log_moved) - np.log(2.0))
 
     def _log_speeds(self, q: ClutchQuantities, factor: float) -> Array:
@@ -150,7 +143,7 @@ class Contacts:
             single = seen.error**2 + self.speed_offset**2
             single = single + (factor * self.speed_share * mismatch) ** 2
             common = factor * np.hypot(self.common_speed * mismatch, self.common_offset)
-            logs.append(_log_density(seen.value - mismatch, single, common))
+            logs.append(_log_density(seen.value - mismatch, single, common, self.freedom))
         return np.asarray(np.logaddexp(*logs) - np.log(2.0))
 
     def _log_balances(self, q: ClutchQuantities, factor: float) -> Array:
@@ -158,8 +151,9 @@ class Contacts:
         seen = self.marks.balances
         gain = (q.sliding_inertia / q.output_inertia)[:, None] * seen.rise
         loss = (q.drag / q.output_inertia)[:, None] * seen.turning_time
-        single = seen.error**2 + (factor * HELD_LAW * loss) ** 2
-        return _log_density(seen.fall - gain - loss, single, factor * BALANCE_LAW * gain)
+        single = seen.error**2 + (factor * self.constants.balance_held * loss) ** 2
+        common = factor * self.constants.balance_law * gain
+        return _log_density(seen.fall - gain - loss, single, common, self.freedom)
 
     def _log_ends(self, q: ClutchQuantities, sense: float, factor: float) -> Array:
         """Compute the log density of where faces part, median of each sense, (m,)."""
@@ -178,8 +172,8 @@ class Contacts:
         if not residuals:
             return np.zeros(len(q.gap))
         residual = np.stack(residuals, axis=1)
-        variance = np.full(residual.shape, (factor * END_ERROR_M) ** 2)
-        return _log_density(residual, variance, np.zeros_like(residual))
+        variance = np.full(residual.shape, (factor * self.constants.face_end) ** 2)
+        return _log_density(residual, variance, np.zeros_like(residual), self.freedom)
 
     def _log_faces(
         self, q: ClutchQuantities, sense: float, log_force: Array, factor: float
@@ -191,9 +185,9 @@ class Contacts:
         tangent = np.tan(q.chamfer)[:, None]
         slope = senses * tangent * (radius / self.dog.mean_radius)
         slope = slope + q.compliance[:, None] * seen.force_slope
-        single = seen.slope_error**2 + (factor * SINGLE_FACE * tangent) ** 2
-        common = np.broadcast_to(factor * FACE_LAW * tangent, slope.shape)
-        log = _log_density(seen.slope - slope, single, common)
+        single = seen.slope_error**2 + (factor * self.constants.face_single * tangent) ** 2
+        common = np.broadcast_to(factor * self.constants.face_law * tangent, slope.shape)
+        log = _log_density(seen.slope - slope, single, common, self.freedom)
         torques = self._face_torques(q, senses, log_force, radius)
         torque = torques.mean
         drag = q.drag[:, None]
@@ -204,7 +198,9 @@ class Contacts:
         inertia = q.sliding_inertia[:, None]
         single = seen.acceleration_error**2 + (factor * torques.single_error / inertia) ** 2
         residual = seen.acceleration - net / inertia
-        return log + _log_density(residual, single, factor * torques.common_error / inertia)
+        return log + _log_density(
+            residual, single, factor * torques.common_error / inertia, self.freedom
+        )
 
     def _face_torques(
         self, q: ClutchQuantities, senses: Array, log_force: Array, radius: float
@@ -232,10 +228,12 @@ class Contacts:
         normal = np.maximum(axial, 0.0) / np.maximum(1.0 + spline, 0.1)
         sum_of_slopes = friction + np.tan(chamfer)
         creep_share = 1.0 / (1.0 + (seen.slip / q.stiction_velocity[:, None, None]) ** 2)
-        common = np.hypot(FACE_LAW * sum_of_slopes, CREEP_LAW * creep_share * friction)
+        constants = self.constants
+        creep_law = constants.nuisance["contact_creep"] - 1.0  # of the stiction velocity
+        common = np.hypot(constants.face_law * sum_of_slopes, creep_law * creep_share * friction)
         return FaceTorques(
             mean=(normal * ratio).mean(axis=2) * radius,
-            single_error=SINGLE_FACE * (normal * sum_of_slopes).mean(axis=2) * radius,
+            single_error=constants.face_single * (normal * sum_of_slopes).mean(axis=2) * radius,
             common_error=(normal * common).mean(axis=2) * radius,
         )
 
@@ -373,11 +371,11 @@ def _interpolate(values: Array, nodes: Array, changes: Array) -> Array:
     return np.asarray((1.0 - share) * changes[place] + share * changes[place + 1])
 
 
-def _log_density(residual: Array, variance: Array, common: Array) -> Array:
+def _log_density(residual: Array, variance: Array, common: Array, freedom: float) -> Array:
     """Compute Student's log density of residuals (m, k) with a common error, (m,).
 
     ``variance`` of each by itself, and ``common``, the error by one standard deviation of what all
-    share, are (m, k) or (k,).
+    share, are (m, k) or (k,). ``freedom`` are the degrees of freedom.
     """
     size = residual.shape[1]
     if size == 0:
@@ -388,4 +386,4 @@ def _log_density(residual: Array, variance: Array, common: Array) -> Array:
     projection = (common * residual / variance).sum(axis=1)
     squared = (residual**2 / variance).sum(axis=1) - projection**2 / information
     log_determinant = np.log(variance).sum(axis=1) + np.log(information)
-    return log_student(squared, log_determinant, size)
+    return log_student(squared, log_determinant, size, freedom)

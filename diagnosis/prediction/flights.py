@@ -42,7 +42,7 @@ from scipy.stats import multivariate_normal, norm
 from dogshape.bench.flight_marks import FORCES, SIZE, WAYS, SeenFlight
 from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.simulations import Level
-from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim import kernel
 from dogshape.sim.effect import Effect
@@ -58,7 +58,6 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.mechanism import SMOOTH_SPEED_M_S
 from dogshape.sim.shift.planar import FIRST_STEP, free_flight
 
-CREEP_ERROR = 1.8  #: of a held start, over the creep of the smooth law by the speed at the mark
 #: Numbers of a clutch that act along the shaft without contact.
 AXIAL_NUMBERS = (
     "sleeve_mass",
@@ -86,16 +85,9 @@ COLUMNS = 2 * SIZE + len(WAYS) + 1
 NODES = (1, 17, 9, 5, 3)  #: along each parameter of an effect, by the number of parameters
 PAIR_NODES = (1, 5, 3, 3, 3)  #: the same of one of two effects
 SPLINE_ERROR = 0.25  #: of a spline, over its misses with every other node only
-THREE_EFFECTS_ERROR = 0.5  #: of three effects, over the largest that two add to their sum
-TOUCH_ERROR_S = 0.02  #: s, of a mark behind the first touch
-LAW_ERROR = 0.02  #: of an effect's law, over the change that it makes
 
-OFFSET_SDS = np.geomspace(1e-3, 0.2, 10)  #: s, standard deviations of unknown offsets
-OFFSET_LENGTH = 1.5  #: in ln force and ln share, of the correlation of offsets
-SMOOTH_SHARE = 0.9  #: of the variance of offsets
 NO_EFFECT: Hypothesis = ()
 NO_VALUES: Array = np.zeros((1, 0))
-FREEDOM = USUAL.flight_freedom
 
 
 @dataclass(frozen=True)
@@ -123,12 +115,15 @@ class _Distances(NamedTuple):
     size: int  #: number of marks
 
 
-def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, Array, Array]:
+def fly(
+    settings: Sequence[Setting], gap: float, force: float, creep_error: float
+) -> tuple[Array, Array, Array]:
     """Simulate the marks of n flights; the delay of a setting is no part of them.
 
     Parameters
     ----------
     gap, force : nominal gap, m, and final force, N, of which the marks are shares
+    creep_error : error of the start of a held ring, over the creep of the smooth law
 
     Returns
     -------
@@ -157,7 +152,7 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
         mark_speed = np.interp(way_times, time, speed)
         rings[k] = np.interp(way_times, time, states[:, DISPLACEMENT])
         creep[k, : ways.size] = (
-            CREEP_ERROR * SMOOTH_SPEED_M_S * stiction_ratio / np.fmax(mark_speed, SMOOTH_SPEED_M_S)
+            creep_error * SMOOTH_SPEED_M_S * stiction_ratio / np.fmax(mark_speed, SMOOTH_SPEED_M_S)
         )
     return times, creep, rings
 
@@ -224,8 +219,11 @@ class Flights:
     The priors of ``effects`` bound the tables; of ``settings`` the first of each profile counts.
     """
 
-    def __init__(self, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> None:
+    def __init__(
+        self, effects: Mapping[str, Effect], settings: Sequence[Setting], constants: Settings
+    ) -> None:
         self.effects = effects
+        self.constants = constants
         self.settings = {setting.point.profile: setting for setting in reversed(settings)}
         self._rows: dict[Hashable, Array] = {}
         self._grids: dict[tuple[Hypothesis, ForceProfile], _Grid] = {}
@@ -251,10 +249,10 @@ class Flights:
         min_root = self.settings[profile].clutch.timeout ** -0.5
         times = np.maximum(rows[:, MARK_COLUMNS], min_root) ** -2.0
         baseline_times = np.maximum(baseline[:, MARK_COLUMNS], min_root) ** -2.0
-        law_error = LAW_ERROR * (times - baseline_times)
+        law_error = self.constants.flight_law * (times - baseline_times)
         variance = (2.0 * times**1.5) ** 2 * variance + law_error**2
         is_touching = rows[:, MARGIN_COLUMNS] < 0.0
-        variance[:, : len(WAYS)] += (TOUCH_ERROR_S * is_touching) ** 2
+        variance[:, : len(WAYS)] += (self.constants.flight_touch * is_touching) ** 2
         return Marks(
             times=times + rows[:, [DELAY_COLUMN]],
             error=np.sqrt(variance),
@@ -283,7 +281,7 @@ class Flights:
             if len(names) == 2:
                 max_pair_change = np.maximum(max_pair_change, abs(changes[:, MARK_COLUMNS]))
         if len(moving) > 2:
-            variance += (THREE_EFFECTS_ERROR * max_pair_change) ** 2
+            variance += (self.constants.flight_triple * max_pair_change) ** 2
         return rows, variance
 
     def _space(self, h: Hypothesis) -> ParameterSpace:
@@ -331,7 +329,12 @@ class Flights:
                 rows[k, DELAY_COLUMN] = setting.delay + force.delay
         new_settings = {key: s for key, s in settings.items() if key not in self._rows}
         if new_settings:
-            flights = fly(list(new_settings.values()), baseline.clutch.dog.axial_gap, profile.force)
+            flights = fly(
+                list(new_settings.values()),
+                gap=baseline.clutch.dog.axial_gap,
+                force=profile.force,
+                creep_error=self.constants.flight_creep,
+            )
             self._rows.update(zip(new_settings, np.hstack(flights), strict=True))
         for k, key in keys.items():
             times, creep, rings = np.split(self._rows[key], (SIZE, 2 * SIZE))
@@ -341,14 +344,15 @@ class Flights:
         return rows
 
 
-def log_student(squared: Array, log_determinant: Array, size: int) -> Array:
+def log_student(squared: Array, log_determinant: Array, size: int, freedom: float) -> Array:
     """Compute Student's log density of ``size`` marks, in the shape of ``squared``.
 
-    ``squared`` are their squared distances, ``log_determinant`` that of their covariance.
+    ``squared`` are their squared distances, ``log_determinant`` that of their covariance,
+    ``freedom`` the degrees of freedom.
     """
-    constant = gammaln((FREEDOM + size) / 2.0) - gammaln(FREEDOM / 2.0)
-    constant = constant - 0.5 * size * np.log(FREEDOM * np.pi)
-    tail = 0.5 * (FREEDOM + size) * np.log1p(squared / FREEDOM)
+    constant = gammaln((freedom + size) / 2.0) - gammaln(freedom / 2.0)
+    constant = constant - 0.5 * size * np.log(freedom * np.pi)
+    tail = 0.5 * (freedom + size) * np.log1p(squared / freedom)
     return np.asarray(constant - 0.5 * log_determinant - tail)
 
 
@@ -363,9 +367,10 @@ def log_flights(
 
     ``log_contacts`` is that of the same traces' contacts with acting and nominal force, (2, m).
     """
+    freedom = flights.constants.flight_freedom
     log = np.zeros((2, len(values)))  # with acting and nominal force
     for squared, log_determinant, size in _distances(observed, flights, h, values):
-        log += log_student(squared, log_determinant, size)
+        log += log_student(squared, log_determinant, size, freedom)
     return np.asarray(np.logaddexp(*(log + log_contacts)) - np.log(2.0))
 
 
@@ -373,10 +378,11 @@ def flight_scores(
     observed: Sequence[SeenFlight], flights: Flights, h: Hypothesis, values: Array
 ) -> Array:
     """Score the marks as normal deviates, (m, profiles), in the likelier reading of the force."""
+    freedom = flights.constants.flight_freedom
     tails = np.zeros((2, len(values), len(observed)))
     for k, distances in enumerate(_distances(observed, flights, h, values)):
         size = distances.size
-        tails[:, :, k] = f_distribution.sf(distances.squared / size, size, FREEDOM)
+        tails[:, :, k] = f_distribution.sf(distances.squared / size, size, freedom)
     acting, nominal = norm.isf(0.5 * np.maximum(tails, 1e-300))
     is_acting = (acting**2).sum(axis=1) <= (nominal**2).sum(axis=1)
     return np.where(is_acting[:, None], acting, nominal)
@@ -396,11 +402,12 @@ def log_unknown(observed: Sequence[SeenFlight], flights: Flights) -> float:
     x = np.log([force, np.array([*WAYS, *FORCES])[places]])
     square = ((x[:, :, None] - x[:, None]) ** 2).sum(axis=0)
     is_way = places < len(WAYS)
-    correlation = SMOOTH_SHARE * np.exp(-0.5 * square / OFFSET_LENGTH**2)
-    correlation = correlation + (1.0 - SMOOTH_SHARE) * np.eye(is_way.size)
+    constants = flights.constants
+    correlation = constants.offset_smooth * np.exp(-0.5 * square / constants.offset_length**2)
+    correlation = correlation + (1.0 - constants.offset_smooth) * np.eye(is_way.size)
     correlation = correlation * (is_way[:, None] == is_way)
     logs = []
-    for sd in OFFSET_SDS:
+    for sd in constants.offset_sizes:
         for is_offset in (np.ones_like(is_way), is_way):  # all marks, or those of displacement
             offsets = sd**2 * correlation * np.outer(is_offset, is_offset)
             logs.append(multivariate_normal.logpdf(residual, cov=error + offsets))

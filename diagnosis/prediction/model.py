@@ -62,13 +62,13 @@ from dogshape.diagnosis.prediction.simulations import (
     extremes,
     simulate_benches,
 )
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis, strip_sense
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting, angle_weights
 from dogshape.sim.statistics.blocks import Runner
 
-PAIR_ERROR = 0.7  #: error of two effects over the product of their changes (measured)
 #: Variance of a change by angles of a bench over that of all changes (measured): of benches at all
 #: angles of the baseline, and at those of the levels.
 DENSE_NOISE = 5e-4
@@ -166,7 +166,7 @@ class Model:
     baseline: Baseline
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
     reading_effects: frozenset[str]  #: names of the effects of the reading of a shift alone
-    law_error: float  #: error of an effect's law, as a share of the change that it makes
+    constants: Settings  #: that decide an answer
     #: Of the reversed sense of rotation, where that is a hypothesis.
     reversed_model: Model | None = None
     runner: Runner | None = None  #: simulates further benches
@@ -230,7 +230,7 @@ class Model:
             emulator = self.pair_emulators.get(pair)
             if emulator is None:
                 product = sums.contact_logs[first] * sums.contact_logs[second]
-                pair_error += PAIR_ERROR * abs(product)
+                pair_error += self.constants.pair_error * abs(product)
                 continue
             # Columns of the emulator are ln mean and ln deviation of one point after the other.
             x = self._pair_coordinates(pair, space, values)
@@ -284,7 +284,7 @@ class Model:
         late_share = self.baseline.moments[:, LATE_SHARE] + sums.moments[..., LATE_SHARE]
         engaged_logit = self.baseline.moments[:, ENGAGED_LOGIT] + sums.moments[..., ENGAGED_LOGIT]
         sd = np.clip(np.exp(log_sd), MIN_SD_S, np.maximum(mean, MIN_SD_S))
-        law_variance = self.law_error**2 * (none + sums.squared_log)
+        law_variance = self.constants.law**2 * (none + sums.squared_log)
         emulation_variance = none + sums.emulation_variance
         variance = law_variance + emulation_variance - sums.common_variance + pair_error**2
         mean_error = CELL_ERROR * sd
@@ -295,7 +295,7 @@ class Model:
             error=np.hypot(mean_error, np.sqrt(variance) * mean),
             emulation_error=np.sqrt(emulation_variance) * mean,
             common_error=np.sqrt(pair_error**2 + sums.common_variance) * mean,
-            late_share=np.clip(late_share, 1e-3, 0.9),
+            late_share=np.clip(late_share, 1e-3, self.constants.late_most),
             engaged_share=expit(engaged_logit),
             delay=none + sums.delay,
             minor_share=sums.modes.minor_share,

@@ -30,7 +30,6 @@ ANGLES = 16  #: even relative angles of each level
 DENSE_FACTOR = 3  #: angles of the baseline over those of a level
 LINE_LEVELS = 9  #: levels of one parameter
 PLANE_LEVELS = 33  #: levels of two or more parameters
-RANGE_EXTENSION = 0.5  #: of a prior's range, by which it is widened at either end
 ANGLE_SEED = 1  #: of the first relative angle
 MIN_LATE_DELAY_S = 8e-3  #: s, of a late shift behind the median
 MIN_LATE_PASSING = 0.5  #: of the passing time of a slot, the same
@@ -91,15 +90,20 @@ def settings_of(bench: Bench, sensor: Sensor) -> tuple[Setting, ...]:
     return tuple(Setting(clutch, cell.point, sensor=sensor) for cell in bench.cells)
 
 
-def widen_ranges(effect: Effect, setting: Setting) -> Effect:
-    """Widen the range of each parameter at both ends, as far as a bench exists at the new end."""
+def widen_ranges(effect: Effect, setting: Setting, extension: float) -> Effect:
+    """Widen the range of each parameter at both ends, as far as a bench exists at the new end.
+
+    ``extension`` is the largest one, as a share of the range.
+    """
     for name in [parameter.name for parameter in effect.parameters]:
         for upper in (True, False):
-            effect = _widen_range(effect, name, setting, upper=upper)
+            effect = _widen_range(effect, name, setting, extension, upper=upper)
     return effect
 
 
-def _widen_range(effect: Effect, name: str, setting: Setting, *, upper: bool) -> Effect:
+def _widen_range(
+    effect: Effect, name: str, setting: Setting, extension: float, *, upper: bool
+) -> Effect:
     """Widen one end of the range of the parameter ``name``.
 
     It stays where no bench exists beyond it, and the lower end where no effect lies above it.
@@ -108,7 +112,7 @@ def _widen_range(effect: Effect, name: str, setting: Setting, *, upper: bool) ->
     if not upper and parameter.neutral_of(setting) <= parameter.low:
         return effect
     for share in (1.0, 0.6, 0.3):
-        wider = parameter.widened(RANGE_EXTENSION * share, upper=upper)
+        wider = parameter.widened(extension * share, upper=upper)
         end = wider.high if upper else wider.low
         is_possible = effect.possible(setting, {**effect.neutral(setting), name: end})
         if wider != parameter and is_possible:

@@ -175,9 +175,9 @@ def _sentence(error: Exception, message: str) -> str:
     details = getattr(error.__cause__, "errors", None)
     names = getattr(getattr(error, "param", None), "opts", None)
     if details is not None and names:
-        from dogshape.sim.clutch_tables import broken_rule  # noqa: PLC0415
+        from dogshape.sim.clutch_tables import BrokenRule  # noqa: PLC0415
 
-        return broken_rule(names[-1], details()[0])
+        return BrokenRule.of(details()[0]).sentence(names[-1])
     option = getattr(error, "option_name", None)
     command: Any = getattr(getattr(error, "ctx", None), "command", None)
     options = [name for parameter in getattr(command, "params", ()) for name in parameter.opts]

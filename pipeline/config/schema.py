@@ -182,6 +182,7 @@ class StrikeSection(
         """Yield the strike at each combination of range ends; just one without ranges.
 
         Keys that it lacks are those of ``[mechanism]``, its mismatches those of the points.
+        InputError for one of wheel inertia and output stiffness without the other.
         """
         rings = clutch.rings
         values = self._with_mechanism(clutch.mechanism)

@@ -17,6 +17,7 @@ from dogshape.sim.statistics.shift_records import (
     Record,
     content_key,
     diverged,
+    key_of,
     result_of,
     unfinished,
 )
@@ -45,7 +46,7 @@ class Bank:
             size = path.stat().st_size
             if size != self._sizes.get(path):
                 rows = read_lines(path, _require_series, "a series of shifts")
-                self.series.update((row["key"], row) for row in rows)
+                self.series.update((key_of(row), row) for row in rows)
                 self._sizes[path] = size
 
     def missing(self, blocks: Iterable[Block]) -> list[Block]:

@@ -79,8 +79,8 @@ def study_of(bench: Bench, name: str) -> Data:
             "seated_tolerance_mm": rounded(clutch.seated_tolerance / MM),
             "rebound_mm": rounded(clutch.rebound / MM),
         },
-        "actuation": _actuation_table(bench),
-        "operating": _operating_table(bench),
+        "actuation": actuation_table(bench),
+        "operating": operating_table(bench),
         "variables": {
             **ANGLES,
             "height_mm": [rounded(factor * height, 3) for factor in HEIGHT_FACTORS],
@@ -89,7 +89,7 @@ def study_of(bench: Bench, name: str) -> Data:
     }
 
 
-def _actuation_table(bench: Bench) -> Data:
+def actuation_table(bench: Bench) -> Data:
     """Return ``[actuation]`` with the mean rise time of each force of a data set."""
     rises_by_force: dict[float, set[float]] = {}
     for cell in bench.cells:
@@ -102,7 +102,7 @@ def _actuation_table(bench: Bench) -> Data:
     return {"force_N": forces, "rise_s": mean_rises}
 
 
-def _operating_table(bench: Bench) -> Data:
+def operating_table(bench: Bench) -> Data:
     """Return ``[operating]`` with the points of a data set: a grid if they are one, or a list."""
     points = []
     for cell in bench.cells:

@@ -152,8 +152,8 @@ def _fill_folder(
     text = with_values(text_of(bundled_root() / TEMPLATE), values)
     (folder / "bench.toml").write_text(text, encoding="utf-8")
     empty = [name for name in COLUMNS[7:] if rows[name].isna().all()]
-    table = rows[[*COLUMNS]].drop(columns=empty)
-    table["engaged"] = table.engaged.map({True: "true", False: "false"})
+    outcomes = rows.engaged.map({True: "true", False: "false"})
+    table = rows[[*COLUMNS]].assign(engaged=outcomes).drop(columns=empty)
     table.to_csv(folder / "shifts.csv", index=False, lineterminator="\n", float_format="%.9g")
     try:
         bench = load_bench(folder)
@@ -271,7 +271,7 @@ def _mark_time_outs(
         answer = key_argument("values", "timeout_s", float(number(largest)))
         report.faults.append(
             f"the largest time, {number(largest)} s, is there {counts[largest]} times (row "
-            f"{rows['row'][times.idxmax()]}), as where a stand gives up; say {answer} where these "
+            f"{rows.row[times.idxmax()]}), as where a stand gives up; say {answer} where these "
             "shifts did not engage, or a longer time-out where they did"
         )
 

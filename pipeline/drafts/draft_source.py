@@ -7,8 +7,14 @@ from pathlib import Path
 
 from dogshape.bench.bench_data import Bench, bundled_benches, load_bench
 from dogshape.pipeline.config.study_file import bundled_studies, find_study, load_study
-from dogshape.pipeline.diagnose.study_keys import Data, clutch_tables, rounded, study_of
-from dogshape.pipeline.drafts.draft_keys import SPEED
+from dogshape.pipeline.diagnose.study_keys import (
+    Data,
+    actuation_table,
+    clutch_tables,
+    operating_table,
+    rounded,
+)
+from dogshape.pipeline.drafts.draft_keys import MASS, SPEED
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -46,13 +52,11 @@ class Source:
     @property
     def dog_values(self) -> Data:
         """Values of ``[dog]``, ``[sliding]`` (with the total moving mass) and ``[output]``."""
-        tables = clutch_tables(self.clutch)
         moving_mass = self.clutch.rings.mass + self.clutch.mechanism.added_mass
-        tables["sliding"]["mass_kg"] = rounded(moving_mass)
         values: Data = {}
-        for name, table in tables.items():
+        for name, table in clutch_tables(self.clutch).items():
             values |= {f"{name}.{key}": value for key, value in table.items()}
-        return values
+        return values | {MASS: rounded(moving_mass)}
 
 
 def source_of(origin: str) -> Source:
@@ -83,11 +87,11 @@ def source_of(origin: str) -> Source:
 
 def _bench_source(bench: Bench) -> Source:
     """Return the source of a draft with the clutch and the operating points of a bench."""
-    tables = study_of(bench, bench.name)
+    actuation = actuation_table(bench)
     contact = bench.clutch.contact
     values = {
-        **{f"actuation.{key}": column for key, column in tables["actuation"].items()},
-        "operating": tables["operating"],
+        **{f"actuation.{key}": column for key, column in actuation.items()},
+        "operating": operating_table(bench),
         SPEED: 0.0,
         **{f"drive.{key}": value for key, value in bench.clutch.drive.table.items()},
         "contact.static_friction": contact.static_friction,
@@ -96,7 +100,7 @@ def _bench_source(bench: Bench) -> Source:
     return Source(
         bench.name,
         bench.clutch,
-        RiseTable(*map(tuple, tables["actuation"].values())),
+        RiseTable(*map(tuple, actuation.values())),
         points=tuple(cell.point for cell in bench.cells),
         file=find_study(COMMENTED),
         bench_values=values,

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import NAMESPACE_URL, uuid5
 
 from dogshape.pipeline.config.schema import StudyFile
@@ -33,6 +33,7 @@ from dogshape.sim.shift.stepped_shift import (
 from dogshape.sim.units import suffix_of
 from dogshape.sim.versions import engine
 
+MODEL = "DogClutch"  #: name of the model and of its library within the FMU
 RESOURCE = "study.json"  #: study file within the FMU
 STEP_S = 1e-3  #: communication step that the FMU proposes
 NOT_ENGAGED_S = -1.0  #: time of an engagement that has not happened
@@ -152,6 +153,17 @@ class BlockVariable:
     setter: Callable[[float], None] | None = None
 
 
+class BlockState(NamedTuple):
+    """State of a block as values of JSON, SI units."""
+
+    time: float
+    begin: float | None  #: time of the first step; None before it
+    loads: dict[str, float]  #: inputs by name
+    start: dict[str, float]  #: starts by name
+    parameters: dict[str, float]
+    shift: dict[str, Any]  #: fields of ``SavedShift``
+
+
 class ClutchBlock:
     """Dog clutch of a study; parameters are fixed once the initialization is left.
 
@@ -169,6 +181,7 @@ class ClutchBlock:
         study = packed_study(folder)
         #: Attributes of the model description.
         self.identity: dict[str, Any] = {
+            "modelName": MODEL,
             "guid": uuid5(NAMESPACE_URL, (folder / RESOURCE).read_text(encoding="utf-8")),
             "author": "dogshape",
             "version": engine()["dogshape"],
@@ -300,21 +313,23 @@ class ClutchBlock:
 
     def save(self) -> dict[str, Any]:
         """Copy inputs, parameters and the state of the shift as values of JSON."""
-        return {
-            "time": self.time,
-            "begin": self._begin,
-            "loads": dict(self._loads),
-            "start": dict(self._start),
-            "parameters": dict(self._parameters),
-            "shift": asdict(self.shift.save()),
-        }
+        state = BlockState(
+            time=self.time,
+            begin=self._begin,
+            loads=dict(self._loads),
+            start=dict(self._start),
+            parameters=dict(self._parameters),
+            shift=asdict(self.shift.save()),
+        )
+        return state._asdict()
 
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, record: dict[str, Any]) -> None:
         """Go to a state of ``save``."""
-        self.time = state["time"]
-        self._begin = state["begin"]
-        self._loads.update(state["loads"])
-        self._start.update(state["start"])
-        self._parameters.update(state["parameters"])
+        state = BlockState(**record)
+        self.time = state.time
+        self._begin = state.begin
+        self._loads.update(state.loads)
+        self._start.update(state.start)
+        self._parameters.update(state.parameters)
         self._shift = None
-        self.shift.restore(SavedShift(**state["shift"]))
+        self.shift.restore(SavedShift(**state.shift))

@@ -34,6 +34,7 @@ from dogshape.sim.files import write_frame, write_whole
 from dogshape.sim.interface import key_argument
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import even_blocks
+from dogshape.sim.statistics.shift_records import result_of
 from dogshape.sim.units import DEG, MM, RPM
 
 
@@ -254,13 +255,14 @@ def simulate_map(study: Setup, options: RunOptions) -> EngagementMap:
     cells = []
     for point, point_rows in zip(points, rows, strict=True):
         for angle, row in zip(angles, point_rows, strict=True):
+            shift = result_of(row)
             cell = EngagementCell(
                 mismatch_rpm=point.mismatch / RPM,
                 force_N=point.profile.force,
                 angle_deg=angle / DEG,
-                engaged=row["outcome"] == Outcome.ENGAGED.value,
-                outcome=row["outcome"],
-                shift_time_s=row["shift_time_s"],
+                engaged=shift.outcome is Outcome.ENGAGED,
+                outcome=shift.outcome.value,
+                shift_time_s=shift.shift_time,
             )
             cells.append(cell)
     return EngagementMap(study, tuple(cells))

@@ -24,14 +24,14 @@ from pythonfmu import (
 )
 from pythonfmu.enums import Fmi2Status
 
-from dogshape.pipeline.export.clutch_block import STEP_S, UNITS, BlockVariable, ClutchBlock
+from dogshape.pipeline.export.clutch_block import MODEL, STEP_S, UNITS, BlockVariable, ClutchBlock
 from dogshape.pipeline.export.fmu_loader import release_at_exit
 
-LIBRARY = "linux64/DogClutch.so"
+LIBRARY = f"linux64/{MODEL}.so"
 KINDS = {float: Real, int: Integer, bool: Boolean}
 
 
-class DogClutch(Fmi2Slave):  # type: ignore[misc]
+class DogClutchFmi2(Fmi2Slave):  # type: ignore[misc]
     """Dog clutch of a study in FMI 2.0."""
 
     def __init__(self, **arguments: Any) -> None:

@@ -24,14 +24,14 @@ from pythonfmu3 import (
     Unit,
 )
 
-from dogshape.pipeline.export.clutch_block import STEP_S, UNITS, BlockVariable, ClutchBlock
+from dogshape.pipeline.export.clutch_block import MODEL, STEP_S, UNITS, BlockVariable, ClutchBlock
 from dogshape.pipeline.export.fmu_loader import release_at_exit
 
-LIBRARY = "x86_64-linux/DogClutch.so"
+LIBRARY = f"x86_64-linux/{MODEL}.so"
 KINDS = {float: Float64, int: Int32, bool: Boolean}
 
 
-class DogClutch(Fmi3Slave):  # type: ignore[misc]
+class DogClutchFmi3(Fmi3Slave):  # type: ignore[misc]
     """Dog clutch of a study in FMI 3.0."""
 
     def __init__(self, **arguments: Any) -> None:

@@ -183,16 +183,17 @@ def objection(confirmed: ConfirmedDesign) -> str:
     verdict = confirmed_verdict(confirmed)
     if verdict.passes:
         return ""
+    state_words = WORDS[verdict.state]
     if verdict.state == "not_judged":
         names = [check_name(missing.check) for missing in verdict.not_judged]
-        return f"{WORDS['not_judged']}: {', '.join(names)}"
+        return f"{state_words}: {', '.join(names)}"
     names = verdict.not_clear
     if verdict.state == "fails":
         failed = [name for name in verdict.failed if name not in verdict.not_clear]
         names = [name for name in failed if name not in SUMMARIES] or failed
     checks = {check.name: check for check in confirmed.checks}
     words = ", ".join(_margin_words(checks[name]) for name in names)
-    return f"fails {words}" if verdict.state == "fails" else f"{WORDS['not_clear']}: {words}"
+    return f"{state_words} {words}" if verdict.state == "fails" else f"{state_words}: {words}"
 
 
 def _margin_words(check: CheckRow) -> str:

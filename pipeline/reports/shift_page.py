@@ -88,7 +88,7 @@ def _series(result: Engagement) -> pd.DataFrame:
     return series.assign(
         contact_force_N=np.maximum.reduceat(trace.contact_force, starts),
         touching=np.maximum.reduceat(touches.astype(float), starts),
-        mismatch_rpm=series["output_speed_rpm"] - series["sliding_speed_rpm"],
+        mismatch_rpm=series.output_speed_rpm - series.sliding_speed_rpm,
     )
 
 
@@ -188,7 +188,7 @@ def _nonzero_phases(result: Engagement) -> list[Phase]:
 def curves(result: Engagement) -> go.Figure:
     """Draw displacement, speeds and forces over time, with the phases behind them."""
     series = _series(result)
-    time = 1e3 * series["t_s"]
+    time = 1e3 * series.t_s
     figure = make_subplots(3, 1, shared_xaxes=True, vertical_spacing=0.05)
     for name, (row, line) in CURVES.items():
         title = "shift force" if name == "force_N" else " ".join(name.split("_")[:-1])

@@ -24,6 +24,7 @@ from dogshape.sim.statistics.shift_records import (
     angle_of,
     clutch_record,
     diverged,
+    key_of,
     result_of,
 )
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
@@ -41,7 +42,7 @@ class Replay:
     @property
     def path(self) -> str:
         """File of the page, with the key of the shift: another shift gets another page."""
-        return f"shifts/{self.design.replace(' ', '-')}-{self.kind}-{self.shift['key'][:8]}.html"
+        return f"shifts/{self.design.replace(' ', '-')}-{self.kind}-{key_of(self.shift)[:8]}.html"
 
     @property
     def words(self) -> str:
@@ -84,7 +85,7 @@ def _slowness(shift: Record) -> tuple[float, bool, str]:
     """Return the key that sorts shifts from the fastest to a blocked one."""
     result = result_of(shift)
     time = math.inf if result.shift_time is None else result.shift_time
-    return time, result.outcome is Outcome.BLOCKED, shift["key"]
+    return time, result.outcome is Outcome.BLOCKED, key_of(shift)
 
 
 def write_replays(folder: StudyFolder, study: Setup, replays: Sequence[Replay], say: Say) -> None:

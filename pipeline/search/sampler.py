@@ -177,7 +177,10 @@ class Guide:
         return mark_worthy(self.study, params)
 
     def predict(self, trials: Trials) -> GoalPrediction:
-        """Fit surrogate and processes to trials; InputError where too few were simulated."""
+        """Fit the surrogate of the time, and processes of other objectives and limits, to trials.
+
+        InputError where too few were simulated.
+        """
         study = self.study
         constraints = self.constraints(trials)
         simulated_trials = [trial for trial in map(trial_of, trials) if trial.simulated]

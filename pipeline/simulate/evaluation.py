@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import chain, islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -224,16 +225,32 @@ def replace_limited(measured: CheckInputs, estimates: Mapping[str, Estimate]) ->
     return replace(measured, limited=limited)
 
 
+class OperatedDesign(NamedTuple):
+    """A design as it is simulated."""
+
+    study: Setup  #: operated as the design is
+    dog: Dog
+
+    @classmethod
+    def of(cls, study: Setup, params: Params) -> OperatedDesign:
+        """Build the operation and the dog of a design; GeometryError for an impossible shape."""
+        return cls(study.with_operation(params), study.dog_with(params))
+
+    def blocks(self, angles: int, seed: int, base: int | None = None) -> list[Block]:
+        """Build the shifts at even angles, a block for each of the operating points.
+
+        ``base`` as for ``even_phases``.
+        """
+        study = self.study
+        clutch = replace(study.clutch, dog=self.dog)
+        return even_blocks(clutch, study.points, angles, seed, base, uncertainty=study.uncertainty)
+
+
 def design_blocks(
     study: Setup, params: Params, angles: int, seed: int, base: int | None = None
 ) -> list[Block]:
-    """Build the shifts of a design at even angles, a block for each of its operating points.
-
-    ``base`` as for ``even_phases``.
-    """
-    points = study.with_operation(params).points
-    clutch = replace(study.clutch, dog=study.dog_with(params))
-    return even_blocks(clutch, points, angles, seed, base, uncertainty=study.uncertainty)
+    """Build the shifts of a design of a study (``OperatedDesign.blocks``)."""
+    return OperatedDesign.of(study, params).blocks(angles, seed, base)
 
 
 def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
@@ -260,7 +277,8 @@ def evaluate(
     study: Setup, designs: Sequence[Params], executor: Executor, angles: int, seed: int
 ) -> list[Evaluation]:
     """Simulate designs at ``angles`` even angles of every operating point, and evaluate them."""
-    design_groups = [design_blocks(study, params, angles, seed) for params in designs]
+    operated = [OperatedDesign.of(study, params) for params in designs]
+    design_groups = [design.blocks(angles, seed) for design in operated]
     reference_group = reference_blocks(study, angles, seed)
     blocks = list(chain(*design_groups, reference_group))
     rows = iter(executor.run(blocks))
@@ -269,17 +287,16 @@ def evaluate(
     if reference_group:
         reference = expectation_of(study, study.points, list(rows))
     return [
-        _evaluation(study, params, rows_of_design, reference)
-        for params, rows_of_design in zip(designs, design_rows, strict=True)
+        _evaluation(study, design, rows_of_design, reference)
+        for design, rows_of_design in zip(operated, design_rows, strict=True)
     ]
 
 
 def _evaluation(
-    nominal: Setup, params: Params, rows: Rows, reference: MixExpectation | None
+    nominal: Setup, design: OperatedDesign, rows: Rows, reference: MixExpectation | None
 ) -> Evaluation:
     """Evaluate the shifts of a design by operating point; ``nominal`` is the study itself."""
-    study = nominal.with_operation(params)
-    dog = nominal.dog_with(params)
+    study, dog = design
     expectation = expectation_of(study, study.points, rows, dog=dog)
     landings = landings_over(expectation, rows)
     demand = landings.demand(dog, study.limits)

@@ -33,7 +33,7 @@ from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.sim.errors import InputError, StorageError, WorkerError
 from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import Block, run_block
-from dogshape.sim.statistics.shift_records import Record, content_key
+from dogshape.sim.statistics.shift_records import Record, content_key, key_of
 from dogshape.sim.versions import engine, versions
 
 Advance = Callable[
@@ -85,7 +85,7 @@ class Executor:
         missing_blocks = self._missing_blocks(blocks)
         self._started += sum(len(block.angles) for block in missing_blocks)
         for rows in self._simulate(missing_blocks):
-            self.journal.rows.update((row["key"], row) for row in rows)
+            self.journal.rows.update((key_of(row), row) for row in rows)
             self.progress(len(rows), 0)
         if missing_blocks:  # once: the disk takes longer for a block than its shifts
             self.journal.sync()
@@ -291,22 +291,18 @@ def _require_same_versions(address: str, programs: Any, worker: str) -> None:
 
     ``programs`` are its versions by name, or an exception of a worker without Dogshape.
     """
-    local_programs = versions()
+    local_programs = engine()
     if not isinstance(programs, dict):
         fault = (
             f"{worker} of the cluster {address} does not have Dogshape ({type(programs).__name__})"
         )
-        remedy = (
-            f"install dogshape {local_programs['dogshape']} with drake {local_programs['drake']} "
-            "there"
-        )
-        raise WorkerError(f"{fault}; {remedy}")
-    for name in engine():
-        if programs[name] != local_programs[name]:
+        needed = " with ".join(f"{name} {version}" for name, version in local_programs.items())
+        raise WorkerError(f"{fault}; install {needed} there")
+    for name, version in local_programs.items():
+        if programs[name] != version:
             raise WorkerError(
                 f"{worker} of the cluster {address} has {name} {programs[name]}, but here it is "
-                f"{local_programs[name]}, and their shifts must not be mixed; install the same on "
-                "both"
+                f"{version}, and their shifts must not be mixed; install the same on both"
             )
 
 

@@ -29,7 +29,7 @@ from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.interface import argument, verb
-from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
+from dogshape.sim.statistics.shift_records import Record, key_of, landing_of, result_of, unfinished
 from dogshape.sim.versions import versions
 
 MAX_LINE = 1 << 22  #: bytes, longest line of a journal: a shift has less than 4 kB
@@ -56,7 +56,7 @@ class ShiftJournal:
     def read_new(self) -> list[Record]:
         """Read the rows that other processes appended, and return them."""
         rows = read_lines(self.path, _require_shift, "a finished shift")
-        new_rows = {row["key"]: row for row in rows if row["key"] not in self.rows}
+        new_rows = {key_of(row): row for row in rows if key_of(row) not in self.rows}
         self.rows.update(new_rows)
         return list(new_rows.values())
 

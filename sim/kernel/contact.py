@@ -487,7 +487,8 @@ def facing(overlap, numbers):
     Returns
     -------
     tuple of float
-        Overlap, overlap at which they part, and depth below the crests at which they touch, m.
+        Overlap of the faces or of the backs, at least 0; overlap at which they part; depth below
+        the crests at which they touch, m.
     """
     if overlap > 0.0:
         beyond = max(0.0, overlap - numbers.face_width)

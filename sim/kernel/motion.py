@@ -255,7 +255,7 @@ def side_angles(state, numbers):
 
 @inlined
 def drag(state, numbers):
-    """Compute the torque that holds the sliding side, N m."""
+    """Compute the drag torque against the sliding side, N m, positive for a positive speed."""
     if numbers.drag_torque == 0.0:
         return 0.0
     sliding_speed, _ = side_speeds(state, numbers)

@@ -61,10 +61,10 @@ class ContactSet:
 
     A compliant layer (pressure = stiffness x penetration, Drake's hydroelastic model), Hunt and
     Crossley's dissipation ``p (1 + d v)``, Coulomb friction regularised over a stiction velocity.
-    With ``impact`` dogs have that law instead of layer and dissipation, in the compiled engine
-    alone; the stiffness is then that of the stop behind the ring. With ``face_friction`` the two
-    coefficients are those of flanks and edges, and faces on faces have that one, static and
-    dynamic, in the compiled engine alone.
+    With ``impact`` the law IMPACT replaces layer and dissipation of the dogs; the stiffness is then
+    that of the stop behind the ring. With ``face_friction`` faces on faces have this coefficient,
+    static and dynamic, and the two others are those of flanks and edges. Both are in the compiled
+    engine alone.
     """
 
     name: str

@@ -12,7 +12,7 @@ Widths run along the circumference at radius *r*:
 :math:`w_{tip,root} = \tfrac{1}{2}(\vartheta - \varphi) r \mp \tfrac{h}{2}(\tan\beta +
 \tan\gamma)`. With pitch planes *D* apart, rings have a play of :math:`\varphi r + D(\tan\beta +
 \tan\gamma)`, as far as flanks face each other: down from :math:`D = h - 2d` with the larger depth
-*d* of both edges below the ridge. Undercut flanks pass where that is not negative there. At full
+*d* of both edges below the ridge. Undercut flanks pass if this play is not negative there. At full
 depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
 flank along the shaft, :math:`\psi` the angle of the material: what touches is :math:`h - 2(d(r) +
 a)`, with the depth *d* of that flank's edge.
@@ -167,15 +167,15 @@ class Dog:
         return traction, where(self.crest == 0.0, -self.chamfer_back, self.chamfer)
 
     def tip_width_at(self, radius: float) -> float:
-        """Width of the dog at crest height at ``radius``, m; the floor has the play there more.
+        """Width of the dog at crest height at ``radius``, m, between the planes of both flanks.
 
-        It runs between the planes of both flanks, whatever the chamfers take.
+        Chamfers do not reduce it. The floor of a slot is wider by the play.
         """
         middle = 0.5 * (self.pitch_angle - self.backlash_angle) * radius
         return middle - self.addendum * self.lean
 
     def root_width_at(self, radius: float) -> float:
-        """Width of the dog at its root at ``radius``, m; the slot's mouth has the play more."""
+        """Width of the dog at its root at ``radius``, m; a slot's mouth is wider by the play."""
         middle = 0.5 * (self.pitch_angle - self.backlash_angle) * radius
         return middle + self.dedendum * self.lean
 
@@ -202,8 +202,7 @@ class Dog:
     def passing_play(self) -> float:
         """Play with which flanks first face each other on the way in, at the inner radius, m.
 
-        The least one on the way where the flanks are undercut; that at full depth is where they
-        are not.
+        Of undercut flanks this is the least play on the way; of others the play at full depth is.
         """
         inner = self.inner_radius
         drop = largest(*self.drops_at(inner))
@@ -256,11 +255,10 @@ class Dog:
 
     @property
     def ridge_offset(self) -> float:
-        """Distance of the ridge from the radial line that it is parallel to, m.
+        """Distance of the ridge from a parallel radial line, m, positive to growing angles.
 
-        That line is at ``2 crest - 1`` times the angle of the traction flank's; the distance is
-        positive to growing angles. Two ridges on each other cross at twice this distance over the
-        radius.
+        The line is at ``2 crest - 1`` times the angle of the traction flank's line. Two ridges on
+        each other cross at twice this distance over the radius.
         """
         rise = self.addendum
         _, traction, braking = self.tangents
@@ -282,7 +280,8 @@ class Dog:
     def crest_cut(self) -> float:
         """Length that a rounding takes beside the ridge, over its radius.
 
-        Of a ridge on an edge that of the edge; ``tan((chamfer + chamfer_back)/2)`` between faces.
+        A ridge on an edge has the length of ``edge_cuts``, a ridge between two faces
+        ``tan((chamfer + chamfer_back)/2)``.
         """
         traction, braking = self.edge_cuts
         inner = tan(0.5 * (self.chamfer + self.chamfer_back))

@@ -74,8 +74,11 @@ class OutputDog:
     @property
     def _deviating(self) -> list[str]:
         """Names of the given dimensions that deviate: a missing face or play does not."""
-        missing = {"chamfer": self.crest == 0.0, "chamfer_back": self.crest == 1.0}
-        missing["backlash"] = self.backlash == 0.0
+        missing = {
+            "chamfer": self.crest == 0.0,
+            "chamfer_back": self.crest == 1.0,
+            "backlash": self.backlash == 0.0,
+        }
         return [name for name in self.given if not missing.get(name)]
 
     def beside(self, sliding: Dog, nominal: Dog | None = None) -> Dog:

@@ -5,9 +5,10 @@ over about x and starts at z = travel. All dogs see the same contact while the r
 so one sliding dog with mass, inertia and forces over N moves as N do; it meets the whole output
 ring.
 
-An explicit scheme knows the dynamic coefficient alone, ``mu (2/pi) atan(v / stiction_velocity)``;
-``cenic`` falls from the static to it about ten stiction velocities, which Drake's contact port does
-not. With ``cenic`` the spline's torque comes from contact surfaces: over each triangle of area *A*
+An explicit scheme knows the dynamic coefficient alone, ``mu (2/pi) atan(v / stiction_velocity)``.
+In ``cenic`` friction falls from the static to the dynamic coefficient about ten stiction
+velocities. Drake's contact port has the first law in both schemes, so with ``cenic`` the spline's
+torque comes from contact surfaces: over each triangle of area *A*
 
 .. math:: f = A\,p\,(1 - D\,v_n)_+ \left(n - \mu(s)\,v_t/\sqrt{v_s^2 + v_t^2}\right), \quad
    \mu(s) = \mu_d + (\mu_s - \mu_d)\,\tfrac12 \left(1 - g(s - 10)/g(10)\right), \quad

@@ -229,7 +229,7 @@ class MixExpectation:
 
     @property
     def hang_interval(self) -> tuple[float, float]:
-        """Interval of that probability, 95 %."""
+        """95 % interval of the probability of a hang."""
         variance = self.weights**2 @ np.array([p.hang.variance for p in self.points])
         return interval(self.hang_probability, float(variance))
 

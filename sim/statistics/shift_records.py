@@ -114,6 +114,12 @@ def content_key(record: Record) -> str:
     return hashlib.sha256(json.dumps(rounded, sort_keys=True).encode()).hexdigest()[:20]
 
 
+def key_of(record: Record) -> str:
+    """Extract the content key of a shift or of a series of shifts."""
+    key: str = record["key"]
+    return key
+
+
 class ShiftAngle(NamedTuple):
     """Relative angle of a shift at the start of the force, and the number of dogs of a ring."""
 

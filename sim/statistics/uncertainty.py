@@ -227,7 +227,7 @@ class Uncertainty:
         return (1.0, 1.0) if distribution is None else distribution.bounds
 
     def mean(self, name: str) -> float:
-        """Compute the mean of a factor."""
+        """Compute the mean of a factor; 1 for one without a distribution."""
         distribution = dict(self.distributions).get(name)
         if distribution is None:
             return 1.0

@@ -28,7 +28,7 @@ GROUPS: dict[Group, str] = {
 
 @dataclass(frozen=True)
 class Rule:
-    """Question of a check: value in words, its formula, source of formula and limit."""
+    """Declaration of a check: meaning, formula and unit of its value, sources, key of its limit."""
 
     name: str
     group: Group

@@ -72,7 +72,7 @@ class Retention:
 
     @property
     def answer(self) -> str:
-        """Name of the mechanism that holds the ring."""
+        """Mechanism that holds the ring, "not judged", or that nothing does, in words."""
         if self.frictionless <= 0.0:
             return "undercut"
         if self.held is not None and self.frictionless <= self.held:

@@ -26,6 +26,7 @@ from dogshape.bench.flight_marks import (
 )
 from dogshape.bench.traces import COLUMNS, BenchTrace, read_trace
 from dogshape.diagnosis.prediction.flights import fly
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
@@ -69,7 +70,7 @@ def test_marks_of_a_noisy_trace_come_back_within_their_errors(
     setting: Setting, drawn: Drawn, step: float, noise: float
 ) -> None:
     profile = setting.point.profile
-    exact = fly([setting], GAP, profile.force)[0][0]
+    exact = fly([setting], GAP, profile.force, USUAL.flight_creep)[0][0]
     table = np.array([trace_marks(trace, profile, GAP) for trace in drawn(step, noise, 60)])
     for place in range(SIZE):
         marks = table[np.isfinite(table[:, place, 0]), place]
@@ -109,7 +110,7 @@ def test_traces_of_one_profile_are_averaged_and_odd_ones_left_out(
     setting: Setting, drawn: Drawn
 ) -> None:
     traces = drawn(1e-3, 1.0, 12)
-    exact = fly([setting], GAP, setting.point.profile.force)[0][0]
+    exact = fly([setting], GAP, setting.point.profile.force, USUAL.flight_creep)[0][0]
     for odd in (0, 2):
         mixed = [_early(trace) if k < odd else trace for k, trace in enumerate(traces)]
         rows = [Reading(k + 2, setting.point, 1, 0.1, True, t) for k, t in enumerate(mixed)]

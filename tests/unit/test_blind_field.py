@@ -14,7 +14,8 @@ import pytest
 
 from dogshape.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.inference.outcome import NextTest
-from dogshape.diagnosis.next_test import PRESENCE_ERROR, quantities_of
+from dogshape.diagnosis.next_test import quantities_of
+from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import advised_test, data, field_set, score, sealed
@@ -151,7 +152,7 @@ BENCH, EFFECTS = load_bench(base("prototype")), load(None)
 DIAGNOSIS: Any = SimpleNamespace(
     bench=BENCH,
     effects=EFFECTS,
-    settings=SimpleNamespace(named=0.8, named_at_once=2),
+    settings=USUAL,
     model=SimpleNamespace(setting=setting_of(BENCH)),
     flights=SimpleNamespace(marks=None),
 )
@@ -165,7 +166,8 @@ def _direct(*effects: str) -> NextTest:
 
 def test_direct_tests_read_the_truth_with_the_errors_of_their_instruments() -> None:
     test = _direct("moving_mass", "reversed_mismatch", "actuation_delay")
-    quantities = quantities_of([EFFECTS[name] for name in test.effects], DIAGNOSIS.model.setting)
+    effects = [EFFECTS[name] for name in test.effects]
+    quantities = quantities_of(effects, DIAGNOSIS.model.setting, DIAGNOSIS.settings.presence_error)
     assert readings_of(MASS, quantities) == pytest.approx([1.0, 0.0, 0.0])
     reversed_case = replace(MASS, parameters={**MASS.parameters, "reversed_mismatch": {}})
     assert readings_of(reversed_case, quantities)[1] == 1.0
@@ -173,7 +175,7 @@ def test_direct_tests_read_the_truth_with_the_errors_of_their_instruments() -> N
     mass, presence, delay = np.std(np.array(outcomes), axis=0)
     # 3 % of 1 kg and 20 g; a clock of 1 ms.
     assert mass == pytest.approx(np.hypot(0.03, 0.02), rel=0.15)
-    assert presence == pytest.approx(PRESENCE_ERROR, rel=0.15)
+    assert presence == pytest.approx(DIAGNOSIS.settings.presence_error, rel=0.15)
     assert delay == pytest.approx(1e-3, rel=0.15)
 
 

@@ -11,6 +11,7 @@ from dogshape.bench.bench_data import Cell, Reading
 from dogshape.diagnosis.comparison import PointGap
 from dogshape.diagnosis.gap_map import describe_gaps, group_values, map_gaps
 from dogshape.diagnosis.range_ends import find_end
+from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.effect import Parameter
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -119,10 +120,10 @@ def test_draws_that_pile_up_at_an_end(
     )
     weights /= weights.sum()
     draws = np.random.default_rng(1).choice(values, size=400, p=weights)
-    assert find_end(parameter, draws, parameter.neutral_of(None)) == end  # type: ignore[arg-type]
+    assert find_end(parameter, draws, parameter.neutral_of(None), USUAL) == end  # type: ignore[arg-type]
 
 
 def test_a_limit_of_possible_values_is_no_end() -> None:
     share = Parameter("share", neutral=0.5, low=0.1, high=1.0, scale="uniform", most=1.0)
     draws = np.random.default_rng(1).uniform(0.97, 1.0, 400)
-    assert find_end(share, draws, 0.5) is None
+    assert find_end(share, draws, 0.5, USUAL) is None

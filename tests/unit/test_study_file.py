@@ -16,7 +16,7 @@ from dogshape.pipeline.config.schema import SearchSection, StudyFile, keys_like
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.search.confirmation import new_angles
-from dogshape.sim.clutch_tables import RULES, DriveSection, broken_rule
+from dogshape.sim.clutch_tables import RULES, BrokenRule, DriveSection
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, SpeedControl
@@ -274,7 +274,7 @@ def test_every_rule_of_the_files_has_a_sentence(file: type[BaseModel]) -> None:
             if fault["type"] in {"missing", "extra_forbidden", "frozen_instance"}:
                 continue  # these are sentences of their own
             kinds.add(fault["type"])
-            sentence = broken_rule(name, fault)
+            sentence = BrokenRule.of(fault).sentence(name)
             assert "of another kind" not in sentence, fault
             assert "{" not in sentence.replace(repr(fault["input"]), ""), sentence
             assert not any(words in sentence.lower() for words in THEIRS), sentence

@@ -14,6 +14,7 @@ from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.bench.contact_marks import SeenContacts, contacts_of
 from dogshape.diagnosis.prediction.contacts import Contacts, _log_density, friction_coefficient
 from dogshape.diagnosis.prediction.simulations import settings_of
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array, Hypothesis
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.conclusion import engage
@@ -78,7 +79,7 @@ def _contacts(name: str | None) -> Contacts:
     settings = tuple(
         Setting(bench.clutch.with_engine("planar"), cell.point) for cell in bench.cells
     )
-    return Contacts(bench, _seen(name), EFFECTS, settings)
+    return Contacts(bench, _seen(name), EFFECTS, settings, USUAL)
 
 
 def _log(name: str | None, h: Hypothesis, values: Array) -> Array:
@@ -167,7 +168,8 @@ def test_students_density_has_the_error_in_common() -> None:
     for row in range(5):
         covariance = np.diag(variance[row]) + np.outer(common[row], common[row])
         exact = multivariate_t.logpdf(residual[row], shape=covariance, df=5.0)
-        assert _log_density(residual, variance, common)[row] == pytest.approx(exact)
+        log = _log_density(residual, variance, common, 5.0)
+        assert log[row] == pytest.approx(exact)
 
 
 def test_friction_falls_from_the_static_to_the_dynamic_coefficient() -> None:

@@ -17,6 +17,7 @@ from dogshape.bench.bench_data import Bench, gather
 from dogshape.bench.flight_marks import FORCES, WAYS, SeenFlight, flights_of
 from dogshape.diagnosis.prediction import flights as module
 from dogshape.diagnosis.prediction.flights import Flights, fly, log_flights, log_unknown
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim import kernel
 from dogshape.sim.setting import Setting
@@ -36,7 +37,7 @@ def plain() -> Setting:
 
 
 def _fly(setting: Setting, force: float = 315.5) -> np.ndarray:
-    return fly([setting], GAP, force)[0][0]
+    return fly([setting], GAP, force, USUAL.flight_creep)[0][0]
 
 
 @pytest.mark.parametrize("mass", [0.0, 0.2, 5.0])
@@ -56,7 +57,9 @@ def test_the_force_passes_its_shares_when_the_profile_says(plain: Setting) -> No
 
 
 def test_friction_above_the_force_holds_the_ring(plain: Setting) -> None:
-    (times,), creep, (ring,) = fly([plain.with_mechanism(friction=400.0)], GAP, 315.5)
+    (times,), creep, (ring,) = fly(
+        [plain.with_mechanism(friction=400.0)], GAP, 315.5, USUAL.flight_creep
+    )
     assert creep == pytest.approx(0.0)  # no error of the release explains that nothing moves
     assert times[: len(WAYS)] == pytest.approx(plain.clutch.timeout)
     assert ring == pytest.approx(0.0)
@@ -66,7 +69,7 @@ def test_creep_is_of_the_order_of_what_a_smooth_law_makes_earlier(plain: Setting
     """A law that is smooth from the start lets the ring creep while it is held here."""
     held = plain.with_mechanism(friction=60.0)
     detent = held.with_mechanism(friction=60.0, detent=1e-9, detent_position=0.0)
-    (later, earlier), creep, _ = fly([held, detent], GAP, 315.5)
+    (later, earlier), creep, _ = fly([held, detent], GAP, 315.5, USUAL.flight_creep)
     ways = slice(1, len(WAYS))
     assert (later > earlier)[ways].all()
     assert creep[0, ways] == pytest.approx(2.0 * (later - earlier)[ways], rel=0.3)
@@ -137,21 +140,21 @@ def _changed(names: tuple[str, ...], values: Mapping[str, float], setting: Setti
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_interpolated_marks_err_no_more_than_they_say(
-    plain: Setting, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interpolated_marks_err_no_more_than_they_say(plain: Setting, count: int) -> None:
     """Against flights at random values of any one, two or three effects that move the flight.
 
     Both have the same law of each effect, so its error does not count.
     """
-    monkeypatch.setattr(module, "LAW_ERROR", 0.0)
-    flights, rng = Flights(EFFECTS, (plain,)), np.random.default_rng(1)
+    lawful = replace(USUAL, flight_law=0.0)
+    flights, rng = Flights(EFFECTS, (plain,), lawful), np.random.default_rng(1)
     scores, apart = [], []
     for names in list(itertools.combinations(MOVING, count))[:: 1 if count < 3 else 4]:
         shares = rng.random((12, sum(len(EFFECTS[name].parameters) for name in names)))
         values, rows = _at(names, shares)
         said = flights.marks(names, values, plain.point.profile)
-        exact = fly([_changed(names, row, plain) for row in rows], GAP, 315.5)[0]
+        exact = fly([_changed(names, row, plain) for row in rows], GAP, 315.5, USUAL.flight_creep)[
+            0
+        ]
         there = exact < 0.99 * plain.clutch.timeout
         flown = flights.marks(names, values, plain.point.profile, exact=True).times
         assert flown[there] == pytest.approx(exact[there], rel=1e-6)
@@ -164,7 +167,7 @@ def test_interpolated_marks_err_no_more_than_they_say(
 
 
 def test_a_delay_adds_to_all_marks_exactly(plain: Setting) -> None:
-    flights = Flights(EFFECTS, (plain,))
+    flights = Flights(EFFECTS, (plain,), USUAL)
     still = flights.marks((), np.zeros((1, 0)), plain.point.profile)
     late = flights.marks(("actuation_delay",), np.array([[0.0123], [0.31]]), plain.point.profile)
     assert late.times - still.times == pytest.approx(np.array([[0.0123], [0.31]]) * np.ones(9))
@@ -178,13 +181,13 @@ def test_a_delay_adds_to_all_marks_exactly(plain: Setting) -> None:
 
 def test_marks_behind_the_first_touch_are_uncertain(plain: Setting) -> None:
     """With a smaller gap dogs meet before the nominal shares of it are passed."""
-    flights = Flights(EFFECTS, (plain,))
+    flights = Flights(EFFECTS, (plain,), USUAL)
     less, more = flights.marks(("axial_gap",), np.array([[-0.5], [0.3]]), plain.point.profile).error
     assert less[: len(WAYS)] == pytest.approx([0.0, 0.0, 0.0, 0.02, 0.02], abs=1e-9)
     assert more == pytest.approx(0.0, abs=1e-9)
 
 
-FLIGHTS = Flights(EFFECTS, settings())
+FLIGHTS = Flights(EFFECTS, settings(), USUAL)
 NOTHING = np.zeros((1, 0))
 RIVALS = ("actuation_delay", *(n for n in MOVING if n not in ("detent_force", "free_play")))
 TRUTHS: dict[str, Mapping[str, float]] = {

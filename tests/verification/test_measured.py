@@ -22,6 +22,7 @@ from dogshape.diagnosis.inference.static_readings import (
     log_unknown,
     measured_facts,
 )
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN
 from tests.diagnoses import EFFECTS, simulated_bench, simulated_diagnosis
 from tests.fits import SETTING, space_of
@@ -91,7 +92,7 @@ def _bench(stiffness: float, ratio: float, start: float) -> Bench:
 
 def test_a_line_of_known_slope_gives_its_compliance_and_ratio() -> None:
     travel = STAND.clutch.dog.travel
-    compliance, scale = facts_of(_bench(1e5, 3.0, 2.4 * travel))
+    compliance, scale = facts_of(_bench(1e5, 3.0, 2.4 * travel), USUAL.static_error)
     # 0.01 mm/N at the arm: over the squared ratio 1.11 mm/kN, with half the force lost 2.22.
     assert compliance.value == pytest.approx(1.5 * 10.0 / 9.0)
     assert abs(compliance.value - 10.0 / 9.0) < 2.0 * compliance.error
@@ -101,7 +102,7 @@ def test_a_line_of_known_slope_gives_its_compliance_and_ratio() -> None:
 
 def test_the_published_stand_is_as_compliant_as_its_table_says() -> None:
     """Thesis Table 2: 28.6 N/mm at the arm, 14.0 mm without force for 4.7 mm of the sleeve."""
-    compliance, scale = facts_of(STAND)
+    compliance, scale = facts_of(STAND, USUAL.static_error)
     assert "35 mm/kN at the arm" in compliance.sentence
     assert compliance.value == pytest.approx(0.5 * (1.0 / 0.233 + 1.0 / 0.291), rel=0.01)
     assert scale.value == pytest.approx(1.0 - 0.066, abs=0.001)

@@ -14,7 +14,7 @@ from dogshape.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.bench.stand_file import NominalErrors, Tolerance
 from dogshape.diagnosis.comparison import compare
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
-from dogshape.diagnosis.likelihood.observed import DRIFT_SD, Drift, estimate_drift, observe
+from dogshape.diagnosis.likelihood.observed import Drift, estimate_drift, observe
 from dogshape.diagnosis.prediction.building import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
@@ -149,7 +149,7 @@ NEVER = 10.0  #: s behind the median, from which a shift is late
 
 
 def _drift(bench: Bench) -> Drift | None:
-    return estimate_drift(bench.cells, np.full(len(bench.cells), NEVER))
+    return estimate_drift(bench.cells, np.full(len(bench.cells), NEVER), USUAL.drift)
 
 
 def _ordered(bench: Bench, places: Sequence[float], drift: float) -> Bench:
@@ -173,13 +173,13 @@ def _random(bench: Bench, drift: float, seed: int = 5) -> Bench:
 def test_few_repeats_are_no_surer_of_a_drift_than_they_can_be(points: int, shifts: int) -> None:
     """The 90 % interval holds the drift drawn."""
     generator, held = np.random.default_rng(1), []
-    for true in generator.normal(0.0, DRIFT_SD, 600).tolist():
+    for true in generator.normal(0.0, USUAL.drift, 600).tolist():
         order, rows = generator.permutation(np.repeat(np.arange(points), shifts)), []
         for place, k in enumerate(order):
             off = true * (place / (order.size - 1.0) - 0.5) + 0.03 * generator.standard_normal()
             time = 0.2 * (1.0 + k) * (1.0 + off)
             rows.append(Reading(place + 2, POINTS[k], 1, time, True, place=float(place)))
-        found = estimate_drift(gather(rows), np.full(points, NEVER))
+        found = estimate_drift(gather(rows), np.full(points, NEVER), USUAL.drift)
         assert found is not None
         held.append(abs(found.mean - true) / found.sd < norm.ppf(0.95))
     assert np.mean(held) == pytest.approx(0.88, abs=0.04)
@@ -208,7 +208,7 @@ def test_what_repeated_points_say_is_a_regression_with_a_level_of_each() -> None
     left = float(((np.array(values) - design @ fitted) ** 2).sum())
     sigma = (student.ppf(0.95, freedom) / norm.ppf(0.95)) ** 2 * left / freedom
     matrix = design.T @ design / sigma
-    matrix[-1, -1] += DRIFT_SD**-2.0
+    matrix[-1, -1] += USUAL.drift**-2.0
     covariance = np.linalg.inv(matrix)
     found = covariance @ (design.T @ np.array(values)) / sigma
     assert seen.mean == pytest.approx(found[-1], rel=1e-6)
@@ -246,5 +246,5 @@ def test_without_an_order_or_repeats_nothing_is_known_of_a_drift() -> None:
     once = simulated_bench({})
     found = _drift(_random(once, 0.0))
     assert found is not None
-    assert (found.mean, found.sd, found.informed) == pytest.approx((0.0, DRIFT_SD, 0.0))
-    assert abs(found.offsets).max() < DRIFT_SD * max(cell.time or 0.0 for cell in once.cells)
+    assert (found.mean, found.sd, found.informed) == pytest.approx((0.0, USUAL.drift, 0.0))
+    assert abs(found.offsets).max() < USUAL.drift * max(cell.time or 0.0 for cell in once.cells)

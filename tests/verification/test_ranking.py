@@ -137,7 +137,7 @@ def test_prior_probabilities_of_all_sets_are_one() -> None:
 def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     """Without an effect: a Gaussian of each amplitude, all amplitudes summed."""
     likelihood = likelihood_with(0.1)
-    flights = Flights(likelihood.model.effects, likelihood.model.settings)
+    flights = Flights(likelihood.model.effects, likelihood.model.settings, USUAL)
     one = fit(likelihood, sample_of(likelihood, NONE), flights, emulation_error=0.0)
     mean, sd, gap, _ = cross_validate(likelihood, one)
     p = one.predicted.select([0])
@@ -314,7 +314,7 @@ def test_a_dead_time_is_never_simulated(monkeypatch: pytest.MonkeyPatch) -> None
 def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
     """A small mass moves no mean beyond its error; traces that lose by its absence show it."""
     likelihood = likelihood_with(0.02)
-    flights = Flights({}, likelihood.model.settings)
+    flights = Flights({}, likelihood.model.settings, USUAL)
     one = fit(likelihood, sample_of(likelihood, MASS), flights, emulation_error=0.0)
     one = replace(one, shares=0.0 * one.shares + 0.02)
     one = replace(one, predicted=likelihood.model.predict(MASS, one.shares))

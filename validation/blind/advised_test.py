@@ -116,7 +116,8 @@ def outcome_of(
         return {"time_zero": "command", "displacement_at": case.sensor}[test.question]
     if test.kind == "direct":
         effects = [diagnosis.effects[name] for name in test.effects]
-        quantities = quantities_of(effects, diagnosis.model.setting)
+        presence_error = diagnosis.settings.presence_error
+        quantities = quantities_of(effects, diagnosis.model.setting, presence_error)
         readings = zip(quantities, readings_of(case, quantities), strict=True)
         return [float(generator.normal(exact, read.error.at(exact))) for read, exact in readings]
     assert test.cell is not None
