@@ -92,7 +92,7 @@ def study(
         lines.append(f"left out {key}" if value is None else f"set {key} = {toml_value(value)}")
     lines += _remarks(written)
     lines.append(f"next: look through {written.file}, then")
-    for verb in ("check", "expect", "study"):
+    for verb in ("check", "expect", "search"):
         lines.append(f"  dogshape {verb} {quote(str(written.folder))}")
     emit(written.to_dict(), json, lambda: lines)
 
