@@ -557,7 +557,7 @@ def _write_geometry(
         with name_file_in_errors(stl):
             stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {title} ring"))
     if step is not None:
-        write_step(pair, radius, body, step)
+        write_step(pair, radius, body, step, setup.limits.tolerances.dimensions)
 
 
 def app(
