@@ -175,7 +175,7 @@ def read_rexs(path: Path) -> RexsModel:
         raise InputError(f"{path} is packed; unpack it and name the .rexs or .rexsj file in it")
     is_json = content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
     try:
-        document = json.loads(content) if is_json else ElementTree.fromstring(content)
+        document: Any = json.loads(content) if is_json else ElementTree.fromstring(content)
     except (ElementTree.ParseError, ValueError) as error:
         syntax = "JSON" if is_json else "XML"
         raise InputError(f"{path} is no {syntax} ({error}); export the model again") from error

@@ -52,6 +52,18 @@ def load_cad() -> Any:
         raise InputError(f"{fault}; {remedy}") from error
 
 
+def require_all_dogs(pair: Pair, *, step: bool, ring: str = "output") -> None:
+    """Raise InputError for a solid or surface of a ring whose dogs are missing.
+
+    ``step`` has both rings, a surface the ``ring`` alone.
+    """
+    if pair.slots_per_dog > 1 and (step or ring == "output"):
+        raise InputError(
+            f"output_dog.slots_per_dog is {pair.slots_per_dog}, but solids and surfaces have all "
+            "dogs of a ring; write the sliding ring as a surface, or the section as DXF"
+        )
+
+
 def write_step(
     pair: Pair,
     root_radius: float,
@@ -82,11 +94,12 @@ def write_step(
     Raises
     ------
     InputError
-        Without build123d.
+        Without build123d, or where dogs of a ring are missing.
     GeometryError
         Where fillets or roundings do not fit, or the body has no thickness.
 
     """
+    require_all_dogs(pair, step=True)
     cad = load_cad()
     sliding_ring = ring_solid(pair.sliding, root_radius, body)
     output_ring = sliding_ring if pair.alike else ring_solid(pair.output, root_radius, body)

@@ -184,10 +184,15 @@ def _rounded_path(points: Sequence[complex], radii: Sequence[float]) -> str:
     return " ".join([*commands, f"L{_coordinates(points[-1])}"])
 
 
-def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
-    """Trace the profile of ``dogs`` neighbouring dogs with their slots, mm, (n, 2)."""
+def outline(dog: Dog, dogs: int, pitches: int = 1) -> list[tuple[float, float]]:
+    """Trace the profile of ``dogs`` neighbouring pitches with their slots, mm, (n, 2).
+
+    There is a dog in the middle, and to either side one in so many ``pitches``.
+    """
     points = []
     for index in range(dogs):
+        if (index - dogs // 2) % pitches:
+            continue
         offset = (index - 0.5 * (dogs - 1)) * dog.pitch
         points += [((x + offset) / MM, z / MM) for x, z in section(dog)]
     return points
@@ -211,9 +216,10 @@ def open_section_svg(
 
     def output_profile(ring: Dog) -> list[complex]:
         rise = ring.addendum / MM
+        dogs = _dogs_in_view(ring, 0.5 * width / scale, pair.slots_per_dog)
         return [
             complex(0.5 * width + x * scale, crest_level + (rise - z) * scale)
-            for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
+            for x, z in outline(ring, dogs, pair.slots_per_dog)
         ]
 
     def sliding_profile(ring: Dog) -> list[complex]:
@@ -243,9 +249,9 @@ def open_section_svg(
     return _document(width, height, elements, "Section of both rings")
 
 
-def _dogs_in_view(ring: Dog, half_width: float) -> int:
-    """Count the dogs that cover the view, of a half width in mm, to both sides."""
-    return 2 * int(half_width / (ring.pitch / MM)) + 5
+def _dogs_in_view(ring: Dog, half_width: float, slots_per_dog: int = 1) -> int:
+    """Count the pitches that cover the view, of a half width in mm, and dogs beyond its ends."""
+    return 2 * int(half_width / (ring.pitch / MM)) + 5 + 2 * (slots_per_dog - 1)
 
 
 def _teeth(profile: Sequence[complex], corners: int) -> list[Sequence[complex]]:
@@ -470,6 +476,13 @@ def notes_of(dog: Dog, limits: Limits) -> list[str]:
     inner_tip_width = dog.tip_width_at(dog.inner_radius) / MM
     ring = f"{dog.count} dogs on Ø{outer_diameter} / Ø{inner_diameter} mm"
     pair = f"{ring}, both rings alike, one turned over"
+    slots_per_dog = limits.load.slots_per_dog
+    if slots_per_dog > 1:
+        output_count = limits.load.touching(dog)
+        pair = (
+            f"{ring}; of these the output ring has {output_count}, at every pitch number "
+            f"{slots_per_dog}"
+        )
     flanks = "flanks are planes along radial lines"
     if limits.sleeve is not None:
         flanks = "flanks are simulated along radial lines"

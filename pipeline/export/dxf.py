@@ -59,13 +59,13 @@ class _Corner(NamedTuple):
 
 
 def ring_outlines(
-    dog: Dog, limits: Limits, body: float, *, teeth: bool = False
+    dog: Dog, limits: Limits, body: float, *, pitches: int = 1, teeth: bool = False
 ) -> list[list[tuple[float, float, float]]]:
     """Trace a ring, dogs up, its crests at 0: corners (x, y, bulge) in mm, by closed polyline.
 
     A bulge is the tangent of a quarter of the arc that follows its corner. The first dog is about
-    x = 0. ``teeth`` of a sleeve are polylines of their own; ``body`` is the depth below the floors,
-    m.
+    x = 0, and there is one in so many ``pitches``. ``teeth`` of a sleeve are polylines of their
+    own; ``body`` is the depth below the floors, m.
     """
     rise = dog.addendum / MM
     floor = -(dog.addendum + dog.dedendum) / MM
@@ -80,7 +80,7 @@ def ring_outlines(
             _Corner(place + index * pitch, radius)
             for place, radius in zip(profile, radii, strict=True)
         ]
-        for index in range(dog.count)
+        for index in range(0, dog.count, pitches)
     ]
     if teeth:
         return [_polyline(_closed(tooth, floor=back, back=back)) for tooth in dogs]
@@ -166,7 +166,10 @@ def _draw(document: Any, pair: Pair, limits: Limits, body: float, title: str) ->
     gap = pair.sliding.axial_gap / MM
     half_pitch = 0.5 * pair.sliding.pitch / MM
     has_teeth = limits.sleeve is not None
-    for outline in ring_outlines(pair.output, limits, body, teeth=has_teeth):
+    output_outlines = ring_outlines(
+        pair.output, limits, body, pitches=pair.slots_per_dog, teeth=has_teeth
+    )
+    for outline in output_outlines:
         space.add_lwpolyline(outline, format="xyb", close=True, dxfattribs={"layer": OUTPUT_LAYER})
     for outline in ring_outlines(pair.sliding, limits, body, teeth=has_teeth):
         # Turned over: the first dog stands half a pitch ahead of the output ring's.
@@ -223,9 +226,10 @@ def _add_dimensions(space: Any, pair: Pair, limits: Limits, gap: float, text_hei
             dxfattribs={"layer": DIMENSION_LAYER},
         ).render()
 
-    add(*roots, (0.0, floor - 2.0 * text_height), f"({output.root_width / MM:.2f})")
-    second_root = (roots[1][0] + pitch, floor)
-    add(roots[1], second_root, (0.0, floor - 5.0 * text_height), f"({pitch:.3f})")
+    add(roots[0], roots[1], (0.0, floor - 2.0 * text_height), f"({output.root_width / MM:.2f})")
+    way = pair.slots_per_dog * pitch
+    second_root = (roots[1][0] + way, floor)
+    add(roots[1], second_root, (0.0, floor - 5.0 * text_height), f"({way:.3f})")
     height = size_text(limits, "height", output.height)
     add((-0.5 * pitch, floor), (0.0, 0.0), (left, 0.0), height, 90.0)
     axial_gap = size_text(limits, "axial_gap", sliding.axial_gap)

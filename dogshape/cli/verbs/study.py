@@ -432,6 +432,7 @@ def export(
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
+    from dogshape.pipeline.export.cad import require_all_dogs  # noqa: PLC0415
     from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
@@ -460,6 +461,7 @@ def export(
     sleeve = setup.limits.sleeve
     if stl or step:
         require_face(sleeve)
+        require_all_dogs(pair, step=step is not None, ring=ring)
     if sleeve is None and (svg or dxf or stl or step):
         for ring_dog in {pair.sliding, pair.output}:
             require_fillets(ring_dog, radius)
@@ -484,7 +486,7 @@ def export(
         labels |= {"stl": f"{ring} ring", "svg": f"drawing of the {ring} ring's dog"}
     lines += [f"wrote {path} ({labels[kind]})" for kind, path in written.items()]
     sizes = {"root_radius_mm": radius / MM}
-    if sleeve is None:
+    if sleeve is None and (pair.slots_per_dog == 1 or ring == "sliding"):
         volume = part_volume(dog, radius, body) / MM**3
         ring_name = "a ring" if pair.alike else f"the {ring} ring"
         lines.append(f"volume of {ring_name} {volume:.1f} mm3")
