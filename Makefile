@@ -25,7 +25,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/mq200
 CHROMIUM ?= chromium
-EXTRAS := dev,blind,cad,docs,fem,fmu,machines,mdf,nested,tdms
+EXTRAS := dev,blind,cad,docs,dxf,fem,fmu,machines,mdf,nested,tdms
 
 # What Debian must bring beside Python itself: venv, and a library that Drake loads.
 DEBIAN := python3.11-venv libglib2.0-0

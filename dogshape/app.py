@@ -179,7 +179,9 @@ class LivePage:
             path.write_text(dimensioned_svg(dog, limits, study.name), encoding="utf-8")
         else:
             require_face(limits.sleeve)
-            write_step(study.config.clutch.pair, limits.root_radius, BODY_THICKNESS, path)
+            pair = study.config.clutch.pair
+            tolerances = limits.tolerances.dimensions
+            write_step(pair, limits.root_radius, BODY_THICKNESS, path, tolerances)
 
 
 def _number(key: str, texts: Texts) -> float:

@@ -139,7 +139,7 @@ CLUTCH_NUMBERS = np.dtype(
                 ("rebound", "f8"),  # distance of the stop, m
                 ("rebound_stiffness", "f8"),  # of the stop, N/m
                 # Dogs.
-                ("dog_count", "f8"),
+                ("dog_count", "f8"),  # of those that touch at once
                 ("mean_radius", "f8"),  # m
                 ("pitch_angle", "f8"),  # rad
                 ("axial_gap", "f8"),  # m

@@ -590,6 +590,8 @@ def _clutch_loads(
     fields: dict[str, Any] = {"vibration_force": file.load.axial_vibration_m_s2 * vibrating_mass}
     if file.contact.set == ContactSection().set:  # published sets are softer than steel
         fields["contact_stiffness"] = clutch.contact.stiffness
+    if clutch.pair.slots_per_dog > 1:
+        fields["slots_per_dog"] = clutch.pair.slots_per_dog
     if clutch.contact.face_friction is not None:
         fields["face_friction"] = clutch.contact.face_friction
     if has_spline_friction:

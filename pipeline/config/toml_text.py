@@ -36,18 +36,18 @@ def toml_text(data: Mapping[str, Any], comments: Mapping[str, Sequence[str]]) ->
     tables |= {name: table for name, table in data.items() if isinstance(table, Mapping)}
     lines = []
     for name, table in tables.items():
-        lines += _comment_lines(comments.get(name, ()))
+        lines += comment_lines(comments.get(name, ()))
         if name:
             lines.append(f"[{name}]")
         for key, value in table.items():
             if value is not None:
-                lines += _comment_lines(comments.get(f"{name}.{key}", ()))
+                lines += comment_lines(comments.get(f"{name}.{key}", ()))
                 lines.append(f"{tomlkit.key(key).as_string()} = {toml_value(value, lines=True)}")
         lines.append("")
     return "\n".join(lines)
 
 
-def _comment_lines(sentences: Sequence[str]) -> list[str]:
+def comment_lines(sentences: Sequence[str]) -> list[str]:
     """Break sentences into lines of comment; no word is cut."""
     lines = []
     for sentence in sentences:

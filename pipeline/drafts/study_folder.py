@@ -23,7 +23,13 @@ from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.operating import KIND, OperatingSection, dotted_keys
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study
-from dogshape.pipeline.config.toml_text import meanings_of, sources_of, toml_value, with_values
+from dogshape.pipeline.config.toml_text import (
+    comment_lines,
+    meanings_of,
+    sources_of,
+    toml_value,
+    with_values,
+)
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
 from dogshape.pipeline.drafts.answers import read_numbers
 from dogshape.pipeline.drafts.derived_values import (
@@ -70,6 +76,7 @@ from dogshape.pipeline.drafts.draft_keys import (
     WORDS,
 )
 from dogshape.pipeline.drafts.draft_source import COMMENTED, Source, source_of
+from dogshape.pipeline.drafts.rexs_coupling import RexsReading
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import DogSection, mm_per_deg, validate
@@ -190,30 +197,40 @@ def write_study(
     values: Mapping[str, Any],
     *,
     force: bool = False,
+    reading: RexsReading | None = None,
 ) -> WrittenStudy:
     """Write a folder with a commented ``study.toml``.
 
     ``origin`` is the study whose file is copied, or the bench whose clutch and operating points are
-    used; ``values`` by dotted key, None removes a key. Raises one InputError for all mistakes of
-    the study, StorageError for a folder that holds files, without ``force``.
+    used; ``values`` by dotted key, None removes a key. Values of ``reading``, of a gearbox, are
+    before those of the origin. Raises one InputError for all mistakes of the study, StorageError
+    for a folder that holds files, without ``force``.
     """
     name = out.resolve().name
+    values = values_with(reading, values)
+    notes = [] if reading is None else reading.sentences(values)
     draft = _draft_of(source_of(origin), origin, {"name": name, **values})
     text = re.sub(r"\A(#.*\n|\s*\n)*", "", draft.text)  # the head comments are on the copied study
     study = build_study(validate(StudyFile, tomllib.loads(text), str(out / "study.toml")))
     with draft_folder(out, force) as folder:
         head = HEAD.format(origin=draft.origin)
-        (folder / "study.toml").write_text(head + text, encoding="utf-8")
+        sources = "".join(f"{line}\n" for line in comment_lines(notes))
+        (folder / "study.toml").write_text(head + sources + text, encoding="utf-8")
     return WrittenStudy(
         folder=out,
         name=name,
         origin=draft.origin,
         values={key: value for key, value in draft.values.items() if key != "name"},
-        assumed=draft.notes,
+        assumed=[*notes, *draft.notes],
         warnings=_warnings_of(study),
         points=len(study.points),
         dogs=study.clutch.dog.count,
     )
+
+
+def values_with(reading: RexsReading | None, values: Mapping[str, Any]) -> Data:
+    """Return the values of a user, and those of a gearbox for other keys."""
+    return {**({} if reading is None else reading.values), **values}
 
 
 def check_draft(origin: str, values: Mapping[str, Any]) -> None:

@@ -4,6 +4,9 @@ Planes and cylinders of one pitch are joined to an open shell that reaches a lit
 outer radius; a sector of a plain ring is split with it, and the part below is repeated about the
 axis and sewn. So the kernel (Open CASCADE, through build123d) never has to make a fillet, its one
 operation that fails for small lands. build123d is an optional extra and slow to import.
+
+The file is of AP242 (ISO 10303-242). Diameters of a ring and radii of its roots are dimensions with
+tolerances on their faces, which a program reads; height and angles have theirs in the drawing.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ import io
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,6 +35,9 @@ FLOOR_MARGIN = 0.01  #: reach of the floors beyond the cut, rad
 POLYGON_STEP = math.radians(1.0)  #: of the polygons that end the planes of the shell, rad
 CORNER_LINES = 8  #: lines that sample a rounded corner
 CUT_TOLERANCE = 1e-9  #: angle within which a face lies in a cut, rad
+RADIUS_TOLERANCE = 1e-6  #: within which a cylinder has the radius of a dimension, mm
+SCHEMA_KEY = "write.step.schema"  #: of the kernel's settings
+SCHEMA = "AP242DIS"
 #: A fixed time in the header: the same rings give the same file.
 HEADER_TIME = "2000-01-01T00:00:00"
 
@@ -46,7 +52,25 @@ def load_cad() -> Any:
         raise InputError(f"{fault}; {remedy}") from error
 
 
-def write_step(pair: Pair, root_radius: float, body: float, path: Path) -> None:
+def require_all_dogs(pair: Pair, *, step: bool, ring: str = "output") -> None:
+    """Raise InputError for a solid or surface of a ring whose dogs are missing.
+
+    ``step`` has both rings, a surface the ``ring`` alone.
+    """
+    if pair.slots_per_dog > 1 and (step or ring == "output"):
+        raise InputError(
+            f"output_dog.slots_per_dog is {pair.slots_per_dog}, but solids and surfaces have all "
+            "dogs of a ring; write the sliding ring as a surface, or the section as DXF"
+        )
+
+
+def write_step(
+    pair: Pair,
+    root_radius: float,
+    body: float,
+    path: Path,
+    tolerances: Mapping[str, float] | None = None,
+) -> None:
     """Write both rings in neutral to a STEP file in mm.
 
     Two solids, ``sliding ring`` and ``output ring``, on the z axis with their crests an
@@ -63,15 +87,19 @@ def write_step(pair: Pair, root_radius: float, body: float, path: Path) -> None:
         Thickness of either ring below the floors of its slots, m.
     path
         File to write.
+    tolerances
+        Largest deviations either way by the names of dimensions (``Tolerances.dimensions``), m;
+        those of ``outer_diameter``, ``inner_diameter`` and ``root_radius`` are written.
 
     Raises
     ------
     InputError
-        Without build123d.
+        Without build123d, or where dogs of a ring are missing.
     GeometryError
         Where fillets or roundings do not fit, or the body has no thickness.
 
     """
+    require_all_dogs(pair, step=True)
     cad = load_cad()
     sliding_ring = ring_solid(pair.sliding, root_radius, body)
     output_ring = sliding_ring if pair.alike else ring_solid(pair.output, root_radius, body)
@@ -82,11 +110,126 @@ def write_step(pair: Pair, root_radius: float, body: float, path: Path) -> None:
     output_ring = output_ring.translate((0.0, 0.0, pair.travel / MM), transform=True)
     sliding_ring.label = "sliding ring"
     output_ring.label = "output ring"
-    pair = cad.Compound(label="dog clutch", children=[sliding_ring, output_ring])
-    buffer = io.BytesIO()
-    cad.export_step(pair, buffer, timestamp=HEADER_TIME)
+    rings = ((sliding_ring, pair.sliding), (output_ring, pair.output))
+    document = _document(cad, rings, root_radius, tolerances or {})
     with name_file_in_errors(path):
-        path.write_bytes(_number_parts(buffer.getvalue()))
+        path.write_bytes(_number_parts(_step_content(document)))
+
+
+def _document(
+    cad: Any,
+    rings: Sequence[tuple[Any, Dog]],
+    root_radius: float,
+    tolerances: Mapping[str, float],
+) -> Any:
+    """Build the document of an assembly of rings with their dimensions."""
+    framework = import_module("OCP.TDocStd")
+    tools = import_module("OCP.XCAFDoc").XCAFDoc_DocumentTool
+    application = import_module("OCP.XCAFApp").XCAFApp_Application.GetApplication_s()
+    document = framework.TDocStd_Document(_text("XmlOcaf"))
+    application.NewDocument(_text("MDTV-XCAF"), document)
+    application.InitDocument(document)
+    tools.SetLengthUnit_s(document, MM)
+    shapes = tools.ShapeTool_s(document.Main())
+    assembly = shapes.NewShape()
+    _name(assembly, "dog clutch")
+    place = import_module("OCP.TopLoc").TopLoc_Location()
+    for ring, dog in rings:
+        part = shapes.AddShape(ring.wrapped, False)
+        _name(part, ring.label)
+        _name(shapes.AddComponent(assembly, part, place), ring.label)
+        _add_dimensions(cad, document, part, ring, _dimensions(dog, root_radius, tolerances))
+    shapes.UpdateAssemblies()
+    return document
+
+
+def _text(words: str) -> Any:
+    """Convert a text to one of the kernel."""
+    return import_module("OCP.TCollection").TCollection_ExtendedString(words)
+
+
+def _name(label: Any, words: str) -> None:
+    import_module("OCP.TDataStd").TDataStd_Name.Set_s(label, _text(words))
+
+
+class _Dimension(NamedTuple):
+    """Size of cylinders: their radius, its kind by the kernel, and the tolerance, mm."""
+
+    radius: float
+    kind: str
+    size: float
+    tolerance: float
+
+
+def _dimensions(dog: Dog, root_radius: float, tolerances: Mapping[str, float]) -> list[_Dimension]:
+    """List the dimensions of a ring that have a tolerance."""
+    dimensions = []
+    for name in ("outer_diameter", "inner_diameter"):
+        diameter = getattr(dog, name) / MM
+        tolerance = tolerances.get(name, 0.0) / MM
+        dimensions.append(_Dimension(0.5 * diameter, "Size_Diameter", diameter, tolerance))
+    radius = root_radius / MM
+    tolerance = tolerances.get("root_radius", 0.0) / MM
+    dimensions.append(_Dimension(radius, "Size_Radius", radius, tolerance))
+    return [dimension for dimension in dimensions if dimension.tolerance > 0.0]
+
+
+def _add_dimensions(
+    cad: Any, document: Any, part: Any, ring: Any, dimensions: Sequence[_Dimension]
+) -> None:
+    """Add each dimension to the cylinders of a ring that have its radius."""
+    xde = import_module("OCP.XCAFDoc")
+    objects = import_module("OCP.XCAFDimTolObjects")
+    shapes = xde.XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    table = xde.XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
+    labels_of = import_module("OCP.OCP.collections").Sequence_TDF_Label
+    kinds = objects.XCAFDimTolObjects_DimensionType
+    cylinders = [face for face in ring.faces() if face.geom_type == cad.GeomType.CYLINDER]
+    for dimension in dimensions:
+        faces = [
+            face for face in cylinders if abs(face.radius - dimension.radius) < RADIUS_TOLERANCE
+        ]
+        if not faces:
+            continue
+        first_labels, second_labels = labels_of(), labels_of()
+        for face in faces:
+            first_labels.Append(shapes.AddSubShape(part, face.wrapped))
+        label = table.AddDimension()
+        table.SetDimension(first_labels, second_labels, label)
+        size = objects.XCAFDimTolObjects_DimensionObject()
+        size.SetType(getattr(kinds, f"XCAFDimTolObjects_DimensionType_{dimension.kind}"))
+        size.SetValue(dimension.size)
+        size.SetLowerTolValue(dimension.tolerance)
+        size.SetUpperTolValue(dimension.tolerance)
+        xde.XCAFDoc_Dimension.Set_s(label).SetObject(size)
+
+
+def _step_content(document: Any) -> bytes:
+    """Write a document as a STEP file of AP242."""
+    control = import_module("OCP.STEPControl")
+    settings = import_module("OCP.Interface").Interface_Static
+    gravity = import_module("OCP.Message").Message_Gravity.Message_Fail
+    for printer in import_module("OCP.Message").Message.DefaultMessenger_s().Printers():
+        printer.SetTraceLevel(gravity)
+    control.STEPControl_Controller.Init_s()
+    previous_schema = settings.CVal_s(SCHEMA_KEY)
+    settings.SetCVal_s(SCHEMA_KEY, SCHEMA)
+    try:
+        writer = import_module("OCP.STEPCAFControl").STEPCAFControl_Writer()
+        writer.SetNameMode(True)
+        writer.SetDimTolMode(True)
+        writer.Transfer(document, control.STEPControl_StepModelType.STEPControl_AsIs)
+        header = import_module("OCP.APIHeaderSection").APIHeaderSection_MakeHeader(
+            writer.ChangeWriter().Model()
+        )
+        ascii_text = import_module("OCP.TCollection").TCollection_HAsciiString
+        header.SetName(ascii_text("dog clutch"))
+        header.SetTimeStamp(ascii_text(HEADER_TIME))
+        buffer = io.BytesIO()
+        writer.WriteStream(buffer)
+    finally:
+        settings.SetCVal_s(SCHEMA_KEY, previous_schema)
+    return buffer.getvalue()
 
 
 def _number_parts(content: bytes) -> bytes:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import cmath
 import math
+import re
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,7 +21,11 @@ from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.units import DEG, MM
 
 WIDTH = 980.0  #: of the dimensioned section, px
-HEIGHT = 592.0  #: of the dimensioned section, px
+HEIGHT = 592.0  #: of the dimensioned section with notes of ``NOTE_LINES``, px
+NOTE_LINES = 5
+NOTE_LINE_HEIGHT = 18.0  #: px
+MARGIN = 36.0  #: left and right of title and notes, px
+NOTE_LETTER_WIDTH = 6.4  #: of a character of a note, px; wider than the mean of common fonts
 HEAD_LENGTH = 8.0  #: of an arrow, px
 LETTER_WIDTH = 7.2  #: of a character, px; close enough for a background
 PITCHES_IN_VIEW = (-2, -1, 0, 1, 2)  #: of the dimensioned section, from its dog
@@ -178,10 +184,15 @@ def _rounded_path(points: Sequence[complex], radii: Sequence[float]) -> str:
     return " ".join([*commands, f"L{_coordinates(points[-1])}"])
 
 
-def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
-    """Trace the profile of ``dogs`` neighbouring dogs with their slots, mm, (n, 2)."""
+def outline(dog: Dog, dogs: int, pitches: int = 1) -> list[tuple[float, float]]:
+    """Trace the profile of ``dogs`` neighbouring pitches with their slots, mm, (n, 2).
+
+    There is a dog in the middle, and to either side one in so many ``pitches``.
+    """
     points = []
     for index in range(dogs):
+        if (index - dogs // 2) % pitches:
+            continue
         offset = (index - 0.5 * (dogs - 1)) * dog.pitch
         points += [((x + offset) / MM, z / MM) for x, z in section(dog)]
     return points
@@ -205,9 +216,10 @@ def open_section_svg(
 
     def output_profile(ring: Dog) -> list[complex]:
         rise = ring.addendum / MM
+        dogs = _dogs_in_view(ring, 0.5 * width / scale, pair.slots_per_dog)
         return [
             complex(0.5 * width + x * scale, crest_level + (rise - z) * scale)
-            for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
+            for x, z in outline(ring, dogs, pair.slots_per_dog)
         ]
 
     def sliding_profile(ring: Dog) -> list[complex]:
@@ -237,9 +249,9 @@ def open_section_svg(
     return _document(width, height, elements, "Section of both rings")
 
 
-def _dogs_in_view(ring: Dog, half_width: float) -> int:
-    """Count the dogs that cover the view, of a half width in mm, to both sides."""
-    return 2 * int(half_width / (ring.pitch / MM)) + 5
+def _dogs_in_view(ring: Dog, half_width: float, slots_per_dog: int = 1) -> int:
+    """Count the pitches that cover the view, of a half width in mm, and dogs beyond its ends."""
+    return 2 * int(half_width / (ring.pitch / MM)) + 5 + 2 * (slots_per_dog - 1)
 
 
 def _teeth(profile: Sequence[complex], corners: int) -> list[Sequence[complex]]:
@@ -283,19 +295,30 @@ class _DogSection:
         """Place a point of the section, m from the middle of the dog, in px."""
         return complex(0.5 * WIDTH + x * self.scale, 0.5 * HEIGHT - 30.0 - z * self.scale)
 
-    def tolerance(self, name: str, unit: float = MM, sign: str = "") -> str:
-        """Write the tolerance of a dimension, or an empty text."""
-        tolerance = self.limits.tolerances.dimensions.get(name)
-        return f" ±{tolerance / unit:.2f}{sign}" if tolerance else ""
-
     def size(self, name: str, length: float) -> str:
         """Write a length in mm with the tolerance of the dimension."""
-        return f"{length / MM:.2f}{self.tolerance(name)}"
+        return size_text(self.limits, name, length)
 
     def slope(self, name: str, words: str) -> str:
         """Write an angle of the dog in degrees with its tolerance."""
-        angle = f"{getattr(self.dog, name) / DEG:.2f}".replace("-", "\N{MINUS SIGN}")
-        return f"{words} {angle}°{self.tolerance(name, DEG, '°')}"
+        return slope_text(self.limits, self.dog, name, words)
+
+
+def _tolerance_text(limits: Limits, name: str, unit: float = MM, sign: str = "") -> str:
+    """Write the tolerance of a dimension, or an empty text."""
+    tolerance = limits.tolerances.dimensions.get(name)
+    return f" ±{tolerance / unit:.2f}{sign}" if tolerance else ""
+
+
+def size_text(limits: Limits, name: str, length: float) -> str:
+    """Write a length in mm with the tolerance of the dimension."""
+    return f"{length / MM:.2f}{_tolerance_text(limits, name)}"
+
+
+def slope_text(limits: Limits, dog: Dog, name: str, words: str) -> str:
+    """Write an angle of a dog in degrees with its tolerance."""
+    angle = f"{getattr(dog, name) / DEG:.2f}".replace("-", "\N{MINUS SIGN}")
+    return f"{words} {angle}°{_tolerance_text(limits, name, DEG, '°')}"
 
 
 def _auxiliary(name: str, length: float, digits: int = 2) -> str:
@@ -437,41 +460,58 @@ def _radii(drawing: _DogSection) -> str:
     return _leader(fillet, complex(drawing.right.real - 100.0, drawing.bottom + 24.0), words)
 
 
-def _notes(drawing: _DogSection) -> list[str]:
-    """Write the lines of notes under the section."""
-    dog = drawing.dog
-    material = drawing.limits.material
+def notes_of(dog: Dog, limits: Limits) -> list[str]:
+    """Write the notes of a drawing of a dog, a paragraph each."""
+    material = limits.material
     widths = "dog and slot are equally wide"
     if dog.backlash > 0.0:
-        backlash = drawing.size("backlash", dog.backlash)
+        backlash = size_text(limits, "backlash", dog.backlash)
         widths = f"a slot is wider than a dog by the backlash {backlash}"
     ridge = ""
     if dog.has_back:
         ridge = f" The ridge stands at {dog.crest:.3g} of the tip from the braking edge."
-    outer_diameter = drawing.size("outer_diameter", dog.outer_diameter)
-    inner_diameter = drawing.size("inner_diameter", dog.inner_diameter)
+    outer_diameter = size_text(limits, "outer_diameter", dog.outer_diameter)
+    inner_diameter = size_text(limits, "inner_diameter", dog.inner_diameter)
+    axial_gap = size_text(limits, "axial_gap", dog.axial_gap)
     inner_tip_width = dog.tip_width_at(dog.inner_radius) / MM
     ring = f"{dog.count} dogs on Ø{outer_diameter} / Ø{inner_diameter} mm"
     pair = f"{ring}, both rings alike, one turned over"
+    slots_per_dog = limits.load.slots_per_dog
+    if slots_per_dog > 1:
+        output_count = limits.load.touching(dog)
+        pair = (
+            f"{ring}; of these the output ring has {output_count}, at every pitch number "
+            f"{slots_per_dog}"
+        )
     flanks = "flanks are planes along radial lines"
-    if drawing.limits.sleeve is not None:
+    if limits.sleeve is not None:
         flanks = "flanks are simulated along radial lines"
-        lever = drawing.limits.sleeve.lever(dog)
+        lever = limits.sleeve.lever(dog)
         root, mate_root = (2.0 * (dog.mean_radius + way) / MM for way in (lever, -lever))
         pair = (
             f"{ring}: teeth of a sleeve, rooted at Ø{root:.2f}, and of its mate, at "
-            f"Ø{mate_root:.2f} mm; pressure angle {drawing.limits.sleeve.pressure_angle / DEG:g}°"
+            f"Ø{mate_root:.2f} mm; pressure angle {limits.sleeve.pressure_angle / DEG:g}°"
         )
     return [
         pair,
-        f"axial gap before the shift {drawing.size('axial_gap', dog.axial_gap)} mm, "
+        f"axial gap before the shift {axial_gap} mm, "
         f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
         f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
-        "Lengths in mm to the intersection of faces, auxiliary ones in brackets; widths at mean",
-        f"radius {dog.mean_radius / MM:.2f} mm (section unrolled). In the median plane {widths},",
+        "Lengths in mm to the intersection of faces, auxiliary ones in brackets; widths at mean "
+        f"radius {dog.mean_radius / MM:.2f} mm (section unrolled). In the median plane {widths}, "
         f"{flanks}; tip {inner_tip_width:.2f}"
         f" mm at the inner radius.{ridge} General tolerances ISO 2768-f.",
     ]
+
+
+def _note_lines(notes: Sequence[str]) -> list[str]:
+    """Break notes into lines within the margins; a number keeps its tolerance and unit."""
+    letters = int((WIDTH - 2.0 * MARGIN) / NOTE_LETTER_WIDTH)
+    lines = []
+    for note in notes:
+        joined_note = re.sub(r" (?=±|mm\b|HV\b)", "\N{NO-BREAK SPACE}", note)
+        lines += textwrap.wrap(joined_note, letters, break_on_hyphens=False)
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
 def ring_drawings(pair: Pair, limits: Limits, title: str) -> list[str]:
@@ -501,9 +541,11 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         *_face_angles(drawing, angle_level),
         *_flank_angles(drawing, angle_level),
         _radii(drawing),
-        _text(36.0 + 34.0j, title, "start", "title"),
+        _text(MARGIN + 34.0j, title, "start", "title"),
     ]
-    for index, note in enumerate(_notes(drawing)):
-        place = 36.0 + 1j * (HEIGHT - 88.0 + 18.0 * index)
-        elements.append(_text(place, note, "start", "small"))
-    return _document(WIDTH, HEIGHT, elements, title)
+    lines = _note_lines(notes_of(dog, limits))
+    for index, line in enumerate(lines):
+        place = MARGIN + 1j * (HEIGHT - 88.0 + NOTE_LINE_HEIGHT * index)
+        elements.append(_text(place, line, "start", "small"))
+    height = HEIGHT + NOTE_LINE_HEIGHT * max(0, len(lines) - NOTE_LINES)
+    return _document(WIDTH, height, elements, title)

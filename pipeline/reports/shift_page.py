@@ -164,16 +164,20 @@ def _animation_data(result: Engagement) -> dict[str, Any]:
         "length": pair.axial_length / MM,
         "radii": [dog.inner_radius / MM, dog.outer_radius / MM],
         "count": dog.count,
-        "sliding": _ring_shape(dog),
-        "output": _ring_shape(pair.output),
+        "sliding": _ring_shape(dog, 1),
+        "output": _ring_shape(pair.output, pair.slots_per_dog),
     }
 
 
-def _ring_shape(dog: Dog) -> dict[str, Any]:
-    """Collect section and surface of a ring's dog in mm; the root is below the pitch plane."""
+def _ring_shape(dog: Dog, pitches: int) -> dict[str, Any]:
+    """Collect section and surface of a ring's dog in mm; the root is below the pitch plane.
+
+    ``pitches`` is the number from a dog to the next.
+    """
     solid = dog_solid(dog)
     return {
         "root": dog.dedendum / MM,
+        "pitches": pitches,
         "profile": outline(dog, 1),
         "vertices": np.round(solid.vertices / MM, 4).ravel().tolist(),
         "cells": solid.cells.ravel().tolist(),

@@ -272,7 +272,7 @@ def dogs_of(study: Setup, names: Sequence[str], x: Array) -> Dogs:
 
 def pair_with(study: Setup, dog: Dog) -> Pair:
     """Build the pair of a dog, or of ``Dogs``, with that of the study's output ring."""
-    return Pair(dog, study.clutch.output_dog.beside(dog))
+    return study.clutch.output_dog.pair_with(dog)
 
 
 def mark_worthy(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:

@@ -366,7 +366,8 @@ class Clutch:
         numbers.detent_seat = mechanism.detent_seat or math.inf
         numbers.detent_width = mechanism.detent_width
         numbers.rebound = self.rebound
-        face_stiffness = self.contact.stiffness * dog.count * dog.tip_width * dog.radial_width
+        count = self.pair.touching_count
+        face_stiffness = self.contact.stiffness * count * dog.tip_width * dog.radial_width
         numbers.rebound_stiffness = face_stiffness
 
     @property
@@ -406,7 +407,7 @@ class Clutch:
         pair = self.pair
         faces = pair.faces
         backs = pair.backs
-        numbers.dog_count = dog.count
+        numbers.dog_count = pair.touching_count
         numbers.mean_radius = dog.mean_radius
         numbers.pitch_angle = dog.pitch_angle
         numbers.axial_gap = dog.axial_gap

@@ -168,7 +168,7 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
     dog = clutch.dog
     stiffness = clutch.contact.stiffness
     tip_width = min(dog.tip_width, clutch.pair.output.tip_width)
-    area = dog.count * tip_width * dog.radial_width
+    area = clutch.pair.touching_count * tip_width * dog.radial_width
     depth = force / (stiffness * area)
     if depth <= clutch.seated_tolerance:
         return

@@ -505,10 +505,10 @@ def dog_solid(dog: Dog) -> Mesh:
     return Mesh(skin.vertices, np.concatenate([skin.cells, _in_triangles(caps)]))
 
 
-def ring_of(dog: Dog, mesh: Mesh, count: int | None = None) -> Mesh:
-    """Repeat a mesh about the axis, once a pitch, as a single mesh of ``count`` or all dogs."""
+def ring_of(dog: Dog, mesh: Mesh, count: int | None = None, pitches: int = 1) -> Mesh:
+    """Repeat a mesh about the axis, once in so many ``pitches``, ``count`` or all dogs in one."""
     count = count or dog.count
-    turns = [rotation(index * dog.pitch_angle) for index in range(count)]
+    turns = [rotation(index * pitches * dog.pitch_angle) for index in range(count)]
     vertices = [mesh.vertices @ turn.T for turn in turns]
     cells = [mesh.cells + index * len(mesh.vertices) for index in range(count)]
     return Mesh(np.concatenate(vertices), np.concatenate(cells))

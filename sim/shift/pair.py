@@ -13,7 +13,11 @@ end of its tip, a higher one stands between deeper slots: below the pitch plane 
 
 .. math:: d_2 = \max\left(\tfrac{h_1}{2}, h_2 - \tfrac{h_1}{2}\right)
 
-deep. A dog that leaves the play *j* to half a pitch is :math:`(\vartheta r - j)/2` wide in its
+deep. With ``slots_per_dog`` of *s* the output ring has a dog at every *s*-th pitch, and its other
+dogs are missing. As the sliding ring has all, the pair repeats after one pitch, at every angle all
+:math:`N/s` dogs of the output ring touch alike, and force and torque are *N/s* times those of one.
+
+A dog that leaves the play *j* to half a pitch is :math:`(\vartheta r - j)/2` wide in its
 pitch plane, so the play of the pair is :math:`(j_1 + j_2)/2`. The ridges of two dogs that face each
 other overlap by the mean of both ``crest_overlap``.
 
@@ -55,6 +59,8 @@ class OutputDog:
     crest: float | None = quantity("crest", 0.0, 1.0, None)
     chamfer_back: float | None = quantity("chamfer_back_deg", 0.0, 60.0, None)
     backlash: float | None = quantity("backlash_mm", 0.0, 50.0, None)
+    #: slots of the sliding ring for each dog of this ring, whose other dogs are missing
+    slots_per_dog: int | None = quantity("slots_per_dog", 1, 100, None)
 
     def __post_init__(self) -> None:
         require_ranges(self, "output_dog", "check the value and its unit")
@@ -72,6 +78,11 @@ class OutputDog:
         return {f"output_dog_{key}": value for key, value in items if value is not None}
 
     @property
+    def _shape(self) -> dict[str, Any]:
+        """Given dimensions of a dog, SI units."""
+        return {name: value for name, value in self.given.items() if name != SLOTS}
+
+    @property
     def _deviating(self) -> list[str]:
         """Names of the given dimensions that deviate: a missing face or play does not."""
         missing = {
@@ -79,7 +90,7 @@ class OutputDog:
             "chamfer_back": self.crest == 1.0,
             "backlash": self.backlash == 0.0,
         }
-        return [name for name in self.given if not missing.get(name)]
+        return [name for name in self._shape if not missing.get(name)]
 
     def beside(self, sliding: Dog, nominal: Dog | None = None) -> Dog:
         """Return the output dog beside a ``sliding`` dog, or beside each of ``Dogs``.
@@ -87,7 +98,7 @@ class OutputDog:
         Deviations of the sliding dog from its ``nominal`` one are those of the output dog too;
         dimensions stop at 0. Raises GeometryError for an impossible shape.
         """
-        changes = self.given
+        changes = self._shape
         if not changes:
             return sliding
         if nominal is not None:
@@ -103,7 +114,12 @@ class OutputDog:
         except GeometryError as error:
             raise GeometryError(f"output ring: {error}") from error
 
+    def pair_with(self, sliding: Dog) -> Pair:
+        """Build the pair with a ``sliding`` dog, or with each of ``Dogs``."""
+        return Pair(sliding, self.beside(sliding), self.slots_per_dog or 1)
 
+
+SLOTS = "slots_per_dog"
 ALIKE = OutputDog()  #: both rings have one dog
 MIN_HEIGHT_SHARE = 0.5  #: of the sliding dog's height; a crest in the pitch plane has no flank
 
@@ -127,10 +143,19 @@ class Pair:
 
     sliding: Dog
     output: Dog
+    slots_per_dog: int = 1  #: slots of the sliding ring for each dog of the output ring
 
     def __post_init__(self) -> None:
         if isinstance(self.sliding, Dogs):
             return
+        if not self._has_even_dogs:
+            rule = (
+                f"dogs in every such slot of the {self.sliding.count} of dog.count must be evenly "
+                "spaced, and two at least"
+            )
+            remedy = "use a divisor of dog.count"
+            name = f"output_dog.{SLOTS}"
+            raise GeometryError(Refusal(name, self.slots_per_dog, "", rule, remedy))
         if not self._is_high_enough:
             least = MIN_HEIGHT_SHARE * self.sliding.height
             rule = f"it must exceed half of dog.height_mm, {least / MM:.4g} mm"
@@ -149,15 +174,27 @@ class Pair:
         return self.output.height > MIN_HEIGHT_SHARE * self.sliding.height
 
     @property
+    def _has_even_dogs(self) -> bool:
+        """Whether the dogs of the output ring are two at least and evenly spaced."""
+        count = self.sliding.count
+        return (count % self.slots_per_dog == 0) & (count >= 2 * self.slots_per_dog)
+
+    @property
     def possible(self) -> bool:
         """Whether both dogs and the pair keep all rules of a shape; (n,) of bool for ``Dogs``."""
-        dogs = self.sliding.possible & self.output.possible
+        dogs = self.sliding.possible & self.output.possible & self._has_even_dogs
         return dogs & self._is_high_enough & (self.passing_play >= 0.0)
 
     @property
     def alike(self) -> bool:
-        """Whether both rings have one dog."""
-        return self.output is self.sliding or self.output == self.sliding
+        """Whether both rings have one dog, and all of their dogs."""
+        is_same = self.output is self.sliding or self.output == self.sliding
+        return is_same and self.slots_per_dog == 1
+
+    @property
+    def touching_count(self) -> int:
+        """Number of dogs that touch at once: those of the output ring."""
+        return touching_count(self.sliding, self.slots_per_dog)
 
     @property
     def rigid(self) -> Dog:
@@ -237,6 +274,11 @@ class Pair:
         return _slope(*((tan(dog.chamfer_back), dog.back_width) for dog in dogs))
 
 
+def touching_count(dog: Dog, slots_per_dog: int) -> int:
+    """Count the dogs of an output ring with so many slots of the sliding ring for each."""
+    return dog.count if slots_per_dog == 1 else dog.count // slots_per_dog
+
+
 def _slope(first: tuple[float, float], second: tuple[float, float]) -> Slope:
     """Join two faces, each by the tangent of its fall and its width in m."""
     (flat, width), (steep, _) = sorted((first, second))
@@ -246,4 +288,4 @@ def _slope(first: tuple[float, float], second: tuple[float, float]) -> Slope:
 @lru_cache(maxsize=64)  # a pair is asked for with every shift
 def dog_pair(sliding: Dog, output_dog: OutputDog = ALIKE) -> Pair:
     """Build the pair of a sliding dog and the output dog beside it."""
-    return Pair(sliding, output_dog.beside(sliding))
+    return output_dog.pair_with(sliding)

@@ -263,7 +263,9 @@ class ClutchPlant:
     def __init__(self, clutch: Clutch) -> None:
         require_engine(clutch.contact, "drake")
         self.clutch = clutch
-        self.share = 1 if clutch.solver.all_dogs else clutch.dog.count  # of dogs by a modelled one
+        all_dogs = clutch.solver.all_dogs
+        #: number of touching dogs by a modelled one
+        self.share = 1 if all_dogs else clutch.pair.touching_count
         builder = DiagramBuilder()
         self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         self._add_output_ring()
@@ -459,10 +461,14 @@ class ClutchPlant:
         )
         if shaft.side_inertia or clutch.drive.has_torques:
             plant.AddJointActuator("output_torque", joint)
-        if clutch.pair.is_sliding_rigid:
-            self._add_compliant_dogs(body, RigidTransform(), clutch.dog.count)
+        # A single sliding dog meets the next dogs of a full ring, whichever they are.
+        pair = clutch.pair
+        pitches = pair.slots_per_dog if clutch.solver.all_dogs else 1
+        count = clutch.dog.count // pitches
+        if pair.is_sliding_rigid:
+            self._add_compliant_dogs(body, RigidTransform(), count, pitches)
         else:
-            self._add_rigid_dogs(body, RigidTransform(), clutch.dog.count)
+            self._add_rigid_dogs(body, RigidTransform(), count, pitches)
 
     def _add_stop(self, carriage: tree.RigidBody) -> None:
         """Set a stop behind the sliding ring: a plate on its carriage meets a fixed one.
@@ -475,7 +481,8 @@ class ClutchPlant:
         plant = self.plant
         width = STOP_WIDTH_M
         thickness = STOP_THICKNESS_M
-        face_area = dog.count * dog.tip_width * dog.radial_width / self.share
+        count = self.clutch.pair.touching_count
+        face_area = count * dog.tip_width * dog.radial_width / self.share
         modulus = self.clutch.contact.stiffness * face_area / width**2 * (0.5 * thickness)
         plate_properties = geo.ProximityProperties()
         wall_properties = geo.ProximityProperties()
@@ -536,24 +543,28 @@ class ClutchPlant:
             plant.AddJointActuator("drag_torque", turning)
         start = [0.0, 0.0, clutch.pair.travel]
         turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start)
-        count = clutch.dog.count // self.share
+        count = clutch.dog.count if clutch.solver.all_dogs else 1
         if clutch.pair.is_sliding_rigid:
             self._add_rigid_dogs(body, turned_over, count)
         else:
             self._add_compliant_dogs(body, turned_over, count)
         return carriage
 
-    def _add_rigid_dogs(self, body: tree.RigidBody, pose: RigidTransform, count: int) -> None:
-        """Add the first ``count`` rigid dogs of a ring to its body as one surface."""
+    def _add_rigid_dogs(
+        self, body: tree.RigidBody, pose: RigidTransform, count: int, pitches: int = 1
+    ) -> None:
+        """Add ``count`` rigid dogs of a ring, ``pitches`` apart, to its body as one surface."""
         dog = self.clutch.pair.rigid
         properties = geo.ProximityProperties()
         geo.AddRigidHydroelasticProperties(properties)
         self._add_contact(properties)
-        shape = _in_memory(to_obj(ring_of(dog, rigid_dog(dog), count)), ".obj")
+        shape = _in_memory(to_obj(ring_of(dog, rigid_dog(dog), count, pitches)), ".obj")
         self.plant.RegisterCollisionGeometry(body, pose, shape, "rigid_dogs", properties)
 
-    def _add_compliant_dogs(self, body: tree.RigidBody, pose: RigidTransform, count: int) -> None:
-        """Add the first ``count`` compliant dogs of a ring to its body, a volume each."""
+    def _add_compliant_dogs(
+        self, body: tree.RigidBody, pose: RigidTransform, count: int, pitches: int = 1
+    ) -> None:
+        """Add ``count`` compliant dogs of a ring, ``pitches`` apart, to its body, a volume each."""
         dog = self.clutch.pair.compliant
         properties = geo.ProximityProperties()
         modulus = self.clutch.contact.stiffness * pressure_apex(dog)[1]
@@ -561,7 +572,7 @@ class ClutchPlant:
         self._add_contact(properties)
         shape = _in_memory(to_vtk(compliant_dog(dog)), ".vtk")
         for index in range(count):
-            turn = RotationMatrix.MakeZRotation(index * dog.pitch_angle)
+            turn = RotationMatrix.MakeZRotation(index * pitches * dog.pitch_angle)
             dog_pose = pose @ RigidTransform(turn, [0.0, 0.0, 0.0])
             self.plant.RegisterCollisionGeometry(body, dog_pose, shape, f"dog_{index}", properties)
 

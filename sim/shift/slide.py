@@ -133,7 +133,8 @@ def slide_loss(clutch: Clutch, force: float, face: SlidingFace) -> float:
     speed = np.sqrt(2.0 * force * way / (mass + turning)) / math.sin(slope)
     length = overlap / math.cos(slope)
     wedge = np.abs(overlap - face.parallel_overlap) / dog.mean_radius * math.sin(slope)
-    load = force * turning / (mass + turning) / (dog.count * math.cos(slope))
+    count = clutch.pair.touching_count
+    load = force * turning / (mass + turning) / (count * math.cos(slope))
     depth = wedge_depth(load, contact.stiffness * length, wedge, dog.radial_width)
     plough = contact.dissipation * speed * math.sin(face.ridge_turn)
     share = plough * depth / (length * math.sin(2.0 * slope))

@@ -320,7 +320,7 @@ class SteppedShift:
             self._model.law[0],
             self._room,
         )
-        count = self.clutch.dog.count
+        count = self.clutch.pair.touching_count
         return count * force, count * torque
 
     def _follow_phase(self, states: Array, touches: Mask) -> None:

@@ -331,7 +331,8 @@ _torque = lru_cache(maxsize=2**14)(Strike.torque)
 
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
     """Compute the torque of a strike on a flank, N m."""
-    stiffness = dog.count * limits.load.stiffness(dog) * dog.mean_radius**2
+    count = limits.load.touching(dog)
+    stiffness = count * limits.load.stiffness(dog) * dog.mean_radius**2
     return map_elements(partial(_torque, strike), strike.speed(flank), stiffness)
 
 
@@ -340,7 +341,8 @@ def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> floa
 
     A blow is shared as a landing is: the foremost dogs take its energy.
     """
-    mean_force = strike_torque(dog, limits, strike, flank) / (dog.mean_radius * dog.count)
+    count = limits.load.touching(dog)
+    mean_force = strike_torque(dog, limits, strike, flank) / (dog.mean_radius * count)
     return mean_force / sqrt(limits.load.blow(dog, mean_force))
 
 

@@ -24,6 +24,7 @@ from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
+from dogshape.sim.shift.pair import touching_count
 from dogshape.sim.units import DEG, MM
 
 SAMPLES = 4096  #: pairs of rings; the mean is known to half a percent
@@ -186,6 +187,7 @@ class LoadCase:
     spline_friction_release: float | None = quantity("spline_friction_release", 0.0, 1.5, None)
     spline_friction_hold: float | None = quantity("spline_friction_hold", 0.0, 1.5, None)
     landing_share: float | None = quantity("landing_share", 1e-4, 0.5, None)
+    slots_per_dog: int = 1  #: slots of the sliding ring for each dog of the output ring
 
     def __post_init__(self) -> None:
         require_ranges(self, "load", "correct the load case")
@@ -273,7 +275,11 @@ class LoadCase:
         """
         if torque is None:
             torque = self.static_torque(flank)
-        return torque / (dog.mean_radius * dog.count * self.sharing(dog, torque))
+        return torque / (dog.mean_radius * self.touching(dog) * self.sharing(dog, torque))
+
+    def touching(self, dog: Dog) -> int:
+        """Count the dogs that bear the load: those of the output ring."""
+        return touching_count(dog, self.slots_per_dog)
 
     def scatter(self, dog: Dog) -> float | None:
         """Compute the standard deviation of the dogs' gaps, m; None for a fixed load sharing."""
@@ -289,7 +295,7 @@ class LoadCase:
         """Compute the mean load of the dogs under ``torque`` (N m) over the largest load."""
         if torque == 0.0:
             return self.load_sharing
-        mean_force = torque / (dog.mean_radius * dog.count)
+        mean_force = torque / (dog.mean_radius * self.touching(dog))
         return self._share(exact_share, dog, mean_force, wave=0.5 * self.run_out)
 
     def landing(self, dog: Dog, line_load: float) -> float:
@@ -310,5 +316,5 @@ class LoadCase:
         error = largest(deviation, wave)
         error_size = error * self.stiffness(dog) / (force + (force == 0.0))
         unit = error + (error == 0.0)
-        dog_share = share(dog.count, error_size, deviation / unit, wave / unit)
+        dog_share = share(self.touching(dog), error_size, deviation / unit, wave / unit)
         return where(force == 0.0, self.load_sharing, dog_share)

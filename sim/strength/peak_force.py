@@ -60,7 +60,8 @@ def peak_forces(result: Engagement, limits: Limits) -> PeakForces:
     dog = result.clutch.dog
     area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
     length = result.clutch.rings.mass / (DENSITY * area)
-    stiffness = dog.count * limits.load.stiffness(dog) * dog.mean_radius**2
+    count = result.clutch.pair.touching_count
+    stiffness = count * limits.load.stiffness(dog) * dog.mean_radius**2
     speed = abs(result.loads.strike_mismatch)
     torques = [strike.torque(speed, stiffness) for strike in limits.strikes]
     return PeakForces(

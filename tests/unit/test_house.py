@@ -56,6 +56,7 @@ GUARDED = {
     "asammdf": ("bench/traces.py",),
     "nptdms": ("bench/traces.py",),
     "build123d": ("pipeline/export/cad.py",),
+    "ezdxf": ("pipeline/export/dxf.py",),
     "pythonfmu": ("pipeline/export/fmi2_slave.py",),
     "pythonfmu3": ("pipeline/export/fmi3_slave.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),

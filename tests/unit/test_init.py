@@ -44,7 +44,11 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
     assert all(meaning in text for meaning in meanings if meaning not in gone)
     assert "thesis table 5" not in text
     assert "thesis table 6" in text
-    assert dogshape("init", "study", "--out", "plain").status == 0
+    said = dogshape("init", "study", "--out", "plain")
+    assert said.status == 0
+    assert said.out.endswith(
+        "dogshape check plain\n  dogshape expect plain\n  dogshape search plain\n"
+    )
     assert load_study("plain").physics_hash == load_study("mq200").physics_hash
 
 

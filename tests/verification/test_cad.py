@@ -113,3 +113,47 @@ def test_surfaces_are_true_planes_and_cylinders(prototype: Dog) -> None:
 def test_what_cannot_be_made_is_refused(prototype: Dog) -> None:
     with pytest.raises(GeometryError, match="root_radius_mm is 3 mm"):
         ring_solid(prototype, 3.0 * MM, BODY)
+
+
+@pytest.mark.usefixtures("_kernel")
+def test_tolerances_are_read_back_on_their_faces(prototype: Dog, tmp_path: Path) -> None:
+    """Diameters and root radius of either ring; unlike tip edges are no part of the radius."""
+    from OCP.OCP.collections import Sequence_TDF_Label
+    from OCP.STEPCAFControl import STEPCAFControl_Reader
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.XCAFApp import XCAFApp_Application
+    from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DocumentTool
+
+    pair = dog_pair(replace(prototype, count=6, edge_radius=0.4 * MM))
+    path = tmp_path / "pair.step"
+
+    def dimensions(tolerances: dict[str, float]) -> list[tuple[float, float, float, int]]:
+        write_step(pair, 0.3 * MM, BODY, path, tolerances)
+        document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
+        XCAFApp_Application.GetApplication_s().InitDocument(document)
+        reader = STEPCAFControl_Reader()
+        reader.SetGDTMode(True)
+        reader.ReadFile(str(path))
+        assert reader.Transfer(document)
+        table = XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
+        labels = Sequence_TDF_Label()
+        table.GetDimensionLabels(labels)
+        values = []
+        for index in range(1, labels.Length() + 1):
+            size = XCAFDoc_Dimension.Set_s(labels.Value(index)).GetObject()
+            faces, others = Sequence_TDF_Label(), Sequence_TDF_Label()
+            table.GetRefShapeLabel_s(labels.Value(index), faces, others)
+            bounds = (size.GetLowerTolValue(), size.GetUpperTolValue())
+            values.append((size.GetValue(), *bounds, faces.Length()))
+        return values
+
+    given = {"outer_diameter": 1.5e-4, "inner_diameter": 1e-4, "root_radius": 5e-5, "height": 5e-5}
+    sizes = [(52.0, 0.15, 0.15, 1), (44.0, 0.1, 0.1, 1), (0.3, 0.05, 0.05, 12)]
+    for values, expected in zip(dimensions(given), 2 * sizes, strict=True):
+        assert values == pytest.approx(expected)
+    content = path.read_bytes()
+    assert b"AP242_MANAGED_MODEL_BASED_3D_ENGINEERING" in content
+    dimensions(given)
+    assert path.read_bytes() == content
+    assert not dimensions({"height": 5e-5})

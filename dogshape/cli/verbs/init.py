@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from typer import Argument, Option
@@ -35,6 +35,7 @@ from dogshape.sim.errors import GeometryError, InputError
 if TYPE_CHECKING:
     from dogshape.bench.bench_draft import BenchDraft
     from dogshape.pipeline.drafts.reading_table import BenchReading
+    from dogshape.pipeline.drafts.rexs_coupling import RexsReading
     from dogshape.pipeline.drafts.study_folder import WrittenStudy
     from dogshape.pipeline.record import Table
 
@@ -65,12 +66,25 @@ def study(
     mount: Annotated[
         str | None, Option(help="root of the dogs: face, or sleeve for teeth rooted radially")
     ] = None,
+    rexs: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="gearbox in REXS, .rexsj or .rexs, with a coupling"),
+    ] = None,
+    coupling: Annotated[
+        int | None, Option(metavar="ID", help="with --rexs: id of its switchable_coupling")
+    ] = None,
+    sliding_side: Annotated[
+        Literal["inner", "outer"] | None, Option(help="with --rexs: side that slides")
+    ] = None,
     set_: Sets = None,
     yes: Yes = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
     """Write a commented study file; a terminal asks for your clutch.
+
+    A gearbox in REXS gives torque, speed and inertias of a switchable coupling. Readings that it
+    leaves open are asked about in a terminal, and refused without one.
 
     Example: dogshape init study --out my_clutch --set dog.count=20 --set dog.height_mm=3.2
     """
@@ -82,8 +96,16 @@ def study(
     values = dict(pair_of(text) for text in set_ or [])
     if mount is not None:
         values[draft_keys.MOUNT] = mount
-    write = _ask_study if dialogue.may_ask(yes) else study_folder.write_study
-    written = write(out, origin, values, force=force)
+    if rexs is None and (coupling is not None or sliding_side is not None):
+        raise InputError("--coupling and --sliding-side are for a gearbox; give --rexs with a file")
+    asks = dialogue.may_ask(yes)
+    reading = None
+    if rexs is not None:
+        reading = _read_gearbox(rexs, coupling, sliding_side, asks=asks)
+        if not asks:
+            reading.require_answers([*values])
+    write = _ask_study if asks else study_folder.write_study
+    written = write(out, origin, values, force=force, reading=reading)
     lines = [
         f"wrote {written.file} from {written.origin}: {written.dogs} dogs, "
         f"{written.points} operating points"
@@ -92,7 +114,7 @@ def study(
         lines.append(f"left out {key}" if value is None else f"set {key} = {toml_value(value)}")
     lines += _remarks(written)
     lines.append(f"next: look through {written.file}, then")
-    for verb in ("check", "expect", "study"):
+    for verb in ("check", "expect", "search"):
         lines.append(f"  dogshape {verb} {quote(str(written.folder))}")
     emit(written.to_dict(), json, lambda: lines)
 
@@ -105,11 +127,46 @@ def _remarks(draft: WrittenStudy | BenchReading) -> list[str]:
     return assumption_lines(draft.assumed) + warnings
 
 
-def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> WrittenStudy:
+def _read_gearbox(
+    path: Path, coupling: int | None, sliding_side: str | None, *, asks: bool
+) -> RexsReading:
+    """Read a coupling of a gearbox; ``asks`` about coupling and side that are not given."""
+    from dogshape.pipeline.drafts import rexs_coupling  # noqa: PLC0415
+    from dogshape.pipeline.drafts.rexs_model import read_rexs  # noqa: PLC0415
+
+    model = read_rexs(path)
+    couplings = rexs_coupling.couplings_of(model)
+    if asks and coupling is None and len(couplings) > 1:
+        typer.echo(f"couplings of {path}: {', '.join(part.text for part in couplings)}", err=True)
+        numbers = [str(part.number) for part in couplings]
+        coupling = int(dialogue.ask("coupling of the study, by its id", numbers[0], numbers))
+    chosen = rexs_coupling.coupling_of(model, coupling)
+    reading = rexs_coupling.read_coupling(model, chosen, sliding_side)
+    if not asks:
+        return reading
+    if "sliding_side" in reading.questions:
+        typer.echo(reading.questions["sliding_side"], err=True)
+        sides = rexs_coupling.SIDES
+        sliding_side = dialogue.ask("side that slides, inner or outer", sides[0], sides)
+        reading = rexs_coupling.read_coupling(model, chosen, sliding_side)
+    for line in (*reading.sentences(reading.values), *reading.questions.values()):
+        typer.echo(line, err=True)
+    return reading
+
+
+def _ask_study(
+    out: Path,
+    origin: str,
+    values: dict[str, Any],
+    *,
+    force: bool,
+    reading: RexsReading | None,
+) -> WrittenStudy:
     """Ask for the values of a study, part by part, and write its folder."""
     from dogshape.pipeline.drafts import draft_keys, study_folder  # noqa: PLC0415
     from dogshape.pipeline.drafts.draft_source import bundled_kinds  # noqa: PLC0415
 
+    values = study_folder.values_with(reading, values)
     typer.echo(f"kinds of clutch: {bundled_kinds()}", err=True)
     origin = dialogue.ask("begin from (a kind, a study, or the folder of a bench)", origin)
     defaults: dict[str, Any] = {}
@@ -144,7 +201,8 @@ def _ask_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -
         answers |= ask_values(part_defaults, part_questions)
         if part is draft_keys.OPERATION:
             repeat_until_valid(partial(study_folder.check_draft, origin))
-    return repeat_until_valid(partial(study_folder.write_study, out, origin, force=force))
+    write = partial(study_folder.write_study, out, origin, force=force, reading=reading)
+    return repeat_until_valid(write)
 
 
 @init.command()

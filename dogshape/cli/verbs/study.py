@@ -43,6 +43,7 @@ ENDINGS = {
     "--stl": (".stl",),
     "--step": (".step", ".stp"),
     "--svg": (".svg",),
+    "--dxf": (".dxf",),
     "--sheet": (".html", ".json"),
     "--report": (".html", ".htm"),
     "--trace": TABLES,
@@ -52,6 +53,7 @@ ENDINGS = {
 #: Words for the files of ``export``.
 FILE_LABELS = {
     "svg": "drawing",
+    "dxf": "section of both rings",
     "stl": "one ring, both are alike",
     "step": "both rings",
     "sheet": "data sheet",
@@ -405,6 +407,7 @@ def export(
     stl: Annotated[Path | None, Option(help="one ring for print; see --ring")] = None,
     step: Annotated[Path | None, Option(help="both rings for CAD; extra [cad]")] = None,
     svg: Annotated[Path | None, Option(help="dimensioned section of a dog")] = None,
+    dxf: Annotated[Path | None, Option(help="developed section of both rings; extra [dxf]")] = None,
     sheet: Annotated[Path | None, Option(help="data sheet, HTML or JSON by ending")] = None,
     why: Annotated[str, Option(help="with --sheet: reason of a decision")] = "",
     title: Annotated[list[str] | None, Option(metavar="KEY=TEXT", help="with --sheet")] = None,
@@ -429,6 +432,7 @@ def export(
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
+    from dogshape.pipeline.export.cad import require_all_dogs  # noqa: PLC0415
     from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
@@ -441,7 +445,15 @@ def export(
     dog = pair.output if ring == "output" else pair.sliding
     radius = setup.limits.root_radius
     body = body_mm * MM
-    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet, "fmu": fmu, "map": map_}
+    files = {
+        "svg": svg,
+        "dxf": dxf,
+        "stl": stl,
+        "step": step,
+        "sheet": sheet,
+        "fmu": fmu,
+        "map": map_,
+    }
     _require_files(files)
     if (why or title) and sheet is None:
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
@@ -449,15 +461,16 @@ def export(
     sleeve = setup.limits.sleeve
     if stl or step:
         require_face(sleeve)
-    if sleeve is None and (svg or stl or step):
+        require_all_dogs(pair, step=step is not None, ring=ring)
+    if sleeve is None and (svg or dxf or stl or step):
         for ring_dog in {pair.sliding, pair.output}:
             require_fillets(ring_dog, radius)
-    _load_extras(step, fmu, fmi)  # before anything is written
+    _load_extras(dxf, step, fmu, fmi)  # before anything is written
     design = design_of(setup, {})
     if not design.feasible:
         warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
     _warn_of_doubts(ds.Study.from_config(setup))
-    _write_geometry(setup, ring, dog_design.title, body=body, svg=svg, stl=stl, step=step)
+    _write_geometry(setup, ring, dog_design.title, body=body, svg=svg, dxf=dxf, stl=stl, step=step)
     models = ds.Study.from_config(dog_design.prototype_study)
     if fmu is not None:
         models.export_fmu(fmu, fmi)
@@ -473,7 +486,7 @@ def export(
         labels |= {"stl": f"{ring} ring", "svg": f"drawing of the {ring} ring's dog"}
     lines += [f"wrote {path} ({labels[kind]})" for kind, path in written.items()]
     sizes = {"root_radius_mm": radius / MM}
-    if sleeve is None:
+    if sleeve is None and (pair.slots_per_dog == 1 or ring == "sliding"):
         volume = part_volume(dog, radius, body) / MM**3
         ring_name = "a ring" if pair.alike else f"the {ring} ring"
         lines.append(f"volume of {ring_name} {volume:.1f} mm3")
@@ -487,7 +500,7 @@ def _require_files(files: dict[str, Path | None]) -> None:
     from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
 
     if not any(files.values()):
-        remedy = "give --stl, --step, --svg, --sheet, --fmu or --map with a file"
+        remedy = "give --stl, --step, --svg, --dxf, --sheet, --fmu or --map with a file"
         raise InputError(f"export was asked for nothing; {remedy}")
     require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     map_ = files["map"]
@@ -495,11 +508,14 @@ def _require_files(files: dict[str, Path | None]) -> None:
         require_map_targets(map_)
 
 
-def _load_extras(step: Path | None, fmu: Path | None, fmi: int) -> None:
+def _load_extras(dxf: Path | None, step: Path | None, fmu: Path | None, fmi: int) -> None:
     """Load the extras of the files that are asked for; InputError with the way to install one."""
     from dogshape.pipeline.export.cad import load_cad  # noqa: PLC0415
+    from dogshape.pipeline.export.dxf import load_dxf  # noqa: PLC0415
     from dogshape.pipeline.export.fmu import load_fmu_builder  # noqa: PLC0415
 
+    if dxf is not None:
+        load_dxf()
     if step is not None:
         load_cad()
     if fmu is not None:
@@ -519,12 +535,14 @@ def _write_geometry(
     *,
     body: float,
     svg: Path | None,
+    dxf: Path | None,
     stl: Path | None,
     step: Path | None,
 ) -> None:
-    """Write drawing, mesh and solids of a dog; ``body`` is the thickness below the slots, m."""
+    """Write drawings, mesh and solids of a dog; ``body`` is the thickness below the slots, m."""
     from dogshape.pipeline.export.cad import write_step  # noqa: PLC0415
     from dogshape.pipeline.export.drawing import ring_drawings  # noqa: PLC0415
+    from dogshape.pipeline.export.dxf import write_dxf  # noqa: PLC0415
     from dogshape.sim.part import ring_part  # noqa: PLC0415
     from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
 
@@ -535,11 +553,13 @@ def _write_geometry(
         drawings = ring_drawings(pair, setup.limits, title)
         with name_file_in_errors(svg):
             svg.write_text(drawings[-1 if ring == "output" else 0], encoding="utf-8")
+    if dxf is not None:
+        write_dxf(pair, setup.limits, body, title, dxf)
     if stl is not None:
         with name_file_in_errors(stl):
             stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {title} ring"))
     if step is not None:
-        write_step(pair, radius, body, step)
+        write_step(pair, radius, body, step, setup.limits.tolerances.dimensions)
 
 
 def app(

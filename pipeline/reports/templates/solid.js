@@ -20,7 +20,7 @@ const Solid = (() => {
     const dog = new THREE.BufferGeometry();
     dog.setAttribute("position", new THREE.Float32BufferAttribute(shape.vertices, 3));
     dog.setIndex(shape.cells);
-    for (let k = 0; k < data.count; k++)
+    for (let k = 0; k < data.count; k += shape.pitches)
       solid(dog, k ? colour : mark, 10).rotation.z = 2 * Math.PI * k / data.count;
     // The rim of the body, turned about an axis, which then becomes z.
     const root = -shape.root;
