@@ -16,9 +16,11 @@
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
 # make processors repeats the diagnosis of the stand with the vector instructions, kernels of linear
 # algebra and threads of other processors (a quarter of an hour).
+# make release builds sdist and wheel into dist and tries both in empty environments; OFFLINE=1 takes
+# the libraries of .venv.
 # make golden writes the JSON of the main verbs into GOLDEN, for diff -r before and after a change.
-# make picture draws docs/mismatch.svg, docs/dog.svg, docs/shift.png and
-# docs/report.png again; it needs Chromium and a study.
+# make picture draws docs/report.png again; it needs Chromium and a study.
+# make moving draws docs/shift.webp, docs/live.webp and docs/shift.png again (minutes); it needs Chromium.
 # make tutorial runs the commands of docs/tutorial.md and draws its pictures again; it needs Chromium.
 PYTHON ?= python3.11
 VENV := .venv
@@ -31,7 +33,7 @@ EXTRAS := dev,blind,cad,docs,dxf,fem,fmu,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps processors figures golden picture tutorial constraints system clean
+.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps processors figures golden release picture moving tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape search studies/mq200 --out $(OUT) --resume
@@ -131,6 +133,9 @@ GOLDEN ?= build/golden
 golden: $(VENV)/ready
 	$(BIN)/python -m benchmarks.golden $(GOLDEN)
 
+release: $(VENV)/complete
+	.ci/release
+
 docs: $(VENV)/complete
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
@@ -140,15 +145,15 @@ SHOOT := $(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-un
 $(OUT)/report.html:
 	$(MAKE) study
 
-# The pictures of the README: one shift at 45 ms and the report, drawn without a screen.
+# The first screen of a report, drawn without a screen.
 picture: $(VENV)/ready $(OUT)/report.html
-	mkdir -p build docs
-	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --angle-deg 10 \
-	  --html build/shift.html
-	$(SHOOT) --window-size=1280,880 --force-device-scale-factor=0.9375 \
-	  --screenshot=docs/shift.png "file://$(CURDIR)/build/shift.html#t=45"
+	mkdir -p build
 	$(SHOOT) --window-size=1220,1330 --force-device-scale-factor=0.75 \
 	  --screenshot=docs/report.png "file://$(abspath $(OUT))/report.html"
+
+# The moving pictures of the README, and the page that its Python block writes.
+moving: $(VENV)/complete
+	$(BIN)/python -m benchmarks.moving_pictures docs
 
 # The tutorial, command by command, and its pictures (a minute; it needs Chromium).
 tutorial: $(VENV)/ready

@@ -35,6 +35,19 @@ def headline_of(path: Path) -> list[tuple[str, ...]]:
     return rows
 
 
+def case_count(path: Path) -> int:
+    """Read the number of cases of a score.
+
+    Raises
+    ------
+    ValueError : the score does not state it.
+    """
+    match = re.search(r"^(\d+) cases", path.read_text("utf-8"), re.MULTILINE)
+    if match is None:
+        raise ValueError(f"{path} does not state the number of its cases")
+    return int(match[1])
+
+
 def passage(path: Path = SCORE) -> str | None:
     """Write the table of a field set for docs/results.md; None before a set is scored."""
     if not path.exists():

@@ -9,9 +9,11 @@ do not see. ``TABLES`` has the function that writes each name.
 from __future__ import annotations
 
 import csv
+import inspect
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from statistics import fmean
@@ -19,6 +21,7 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
 
+import dogshape
 from benchmarks import constants, field_table
 from dogshape.pipeline.record import Record
 from dogshape.pipeline.search.study_record import StudyRecord
@@ -158,12 +161,13 @@ def rms_text(bench: str, name: str, digits: int = 0) -> str:
     return f"{1e3 * gap(bench)['gap'][f'{name}_rmse_s']:.{digits}f} ms"
 
 
-def field_text(words: str) -> str:
-    """Write a headline figure of the field set with its interval and its number of cases."""
-    _, value, n, *_ = next(
+def headline(words: str) -> tuple[str, str, int]:
+    """Read a headline figure of the field set: share, its interval, its number of cases."""
+    _, value, count, *_ = next(
         row for row in field_table.headline_of(field_table.SCORE) if row[0] == words
     )
-    return f"{value} of {n}"
+    share, _, interval = value.partition(" (")
+    return share, f"({interval}", int(count)
 
 
 def surrogate_validation() -> dict[str, float]:
@@ -174,20 +178,101 @@ def surrogate_validation() -> dict[str, float]:
 # Tables
 
 
-def stand_times() -> tuple[float, float]:
-    """Return measured and simulated time, s, as means over the stand's points with a time."""
-    gaps = {
+@dataclass(frozen=True)
+class MeasuredPoint:
+    """Times at an operating point of the published bench, s.
+
+    ``gap`` is the measured time less the simulated one; ``model`` and ``model_gap`` are those of
+    the published Adams model.
+    """
+
+    mismatch_rpm: float
+    measured: float
+    gap: float
+    model: float
+    model_gap: float
+
+
+def measured_points() -> list[MeasuredPoint]:
+    """List the operating points that have a time on the stand and in the published model."""
+    times = {name: published_times(name) for name in ("stand", "adams")}
+    gaps = {name: point_gaps(name) for name in ("stand", "adams")}
+    return [
+        MeasuredPoint(
+            mismatch_rpm=place[0],
+            measured=times["stand"][place],
+            gap=gaps["stand"][place],
+            model=times["adams"][place],
+            model_gap=gaps["adams"][place],
+        )
+        for place in sorted(set(gaps["stand"]) & set(gaps["adams"]))
+    ]
+
+
+def published_times(bench: str) -> dict[tuple[float, float], float]:
+    """Read the shift times of a bundled data set by mismatch and force, s."""
+    with (ROOT / f"studies/bench/mq200_{bench}/shifts.csv").open(encoding="utf-8") as file:
+        return {
+            (float(row["mismatch_rpm"]), float(row["force_N"])): float(row["shift_time_s"])
+            for row in csv.DictReader(file)
+            if row["shift_time_s"]
+        }
+
+
+def point_gaps(bench: str) -> dict[tuple[float, float], float]:
+    """Read the gaps of a diagnosis by mismatch and force, s."""
+    return {
         (row["mismatch_rpm"], row["force_N"]): row["gap_s"]
-        for row in gap("stand")["where"]
+        for row in gap(bench)["where"]
         if row["gap_s"] is not None
     }
-    with (ROOT / "studies/bench/mq200_stand/shifts.csv").open(encoding="utf-8") as file:
-        measured = [
-            float(row["shift_time_s"])
-            for row in csv.DictReader(file)
-            if (float(row["mismatch_rpm"]), float(row["force_N"])) in gaps
-        ]
-    return fmean(measured), fmean(measured) - fmean(gaps.values())
+
+
+def measured_beside_simulated() -> str:
+    """Write measured and simulated times of the published bench by mismatch."""
+    points = measured_points()
+    rows = []
+    for mismatch in sorted({point.mismatch_rpm for point in points}):
+        group = [point for point in points if point.mismatch_rpm == mismatch]
+        rows.append((f"{mismatch:.0f} 1/min", *mean_times(group)))
+    rows.append((f"all {len(points)} operating points", *mean_times(points)))
+    causes = " and ".join(effect_title(name) for name in gap("stand")["gap"]["hypothesis"])
+    stand_rms = rms_text("stand", "baseline")
+    rows.append(("difference, root mean square", "", "", "", stand_rms, model_rms_text()))
+    heldout_rms = rms_text("stand", "heldout")
+    rows.append((f"the same with {causes}, at held-out points", "", "", "", heldout_rms, ""))
+    head = (
+        "mismatch",
+        "measured",
+        "Adams model",
+        "simulated",
+        "measured less simulated",
+        "Adams less simulated",
+    )
+    named = " and ".join(effect_title(name) for name in gap("stand")["causes"]) or "none"
+    sentence = f"Most probable causes of the difference: {causes}; the diagnosis names {named}."
+    return f"{markdown(head, rows)}\n{sentence}\n"
+
+
+def mean_times(points: Sequence[MeasuredPoint]) -> list[str]:
+    """Write mean times of points: bench, published model, simulation, and both gaps."""
+    measured = fmean(point.measured for point in points)
+    stand_gap = fmean(point.gap for point in points)
+    model = fmean(point.model for point in points)
+    model_gap = fmean(point.model_gap for point in points)
+    values = [measured, model, measured - stand_gap, stand_gap, model_gap]
+    return [f"{1e3 * value:.0f} ms" for value in values]
+
+
+def model_rms_text() -> str:
+    """Write the root-mean-square difference between the published model and the simulation."""
+    squares = [point.model_gap**2 for point in measured_points()]
+    return f"{1e3 * fmean(squares) ** 0.5:.0f} ms"
+
+
+def effect_title(name: str) -> str:
+    """Write an effect of the diagnosis in words."""
+    return EFFECTS[name].title
 
 
 def confirmed_time(study: str, who: str) -> list[float]:
@@ -201,36 +286,43 @@ def main_findings() -> str:
     best = plus_minus(confirmed_time("mq200", "best"))
     prototype = plus_minus(confirmed_time("mq200", "prototype"))
     gains = [numbers("contact_sets", name, "gearbox's")[-3] for name in CONTACTS]
-    measured, simulated = stand_times()
     v = surrogate_validation()
     rows = [
         (
-            "fastest dogs of the MQ200, mean over 28 operating points",
-            f"{best}, prototype {prototype}",
+            "fastest dogs of the MQ200 that pass every check, mean over 28 operating points",
+            f"{best}; prototype {prototype}",
             f"gain with other contact laws: {min(gains):.0f} to {max(gains):.0f} ms",
         ),
         (
-            "prediction of the shift time without simulation",
-            f"explains {percent(v['q2'], 1)} of the variance of {v['n']} designs outside the fit",
-            f"{percent(v['q2_points'], 1)} at single operating points",
+            f"shift time of {v['n']} unseen designs, predicted without simulation",
+            f"off by {1e3 * v['rmse_s']:.1f} ms (root mean square)",
+            f"{1e3 * v['rmse_points_s']:.1f} ms at single operating points",
         ),
         (
-            "published Adams model, shift times at all relative angles",
-            f"root-mean-square deviation {numbers('adams', 'adams2019, all')[0]:.1f} %",
+            "shift times of the published Adams model",
+            f"off by {numbers('adams', 'adams2019, all')[0]:.1f} % (root mean square) at all "
+            "relative angles",
             f"{numbers('adams', 'adams2019, ten')[0]:.1f} % at the ten published angles",
         ),
-        (
-            "published bench, mean over 25 operating points",
-            f"simulated {1e3 * simulated:.0f} ms, measured {1e3 * measured:.0f} ms",
-            "absolute times need your bench",
-        ),
-        (
-            "diagnosis of simulated benches with a hidden cause",
-            f"a named cause is right and complete in {field_text('named: the whole truth')} cases",
-            f"90 % intervals hold the true size in {field_text('90 % intervals hold the sizes')}",
-        ),
+        diagnosis_row(),
     ]
     return markdown(("question", "answer", "limitation"), rows)
+
+
+def diagnosis_row() -> tuple[str, str, str]:
+    """Write how often the diagnosis names a cause, and how often it is right."""
+    whole, interval, named = headline("named: the whole truth")
+    coverage, coverage_interval, sizes = headline("90 % intervals hold the sizes")
+    upper_end = float(NUMBER.findall(coverage_interval)[-1])
+    width = "too narrow" if upper_end < 90.0 else "wide enough"
+    count = field_table.case_count(field_table.SCORE)
+    return (
+        f"cause hidden in {count} simulated benches",
+        f"the diagnosis names one on {named}; it is right and complete on {whole} {interval} of "
+        "these",
+        f"it names none on the other {count - named}; 90 % intervals of sizes are {width}: "
+        f"{coverage} {coverage_interval} of {sizes} hold the true size",
+    )
 
 
 def ordinary_drags() -> str:
@@ -481,7 +573,49 @@ def validation() -> str:
     return markdown(head, [row])
 
 
+def public_names() -> str:
+    """Write the public names of the package with the arguments of functions and methods."""
+    inherited = method_calls(dogshape.Result)
+    rows = []
+    for name in dogshape.__all__:
+        member = getattr(dogshape, name)
+        if not inspect.isclass(member):
+            rows.append((f"`{name}`", f"`({argument_names(member)})`"))
+            continue
+        calls = method_calls(member)
+        if issubclass(member, dogshape.Result) and member is not dogshape.Result:
+            calls = ["those of `Result`", *(call for call in calls if call not in inherited)]
+        rows.append((f"`{name}`", ", ".join(calls)))
+    return markdown(("name", "arguments, or methods of a class"), rows)
+
+
+def method_calls(kind: type) -> list[str]:
+    """Write the public methods of a class with the names of their arguments."""
+    return [
+        f"`.{name}({argument_names(method)})`"
+        for name, method in inspect.getmembers(kind, callable)
+        if not name.startswith("_") and (inspect.isfunction(method) or inspect.ismethod(method))
+    ]
+
+
+def argument_names(function: Callable[..., Any]) -> str:
+    """Write the names of a function's arguments; those behind ``*`` are given by name."""
+    marks = {inspect.Parameter.VAR_POSITIONAL: "*", inspect.Parameter.VAR_KEYWORD: "**"}
+    words = []
+    behind_star = False
+    for parameter in inspect.signature(function).parameters.values():
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and not behind_star:
+            words.append("*")
+        behind_star |= parameter.kind in (
+            inspect.Parameter.KEYWORD_ONLY,
+            inspect.Parameter.VAR_POSITIONAL,
+        )
+        words.append(f"{marks.get(parameter.kind, '')}{parameter.name}")
+    return ", ".join(word for word in words if word != "self")
+
+
 TABLES: dict[str, Callable[[], str | None]] = {
+    "measured": measured_beside_simulated,
     "found": main_findings,
     "paper design": paper_design,
     "contacts": contacts,
@@ -493,6 +627,7 @@ TABLES: dict[str, Callable[[], str | None]] = {
     "samplers": samplers,
     "validation": validation,
     "constants": constants.table,
+    "public names": public_names,
     "keys": lambda: key_table(StudyRecord, "result.json"),
 }
 
