@@ -26,3 +26,14 @@ def bundled_root() -> Path:
     if not root.is_dir():
         raise FileNotFoundError("the package was installed without its studies")
     return root
+
+
+def clone_remedy(study: str) -> str:
+    """Say where the kept result of a bundled study is; empty in a clone, which has those it keeps.
+
+    A wheel has studies, bench data and surrogates alone.
+    """
+    root = bundled_root()
+    if any(root.glob("*/result.json")) or not (root / study / "study.toml").is_file():
+        return ""
+    return f"; a clone of the repository has the kept result, in its folder studies/{study}"

@@ -44,6 +44,7 @@ from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import effect_files, load
 from dogshape.sim.errors import EffectError, InputError, StorageError
+from dogshape.sim.interface import argument
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -53,7 +54,7 @@ BANK = Path(user_cache_dir("dogshape", appauthor=False)) / "bank"  #: default fo
 TIMES = "bank.jsonl"  #: file of a bank
 SHIFTS = "shifts.jsonl"  #: file of finished shifts of an unfinished bank
 LOCK_TIMEOUT_S = 3600.0  #: time to wait for another diagnosis that simulates, s
-BUNDLED_BANK = bundled_root() / "bench" / TIMES  #: file of the package's bank
+BUNDLED_BANK = bundled_root() / "bench" / TIMES  #: bank of the published benches, in a clone
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,11 @@ def shifts_of(
                 f"the bank of this clutch lacks {count} shifts; they are simulated once "
                 f"and kept in {options.bank} for this and later diagnoses"
             )
+            if not BUNDLED_BANK.is_file():  # the package is a wheel
+                messages[0] += (
+                    "; the folder studies/bench of a clone of the repository has those of the "
+                    f"published benches, for {argument('bank')}"
+                )
             progress.say(messages[0])
         resumption = f"{options.bank}; the same command goes on from there"
         with WorkCounter(progress, count, resumption=resumption) as counter:

@@ -37,7 +37,7 @@ from dogshape.sim.statistics.hangs import pool
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.landing import demand_checks
-from dogshape.sim.versions import bundled_root
+from dogshape.sim.versions import bundled_root, clone_remedy
 
 ANGLES = 6  #: of each design at each operating point
 DESIGNS = 6  #: of the search, the fastest
@@ -154,6 +154,7 @@ def load_candidates(place: str | Path) -> tuple[Setup, dict[str, Params]]:
         study = load_study(place)
         folders = [StudyFolder(default_out(study)), StudyFolder(bundled_root() / study.name)]
         remedy = f"run {verb('search', str(place))} first, or name the folder of its results"
+        remedy += clone_remedy(study.name)
     for folder in folders:
         if folder.result.is_file():
             return study, _designs(study, read_study_record(folder))

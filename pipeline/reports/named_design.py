@@ -24,7 +24,7 @@ from dogshape.pipeline.store.folder import StudyFolder, read_json
 from dogshape.sim.errors import InputError
 from dogshape.sim.interface import argument, verb
 from dogshape.sim.shift.clutch import CONTACT_SETS
-from dogshape.sim.versions import bundled_root
+from dogshape.sim.versions import bundled_root, clone_remedy
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,7 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     if StudyFolder(results).manifest.exists():
         return named_design(f"{results}#{number}")
     remedy = f"run {verb('search', source)} and give the folder of its results"
+    remedy += clone_remedy(source)
     raise InputError(f"'{name}' names design {number}, but '{source}' has no result; {remedy}")
 
 

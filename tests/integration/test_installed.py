@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+MAX_DATA_BYTES = 1_500_000  #: of studies, bench data and surrogates in a wheel
 
 
 def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> None:
@@ -24,8 +25,10 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(target)
         names = archive.namelist()
+        data = [entry for entry in archive.infolist() if "/studies/" in entry.filename]
     assert any(name.endswith("entry_points.txt") for name in names)
     assert not any(name.startswith(("tests/", "dogshape/validation/")) for name in names)
+    assert sum(entry.file_size for entry in data) <= MAX_DATA_BYTES
     # Only the unpacked wheel is on the path before the libraries, no hook leads to the checkout,
     # and the folder is empty.
     work = tmp_path / "work"
@@ -50,6 +53,13 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
         )  # fmt: skip
         assert done.returncode == status, done.stderr
         assert ("needs a clone of the repository" in done.stderr) == (status == 2)
+    kept = subprocess.run(
+        [sys.executable, "-c", code, "compare", "mq200_paper#1"],
+        cwd=work, env=environment, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert kept.returncode == 2
+    where = "a clone of the repository has the kept result, in its folder studies/mq200_paper"
+    assert where in " ".join(kept.stderr.split())
     shift = ["shift", "mq200_paper", "--mismatch-rpm", "100", "--force-N", "469"]
     shift += ["--angle-deg", "12", "--report", "a.html"]
     subprocess.run([sys.executable, "-c", code, *shift], cwd=work, env=environment, check=True)
