@@ -1,4 +1,4 @@
-"""Write the tables of README.md and docs that come from kept results and docs/evidence.
+"""Write the tables of README.md, docs and paper that come from kept results and docs/evidence.
 
     python -m benchmarks.figures
 
@@ -617,6 +617,8 @@ def argument_names(function: Callable[..., Any]) -> str:
 TABLES: dict[str, Callable[[], str | None]] = {
     "measured": measured_beside_simulated,
     "found": main_findings,
+    "paper measured": measured_beside_simulated,
+    "paper found": main_findings,
     "paper design": paper_design,
     "contacts": contacts,
     "studies": studies,
@@ -683,9 +685,10 @@ def fill_tables(page: str) -> str:
 
 
 def pages() -> list[Path]:
-    """List README.md and the pages of docs."""
+    """List README.md, the paper and the pages of docs."""
     return [
         ROOT / "README.md",
+        ROOT / "paper" / "paper.md",
         *sorted((ROOT / "docs").glob("*.md")),
         *sorted((ROOT / "docs" / "api").glob("*.md")),
     ]

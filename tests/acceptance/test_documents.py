@@ -8,19 +8,22 @@ from pathlib import Path
 import pytest
 
 import dogshape
+from benchmarks.drawings import DRAWINGS
 from benchmarks.figures import BLOCK, ROOT, TABLES, fill_tables, pages
 
 #: CHANGELOG.md is none of them: it names what was there at the time.
 PAGES = sorted(
     [
-        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
+        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
+        *(ROOT / "paper").glob("*.md"),
         *(ROOT / "docs").rglob("*.md"),
         *(ROOT / "examples").rglob("*.md"),
     ]
 )
 #: Folders of the checkout; what else a page names is the user's own or is made by a command.
 FOLDERS = (
-    "sim|surrogate|diagnosis|pipeline|validation|dogshape|studies|tests|benchmarks|docs|examples"
+    "sim|surrogate|diagnosis|pipeline|validation|dogshape|studies|tests|benchmarks|docs|examples|"
+    "paper"
 )
 PATH = re.compile(rf"`((?:{FOLDERS})/[\w./*-]*)`")
 MODULE = re.compile(
@@ -77,6 +80,12 @@ def test_tables_are_those_of_their_sources(page: Path) -> None:
 def test_every_table_is_on_one_page() -> None:
     found = [match[2] for page in pages() for match in BLOCK.finditer(page.read_text("utf-8"))]
     assert sorted(found) == sorted(TABLES)
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_drawings_are_those_of_their_sources(name: str) -> None:
+    """``make figures`` draws them."""
+    assert (ROOT / name).read_text("utf-8") == DRAWINGS[name]()
 
 
 def test_the_api_page_has_every_public_name() -> None:
