@@ -12,7 +12,7 @@
 # make blind makes, diagnoses and scores data whose effect is withheld (half an hour on two cores);
 # stopped, it goes on.
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
-# make figures writes the tables of README.md and docs from kept results and docs/evidence.
+# make figures writes the tables and drawings of README.md, docs and paper from kept results and docs/evidence.
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
 # make processors repeats the diagnosis of the stand with the vector instructions, kernels of linear
 # algebra and threads of other processors (a quarter of an hour).
@@ -128,6 +128,7 @@ processors: SHELL := /bin/bash
 
 figures: $(VENV)/ready
 	$(BIN)/python -m benchmarks.figures
+	$(BIN)/python -m benchmarks.drawings
 
 GOLDEN ?= build/golden
 golden: $(VENV)/ready
