@@ -54,7 +54,7 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
         assert done.returncode == status, done.stderr
         assert ("needs a clone of the repository" in done.stderr) == (status == 2)
     kept = subprocess.run(
-        [sys.executable, "-c", code, "compare", "mq200_paper#1"],
+        [sys.executable, "-c", code, "compare", "mq200_paper#1", "mq200_paper#2"],
         cwd=work, env=environment, capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert kept.returncode == 2
