@@ -84,13 +84,14 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: AnalyticShifts) 
     bench = select_cells(load_bench("mq200_adams"), [(10, 235.2)])
     effects = {"moving_mass": load()["moving_mass"]}
     bench = replace(bench, clutch=replace(bench.clutch, timeout=1.1))  # no bank has this clutch
-    blocks: list[Block] = []
+    requests: list[Sequence[Block]] = []
 
     def noted(asked: Sequence[Block]) -> list[list[Record]]:
-        blocks.extend(asked)
+        requests.append(asked)
         return simulate_analytic(asked)
 
     build_models(bench, effects, USUAL, noted)
+    blocks = requests[0]  # at even angles; the angles between follow from these
     left = sum(len(block.angles) for block in blocks[1:])
     append(tmp_path / "shifts.jsonl", *AnalyticShifts()(blocks[0]))
     said: list[str] = []
