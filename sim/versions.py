@@ -29,7 +29,7 @@ def bundled_root() -> Path:
 
 
 def clone_remedy(study: str) -> str:
-    """Say where the kept result of a bundled study is; empty in a clone, which has those it keeps.
+    """Name the place of the kept result of a bundled study; empty in a clone.
 
     A wheel has studies, bench data and surrogates alone.
     """

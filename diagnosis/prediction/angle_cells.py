@@ -26,7 +26,7 @@ BISECTIONS = 3  #: of the interval of a step
 
 @dataclass
 class _Steps:
-    """Intervals of the angle in which the time steps, K of them: what is left of each."""
+    """Intervals of the angle around K steps of the time, halved in turn."""
 
     series: NDArray[np.int64]  #: index of the series, (K,)
     place: NDArray[np.int64]  #: index of the angle before the step, (K,)
@@ -35,7 +35,7 @@ class _Steps:
     before: Array  #: time at its begin, s, (K,)
     after: Array  #: time at its end, s, (K,)
     mean: Array  #: part of the mean over the whole interval from what is cut off, s, (K,)
-    share: float = 1.0  #: of the whole interval, that is left
+    share: float = 1.0  #: of the whole interval, not yet cut off
 
     def halve(self, middle: Array) -> None:
         """Keep the half in which the time changes more; ``middle`` are times between, s, (K,)."""
@@ -61,7 +61,7 @@ def average_cells(
     min_late_delay: Array,
     runner: Runner,
 ) -> Array:
-    """Average times over the cells of their angles where they step, s, (n, A).
+    """Replace times next to a step by means over the cells of their angles, s, (n, A).
 
     Late shifts, and those that did not engage, keep their times.
 
@@ -116,7 +116,7 @@ def _find_steps(blocks: Sequence[Block], times: Array, min_late_delay: Array) ->
 
 
 def _with_means(times: Array, steps: _Steps) -> Array:
-    """Add half of what each interval has above its ends' mean to the times at both ends."""
+    """Shift the times at both ends of each interval so that their mean is the interval's."""
     following = (steps.place + 1) % times.shape[1]
     ends = 0.5 * (times[steps.series, steps.place] + times[steps.series, following])
     excess = steps.interval_mean - ends

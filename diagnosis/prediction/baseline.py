@@ -31,7 +31,6 @@ from dogshape.diagnosis.prediction.moments import (
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
     SimulatedTimes,
-    min_late_delay,
     passing_time,
 )
 from dogshape.diagnosis.settings import Settings
@@ -92,10 +91,10 @@ class Baseline:
         """Time in which the rings turn by one pitch, at most the time-out, s, (C,)."""
         return np.array([passing_time(setting) for setting in self.settings])
 
-    @cached_property
+    @property
     def min_late_delay(self) -> Array:
         """Smallest delay of a late shift behind the median, s, (C,), by the dense baseline."""
-        return min_late_delay(self.settings, self.simulated.baseline_times)
+        return self.simulated.min_late_delay
 
     @cached_property
     def moments(self) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,11 @@ class SimulatedTimes:
     baseline_level_times: Array  #: of the baseline at the levels' angles, (C, ANGLES)
     levels: tuple[Level, ...]  #: in the order of ``times``
     times: Array  #: without delays of the reading, (L, C, ANGLES)
+
+    @cached_property
+    def min_late_delay(self) -> Array:
+        """Smallest delay of a late shift behind the median, s, (C,), by the baseline."""
+        return min_late_delay(self.settings, self.baseline_times)
 
     def spread_times(self, times: Array) -> Array:
         """Place times (..., C, ANGLES) at the baseline's angles, NaN between them."""
@@ -237,8 +243,7 @@ def simulate_benches(
     shape = (len(benches), len(baseline.settings), density * ANGLES)
     if not is_dense:
         return baseline.spread_times(times.reshape(shape))
-    late_delay = min_late_delay(baseline.settings, baseline.baseline_times)
-    late_delays = np.tile(late_delay, len(benches))
+    late_delays = np.tile(baseline.min_late_delay, len(benches))
     return average_cells(blocks, readings, times, late_delays, runner).reshape(shape)
 
 

@@ -43,7 +43,7 @@ def _times(law: TimeLaw, asked: list[int] | None = None) -> np.ndarray:
 
 @pytest.mark.parametrize("place", [0.1234, 0.5, 0.71, 0.93])
 def test_the_mean_over_a_step_is_that_of_the_law(place: float) -> None:
-    """Before the step the time falls from 0.1 s by 0.04 s, then it begins anew 0.06 s higher."""
+    """The time falls by 0.04 s over the pitch and rises by 0.06 s at the step."""
 
     def law(share: float) -> float:
         return 0.1 - 0.04 * share + 0.06 * (share % 1.0 >= place)
