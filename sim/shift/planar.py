@@ -68,6 +68,9 @@ NO_DOGS = Surfaces(
     is_rigid_face=np.zeros(1, dtype=bool),
     is_face=np.zeros(1, dtype=bool),
 )
+#: Decimals of a surface, m: on another processor its last digits differ, and so would the end of a
+#: shift that stands between two slots.
+SURFACE_DIGITS = 11
 NO_LAW = empty_record(CONTACT_LAW)
 NO_LOOK = np.zeros(0)  #: no state of a look: a ring that stands still is simulated on
 
@@ -80,14 +83,14 @@ def surfaces_of(pair: Pair) -> Surfaces:
     normals, offsets = stacked(touching_planes(dog))
     rigid_normals, _ = stacked(touching_planes(rigid))
     corners = rigid_dog(rigid).vertices[np.array(touching_quads(rigid))]
-    lean = np.tan([dog.traction, dog.braking])
+    lean = np.array([math.tan(dog.traction), math.tan(dog.braking)])
     lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
     traction_lean, braking_lean = lean.tolist()
     return Surfaces(
-        corners=corners,
-        rigid_normals=rigid_normals,
-        normals=normals,
-        offsets=offsets,
+        corners=corners.round(SURFACE_DIGITS),
+        rigid_normals=rigid_normals.round(SURFACE_DIGITS),
+        normals=normals.round(SURFACE_DIGITS),
+        offsets=offsets.round(SURFACE_DIGITS),
         traction_lean=traction_lean,
         braking_lean=braking_lean,
         half_backlash=float(0.5 * pair.backlash_angle),

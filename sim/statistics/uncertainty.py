@@ -132,12 +132,15 @@ class Distribution(Section):
             mean, sd = self._numbers("mean", "sd")
             return np.array((bounds - mean) / sd)
         median, factor = self._numbers("median", "factor")
-        logs = np.log(np.maximum(bounds / median, 1e-300))  # the lower bound may be 0
-        return np.array(logs / math.log(factor))
+        logs = [
+            math.log(max(bound / median, 1e-300)) for bound in self.bounds
+        ]  # the lower may be 0
+        return np.array(logs) / math.log(factor)
 
     def at(self, shares: Array) -> Array:
         """Compute the quantiles of the distribution at ``shares`` (n,), (n,)."""
-        from scipy.special import ndtr, ndtri  # noqa: PLC0415  slow to load, and only draws need it
+        # numpy's exponential ends in other digits where a processor has wider registers.
+        from scipy.special import exp2, ndtr, ndtri  # noqa: PLC0415  slow to load, only draws need it
 
         low, high = self.bounds
         low_share, high_share = (0.0, 1.0)
@@ -149,7 +152,7 @@ class Distribution(Section):
             quantiles = ndtri(u) * sd + mean
         elif self.distribution == "lognormal":
             median, factor = self._numbers("median", "factor")
-            quantiles = np.exp(math.log(factor) * ndtri(u)) * median
+            quantiles = exp2(math.log2(factor) * ndtri(u)) * median
         else:
             if self.distribution == "triangular":
                 (mode,) = self._numbers("mode")
