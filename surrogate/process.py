@@ -12,13 +12,16 @@ random part of the designs: the cost of a likelihood grows with their cube.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from dogshape.sim.elementwise import Array
 from dogshape.surrogate.covariance import Covariance, Term, first_parameters
+
+MIN_VARIANCE = 1e-8  #: of a joint draw, over the largest variance
+MIN_JITTER = 1e-6  #: variance added to a correlation of one, raised tenfold until there is a root
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,7 @@ class Effort:
     designs: int = 400  #: that the parameters are fitted to, drawn at random
     steps: int = 60  #: of the optimiser; 0 keeps the initial parameters
     seed: int = 0  #: of the draw of designs
+    digits: int | None = None  #: decimals that the parameters are rounded to; None keeps all
 
 
 @dataclass(frozen=True)
@@ -119,11 +123,27 @@ def fit_process(
             bounds=bounds,
             steps=effort.steps,
         )
+        if effort.digits is not None:
+            covariance = replace(covariance, theta=covariance.theta.round(effort.digits))
     return Process(covariance, inputs, targets, noise=relative_noise, level=level, scale=scale)
 
 
 def draw_jointly(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:
-    """Draw from a normal distribution of mean (m,) and covariance (m, m), (count, m)."""
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))  # a covariance may be singular
-    return mean + rng.standard_normal((count, len(mean))) @ root.T
+    """Draw from a normal distribution of mean (m,) and covariance (m, m), (count, m).
+
+    The triangular root changes with the covariance by as little as this does; the signs and order
+    of eigenvectors are the linear algebra library's choice.
+    """
+    largest = covariance.diagonal().max()
+    if largest <= 0.0:
+        return np.tile(mean, (count, 1))
+    deviation = np.sqrt(np.maximum(covariance.diagonal(), MIN_VARIANCE * largest))
+    correlation = covariance / np.outer(deviation, deviation)
+    jitter = MIN_JITTER
+    while True:
+        try:
+            root = np.linalg.cholesky(correlation + jitter * np.eye(len(mean)))
+            break
+        except np.linalg.LinAlgError:  # rounding has left the covariance of near designs
+            jitter *= 10.0
+    return mean + rng.standard_normal((count, len(mean))) @ (deviation[:, None] * root).T

@@ -5,6 +5,10 @@ Then the surrogate and processes over designs, one for each other simulated obje
 for the worst of landing and engagement, are drawn jointly for candidates and for finished and
 running designs. The candidate is proposed that adds most hypervolume, times the probability that it
 keeps the simulated constraints; by the seed, its number and the trials before it alone.
+
+A proposal is the same on another processor, whose last digits differ: one thread of linear algebra,
+parameters and gains of few digits, and draws that change with the predictions by as little as
+these.
 Hypervolume below a reference *r* is, but for a constant, the mean over random directions
 :math:`\lambda` of the largest :math:`s_\lambda(y) = \min_i \left(\max(0, r_i - y_i) /
 \lambda_i\right)^k` among designs (Deng and Zhang 2019).
@@ -22,6 +26,7 @@ import numpy as np
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 from optuna.trial import FrozenTrial, TrialState, create_trial
 from scipy.special import ndtr
+from threadpoolctl import threadpool_limits
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.state import not_dominated, pool_trials, trial_of
@@ -50,7 +55,8 @@ from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort, Process, draw_jointly, fit_process
 
 Trials = Sequence[FrozenTrial]
-EFFORT = Effort(designs=200, steps=30)  #: of a process, fitted again in each round
+#: of a process, fitted again in each round; an optimiser carries the last digits into the third
+EFFORT = Effort(designs=200, steps=30, digits=2)
 NO_EFFORT = Effort(steps=0)
 #: a smooth part, and a rough one that no other design predicts
 TERMS = (Term(), Term(scales=(0.1, 0.1), first=0.1))
@@ -71,6 +77,8 @@ MAX_DRAWS = 200  #: draws for a candidate before the allowed space counts as emp
 OUTLIER_RANGES = 1.5  #: quartile ranges above the upper quartile where outliers begin (Tukey 1977)
 #: Reference point of the hypervolume over the range of values: the worst of these still count.
 REFERENCE_SHARE = 1.1
+GAIN_DIGITS = 6  #: of a gain over the largest, so that no last digit decides between equal ones
+DISTANCE_DIGITS = 9  #: of a distance in the unit cube, for the same reason
 
 
 class Space:
@@ -357,6 +365,12 @@ class SurrogateSampler:
 
         Where none is allowed, one that fails by least.
         """
+        # More threads take longer for matrices of some hundred rows, and sum in another order.
+        with threadpool_limits(limits=1, user_api="blas"):
+            return self._propose(trials)
+
+    def _propose(self, trials: Trials) -> Params | None:
+        """Propose a design by the threads of linear algebra that are set."""
         proposed = [trial for trial in trials if self._guide.space.holds(trial.params)]
         complete = [trial for trial in proposed if trial.state == TrialState.COMPLETE]
         finished = [trial for trial in complete if np.isfinite(trial.values).all()]
@@ -372,7 +386,8 @@ class SurrogateSampler:
         proposed_coordinates = self._guide.space.coordinates([trial.params for trial in proposed])
         differences = coordinates[:, None, :] - proposed_coordinates[None, :, :]
         distances = np.linalg.norm(differences, axis=2).min(axis=1)
-        return designs[int(np.argmax(distances))]  # farthest from all that were proposed
+        # The farthest from all that were proposed.
+        return designs[int(np.argmax(distances.round(DISTANCE_DIGITS)))]
 
     def _predict(self, finished: Trials) -> GoalPrediction | None:
         """Fit a prediction to finished trials, once a round; None for fewer than ``startup``."""
@@ -423,10 +438,16 @@ class SurrogateSampler:
         )
         expected_gains = gains * prediction.chances(designs)
         if expected_gains.max() > 0.0:
-            return designs[int(np.argmax(expected_gains))]
+            return designs[first_largest(expected_gains)]
         # No draw adds anything: the candidate nearest to adding something, by its means.
         means = ((candidate_draws.mean(axis=0) - low) / (high - low)).max(axis=1)
-        return designs[int(np.argmin(means))]
+        return designs[first_largest(-means)]
+
+
+def first_largest(values: Array) -> int:
+    """Find the first of the largest values (m,), to ``GAIN_DIGITS`` of the largest size."""
+    size = np.abs(values).max()
+    return int(np.argmax((values / size).round(GAIN_DIGITS))) if size > 0.0 else 0
 
 
 def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -160,6 +163,55 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
         best[startup] = min(trial.values[0] for trial in trials) - 0.05
         assert len({tuple(t.params.values()) for t in trials}) == 30
     assert best[10] < 0.25 * best[1000]
+
+
+#: A search of the compiled engine, and each of its designs with its objectives as a line.
+SEARCH = """
+import sys, tempfile
+from pathlib import Path
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.search.search import open_search, run
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder
+
+study = load_study("mq200", sys.argv[1:]).search_setup
+with tempfile.TemporaryDirectory() as place:
+    folder = StudyFolder(Path(place))
+    executor = Executor(ShiftJournal(folder.running), 1)
+    state = run(open_search(study, folder, None, False), executor, lambda *_: None)
+for trial in state.trials:
+    print(trial.params, [round(value, 12) for value in trial.values])
+"""
+#: Features that numpy leaves out, kernel and threads of OpenBLAS.
+PROCESSORS = (("", "", "2"), ("X86_V3,X86_V4,AVX512_ICL,AVX512_SPR", "Nehalem", "1"))
+
+
+def test_every_processor_proposes_the_same_designs() -> None:
+    """Its last digits differ: of numpy's functions, of sums, and of what is solved and drawn."""
+    keys = [
+        *(key for key in SMALL if not key.startswith(("shift.", "load."))),
+        "operating.force_N=[469.0, 641.5]",
+        "search.trials=18",
+        "search.audit_shifts=",
+    ]
+    outputs = []
+    for features, kernel, threads in PROCESSORS:
+        variables = {
+            "NPY_DISABLE_CPU_FEATURES": features,
+            "OPENBLAS_CORETYPE": kernel,
+            "OPENBLAS_NUM_THREADS": threads,
+        }
+        environment = {name: value for name, value in variables.items() if value}
+        process = subprocess.run(
+            [sys.executable, "-c", SEARCH, *keys],
+            env=os.environ | environment,
+            capture_output=True,
+            check=True,
+            text=True,
+        )
+        outputs.append(process.stdout.splitlines())
+    assert len(outputs[0]) == 18
+    assert outputs[0] == outputs[1]
 
 
 def test_a_search_in_which_no_design_can_pass_ends_with_a_page(tmp_path: Path) -> None:
