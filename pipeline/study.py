@@ -140,6 +140,9 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
         nearest = None
         if confirmation is None:
             nearest = confirm_nearest(searched_state, executors, counter.say)
+        remaining_gain = None
+        if confirmation is not None:
+            remaining_gain = search.predict_remaining_gain(confirmation.chosen)
         life = _life(confirmation, state, executors.search, counter)
         designs = [trial.params for trial in searched_state.simulated]
         agreement = audit(study, designs, executors.kept, settings.audit_shifts, counter.say)
@@ -150,7 +153,7 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
         searched_state = search.read()  # with the trials of all who share the search
     confirmed_state = searched_state.renew(trial for trial in state.trials if trial.confirmed)
     write_json(folder.rows, {"rows": list(chain(*(t.rows for t in confirmed_state.simulated)))})
-    changes = {"life": life, "audit": agreement}
+    changes = {"life": life, "audit": agreement, "remaining_gain": remaining_gain}
     result = study_record(searched_state, kept_journal).model_copy(update=changes)
     return _with_confirmation(result, state, confirmation, nearest)
 
@@ -276,6 +279,7 @@ def study_record(state: SearchState, journal: ShiftJournal) -> StudyRecord:
         hang_prior=[HangPriorRow(**vars(prior)) for prior in state.priors],
         confirmation=None,
         nearest=None,
+        remaining_gain=None,
         life=None,
         audit=None,
         surrogate=None,

@@ -296,6 +296,7 @@ class SearchSection(Section):
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1
+    polish: Annotated[float, Field(ge=0.0, lt=1.0)] = later(0.25)
     confirm_designs: Annotated[int, Field(ge=1)] = 24
     confirm_angles: Annotated[int, Field(ge=1, le=256)] = 16
     audit_shifts: Annotated[int, Field(ge=0)] = later(200)

@@ -60,7 +60,13 @@ from dogshape.pipeline.reports.text import (
     quantile_words,
     value,
 )
-from dogshape.pipeline.search.study_record import Confirmation, DesignRow, OtherShape, StudyRecord
+from dogshape.pipeline.search.study_record import (
+    Confirmation,
+    DesignRow,
+    OtherShape,
+    RemainingGain,
+    StudyRecord,
+)
 from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES
 from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
 
@@ -353,12 +359,22 @@ def facts_of(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
             yield "designs that fail", failing
     else:
         yield from _gain_facts(study, result, best, confirmation)
+    remaining_gain = result.remaining_gain
+    if remaining_gain is not None:
+        yield "gain of further designs", _remaining_words(goals_of(result)[0], remaining_gain)
     yield "shafts", study.clutch.drive.text
     if study.clutch.actuator is not None:
         yield "actuator", study.clutch.actuator.text
     yield from _margin_facts(confirmation.best.checks)
     yield from _confirmation_facts(result, best, confirmation)
     yield from _engine_facts(study, result, confirmation)
+
+
+def _remaining_words(goal: Goal, gain: RemainingGain) -> str:
+    """Compose the words on the gain in an objective that further designs promise."""
+    expected = goal.words(goal.factor * gain.expected)
+    upper = goal.words(goal.factor * gain.upper)
+    return f"best found; the surrogate expects {expected} more, with 95 % no more than {upper}"
 
 
 def _bad_unless(good: bool, words: str) -> str:

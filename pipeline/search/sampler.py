@@ -4,7 +4,9 @@ What an exact constraint forbids is never proposed. First come designs that fill
 Then the surrogate and processes over designs, one for each other simulated objective or limit and
 for the worst of landing and engagement, are drawn jointly for candidates and for finished and
 running designs. The candidate is proposed that adds most hypervolume, times the probability that it
-keeps the simulated constraints; by the seed, its number and the trials before it alone.
+keeps the simulated constraints; by the seed, its number and the trials before it alone. The last
+designs polish the best: those with the largest expected gain in the leading objective, about the
+designs that the prediction has for the best, ever nearer to these.
 
 A proposal is the same on another processor, whose last digits differ: one thread of linear algebra,
 parameters and gains of few digits, and draws that change with the predictions by as little as
@@ -37,6 +39,7 @@ from dogshape.pipeline.simulate.design import (
     Design,
     design_of,
     explain_infeasible,
+    leading_objective,
     limits_of,
     mark_worthy,
     nearest_filling,
@@ -68,6 +71,11 @@ LANDING_SPREAD = 0.2
 #: Checks that a process over designs predicts: of the worst of them.
 LANDING = {*(rule.name for rule in LANDING_RULES), ENGAGEMENT.name}
 NEAR_DEVIATION = 0.08  #: of the range, standard deviation of a draw near a design
+POLISH_DEVIATIONS = (0.08, 0.04, 0.02)  #: that of each step of a polish
+POLISH_CANDIDATES = 128  #: candidates that each step adds
+POLISH_CENTRES = 4  #: designs that a step draws about
+POLISH_DRAWS = 256  #: joint draws of a polish, in which most designs are no better than the best
+LIKELY_CHANCE = 0.5  #: probability of a permitted landing from which a design counts as allowed
 SPACE_CANDIDATES = 400  #: candidates of the whole space
 FRONT_CANDIDATES = 100  #: candidates near the front
 DRAWS = 48  #: joint draws of candidates
@@ -121,15 +129,17 @@ class Space:
             user_attrs=attributes,
         )
 
-    def draw(self, rng: np.random.Generator, centre: Params | None = None) -> Params:
-        """Draw a design: evenly, or normal about ``centre`` by ``NEAR_DEVIATION``."""
+    def draw(
+        self,
+        rng: np.random.Generator,
+        centre: Params | None = None,
+        deviation: float = NEAR_DEVIATION,
+    ) -> Params:
+        """Draw a design: evenly, or normal about ``centre`` by a ``deviation`` of the range."""
         middle = None if centre is None else self.coordinates([centre])[0]
         params: Params = {}
         for k, (name, (low, high)) in enumerate(self.variables.items()):
-            if middle is None:
-                coordinate = rng.random()
-            else:
-                coordinate = middle[k] + rng.normal(0.0, NEAR_DEVIATION)
+            coordinate = rng.random() if middle is None else middle[k] + rng.normal(0.0, deviation)
             coordinate = min(max(float(coordinate), 0.0), 1.0)
             value = float(self._low[k]) + coordinate * float(self._high[k] - self._low[k])
             rounded = round(value) if name == "count" else value
@@ -174,9 +184,11 @@ class Guide:
     def __init__(self, study: Setup) -> None:
         self.study = study
         self.space = Space(study.variables)
-        self.signs = np.array([objective.sign for objective in objectives_of(study)])
+        objectives = objectives_of(study)
+        self.signs = np.array([objective.sign for objective in objectives])
+        self.leading = objectives.index(leading_objective(study))  #: place among the objectives
         # Most follow from the dog; its checks take most of the time of a whole design.
-        exact = [objective for objective in objectives_of(study) if objective.exact]
+        exact = [objective for objective in objectives if objective.exact]
         self._needs_checks = any(objective.name in SUMMARIES for objective in exact)
         self._cached_losses = cache(self._exact_losses)
 
@@ -321,7 +333,11 @@ class Pool:
         return remaining
 
     def draw(
-        self, rng: np.random.Generator, size: int, centres: Sequence[Params] | None = None
+        self,
+        rng: np.random.Generator,
+        size: int,
+        centres: Sequence[Params] | None = None,
+        deviation: float = NEAR_DEVIATION,
     ) -> list[Params]:
         """Draw allowed designs of the whole space or near ``centres``; empty without any."""
         designs: list[Params] = []
@@ -329,7 +345,7 @@ class Pool:
             draws = []
             for _ in range(DRAWS_TOGETHER * size):
                 centre = None if centres is None else centres[int(rng.integers(len(centres)))]
-                params = self._guide.space.draw(rng, centre)
+                params = self._guide.space.draw(rng, centre, deviation)
                 draws.append((params, rng.bit_generator.state))
             allowed = self._guide.allowed([params for params, _ in draws])
             for place in np.flatnonzero(allowed)[: size - len(designs)]:
@@ -341,16 +357,30 @@ class Pool:
         return designs
 
 
+@dataclass(frozen=True)
+class Standing:
+    """Trials of a search at a proposal."""
+
+    feasible: list[FrozenTrial]  #: finished ones that keep all constraints
+    rivals: list[Params]  #: designs of feasible and running trials
+    proposed: set[tuple[float, ...]]  #: keys of designs
+    count: int  #: number of trials within the space
+
+
 class SurrogateSampler:
     """Expected hypervolume improvement on Gaussian processes, within exact constraints.
 
-    ``startup`` designs fill the allowed space before anything is predicted.
+    ``startup`` designs fill the allowed space before anything is predicted. From trial
+    ``polish_start`` on, None for never, designs polish the leading objective.
     """
 
-    def __init__(self, guide: Guide, seed: int, startup: int) -> None:
+    def __init__(
+        self, guide: Guide, seed: int, startup: int, polish_start: int | None = None
+    ) -> None:
         self._guide = guide
         self._seed = seed
         self._startup = startup
+        self._polish_start = polish_start
         self._pool = Pool(guide, seed, SPACE_CANDIDATES)
         self._prediction: GoalPrediction | None = None
         self._predicted_trials: list[int] = []  # numbers of those that the prediction is fitted to
@@ -371,15 +401,13 @@ class SurrogateSampler:
 
     def _propose(self, trials: Trials) -> Params | None:
         """Propose a design by the threads of linear algebra that are set."""
-        proposed = [trial for trial in trials if self._guide.space.holds(trial.params)]
-        complete = [trial for trial in proposed if trial.state == TrialState.COMPLETE]
-        finished = [trial for trial in complete if np.isfinite(trial.values).all()]
+        proposed, finished = self._split_trials(trials)
         designs = self._pool.remaining([trial.params for trial in proposed])
         if not designs:
             return None
         prediction = self._predict(finished)
         if prediction is not None:
-            return self._best_candidate(designs, proposed, finished, prediction)
+            return self._best_candidate(designs, self._sort_trials(proposed, finished), prediction)
         if not proposed:
             return designs[0]
         coordinates = self._guide.space.coordinates(designs)
@@ -388,6 +416,12 @@ class SurrogateSampler:
         distances = np.linalg.norm(differences, axis=2).min(axis=1)
         # The farthest from all that were proposed.
         return designs[int(np.argmax(distances.round(DISTANCE_DIGITS)))]
+
+    def _split_trials(self, trials: Trials) -> tuple[list[FrozenTrial], list[FrozenTrial]]:
+        """Select the trials within the space, and of these the finished ones with values."""
+        proposed = [trial for trial in trials if self._guide.space.holds(trial.params)]
+        complete = [trial for trial in proposed if trial.state == TrialState.COMPLETE]
+        return proposed, [trial for trial in complete if np.isfinite(trial.values).all()]
 
     def _predict(self, finished: Trials) -> GoalPrediction | None:
         """Fit a prediction to finished trials, once a round; None for fewer than ``startup``."""
@@ -402,15 +436,8 @@ class SurrogateSampler:
             self._predicted_trials = numbers
         return self._prediction
 
-    def _best_candidate(
-        self, designs: list[Params], proposed: Trials, finished: Trials, prediction: GoalPrediction
-    ) -> Params:
-        """Select the candidate that adds most to the front.
-
-        Candidates are ``designs`` of the pool, and designs near the front that are not proposed.
-        """
-        key = self._guide.space.key
-        rng = np.random.default_rng([self._seed, len(proposed)])
+    def _sort_trials(self, proposed: Trials, finished: Trials) -> Standing:
+        """Sort the trials of a search by what a proposal needs of them."""
         constraints = self._guide.constraints(finished)
         feasible = [
             trial
@@ -418,13 +445,32 @@ class SurrogateSampler:
             if max(constraints[trial.number].values(), default=0.0) <= 0.0
         ]
         running = [trial.params for trial in proposed if trial.state == TrialState.RUNNING]
+        return Standing(
+            feasible=feasible,
+            rivals=[*(trial.params for trial in feasible), *running],
+            proposed={self._guide.space.key(trial.params) for trial in proposed},
+            count=len(proposed),
+        )
+
+    def _best_candidate(
+        self, designs: list[Params], standing: Standing, prediction: GoalPrediction
+    ) -> Params:
+        """Select the candidate that adds most to the front, or in a polish to its best end.
+
+        Candidates are ``designs`` of the pool, and designs near the front that are not proposed.
+        """
+        rng = np.random.default_rng([self._seed, standing.count])
+        if self._polish_start is not None and standing.count >= self._polish_start:
+            candidates = self._draw_near_best(standing, prediction, rng)
+            if candidates:
+                return candidates[0]
+        feasible = standing.feasible
+        rivals = standing.rivals
         values = self._guide.losses(feasible)
         marks = zip(feasible, not_dominated(values), strict=True)
         front = [trial.params for trial, on_front in marks if on_front]
-        rivals = [*(trial.params for trial in feasible), *running]
         neighbours = self._pool.draw(rng, FRONT_CANDIDATES, front) if front else []
-        proposed_keys = {key(trial.params) for trial in proposed}
-        designs += [params for params in neighbours if key(params) not in proposed_keys]
+        designs += self._select_new(neighbours, standing)
         draws = prediction.draws([*designs, *rivals], rng, DRAWS)
         candidate_draws = draws[:, : len(designs)]
         rival_draws = draws[:, len(designs) :]
@@ -438,16 +484,75 @@ class SurrogateSampler:
         )
         expected_gains = gains * prediction.chances(designs)
         if expected_gains.max() > 0.0:
-            return designs[first_largest(expected_gains)]
+            return designs[order_descending(expected_gains)[0]]
         # No draw adds anything: the candidate nearest to adding something, by its means.
         means = ((candidate_draws.mean(axis=0) - low) / (high - low)).max(axis=1)
-        return designs[first_largest(-means)]
+        return designs[order_descending(-means)[0]]
+
+    def _select_new(self, designs: Sequence[Params], standing: Standing) -> list[Params]:
+        """Select the designs that no trial has."""
+        key = self._guide.space.key
+        return [params for params in designs if key(params) not in standing.proposed]
+
+    def _draw_near_best(
+        self, standing: Standing, prediction: GoalPrediction, rng: np.random.Generator
+    ) -> list[Params]:
+        """Draw new allowed designs ever nearer to the best of the leading objective.
+
+        Each step draws about the designs with the largest expected gains so far, the first about
+        feasible ones with the best predicted means. Largest gain first; empty without any.
+        """
+        if not standing.feasible:
+            return []
+        leading = self._guide.leading
+        feasible = [trial.params for trial in standing.feasible]
+        means = prediction.draws(feasible, rng, POLISH_DRAWS)[:, :, leading].mean(axis=0)
+        centres = [feasible[place] for place in np.argsort(means)[:POLISH_CENTRES]]
+        candidates: list[Params] = []
+        for deviation in POLISH_DEVIATIONS:
+            neighbours = self._pool.draw(rng, POLISH_CANDIDATES, centres, deviation)
+            candidates += self._select_new(neighbours, standing)
+            if not candidates:
+                return []
+            draws = prediction.draws([*candidates, *standing.rivals], rng, POLISH_DRAWS)
+            losses = draws[:, : len(candidates), leading]
+            best_losses = draws[:, len(candidates) :, leading].min(axis=1)
+            gains = np.maximum(best_losses[:, None] - losses, 0.0).mean(axis=0)
+            expected_gains = gains * prediction.chances(candidates)
+            if expected_gains.max() <= 0.0:  # no draw is better: the best means
+                expected_gains = losses.mean(axis=0).max() - losses.mean(axis=0)
+            candidates = [candidates[place] for place in order_descending(expected_gains)]
+            centres = candidates[:POLISH_CENTRES]
+        return candidates
+
+    def draw_remaining_gain(self, trials: Trials, chosen: Params) -> Array:
+        """Draw the gain in the leading objective of the best allowed design over a chosen one.
+
+        Candidates are those of a proposal in a polish, and of the whole space. Returns the draws,
+        (``POLISH_DRAWS``,); none where nothing is predicted.
+        """
+        with threadpool_limits(limits=1, user_api="blas"):
+            proposed, finished = self._split_trials(trials)
+            prediction = self._predict(finished)
+            if prediction is None:
+                return np.zeros(0)
+            standing = self._sort_trials(proposed, finished)
+            rng = np.random.default_rng([self._seed, standing.count])
+            candidates = self._draw_near_best(standing, prediction, rng)
+            candidates += self._pool.remaining([trial.params for trial in proposed])
+            is_likely = prediction.chances(candidates) >= LIKELY_CHANCE
+            likely = [candidates[place] for place in np.flatnonzero(is_likely)]
+            draws = prediction.draws([chosen, *likely], rng, POLISH_DRAWS)[
+                :, :, self._guide.leading
+            ]
+            return np.asarray(draws[:, 0] - draws.min(axis=1))
 
 
-def first_largest(values: Array) -> int:
-    """Find the first of the largest values (m,), to ``GAIN_DIGITS`` of the largest size."""
+def order_descending(values: Array) -> list[int]:
+    """Order values (m,) by size, those that agree to ``GAIN_DIGITS`` of the largest by place."""
     size = np.abs(values).max()
-    return int(np.argmax((values / size).round(GAIN_DIGITS))) if size > 0.0 else 0
+    shares = (values / size if size > 0.0 else values).round(GAIN_DIGITS)
+    return np.argsort(-shares, kind="stable").tolist()
 
 
 def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:

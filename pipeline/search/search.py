@@ -15,6 +15,7 @@ from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 
+import numpy as np
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
 from optuna.storages import RDBStorage, fail_stale_trials
@@ -32,6 +33,7 @@ from dogshape.pipeline.search.state import (
     simulation_record,
     trial_of,
 )
+from dogshape.pipeline.search.study_record import RemainingGain
 from dogshape.pipeline.simulate.design import (
     Design,
     design_of,
@@ -57,6 +59,7 @@ from dogshape.sim.versions import engine
 from dogshape.surrogate.model import MIN_DESIGNS
 
 POLL_TIME_S = 0.5  #: between looks at the trials of other machines
+UPPER_SHARE = 0.95  #: of the draws of a remaining gain that lie below its upper bound
 STORAGE_REMEDY = "give the study another name or use another storage"
 
 AfterRound = Callable[[str, SearchState], None]  #: called with a line for people, and the state
@@ -79,6 +82,16 @@ class Search:
         # A limit on a time is judged again with each prior.
         time_limits = TIME_ESTIMATORS.keys() & set(simulated_limits(self.study))
         return SearchState(self.study, trials, {} if time_limits else self._designs, priors)
+
+    def predict_remaining_gain(self, chosen: int) -> RemainingGain | None:
+        """Predict the gain of further designs over a chosen trial; None without a prediction."""
+        trials = self.trials(TrialState.COMPLETE)
+        params = next(trial.params for trial in trials if trial.number == chosen)
+        gains = self.sampler.draw_remaining_gain(trials, params)
+        if not len(gains):
+            return None
+        upper = float(np.quantile(gains, UPPER_SHARE))
+        return RemainingGain(expected=float(gains.mean()), upper=upper)
 
     def trials(self, *states: TrialState) -> list[FrozenTrial]:
         """List the trials in some states."""
@@ -220,7 +233,8 @@ def sampler_of(study: Setup) -> SurrogateSampler:
     search = study.file.search
     filling = search.sampler == "space_filling"
     startup = search.trials if filling else max(search.startup, MIN_DESIGNS)
-    return SurrogateSampler(Guide(study), search.seed, startup)
+    polish_start = search.trials - round(search.polish * search.trials)
+    return SurrogateSampler(Guide(study), search.seed, startup, polish_start)
 
 
 def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: bool) -> Search:

@@ -158,6 +158,17 @@ class Confirmation(FileRecord):
     gains: dict[str, ObjectiveEstimate] = key("gain in each simulated objective, in its unit")
 
 
+class RemainingGain(Record):
+    """Gain in the leading objective of the best allowed design over the chosen one.
+
+    Predicted from the designs of the search for candidates about the best and of the whole space,
+    in the unit of the objective.
+    """
+
+    expected: float = key("expected gain, at least 0")
+    upper: float = key("95 % quantile of the gain")
+
+
 class StudyRecord(FileRecord):
     """The whole record, ``result.json``."""
 
@@ -184,6 +195,9 @@ class StudyRecord(FileRecord):
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")
     nearest: list[ConfirmedDesign] | None = key(
         "own dog and designs that fail by least, re-simulated where none passes", "", None
+    )
+    remaining_gain: RemainingGain | None = key(
+        "gain that further designs promise; null where nothing is chosen or predicted", late=True
     )
     life: list[LifeStage] | None = key("drift over the life; null without `[wear]`", "", None)
     audit: EngineAgreement | None = key(

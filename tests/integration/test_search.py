@@ -89,6 +89,8 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
         result["confirmation"]["prototype"]["expected_shift_time_s"]
         - result["confirmation"]["best"]["expected_shift_time_s"]
     )
+    gain = result["remaining_gain"]
+    assert 0.0 <= gain["expected"] <= gain["upper"] < best["expected_shift_time_s"]
     for name in ("study.json", "trials.log", "surrogate.json"):
         assert (folder / name).stat().st_size > 0
     assert not (folder / "report.html").exists()

@@ -102,6 +102,10 @@ def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: 
     ]  # fmt: skip
     result["best"] |= {"chamfer_deg": 0.0}
     assert "chamfer" in _facts(few, result)["at the end of the search range"]
+    assert "gain of further designs" not in found
+    result["remaining_gain"] = {"expected": 0.00112, "upper": 0.0031}
+    words = "best found; the surrogate expects 1.1 ms more, with 95 % no more than 3.1 ms"
+    assert _facts(few, result)["gain of further designs"] == words
 
 
 def test_headline_is_the_time_of_the_chosen_design_and_the_prototype(result: Row) -> None:

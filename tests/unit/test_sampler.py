@@ -20,8 +20,10 @@ from dogshape.pipeline.search.sampler import (
     chance_below_zero,
     directions,
     fit_response,
+    order_descending,
 )
 from dogshape.sim.elementwise import Array
+from dogshape.surrogate.process import draw_jointly
 
 RANGES = {"height_mm": (2.0, 4.0), "count": (6, 36)}
 
@@ -33,6 +35,7 @@ class Told:
     """
 
     signs = np.ones(2)
+    leading = 0
 
     def __init__(self, **variables: tuple[float, float]) -> None:
         self.space = Space(variables or {"a": (0.0, 1.0), "b": (0.0, 1.0)})
@@ -64,9 +67,9 @@ class Told:
 class Asked:
     """A search that is asked and told one design after the other."""
 
-    def __init__(self, guide: Told, startup: int = 3) -> None:
+    def __init__(self, guide: Told, startup: int = 3, polish_start: int | None = None) -> None:
         self.guide = guide
-        self.sampler = SurrogateSampler(cast(Any, guide), 1, startup)
+        self.sampler = SurrogateSampler(cast(Any, guide), 1, startup, polish_start)
         self.trials: list[FrozenTrial] = []
 
     def tell(self, params: Params, values: Sequence[float] | None = None) -> None:
@@ -169,3 +172,50 @@ def test_a_front_that_is_narrow_does_not_stay_so(outliers: list[tuple[float, flo
     batch = [search.ask(running=True) or {} for _ in range(4)]
     apart = [np.hypot(a["a"] - b["a"], a["b"] - b["b"]) for a, b in combinations(batch, 2)]
     assert min(apart) > 0.01
+
+
+def test_joint_draws_change_as_little_as_their_covariance() -> None:
+    """Also where eigenvalues are equal or zero, whose vectors any rounding turns."""
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(40, 12))
+    pairs = np.kron(np.eye(20), [[1.0, 1.0], [1.0, 1.0]])
+    scales = np.logspace(-3.0, 0.0, 40)
+    for covariance in (np.eye(40), pairs, root @ root.T, np.outer(scales, scales) * pairs):
+        noise = 1e-13 * np.diag(covariance).max() * rng.normal(size=(40, 40))
+        changed = covariance + noise + noise.T
+        draws, changed_draws = (
+            draw_jointly(np.zeros(40), matrix, np.random.default_rng(1), count=4000)
+            for matrix in (covariance, changed)
+        )
+        assert np.abs(draws - changed_draws).max() < 1e-5 * draws.std()
+        error = np.cov(draws.T) - covariance
+        assert np.abs(error).max() < 0.1 * np.diag(covariance).max()
+    assert (draw_jointly(np.ones(2), np.zeros((2, 2)), rng, count=3) == 1.0).all()
+
+
+def test_equal_gains_are_in_the_order_of_their_places() -> None:
+    gains = np.array([0.3, 0.6, 0.1 + 0.2, 0.6 * (1.0 - 1e-12), 0.0])
+    assert order_descending(gains) == [1, 3, 0, 2, 4]
+    assert order_descending(gains[::-1]) == [1, 3, 2, 4, 0]
+    assert order_descending(np.zeros(3)) == [0, 1, 2]
+
+
+def test_a_polish_ends_nearer_to_the_best() -> None:
+    """Of the line that the guide knows, the best of the leading objective lies at its end."""
+    designs = [{"a": a, "b": b} for a, b in ((0.3, 0.0), (0.5, 0.2), (0.9, 0.0), (0.4, 0.9))]
+    ends = {}
+    for polish_start in (None, len(designs)):
+        search = Asked(Told(), polish_start=polish_start)
+        for params in designs:
+            search.tell(params, search.guide.of(params))
+        before = search.sampler.draw_remaining_gain(search.trials, designs[0])
+        proposed = [search.ask() or {} for _ in range(4)]
+        best = min(proposed, key=lambda params: search.guide.of(params)[0])
+        ends[polish_start] = search.guide.of(best)[0]
+        after = search.sampler.draw_remaining_gain(search.trials, best)
+        assert before.mean() == pytest.approx(0.3, abs=0.02)
+        assert 0.0 <= after.mean() <= ends[polish_start]
+    assert ends[len(designs)] < 0.01
+    assert ends[len(designs)] < ends[None]
+    early = Asked(Told())
+    assert not len(early.sampler.draw_remaining_gain(early.trials, designs[0]))
