@@ -71,9 +71,9 @@ LANDING_SPREAD = 0.2
 #: Checks that a process over designs predicts: of the worst of them.
 LANDING = {*(rule.name for rule in LANDING_RULES), ENGAGEMENT.name}
 NEAR_DEVIATION = 0.08  #: of the range, standard deviation of a draw near a design
-POLISH_DEVIATIONS = (0.08, 0.04, 0.02)  #: that of each step of a polish
+POLISH_DEVIATIONS = (0.04, 0.02, 0.01)  #: that of each step of a polish
 POLISH_CANDIDATES = 128  #: candidates that each step adds
-POLISH_CENTRES = 4  #: designs that a step draws about
+POLISH_CENTRES = 2  #: designs that a step draws about
 POLISH_DRAWS = 256  #: joint draws of a polish, in which most designs are no better than the best
 LIKELY_CHANCE = 0.5  #: probability of a permitted landing from which a design counts as allowed
 SPACE_CANDIDATES = 400  #: candidates of the whole space
