@@ -38,6 +38,7 @@ from dogshape.pipeline.drafts.draft_keys import (
     POINTS,
     RADIUS,
     RELEASE,
+    RIM,
     ROOF_CREST,
     STRIKE_MISMATCH,
     TORQUE,
@@ -63,6 +64,7 @@ BOUND_KEYS: dict[tuple[str, ...], tuple[str, ...]] = {
     RING: (
         RADIUS,
         DRAG,
+        RIM,
         "sleeve.tooth_height_mm",
         "mechanism.ring_inertia_kgm2",
         "mechanism.input_stiffness_Nm_rad",

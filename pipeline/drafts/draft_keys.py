@@ -92,7 +92,6 @@ OPERATION = {
 CLUTCH = {
     COUNT: "number of dogs",
     MOUNT: "root of the dogs: face of a ring, or sleeve for teeth rooted radially",
-    RIM: "thickness of the sleeve outside its teeth, mm; 0: unknown",
     CHAMFER: "chamfer of the face, deg; 0: flat",
     CHAMFER_BACK: "chamfer behind the ridge of a roof tip, deg; 0: no roof",
     CREST: "place of the ridge on the tip, 0 braking edge to 1 traction edge",
@@ -126,6 +125,7 @@ USE = {
     COAST: "largest torque on the braking flank (coast, recuperation, reverse) over the rated one; "
     "or in N m",
     RADIUS: "radius of the toothing that the ring slides on, of a sleeve its own teeth's, mm",
+    RIM: "thickness of the sleeve outside its teeth, mm; 0: unknown",
     SPEED: "speed of both shafts, on the wheels' side, 1/min, of a range its middle; "
     "0: the sliding ring stands",
     SIDE: "ring that turns with the engine",

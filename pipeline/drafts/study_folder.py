@@ -266,6 +266,8 @@ def questions_of(
             defaults[key] = [defaults[key]]
     answers = source.dog_values
     answers |= {key: value for key, value in defaults.items() if _is_answer(value)}
+    if look_up(MOUNT) != "sleeve":
+        del answers[RIM]
     answers = {key: answers[key] for key in part if key in answers}
     questions = {}
     for key in answers:
@@ -414,8 +416,6 @@ def _warnings_of(study: Setup) -> list[str]:
 
 def is_void(key: str, answers: Mapping[str, Any]) -> bool:
     """Test whether an earlier answer leaves a question without a subject."""
-    if key == RIM:
-        return answers.get(MOUNT) != "sleeve"
     part = {CREST: CHAMFER_BACK, PLAY_DEVIATION: BACKLASH}.get(key)
     return part is not None and answers.get(part) == 0
 

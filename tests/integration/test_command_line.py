@@ -149,7 +149,7 @@ compare mq200_paper#0 mq200_paper#99 | has the designs 0 (prototype) to 47
 compare mq200_paper#0 mq200_paper#x | must end in the number of a design
 init study --set dog.cuont=20 | did you mean 'dog.count'?
 init study --set dog.height_mm=-3.0 | dog.height_mm is -3 mm
-init study --like mq20 | or a kind: amt (30 dogs, 140/124 mm, 2500 N m); ev_disconnect
+init study --like mq20 | or a kind: amt (30 dogs, 138/129 mm, 2500 N m); ev_disconnect
 init study --out 'my clutch' | letters, digits
 check mq200_paper --mismatch-rpm 80 | needs --mismatch-rpm and --force-N
 check mq200_paper --surrogate none.json | there is no surrogate at

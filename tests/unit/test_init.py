@@ -76,7 +76,7 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert strikes == {(0.004, 1e5), (0.02, 1e5)}
     for words in (
         "not judged; 2.5 kg at the mean radius have 0.01089",
-        "kinds of clutch: amt (30 dogs, 140/124 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
+        "kinds of clutch: amt (30 dogs, 138/129 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
         "chamfer of the face, deg; 0: flat (the MQ200 prototype, thesis table 5) [8]:",
         "own teeth's, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
         "a range its middle; 0: the sliding ring stands", "ring that turns with the engine",
@@ -108,9 +108,9 @@ def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     lines = (
-        "amt||12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|sleeve|9|15\N{DEGREE SIGN}|15|"
+        "amt||12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|sleeve|15\N{DEGREE SIGN}|15|"
         "|-3|\N{MINUS SIGN}3 deg|122|110|1|1 deg|0.15|3.1 kg|0.35|45|6|1.2|3,200|3200 N m|1500 N m"
-        "|58|600 to 1800|1200||4|120|0.2|5e5|200 kg cm2|90 kN m/rad|"
+        "|58|9|600 to 1800|1200||4|120|0.2|5e5|200 kg cm2|90 kN m/rad|"
     )
     typed = lines.replace("|", "\n") + "\n"
     done = CliRunner().invoke(app, ["init", "study", "--out", "sleeve"], input=typed)

@@ -167,13 +167,13 @@ def test_many_designs_have_the_checks_of_each() -> None:
             assert np.broadcast_to(many.value, 3)[place] == pytest.approx(one.value), one.name
 
 
-def _amt(*settings: str) -> Setup:
-    return load_study("amt", ['dog.mount="sleeve"', *settings])
+def _sleeve(*settings: str) -> Setup:
+    return load_study("mq200", ['dog.mount="sleeve"', *settings])
 
 
 def test_the_mount_moves_no_shift_and_no_hash_at_its_default() -> None:
-    face, sleeve = load_study("amt"), _amt()
-    assert load_study("amt", ['dog.mount="face"']).config_hash == face.config_hash
+    face, sleeve = load_study("mq200"), _sleeve()
+    assert load_study("mq200", ['dog.mount="face"']).config_hash == face.config_hash
     assert sleeve.config_hash != face.config_hash
     assert sleeve.physics_hash == face.physics_hash
     assert sleeve.clutch == face.clutch
@@ -185,39 +185,39 @@ def test_a_sleeve_without_its_rim_is_not_judged() -> None:
         names = [check.name for check in strength_checks(dog, limits)]
         return {missing.check: missing.key for missing in missing_checks(dog, limits, names)}
 
-    assert keys(_amt())["sleeve_hoop"] == "manufacturing.rim_mm"
-    assert "sleeve_hoop" not in keys(_amt("manufacturing.rim_mm=8"))
-    assert "sleeve_hoop" not in keys(load_study("amt"))
+    assert keys(_sleeve())["sleeve_hoop"] == "manufacturing.rim_mm"
+    assert "sleeve_hoop" not in keys(_sleeve("manufacturing.rim_mm=8"))
+    assert "sleeve_hoop" not in keys(load_study("mq200"))
 
 
 def test_mistakes_of_a_sleeve_are_sentences(dogshape: Call, tmp_path: Path) -> None:
     mount = ("--set", "dog.mount=sleeve")
     for settings, words in (
         (("--set", "sleeve.speed_rpm=2000"), "[sleeve] belongs to dog.mount = 'sleeve'"),
-        ((*mount, "--set", "sleeve.tooth_height_mm=6"), "(outer - inner diameter)/2 = 8 mm of it"),
+        ((*mount, "--set", "sleeve.tooth_height_mm=3"), "(outer - inner diameter)/2 = 4 mm of it"),
         ((*mount, "--set", "sleeve.pressure_angle_deg=60"), "between 0 and 45 deg"),
         (("--set", "dog.mount=bore"), "dog.mount is 'bore', but it must be one of 'face' or"),
         ((*mount, "--fem"), "--fem has dogs on a face"),
     ):
-        assert words in dogshape("strength", "amt", "--no-simulate", *settings).sentence
+        assert words in dogshape("strength", "mq200", "--no-simulate", *settings).sentence
     stl = str(tmp_path / "ring.stl")
     assert (
         "STL and STEP have dogs on a face"
-        in dogshape("export", "amt", *mount, "--stl", stl).sentence
+        in dogshape("export", "mq200", *mount, "--stl", stl).sentence
     )
 
 
 def test_sheet_console_and_live_page_state_the_mount(dogshape: Call, tmp_path: Path) -> None:
-    words = "sleeve, teeth 8 mm high, pressure angle 30°"
+    words = "sleeve, teeth 4 mm high, pressure angle 30°"
     settings = {"dog.mount": "sleeve", "sleeve.speed_rpm": 2000}
-    study = ds.Study("amt", settings)
-    assert study.dog == ds.Study("amt").dog
-    assert "amt: count=30" in repr(study)
+    study = ds.Study("mq200", settings)
+    assert study.dog == ds.Study("mq200").dog
+    assert "mq200: count=15" in repr(study)
     assert provenance_of(study.config, None)["mount"] == f"{words}, 2000 1/min"
-    assert "mount" not in provenance_of(load_study("amt"), None)
-    said = dogshape("strength", "amt", "--no-simulate", "--set", "dog.mount=sleeve")
+    assert "mount" not in provenance_of(load_study("mq200"), None)
+    said = dogshape("strength", "mq200", "--no-simulate", "--set", "dog.mount=sleeve")
     assert f"mount: {words}\n" in said.out
-    assert "mount:" not in dogshape("strength", "amt", "--no-simulate").out
+    assert "mount:" not in dogshape("strength", "mq200", "--no-simulate").out
     page = open_live_page(study)
     texts = {number.key: number.text for number in page.numbers}
     page.write("dog.svg", texts, "", tmp_path / "dog.svg")
@@ -227,9 +227,9 @@ def test_sheet_console_and_live_page_state_the_mount(dogshape: Call, tmp_path: P
 
 
 def test_the_drawing_has_teeth_without_a_floor() -> None:
-    study = _amt("manufacturing.rim_mm=8")
+    study = _sleeve("manufacturing.rim_mm=8")
     drawing = dimensioned_svg(study.clutch.dog, study.limits)
-    assert "teeth of a sleeve, rooted at Ø140.00, and of its mate, at Ø124.00 mm" in drawing
+    assert "teeth of a sleeve, rooted at Ø52.00, and of its mate, at Ø44.00 mm" in drawing
     assert drawing.count('class="part"') == 5
     face = dimensioned_svg(study.clutch.dog, replace(study.limits, sleeve=None))
     assert "both rings alike, one turned over" in face
