@@ -31,7 +31,7 @@ from scipy.special import ndtr
 from threadpoolctl import threadpool_limits
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.state import not_dominated, pool_trials, trial_of
+from dogshape.pipeline.search.state import Trial, not_dominated, pool_trials, trial_of
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -85,6 +85,7 @@ MAX_DRAWS = 200  #: draws for a candidate before the allowed space counts as emp
 OUTLIER_RANGES = 1.5  #: quartile ranges above the upper quartile where outliers begin (Tukey 1977)
 #: Reference point of the hypervolume over the range of values: the worst of these still count.
 REFERENCE_SHARE = 1.1
+MAX_POOLS = 4  #: sets of trials that are kept with their times
 GAIN_DIGITS = 6  #: of a gain over the largest, so that no last digit decides between equal ones
 DISTANCE_DIGITS = 9  #: of a distance in the unit cube, for the same reason
 
@@ -191,6 +192,7 @@ class Guide:
         exact = [objective for objective in objectives if objective.exact]
         self._needs_checks = any(objective.name in SUMMARIES for objective in exact)
         self._cached_losses = cache(self._exact_losses)
+        self._pools: dict[tuple[int, ...], tuple[Trial, ...]] = {}  # by the numbers of trials
 
     def allowed(self, params: Sequence[Params]) -> Mask:
         """Mark designs that pass every check that needs no simulation, (m,)."""
@@ -203,8 +205,7 @@ class Guide:
         """
         study = self.study
         constraints = self.constraints(trials)
-        simulated_trials = [trial for trial in map(trial_of, trials) if trial.simulated]
-        pooled_trials, _ = pool_trials(study, simulated_trials)
+        pooled_trials = [trial for trial in self._pooled(trials) if trial.simulated]
         x = self.space.coordinates([trial.params for trial in pooled_trials])
         trial_constraints = [constraints[trial.number] for trial in pooled_trials]
         # The constraint value of the hardest landing, feasible at or below zero.
@@ -232,12 +233,23 @@ class Guide:
                 responses[column] = fit_response(x, losses[:, column], errors[:, column])
         return GoalPrediction(self, time_column, responses, (landing, *limits))
 
+    def _pooled(self, trials: Trials) -> tuple[Trial, ...]:
+        """Read finished trials with times by the prior of hangs that is fitted to all of them.
+
+        The proposals of a round ask for the same trials: the last few answers are kept.
+        """
+        numbers = tuple(trial.number for trial in trials)
+        if numbers not in self._pools:
+            while len(self._pools) >= MAX_POOLS:
+                del self._pools[next(iter(self._pools))]
+            self._pools[numbers], _ = pool_trials(self.study, list(map(trial_of, trials)))
+        return self._pools[numbers]
+
     def constraints(self, trials: Trials) -> dict[int, dict[str, float]]:
         """Return the constraints of trials by number, limits on times with pooled hangs."""
         constraints = {trial.number: dict(trial.constraints) for trial in trials}
-        pooled_trials, _ = pool_trials(self.study, [trial_of(trial) for trial in trials])
         limits = limits_of(self.study)
-        for trial in pooled_trials:
+        for trial in self._pooled(trials) if limits else ():
             limited = {} if trial.measured is None else trial.measured.limited
             for quantity, limit in limits:
                 if quantity.name in limited:
@@ -247,8 +259,7 @@ class Guide:
 
     def losses(self, trials: Trials) -> Array:
         """Return the objectives of finished trials as losses, hangs by their posterior, (m, k)."""
-        pooled_trials, _ = pool_trials(self.study, [trial_of(trial) for trial in trials])
-        values = np.array([trial.values for trial in pooled_trials])
+        values = np.array([trial.values for trial in self._pooled(trials)])
         return values.reshape(len(trials), len(self.signs)) * self.signs
 
     def exact(self, designs: Sequence[Params]) -> Array:

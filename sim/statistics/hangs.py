@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,18 +67,23 @@ class HangPrior:
 
     def posterior(self, hangs: int, shifts: int) -> HangPosterior:
         """Update the prior by the number of ``hangs`` among ``shifts``."""
-        shares = np.array([1.0 - self.blocked_share, self.blocked_share])
-        a = np.array([self.strength * self.rate, JEFFREYS])
-        b = np.array([self.strength * (1.0 - self.rate), JEFFREYS])
-        updated_a, updated_b = a + hangs, b + (shifts - hangs)
-        logs = np.log(shares) + _log_beta(updated_a, updated_b) - _log_beta(a, b)
-        weights = np.exp(logs - logs.max())
-        weights /= weights.sum()
-        total = updated_a + updated_b
-        means = updated_a / total
-        variances = means * (1.0 - means) / (total + 1.0)
-        mean = float(weights @ means)
-        return HangPosterior(mean, float(weights @ (variances + (means - mean) ** 2)))
+        return _posterior(self, hangs, shifts)
+
+
+@lru_cache(maxsize=4096)  # most designs of a study have the same few counts
+def _posterior(prior: HangPrior, hangs: int, shifts: int) -> HangPosterior:
+    shares = np.array([1.0 - prior.blocked_share, prior.blocked_share])
+    a = np.array([prior.strength * prior.rate, JEFFREYS])
+    b = np.array([prior.strength * (1.0 - prior.rate), JEFFREYS])
+    updated_a, updated_b = a + hangs, b + (shifts - hangs)
+    logs = np.log(shares) + _log_beta(updated_a, updated_b) - _log_beta(a, b)
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    total = updated_a + updated_b
+    means = updated_a / total
+    variances = means * (1.0 - means) / (total + 1.0)
+    mean = float(weights @ means)
+    return HangPosterior(mean, float(weights @ (variances + (means - mean) ** 2)))
 
 
 def weak_priors(points: int, settings: PriorSettings = SETTINGS) -> tuple[HangPrior, ...]:
