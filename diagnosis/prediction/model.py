@@ -135,7 +135,7 @@ class _EffectSums:
     modes: Modes
     contact_logs: list[Array] = field(default_factory=list)  #: ln time from the closed gap, (m, C)
     reading_log: Array | float = 0.0  #: change of ln mean by effects of the reading, (m, C)
-    squared_log: Array | float = 0.0  #: sum of squared changes of ln mean, (m, C)
+    law_variance: Array | float = 0.0  #: of ln mean by the laws of effects, (m, C)
     delay: Array | float = 0.0  #: s, (m, C)
     emulation_variance: Array | float = 0.0  #: of ln mean by interpolation, (m, C)
     common_variance: Array | float = 0.0  #: the part of it that all points share, (m, C)
@@ -143,10 +143,10 @@ class _EffectSums:
     slip: Array | float = 0.0  #: change of the mismatch, pitches/s, (m, C)
     log_sd_variance: Array | float = 0.0  #: squared error of ln deviation, (m, C)
 
-    def add(self, change: Changes) -> None:
-        """Add the changes by one more effect."""
+    def add(self, change: Changes, law: float) -> None:
+        """Add the changes by one more effect; ``law`` is the relative error of its law."""
         self.moments += change.moments
-        self.squared_log = self.squared_log + change.moments[..., LOG_MEAN] ** 2
+        self.law_variance = self.law_variance + (law * change.moments[..., LOG_MEAN]) ** 2
         self.delay = self.delay + change.delay
         self.emulation_variance = self.emulation_variance + change.error**2
         self.common_variance = self.common_variance + change.common_share * change.error**2
@@ -271,7 +271,7 @@ class Model:
                 contact_time = self.baseline.mean * np.exp(log) - gap_time
                 contact_time = np.maximum(contact_time, MIN_CONTACT_SHARE * self.baseline.mean)
                 sums.contact_logs.append(np.log(contact_time / self.baseline.contact_time))
-            sums.add(change)
+            sums.add(change, self.constants.laws.get(name, self.constants.law))
         return sums
 
     def _with_errors(self, sums: _EffectSums, mean: Array, pair_error: Array) -> Prediction:
@@ -284,9 +284,8 @@ class Model:
         late_share = self.baseline.moments[:, LATE_SHARE] + sums.moments[..., LATE_SHARE]
         engaged_logit = self.baseline.moments[:, ENGAGED_LOGIT] + sums.moments[..., ENGAGED_LOGIT]
         sd = np.clip(np.exp(log_sd), MIN_SD_S, np.maximum(mean, MIN_SD_S))
-        law_variance = self.constants.law**2 * (none + sums.squared_log)
         emulation_variance = none + sums.emulation_variance
-        variance = law_variance + emulation_variance - sums.common_variance + pair_error**2
+        variance = sums.law_variance + emulation_variance - sums.common_variance + pair_error**2
         mean_error = CELL_ERROR * sd
         kurtosis = (sums.modes.kurtosis + 3.0) * np.exp(sums.moments[..., LOG_KURTOSIS]) - 3.0
         return Prediction(
