@@ -47,13 +47,14 @@ class Settings:
         1.0, "of ln mismatch", "length over which the discrepancy is alike", "measured",
         "`docs/evidence/blind_engines.txt`")
     law: float = constant(
-        0.05, "of the change of ln time", "error of an effect's law at one operating point",
-        "measured", "`docs/evidence/law_errors.txt`: root mean square of the other effects")
+        0.03, "of the change of ln time", "least error of an effect's law at one operating point",
+        "judged", "an effect is one law of several that a stand may have")
     laws: Mapping[str, float] = constant(
-        {"axial_gap": 0.35, "contact_friction": 0.11, "linkage_compliance": 0.36,
+        {"actuation_lag": 0.05, "axial_gap": 0.35, "contact_friction": 0.11, "detent_force": 0.07,
+         "drag_torque": 0.04, "force_loss": 0.09, "force_rise": 0.09, "linkage_compliance": 0.36,
          "mismatch_speed": 0.24, "sliding_inertia": 0.48, "spline_friction": 1.0},
         "of the change of ln time", "the same, of effects whose law another engine has otherwise",
-        "measured", "`docs/evidence/law_errors.txt`: MuJoCo against the compiled engine, from 0.1")
+        "measured", "`docs/evidence/law_errors.txt`: MuJoCo against the compiled engine")
     range_extension: float = constant(
         0.5, "of the range", "by which the range of a prior is widened at either end", "judged",
         "a size beyond its usual range is found where such a bench exists")
