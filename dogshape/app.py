@@ -73,6 +73,15 @@ FILES = {
     "shift.html": ("text/html", "animate this shift"),
 }
 TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
+#: Places of the questions' page that depend on all answers, ``component.property``.
+SUMMARY_PLACES = (
+    "refusal.children",
+    "state.children",
+    "command.children",
+    "folder-fault.children",
+    "dogs.src",
+    "dogs.className",
+)
 FOLDER_NAME = re.compile(r"\w[\w.-]{0,99}")  #: also a name of a study
 Texts = Mapping[str, str]  #: content of the fields by key
 Json = dict[str, Any]  #: value that page and server exchange
@@ -466,35 +475,52 @@ def build_questions(new_study: NewStudy) -> Dash:
     first = new_study.read(COMMENTED, {})
     app.layout = app_questions.layout(new_study.kinds, first, sketch)
 
-    @app.callback(Input("kind", "value"), Input("folder", "value"), Input({"answer": ALL}, "value"))
-    def read(origin: str, folder: str | None, _: Any) -> None:
+    # Outputs, as Dash leaves out those of an answer that a later one has overtaken.
+    @app.callback(
+        *(Output(*place.split(".")) for place in SUMMARY_PLACES),
+        Output("questions", "children"),
+        Output({"row": ALL}, "className"),
+        Output({"question": ALL}, "children"),
+        Output({"answer": ALL}, "placeholder"),
+        Output({"fault": ALL}, "children"),
+        Input("kind", "value"),
+        Input("folder", "value"),
+        Input({"answer": ALL}, "value"),
+    )
+    def read(origin: str, folder: str | None, _: Any) -> tuple[Any, ...]:
         texts = _answer_texts(ctx.inputs_list[2])
         questionnaire = new_study.read(origin, texts)
-        _show(answer_questions(new_study, questionnaire, folder or ""))
-        if [*questionnaire.questions] == [*texts]:
-            for key in texts:
-                _show_question(questionnaire, key)
-        else:
+        summary = answer_questions(new_study, questionnaire, folder or "")
+        if [*questionnaire.questions] != [*texts]:
             fields = app_questions.part_fields(questionnaire, texts)
-            set_props("questions", {"children": fields})
+            return *summary, fields, *4 * [len(texts) * [no_update]]
+        return (
+            *summary,
+            no_update,
+            [app_questions.row_class(questionnaire, key) for key in texts],
+            [questionnaire.questions[key] for key in texts],
+            [shown_value(questionnaire.defaults[key]) for key in texts],
+            [questionnaire.faults.get(key, "") for key in texts],
+        )
 
     @app.callback(
+        Output("written", "data"),
+        Output("folder-fault", "children", allow_duplicate=True),
         Input("write", "n_clicks"),
         State("kind", "value"),
         State("folder", "value"),
         State({"answer": ALL}, "value"),
         prevent_initial_call=True,
     )
-    def write(_: int, origin: str, folder: str | None, __: Any) -> None:
+    def write(_: int, origin: str, folder: str | None, __: Any) -> tuple[str, str]:
         questionnaire = new_study.read(origin, _answer_texts(ctx.states_list[2]))
         if not questionnaire.is_valid:
-            return
+            raise PreventUpdate
         try:
             new_study.write(questionnaire, folder or "")
         except DogshapeError as error:
-            set_props("folder-fault", {"children": str(error), "className": "bad"})
-        else:
-            set_props("written", {"data": folder})
+            return "", str(error)
+        return folder or "", ""
 
     app.clientside_callback("name => { if (name) location.reload(); }", Input("written", "data"))
     return app
@@ -505,27 +531,18 @@ def _answer_texts(fields: Sequence[Json]) -> dict[str, str]:
     return {field["id"]["answer"]: str(field.get("value") or "") for field in fields}
 
 
-def answer_questions(new_study: NewStudy, questionnaire: Questionnaire, folder: str) -> Answer:
-    """Show what all answers amount to, as content of the page by place."""
+def answer_questions(new_study: NewStudy, questionnaire: Questionnaire, folder: str) -> list[Any]:
+    """Return what all answers amount to, as contents of ``SUMMARY_PLACES``."""
     kind = new_study.read(questionnaire.origin, {})
     picture = app_questions.dogs_svg(questionnaire, kind)
-    answer: Answer = {
-        "refusal.children": questionnaire.refusal,
-        "state.children": app_questions.state_text(questionnaire),
-        "command.children": app_questions.command_text(questionnaire, folder),
-        "folder-fault.children": "",
-        "dogs.className": "" if picture else "stale",
-    }
-    return answer | ({"dogs.src": picture} if picture else {})
-
-
-def _show_question(questionnaire: Questionnaire, key: str) -> None:
-    """Show default and fault of a question."""
-    default = shown_value(questionnaire.defaults[key])
-    set_props({"answer": key}, {"placeholder": default})
-    set_props({"question": key}, {"children": questionnaire.questions[key]})
-    set_props({"fault": key}, {"children": questionnaire.faults.get(key, "")})
-    set_props({"row": key}, {"className": app_questions.row_class(questionnaire, key)})
+    return [
+        questionnaire.refusal,
+        app_questions.state_text(questionnaire),
+        app_questions.command_text(questionnaire, folder),
+        "",
+        picture or no_update,
+        "" if picture else "stale",
+    ]
 
 
 def start_server(page: LivePage | NewStudy, port: int) -> BaseWSGIServer:

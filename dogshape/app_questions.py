@@ -55,15 +55,14 @@ def layout(kinds: Mapping[str, str], questionnaire: Questionnaire, sketch: str) 
     options: Any = {name: f"{name} ({ring})" for name, ring in kinds.items()}
     kind = dcc.Dropdown(options, questionnaire.origin, id="kind", clearable=False)
     folder = dcc.Input("my_clutch", "text", id="folder", debounce=True)
+    fault = html.P(id="folder-fault", className="bad")
     return html.Div(
         [
             html.H1("New study"),
             html.Div(
                 [
                     html.Div([html.Label("kind of clutch to begin from"), kind]),
-                    html.Div(
-                        [html.Label("folder to write"), folder, html.P(id="folder-fault")],
-                    ),
+                    html.Div([html.Label("folder to write"), folder, fault]),
                 ],
                 className="origin",
             ),

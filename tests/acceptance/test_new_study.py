@@ -46,7 +46,7 @@ def _send(url: str, body: Any) -> Any:
     data = json.dumps(body).encode()
     request = urllib.request.Request(url, data, {"Content-Type": "application/json"})
     with urllib.request.urlopen(request, timeout=300) as answer:
-        return json.loads(answer.read() or b"{}")
+        return json.loads(answer.read() or b'{"response": {}}')
 
 
 def _places(texts: dict[str, str], origin: str, folder: str) -> list[Any]:
@@ -62,30 +62,48 @@ def _places(texts: dict[str, str], origin: str, folder: str) -> list[Any]:
     ]
 
 
-def _call(address: str, texts: dict[str, str], *, folder: str, write: bool) -> dict[str, Any]:
-    """Answer the questions, or press the button; return what changes on the page by place."""
+def _call(
+    address: str, texts: dict[str, str], *, folder: str, write: bool, shown: str = "amt"
+) -> dict[str, Any]:
+    """Answer the questions for ``amt``, or press the button; return changes of the page by place.
+
+    The page has the questions of the kind ``shown``.
+    """
     trigger = "write" if write else "kind"
     callback = next(
         callback
         for callback in _get(f"{address}/_dash-dependencies")
         if callback["inputs"][0]["id"] == trigger
     )
-    places = _places(texts, "amt", folder)
+    places = _places(texts, shown, folder)
+    places[0]["value"] = "amt"
+    outputs = callback["output"].strip(".").split("...")
     button = [{"id": "write", "property": "n_clicks", "value": 1}]
     body = {
         "output": callback["output"],
-        "outputs": [],
+        "outputs": [_output(place, places[2]) for place in outputs],
         "inputs": button if write else places,
         "state": places if write else [],
         "changedPropIds": ["write.n_clicks" if write else "kind.value"],
     }
-    answer = _send(f"{address}/_dash-update-component", body)
-    changes: dict[str, Any] = answer.get("sideUpdate", {})
+    changes: dict[str, Any] = _send(f"{address}/_dash-update-component", body)["response"]
     return changes
+
+
+def _output(place: str, answers: list[dict[str, Any]]) -> Any:
+    """Name an output of a callback: one component, or a component of each question."""
+    name, _, part = place.rpartition(".")
+    if not name.startswith("{"):
+        return {"id": name, "property": part}
+    kind = next(iter(json.loads(name)))
+    return [{"id": {kind: answer["id"]["answer"]}, "property": part} for answer in answers]
 
 
 def test_a_data_sheet_becomes_a_study_and_its_live_page(address: str, dogshape: Call) -> None:
     assert "symbols" in json.dumps(_get(f"{address}/_dash-layout")).lower()
+    # Another kind has other questions.
+    changes = _call(address, {}, folder="mine", write=False, shown="mq200")
+    assert "manufacturing.rim_mm" in json.dumps(changes["questions"]["children"])
     # Every wrong answer is marked, and nothing is written.
     wrong = TEXTS | {"dog.count": "0", "load.torque_Nm": "3,200"}
     changes = _call(address, wrong, folder="mine", write=False)
@@ -93,7 +111,7 @@ def test_a_data_sheet_becomes_a_study_and_its_live_page(address: str, dogshape: 
     marked = {json.loads(key)["fault"] for key, sentence in faults.items() if sentence}
     assert marked == {"dog.count", "load.torque_Nm"}
     assert changes["state"]["children"] == "2 answers are wrong"
-    _call(address, wrong, folder="mine", write=True)
+    assert _call(address, wrong, folder="mine", write=True) == {}
     assert not Path("mine").exists()
     # Another folder than one in that of the program is refused.
     changes = _call(address, TEXTS, folder="../mine", write=True)
