@@ -19,7 +19,7 @@ from importlib import resources
 from os import strerror
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 from urllib.parse import quote, urlencode
 
 from dash import ALL, MATCH, Dash, Input, Output, State, ctx, html, no_update, set_props
@@ -73,14 +73,14 @@ FILES = {
     "shift.html": ("text/html", "animate this shift"),
 }
 TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
-#: Places of the questions' page that depend on all answers, ``component.property``.
+#: Places of the questions' page that depend on all answers: component and property.
 SUMMARY_PLACES = (
-    "refusal.children",
-    "state.children",
-    "command.children",
-    "folder-fault.children",
-    "dogs.src",
-    "dogs.className",
+    ("refusal", "children"),
+    ("state", "children"),
+    ("command", "children"),
+    ("folder-fault", "children"),
+    ("dogs", "src"),
+    ("dogs", "className"),
 )
 FOLDER_NAME = re.compile(r"\w[\w.-]{0,99}")  #: also a name of a study
 Texts = Mapping[str, str]  #: content of the fields by key
@@ -477,7 +477,7 @@ def build_questions(new_study: NewStudy) -> Dash:
 
     # Outputs, as Dash leaves out those of an answer that a later one has overtaken.
     @app.callback(
-        *(Output(*place.split(".")) for place in SUMMARY_PLACES),
+        *(Output(component, part) for component, part in SUMMARY_PLACES),
         Output("questions", "children"),
         Output({"row": ALL}, "className"),
         Output({"question": ALL}, "children"),
@@ -522,7 +522,8 @@ def build_questions(new_study: NewStudy) -> Dash:
             return "", str(error)
         return folder or "", ""
 
-    app.clientside_callback("name => { if (name) location.reload(); }", Input("written", "data"))
+    reload = "name => { if (name) location.reload(); }"
+    cast(Any, app).clientside_callback(reload, Input("written", "data"))
     return app
 
 
