@@ -288,7 +288,108 @@ def _mount() -> str:
     )
 
 
+# Symbols of a clutch, for the questions of a new study
+
+
+def symbols() -> str:
+    """Draw the symbols of a clutch: both rings before the shift, play, ring and mount."""
+    panels = {
+        8: ("before the shift", _open_rings()),
+        470: ("seated", _play()),
+        690: ("ring along the axis", _ring_view()),
+        900: ("mount", _mount() + pointer((58, 130), (30, 130), "t")),
+    }
+    elements = []
+    for right, (name, panel) in panels.items():
+        elements.append(shifted(text((0, 22), name, "start", "title") + panel, right))
+    note = (
+        "Not to scale. Orange: output ring, blue: sliding ring. Left: sections at the mean radius, "
+        "unrolled."
+    )
+    elements.append(text((8, 318), note, "start", "small"))
+    return document(1100, 328, "Symbols of a clutch", elements)
+
+
+def _span(start: Point, end: Point, words: str, place: Point, anchor: str = "middle") -> str:
+    """Draw a dimension from a point to another with its words at a place."""
+    across = (0.0, 4.0) if start[1] == end[1] else (4.0, 0.0)
+    ticks = [
+        line([(x - across[0], y - across[1]), (x + across[0], y + across[1])])
+        for x, y in (start, end)
+    ]
+    return line([start, end]) + "".join(ticks) + text(place, words, anchor)
+
+
+def _open_rings() -> str:
+    """Draw dogs over slots, with the angles of a roof tip."""
+    floor, top = 250.0, 60.0
+    profile = [(110.0, floor), (134.0, 204.0), (176.0, 178.0), (212.0, 192.0), (226.0, floor)]
+    mirrored = [(472.0 - x, top + floor - y) for x, y in reversed(profile)]
+    output = [(30.0, floor), *profile, (342.0, floor), (366.0, 204.0), (380.0, 195.3)]
+    output += [(380.0, 276.0), (30.0, 276.0)]
+    sliding = [(30.0, top), *mirrored, (380.0, top), (380.0, 36.0), (30.0, 36.0)]
+    crest = profile[2]
+    return (
+        line(output, "output", closed=True)
+        + line(sliding, "sliding", closed=True)
+        + line([(100, crest[1]), (384, crest[1])], "axis")
+        + line([(212, 192), (212, 246)], "axis")
+        + line([(134, 204), (134, 246)], "axis")
+        + text((146, 190), "\u03b1", "end")
+        + text((205, 187), "\u03b1\u2082", "end")
+        + text((214, 240), "β", "start")
+        + text((131, 240), "\u03b3", "end")
+        + _span((92, crest[1]), (92, floor), "h", (84, 218), "end")
+        + _span((250, mirrored[2][1]), (250, crest[1]), "g", (244, 160), "end")
+        + pointer(crest, (160, 150), "c")
+        + pointer(profile[1], (112, 162), "\u03f1")
+        + text((110, 269), "braking flank")
+        + text((240, 269), "traction flank")
+    )
+
+
+def _play() -> str:
+    """Draw seated dogs with play."""
+    return (
+        _output_ring([(56, FLOOR), (66, 96), (118, 96), (128, FLOOR)])
+        + _sliding_ring([(43.6, 150), (53.6, 86), (116.4, 86), (126.4, 150)])
+        + line([(48.2, 120), (62.3, 120)], "thin", look=' style="stroke-width:2.5"')
+        + pointer((55, 120), (40, 48), "j")
+    )
+
+
+def _ring_view() -> str:
+    """Draw a ring along its axis, with diameters and the radius of its toothing."""
+    middle = (84.0, 146.0)
+
+    def place(radius: float, turns: float) -> Point:
+        angle = 2.0 * math.pi * turns
+        return middle[0] + radius * math.cos(angle), middle[1] - radius * math.sin(angle)
+
+    def circle(radius: float, kind: str) -> str:
+        return f'<circle cx="{middle[0]}" cy="{middle[1]}" r="{radius}" class="{kind}"/>'
+
+    count = 8
+    dogs = []
+    for index in range(count):
+        ends = (index - 0.26) / count, (index + 0.26) / count
+        corners = [place(52, ends[0]), place(76, ends[0]), place(76, ends[1]), place(52, ends[1])]
+        dogs.append(line(corners, "sliding", closed=True))
+    return (
+        circle(76, "grid")
+        + circle(52, "grid")
+        + "".join(dogs)
+        + circle(36, "axis")
+        + line([middle, place(36, 0.14)])
+        + text((92, 134), "rₛ", "end")
+        + _span((8, 246), (160, 246), "D", (84, 262))
+        + _span((32, 278), (136, 278), "d", (84, 294))
+        + pointer(place(76, 0.25), (132, 46), "N dogs", "start")
+    )
+
+
 DRAWINGS: dict[str, Callable[[], str]] = {
+    "pipeline/reports/templates/symbols.svg": symbols,
     "docs/measured.svg": measured_times,
     "docs/inference.svg": cause_steps,
     "docs/sketches.svg": sketches,

@@ -8,17 +8,18 @@ and by the compiled engine in seconds. Nothing is computed here.
 from __future__ import annotations
 
 import logging
+import re
 import shlex
 import socket
 import webbrowser
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from os import strerror
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 from urllib.parse import quote, urlencode
 
 from dash import ALL, MATCH, Dash, Input, Output, State, ctx, html, no_update, set_props
@@ -26,11 +27,16 @@ from dash.exceptions import PreventUpdate
 from flask import Response, request
 from werkzeug.serving import BaseWSGIServer, make_server
 
-from dogshape import app_page
+from dogshape import app_page, app_questions
 from dogshape.app_page import Number
 from dogshape.bench.texts import is_plain
 from dogshape.check import Checked
 from dogshape.pipeline.config.study_file import Setup, settings_of
+from dogshape.pipeline.drafts.answers import shown_value
+from dogshape.pipeline.drafts.draft_source import COMMENTED, rings_by_kind
+from dogshape.pipeline.drafts.questionnaire import Questionnaire, read_questionnaire
+from dogshape.pipeline.drafts.reading_table import remark_lines
+from dogshape.pipeline.drafts.study_folder import WrittenStudy, write_study
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Progress
@@ -67,6 +73,16 @@ FILES = {
     "shift.html": ("text/html", "animate this shift"),
 }
 TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
+#: Places of the questions' page that depend on all answers: component and property.
+SUMMARY_PLACES = (
+    ("refusal", "children"),
+    ("state", "children"),
+    ("command", "children"),
+    ("folder-fault", "children"),
+    ("dogs", "src"),
+    ("dogs", "className"),
+)
+FOLDER_NAME = re.compile(r"\w[\w.-]{0,99}")  #: also a name of a study
 Texts = Mapping[str, str]  #: content of the fields by key
 Json = dict[str, Any]  #: value that page and server exchange
 Answer = dict[str, Any]  #: content of the page by place, ``component.property``
@@ -78,7 +94,8 @@ class LivePage:
 
     ``command`` has study and ``--set`` of the command line, ``stored`` is the surrogate and
     ``surrogate`` its file, ``result`` the content of ``result.json``; None without one of the same
-    physics. ``where`` of a method is ``one`` operating point, or ``all``.
+    physics. ``remarks`` are sentences on the study, of one that was begun on the page.
+    ``where`` of a method is ``one`` operating point, or ``all``.
     """
 
     study: Study
@@ -86,6 +103,7 @@ class LivePage:
     stored: Stored | None = None
     surrogate: Path | None = None
     result: StudyRecord | None = None
+    remarks: Sequence[str] = ()
 
     @cached_property
     def numbers(self) -> list[Number]:
@@ -244,21 +262,27 @@ def _matching_result(config: Setup, folders: Sequence[StudyFolder]) -> StudyReco
     return matching
 
 
-def build_app(live_page: LivePage) -> Dash:
-    """Build the application of a live page with its callbacks and files."""
-    config = live_page.study.config
+def _page(title: str) -> Dash:
+    """Build an application without content that answers to names of this machine alone."""
     app = Dash(
         __name__,
-        title=f"{config.name}: live",
+        title=title,
         update_title="",
         assets_folder=str(TEMPLATES),
         assets_ignore=r"^(?!report(_app)?\.css$)",
     )
+    app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
+    return app
+
+
+def build_app(live_page: LivePage) -> Dash:
+    """Build the application of a live page with its callbacks and files."""
+    config = live_page.study.config
+    app = _page(f"{config.name}: live")
     front = (
         None if live_page.result is None else front_figure(live_page.result, list(config.variables))
     )
-    app.layout = app_page.layout(config, live_page.numbers, front)
-    app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
+    app.layout = app_page.layout(config, live_page.numbers, front, live_page.remarks)
     _connect_fields(app, live_page)
     _connect_answers(app, live_page)
 
@@ -401,8 +425,129 @@ def link_files(live_page: LivePage, question: Question, reason: str | None) -> A
     return {"files.children": files, "shift-link.children": [shift], "command.children": command}
 
 
-def start_server(live_page: LivePage, port: int) -> BaseWSGIServer:
-    """Open the page's server on this machine alone; ``port`` 0 takes any free one."""
+class NewStudy:
+    """WSGI application that asks for a new study, writes its folder and becomes its live page."""
+
+    def __init__(self, surrogate: str | Path | None = None) -> None:
+        self.surrogate = surrogate
+        self.kinds = rings_by_kind()
+        self.page = build_questions(self).server
+
+    def __call__(self, environ: Any, start_response: Any) -> Any:
+        """Answer a request by the questions, or by the live page of the written study."""
+        return self.page(environ, start_response)
+
+    def read(self, origin: str, texts: Texts) -> Questionnaire:
+        """Read all answers to the questions of a bundled kind of clutch."""
+        if origin not in self.kinds:
+            raise InputError(f"'{origin}' is no kind of clutch; valid are {', '.join(self.kinds)}")
+        return read_questionnaire(origin, texts)
+
+    def write(self, questionnaire: Questionnaire, name: str) -> None:
+        """Write the folder ``name`` into that of the program, and open its live page.
+
+        Raises InputError for a path, so that no page writes elsewhere, and StorageError for a
+        folder that holds files.
+        """
+        folder = Path(name)
+        if not FOLDER_NAME.fullmatch(name):
+            raise InputError(
+                f"the folder is '{name}', but it must be a name of letters, digits, '_', '-' and "
+                f"'.'; it is written into {Path.cwd()}"
+            )
+        written = write_study(folder, questionnaire.origin, questionnaire.values)
+        study = Study(folder)
+        live_page = open_live_page(study, self.surrogate, command=name)
+        self.page = build_app(replace(live_page, remarks=_remarks(written))).server
+
+
+def _remarks(written: WrittenStudy) -> list[str]:
+    """Summarise a written study, then list its assumptions and warnings."""
+    counts = f"{len(written.assumed)} assumptions, {len(written.warnings)} warnings"
+    summary = f"{written.file} is written from {written.origin}: {counts}"
+    return [summary, *remark_lines(written.assumed, written.warnings)]
+
+
+def build_questions(new_study: NewStudy) -> Dash:
+    """Build the page that asks for a new study."""
+    app = _page("New study")
+    sketch = (TEMPLATES / "symbols.svg").read_text(encoding="utf-8")
+    first = new_study.read(COMMENTED, {})
+    app.layout = app_questions.layout(new_study.kinds, first, sketch)
+
+    # Outputs, as Dash leaves out those of an answer that a later one has overtaken.
+    @app.callback(
+        *(Output(component, part) for component, part in SUMMARY_PLACES),
+        Output("questions", "children"),
+        Output({"row": ALL}, "className"),
+        Output({"question": ALL}, "children"),
+        Output({"answer": ALL}, "placeholder"),
+        Output({"fault": ALL}, "children"),
+        Input("kind", "value"),
+        Input("folder", "value"),
+        Input({"answer": ALL}, "value"),
+    )
+    def read(origin: str, folder: str | None, _: Any) -> tuple[Any, ...]:
+        texts = _answer_texts(ctx.inputs_list[2])
+        questionnaire = new_study.read(origin, texts)
+        summary = answer_questions(new_study, questionnaire, folder or "")
+        if [*questionnaire.questions] != [*texts]:
+            fields = app_questions.part_fields(questionnaire, texts)
+            return *summary, fields, *4 * [len(texts) * [no_update]]
+        return (
+            *summary,
+            no_update,
+            [app_questions.row_class(questionnaire, key) for key in texts],
+            [questionnaire.questions[key] for key in texts],
+            [shown_value(questionnaire.defaults[key]) for key in texts],
+            [questionnaire.faults.get(key, "") for key in texts],
+        )
+
+    @app.callback(
+        Output("written", "data"),
+        Output("folder-fault", "children", allow_duplicate=True),
+        Input("write", "n_clicks"),
+        State("kind", "value"),
+        State("folder", "value"),
+        State({"answer": ALL}, "value"),
+        prevent_initial_call=True,
+    )
+    def write(_: int, origin: str, folder: str | None, __: Any) -> tuple[str, str]:
+        questionnaire = new_study.read(origin, _answer_texts(ctx.states_list[2]))
+        if not questionnaire.is_valid:
+            raise PreventUpdate
+        try:
+            new_study.write(questionnaire, folder or "")
+        except DogshapeError as error:
+            return "", str(error)
+        return folder or "", ""
+
+    reload = "name => { if (name) location.reload(); }"
+    cast(Any, app).clientside_callback(reload, Input("written", "data"))
+    return app
+
+
+def _answer_texts(fields: Sequence[Json]) -> dict[str, str]:
+    """Return the texts of the answers by key, in the order of the page."""
+    return {field["id"]["answer"]: str(field.get("value") or "") for field in fields}
+
+
+def answer_questions(new_study: NewStudy, questionnaire: Questionnaire, folder: str) -> list[Any]:
+    """Return what all answers amount to, as contents of ``SUMMARY_PLACES``."""
+    kind = new_study.read(questionnaire.origin, {})
+    picture = app_questions.dogs_svg(questionnaire, kind)
+    return [
+        questionnaire.refusal,
+        app_questions.state_text(questionnaire),
+        app_questions.command_text(questionnaire, folder),
+        "",
+        picture or no_update,
+        "" if picture else "stale",
+    ]
+
+
+def start_server(page: LivePage | NewStudy, port: int) -> BaseWSGIServer:
+    """Open a page's server on this machine alone; ``port`` 0 takes any free one."""
     try:
         listener = socket.create_server((HOST, port))
     except OSError as error:
@@ -411,11 +556,12 @@ def start_server(live_page: LivePage, port: int) -> BaseWSGIServer:
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     number = listener.getsockname()[1]
     descriptor = listener.detach()
-    return make_server(HOST, number, build_app(live_page).server, threaded=True, fd=descriptor)
+    application = build_app(page).server if isinstance(page, LivePage) else page
+    return make_server(HOST, number, application, threaded=True, fd=descriptor)
 
 
 def serve_app(
-    study: Study,
+    study: Study | None = None,
     *,
     surrogate: str | Path | None = None,
     folder: str | Path | None = None,
@@ -426,11 +572,15 @@ def serve_app(
 ) -> None:
     """Serve the live page of a study on this machine until it is interrupted.
 
+    Without a study the page asks for a new one first, and writes its folder.
     ``study``, ``surrogate``, ``folder``, ``command`` as in ``open_live_page``. ``port`` 0 is any
     free one, ``browser`` whether to open the page; ``progress`` receives the address.
     Example: ``ds.serve_app(ds.Study("mq200"), port=8050, progress=True)``
     """
-    server = start_server(open_live_page(study, surrogate, folder, command), port)
+    page: LivePage | NewStudy = NewStudy(surrogate)
+    if study is not None:
+        page = open_live_page(study, surrogate, folder, command)
+    server = start_server(page, port)
     address = f"http://{HOST}:{server.port}/"
     receiver(progress).say(f"{address} (Ctrl-C ends it)")
     if browser:

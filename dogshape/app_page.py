@@ -75,10 +75,19 @@ def number_field(number: Number) -> html.Div:
     )
 
 
-def layout(config: Setup, numbers: Sequence[Number], front: Figure | None) -> html.Div:
-    """Lay out the live page of a study; ``front`` is None without a search."""
+def layout(
+    config: Setup, numbers: Sequence[Number], front: Figure | None, remarks: Sequence[str] = ()
+) -> html.Div:
+    """Lay out the live page of a study; ``front`` is None without a search.
+
+    The first of ``remarks`` is shown, the others open below it.
+    """
     desk = html.Div([_question(config, numbers), _answer(front)], className="desk")
-    return html.Div([html.H1(f"{config.name}: live"), desk, dcc.Store("asked")])
+    heading: Children = [html.H1(f"{config.name}: live")]
+    if remarks:
+        summary, *lines = remarks
+        heading.append(html.Details([html.Summary(summary), *map(html.P, lines)], className="note"))
+    return html.Div([*heading, desk, dcc.Store("asked")])
 
 
 def _question(config: Setup, numbers: Sequence[Number]) -> html.Aside:

@@ -40,14 +40,12 @@ def ask(
     question is repeated after an answer of another type; the end of the input stops the program as
     Ctrl-C does.
     """
-    from dogshape.pipeline.drafts.answers import number_of, shown_value  # noqa: PLC0415
+    from dogshape.pipeline.drafts.answers import choice_of, number_of, shown_value  # noqa: PLC0415
 
     def value_of(text: str) -> Any:
-        if isinstance(default, str):
-            if choices and text not in choices:
-                raise typer.BadParameter(f"give one of {', '.join(choices)}")
-            return text.strip()
         try:
+            if isinstance(default, str):
+                return choice_of(text, choices)
             return (read or number_of)(text)
         except InputError as error:
             raise typer.BadParameter(str(error)) from None

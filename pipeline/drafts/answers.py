@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,6 +84,13 @@ def number_of(text: str) -> float:
     if len(numbers) != 1:
         raise InputError("give a number")
     return numbers[0]
+
+
+def choice_of(text: str, choices: Sequence[str]) -> str:
+    """Read an answer that is a text, one of ``choices`` if there are any; else InputError."""
+    if choices and text not in choices:
+        raise InputError(f"give one of {', '.join(choices)}")
+    return text.strip()
 
 
 def _pairs(text: str) -> list[tuple[float, str]]:

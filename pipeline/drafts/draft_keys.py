@@ -137,7 +137,15 @@ USE = {
     STRIKE_SHAFT: "stiffness of the shaft behind it, N m/rad, one or two ends; 0: unknown",
     MATERIAL: "material",
 }
-WORDS = ACTUATOR_KIND | ACTUATION | OPERATION | CLUTCH | USE
+#: Questions of a new study by part; the answers to one decide the defaults of the next.
+PARTS = {
+    "Actuator": ACTUATOR_KIND,
+    "Actuation": ACTUATION,
+    "Operating points": OPERATION,
+    "Dogs and rings": CLUTCH,
+    "Use": USE,
+}
+WORDS = {key: words for part in PARTS.values() for key, words in part.items()}
 CHOICES = {
     KIND: (PROFILE, *KINDS),
     MATERIAL: tuple(MATERIALS),

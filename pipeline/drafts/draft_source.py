@@ -107,12 +107,19 @@ def _bench_source(bench: Bench) -> Source:
     )
 
 
-def bundled_kinds() -> str:
-    """List the bundled kinds of clutch with dogs, diameters and rated torque."""
+def rings_by_kind() -> dict[str, str]:
+    """Describe the bundled kinds of clutch by name: dogs, diameters and rated torque."""
     words = "{count} dogs, {outer_diameter_mm:g}/{inner_diameter_mm:g} mm, {load:g} N m"
-    names_by_ring: dict[str, list[str]] = {}
+    rings = {}
     for name in bundled_studies():
         file = load_study(name).file
-        ring = words.format(load=file.load.torque_Nm, **dict(file.dog))
+        rings[name] = words.format(load=file.load.torque_Nm, **dict(file.dog))
+    return rings
+
+
+def bundled_kinds() -> str:
+    """List the bundled kinds of clutch, those with the same ring together."""
+    names_by_ring: dict[str, list[str]] = {}
+    for name, ring in rings_by_kind().items():
         names_by_ring.setdefault(ring, []).append(name)
     return "; ".join(f"{', '.join(names)} ({ring})" for ring, names in names_by_ring.items())

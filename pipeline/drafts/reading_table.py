@@ -84,6 +84,11 @@ def assumption_lines(assumed: Sequence[str]) -> list[str]:
     return [f"assumed: {assumption}" for assumption in assumed]
 
 
+def remark_lines(assumed: Sequence[str], warnings: Sequence[str]) -> list[str]:
+    """List assumptions and warnings of a written draft, a line each."""
+    return [*assumption_lines(assumed), *(f"warning: {line}" for line in warnings)]
+
+
 def _column_cells(reading: ColumnReading) -> tuple[str, ...]:
     """Format the reading of a column, a cell for each head."""
     unit = unit_of(reading.quantity)  # of the values, whatever that of the file

@@ -31,7 +31,7 @@ from dogshape.pipeline.config.toml_text import (
     with_values,
 )
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
-from dogshape.pipeline.drafts.answers import read_numbers
+from dogshape.pipeline.drafts.answers import choice_of, read_numbers
 from dogshape.pipeline.drafts.derived_values import (
     LookUp,
     derive_values,
@@ -46,6 +46,7 @@ from dogshape.pipeline.drafts.draft_keys import (
     BACKLASH_DEG,
     CHAMFER_BACK,
     CHAMFERS,
+    CHOICES,
     COAST,
     COUNT,
     CREST,
@@ -233,10 +234,10 @@ def values_with(reading: RexsReading | None, values: Mapping[str, Any]) -> Data:
     return {**({} if reading is None else reading.values), **values}
 
 
-def check_draft(origin: str, values: Mapping[str, Any]) -> None:
-    """Raise the DogshapeError of a draft that makes no study."""
+def draft_study(origin: str, values: Mapping[str, Any]) -> Setup:
+    """Build the study of a draft; DogshapeError if it makes none."""
     draft = _draft_of(source_of(origin), origin, values)
-    build_study(validate(StudyFile, tomllib.loads(draft.text), "the draft"))
+    return build_study(validate(StudyFile, tomllib.loads(draft.text), "the draft"))
 
 
 def questions_of(
@@ -414,6 +415,18 @@ def _warnings_of(study: Setup) -> list[str]:
     return [*warnings, *notes_of(study)]
 
 
+def changed_values(values: Mapping[str, Any], defaults: Mapping[str, Any]) -> Data:
+    """Select the values that differ from their defaults."""
+    return {key: value for key, value in values.items() if value != defaults[key]}
+
+
+def user_values(values: Mapping[str, Any], answers: Data, defaults: Data) -> Data:
+    """Return given ``values``, then answers other than the default; operating points together."""
+    changes = changed_values(answers, defaults)
+    points = OPERATION if changes.keys() & OPERATION else ()
+    return {**values, **changes, **{key: answers[key] for key in points}}
+
+
 def is_void(key: str, answers: Mapping[str, Any]) -> bool:
     """Test whether an earlier answer leaves a question without a subject."""
     part = {CREST: CHAMFER_BACK, PLAY_DEVIATION: BACKLASH}.get(key)
@@ -435,6 +448,8 @@ def value_of(key: str, text: str, *, default: Any, answers: Mapping[str, Any]) -
     A backlash may be in degrees and the torque of the braking flank in N m. A range of operating
     points is a uniform distribution, one of a list its ends. Raises InputError.
     """
+    if isinstance(default, str):
+        return choice_of(text, CHOICES.get(key, ()))
     answer = read_numbers(text, unit_of(key), _further_units(key, answers))
     numbers = [rounded(number) for number in answer.numbers]
     takes_list = isinstance(default, (list, tuple, Mapping))

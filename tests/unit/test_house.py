@@ -62,7 +62,7 @@ GUARDED = {
     "skfem": ("validation/finite_elements/root_stress.py",),
     "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
-    "dash": ("dogshape/app.py", "dogshape/app_page.py"),
+    "dash": ("dogshape/app.py", "dogshape/app_page.py", "dogshape/app_questions.py"),
     "flask": ("dogshape/app.py",),
     "werkzeug": ("dogshape/app.py",),
 }

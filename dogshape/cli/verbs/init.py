@@ -34,7 +34,6 @@ from dogshape.sim.errors import GeometryError, InputError
 
 if TYPE_CHECKING:
     from dogshape.bench.bench_draft import BenchDraft
-    from dogshape.pipeline.drafts.reading_table import BenchReading
     from dogshape.pipeline.drafts.rexs_coupling import RexsReading
     from dogshape.pipeline.drafts.study_folder import WrittenStudy
     from dogshape.pipeline.record import Table
@@ -91,6 +90,7 @@ def study(
     from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
     from dogshape.pipeline.config.toml_text import toml_value  # noqa: PLC0415
     from dogshape.pipeline.drafts import draft_keys, study_folder  # noqa: PLC0415
+    from dogshape.pipeline.drafts.reading_table import remark_lines  # noqa: PLC0415
 
     study_folder.require_free(out, force)
     values = dict(pair_of(text) for text in set_ or [])
@@ -112,19 +112,11 @@ def study(
     ]
     for key, value in written.values.items():
         lines.append(f"left out {key}" if value is None else f"set {key} = {toml_value(value)}")
-    lines += _remarks(written)
+    lines += remark_lines(written.assumed, written.warnings)
     lines.append(f"next: look through {written.file}, then")
     for verb in ("check", "expect", "search"):
         lines.append(f"  dogshape {verb} {quote(str(written.folder))}")
     emit(written.to_dict(), json, lambda: lines)
-
-
-def _remarks(draft: WrittenStudy | BenchReading) -> list[str]:
-    """List assumptions and warnings of a written draft, a line each."""
-    from dogshape.pipeline.drafts.reading_table import assumption_lines  # noqa: PLC0415
-
-    warnings = [f"warning: {line}" for line in draft.warnings]
-    return assumption_lines(draft.assumed) + warnings
 
 
 def _read_gearbox(
@@ -174,9 +166,7 @@ def _ask_study(
     questions: dict[str, str] = {}
 
     def user_keys() -> dict[str, Any]:
-        changes = changed_values(answers, defaults)
-        points = draft_keys.OPERATION if changes.keys() & draft_keys.OPERATION else ()
-        return values | changes | {key: answers[key] for key in points}
+        return study_folder.user_values(values, answers, defaults)
 
     def repeat_until_valid(make: Callable[[dict[str, Any]], Any]) -> Any:
         while True:
@@ -186,21 +176,13 @@ def _ask_study(
                 typer.echo(f"{error}\nnothing is written yet; your answers are kept", err=True)
                 answers.update(ask_values(defaults | answers, questions))
 
-    # The answers to a part decide the defaults of the next one.
-    parts = (
-        draft_keys.ACTUATOR_KIND,
-        draft_keys.ACTUATION,
-        draft_keys.OPERATION,
-        draft_keys.CLUTCH,
-        draft_keys.USE,
-    )
-    for part in parts:
+    for part in draft_keys.PARTS.values():
         part_defaults, part_questions = study_folder.questions_of(origin, user_keys(), part)
         defaults |= part_defaults
         questions |= part_questions
         answers |= ask_values(part_defaults, part_questions)
         if part is draft_keys.OPERATION:
-            repeat_until_valid(partial(study_folder.check_draft, origin))
+            repeat_until_valid(partial(study_folder.draft_study, origin))
     write = partial(study_folder.write_study, out, origin, force=force, reading=reading)
     return repeat_until_valid(write)
 
@@ -240,7 +222,7 @@ def bench(
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
     """
     from dogshape.pipeline.drafts.bench_folder import write_bench  # noqa: PLC0415
-    from dogshape.pipeline.drafts.reading_table import reading_parts  # noqa: PLC0415
+    from dogshape.pipeline.drafts.reading_table import reading_parts, remark_lines  # noqa: PLC0415
     from dogshape.pipeline.drafts.study_folder import require_free  # noqa: PLC0415
 
     draft = bench_draft(
@@ -270,7 +252,7 @@ def bench(
     folder = str(written.folder)
     lines = [
         f"wrote {folder}: {reading.count_text}",
-        *_remarks(reading),
+        *remark_lines(reading.assumed, reading.warnings),
         "next:" if reading.timed_shifts else "next: fill in shifts.csv, then",
         f"  dogshape validate {quote(folder)}",
         f"  dogshape diagnose {quote(folder)} --out {quote(folder + '/gap')}",
@@ -310,6 +292,7 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand; returns the draft with the answers."""
     from dogshape.pipeline.drafts.draft_keys import MASS, WORDS  # noqa: PLC0415
     from dogshape.pipeline.drafts.draft_source import source_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts.study_folder import changed_values  # noqa: PLC0415
 
     tables = dialogue.correct_reading(draft, confirm=True)
     draft = tables.draft
@@ -341,8 +324,3 @@ def ask_values(defaults: Mapping[str, Any], questions: Mapping[str, str]) -> dic
                 questions.get(key, key), default, CHOICES.get(key, ()), read
             )
     return answers
-
-
-def changed_values(values: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Select the values that differ from their defaults."""
-    return {key: value for key, value in values.items() if value != defaults[key]}

@@ -563,7 +563,10 @@ def _write_geometry(
 
 
 def app(
-    study: Annotated[str, Argument(metavar="STUDY", help="or the folder of its results")],
+    study: Annotated[
+        str | None,
+        Argument(metavar="[STUDY]", help="or the folder of its results; default: a new one"),
+    ] = None,
     surrogate: SurrogateFile = None,
     port: Annotated[int, Option(min=0, max=65535, help="of this machine; 0: any")] = 8050,
     browser: Annotated[bool, Option(help="open the page in the browser")] = True,
@@ -571,6 +574,7 @@ def app(
 ) -> None:
     """Open the live page: sliders, section, times and checks.
 
+    Without a study the page first asks for a clutch of your own, as 'dogshape init study' does.
     The server listens on this machine only. The surrogate predicts at once ('dogshape fit'), the
     compiled engine simulates in seconds, landing included.
 
@@ -578,9 +582,15 @@ def app(
     """
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
-    folder = Path(study) if StudyFolder(Path(study)).manifest.is_file() else None
-    problem = _named_study(study, set_ or [])
-    settings = [f"--set={setting}" for setting in set_ or ()]
+    folder = None
+    problem = None
+    command = ""
+    if study is not None:
+        folder = Path(study) if StudyFolder(Path(study)).manifest.is_file() else None
+        problem = _named_study(study, set_ or [])
+        command = shlex.join([study, *(f"--set={setting}" for setting in set_ or ())])
+    elif set_:
+        raise InputError("--set changes a study; name one, or answer the questions of the page")
     ds.serve_app(
         problem,
         surrogate=surrogate,
@@ -588,6 +598,6 @@ def app(
         port=port,
         browser=browser,
         progress=True,
-        command=shlex.join([study, *settings]),
+        command=command,
     )
     raise KeyboardInterrupt  # by which the server ends
