@@ -329,9 +329,9 @@ class Dog:
 
 
 def section(dog: Dog) -> list[tuple[float, float]]:
-    """Compute the corners of a dog's profile unrolled at the mean radius, from root to root.
+    """Compute the corners of a dog's profile, unrolled at the mean radius, from root to root, m.
 
-    Points (along the circumference, above the pitch plane), m: braking root, braking edge, ridge,
+    Points (along the circumference, above the pitch plane): braking root, braking edge, ridge,
     traction edge, traction root; a ridge on an edge is one point with it. The slot's floor runs on
     at the root's height.
     """
