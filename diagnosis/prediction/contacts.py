@@ -238,7 +238,7 @@ class Contacts:
         )
 
     def _quantities(self, h: Hypothesis, values: Array) -> ClutchQuantities:
-        """Interpolate the clutch's quantities at parameter values (m, p) of a hypothesis, (m,) each."""
+        """Interpolate the quantities of a hypothesis at parameter values (m, p), (m,) each."""
         rows = np.tile(self._baseline, (len(values), 1))
         first = 0
         for name in strip_sense(h):

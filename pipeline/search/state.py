@@ -54,8 +54,8 @@ class PointTimes(NamedTuple):
 class Trial:
     """A finished design of a search; without estimates and ``measured`` it was not simulated.
 
-    ``failed`` are shifts by reason. Those ``confirmed`` are of new angles; ``judged`` where the
-    engines agree there.
+    ``failed`` are shifts by reason. ``confirmed`` are the values of new angles, where
+    ``engines_agree`` is the verdict of Drake on the compiled engine; True without one.
     """
 
     number: int
@@ -68,7 +68,7 @@ class Trial:
     shifts: int = 0
     failed: Mapping[str, int] = field(default_factory=dict)
     confirmed: bool = False
-    judged: bool = True
+    engines_agree: bool = True
     times: Sequence[PointTimes] = field(default=(), repr=False)  #: by operating point
     reference: Sequence[PointTimes] = field(default=(), repr=False)  #: of the study's own dog
 
@@ -134,12 +134,10 @@ def trial_of(frozen: FrozenTrial) -> Trial:
         prototype=attributes.get(PROTOTYPE, False),
         failed=attributes.get(FAILED, {}),
     )
-    record = attributes.get(SIMULATION)
-    return _add_simulation(trial, SimulationRecord(**record)) if record else trial
-
-
-def _add_simulation(trial: Trial, record: SimulationRecord) -> Trial:
-    """Add the values of a record of a simulation."""
+    keys = attributes.get(SIMULATION)
+    if not keys:
+        return trial
+    record = SimulationRecord(**keys)
     return replace(
         trial,
         estimates={name: Estimate(*pair) for name, pair in record.estimates.items()},
@@ -249,7 +247,7 @@ class SearchState:
         return tuple(
             trial
             for trial in self.simulated
-            if self.designs[trial.number].feasible and trial.judged
+            if self.designs[trial.number].feasible and trial.engines_agree
         )
 
     @cached_property

@@ -214,7 +214,7 @@ def simulate_designs(
             )
             design = FittedDesign(job.key(study), part, row_record(rows))
             append(path, design._asdict())
-        executor.forget()
+        executor.drop_shifts()
 
 
 class FittedDesign(NamedTuple):
