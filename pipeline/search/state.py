@@ -156,7 +156,7 @@ def expectation_from(study: Setup, times: Sequence[PointTimes]) -> MixExpectatio
             point,
             engaged_mean=point_times.engaged_mean,
             engaged_error=point_times.engaged_error,
-            mean_engaged=None,
+            unaided_mean=None,
             sd=0.0,
             engaged=1.0 - point_times.hangs / max(1, point_times.shifts),
             n=point_times.shifts,
@@ -192,10 +192,9 @@ def under_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Tri
     if trial.reference:
         reference = expectation_from(study, trial.reference).under(priors)
     times = time_estimates(trial.estimates, expectation, reference)
-    objectives = [objective.name for objective in objectives_of(study)]
     values = tuple(
         times[name].value if name in times else value
-        for name, value in zip(objectives, trial.values, strict=True)
+        for name, value in zip(study.file.search.objectives, trial.values, strict=True)
     )
     return replace(
         trial,
