@@ -429,7 +429,7 @@ def expect_to_precision(
         error = expectation.relative_error
         shift_count = len(points) * angles
         is_precise = error <= precision
-        is_silent = any(point.mean_engaged is None for point in expectation.points)
+        is_silent = any(point.unaided_mean is None for point in expectation.points)
         is_last = error > precision and angles >= MAX_ANGLES
         if is_silent:
             progress.say("nothing engages at some operating point: no precision can be reached")
