@@ -7,8 +7,8 @@ division, limits of cost and of wording, and the hours of tests, which a data se
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -249,12 +249,6 @@ class Settings:
     def prior(self, name: str) -> float:
         """Look up the probability that an effect is part of the cause."""
         return self.included.get(name, self.rare)
-
-
-def list_settings(settings: Settings) -> Iterator[tuple[str, Any, Mapping[str, str]]]:
-    """Yield name, value and metadata of each setting."""
-    for item in fields(settings):
-        yield item.name, getattr(settings, item.name), item.metadata
 
 
 USUAL = Settings()

@@ -108,7 +108,9 @@ def _covariance_root(covariance: Array) -> Array:
 class Likelihood:
     """Likelihood of the observations of a data set, for predictions of a model.
 
-    C operating points, of which c have a mean time.
+    C operating points, of which c have a mean time: ``p`` are m predictions at all points, ``q``
+    the same at those that have a mean. P options of the means follow one another point by point
+    (``_Choices``, below).
     """
 
     bench: Bench
