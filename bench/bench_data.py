@@ -214,6 +214,6 @@ def readings_of(stand: Stand, sheet: Sheet, asked: tuple[str, ...]) -> list[Read
 
 
 def setting_of(bench: Bench) -> Setting:
-    """Return the first operating point of a bench, without effects."""
+    """Build the setting of a bench: its clutch at its first operating point, without effects."""
     sensor = "actuator" if bench.record.displacement_at == "actuator" else "sleeve"
     return Setting(bench.clutch, bench.cells[0].point, sensor=sensor)  # type: ignore[arg-type]

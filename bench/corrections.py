@@ -60,7 +60,7 @@ def _from_force(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
 
 
 def _turned_displacement(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
-    """Count the displacement from its reading at rest, in the other direction."""
+    """Replace the displacement by that from the reading at rest with the opposite sign."""
     rest_displacement = displacement_at_rest(trace, row.rise)
     return replace(trace, displacement=rest_displacement - trace.displacement)
 

@@ -106,7 +106,10 @@ def _certain_repeats(columns: Sequence[Column]) -> list[Column]:
 def _summaries_of(
     repeats: Sequence[Column], other_columns: Sequence[Column]
 ) -> tuple[list[Column], list[str]]:
-    """Find mean, spread and number of the repeats among other columns, and wrong ones of them."""
+    """Select the columns that hold mean, spread or number of the repeats.
+
+    Also returns a question for each mean or number that the repeats do not give.
+    """
     values = np.ma.masked_invalid([column.values for column in repeats])
     summaries, questions = [], []
     for column in other_columns:

@@ -204,7 +204,11 @@ def _seconds(text: str) -> float:
 
 
 def near_groups(rows: Sequence[Row]) -> tuple[Array, np.ndarray]:
-    """Group rows by set values of which neighbours are near: values (rows, 3), groups (rows,)."""
+    """Number the groups of rows whose set values are nearly equal.
+
+    Returns mismatch, rad/s, force, N, and rise time, s, of each row, (rows, 3), and the number of
+    its group from 0, (rows,).
+    """
     values = np.array([(row.mismatch, row.force, row.rise) for row in rows])
     labels = np.empty(values.shape)
     for place, column in enumerate(values.T):

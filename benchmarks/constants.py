@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
-from dogshape.diagnosis.settings import USUAL, list_settings
+from dogshape.diagnosis.settings import USUAL
 
 HEAD = "| setting | value | unit | meaning | source | status |\n|---|---|---|---|---|---|\n"
 
@@ -21,9 +22,12 @@ def format_value(value: Any) -> str:
 
 def table() -> str:
     """Write the table of all settings."""
-    rows = [
-        f"| `{name}` | {format_value(value)} | {facts['unit']} | {facts['meaning']} | "
-        f"{facts['source'] or '-'} | {facts['status']} |\n"
-        for name, value, facts in list_settings(USUAL)
-    ]
+    rows = []
+    for setting in fields(USUAL):
+        value = format_value(getattr(USUAL, setting.name))
+        facts = setting.metadata
+        rows.append(
+            f"| `{setting.name}` | {value} | {facts['unit']} | {facts['meaning']} | "
+            f"{facts['source'] or '-'} | {facts['status']} |\n"
+        )
     return HEAD + "".join(rows)

@@ -101,8 +101,8 @@ def print_times(name: str, contact: ContactSet, expectations: dict[str, MixExpec
         gain_text = f"gain {gain * 1e3:+6.1f} +- {error * 1e3:.1f} ms, {gain / prototype.mean:+.0%}"
         time = f"{expectation.mean * 1e3:7.1f} +- {expectation.standard_error * 1e3:.1f} ms"
         lost = ""
-        if expectation.lost and expectation.mean_engaged is not None:
-            without_retries = f"{expectation.mean_engaged * 1e3:.1f} ms without its retries"
+        if expectation.lost and expectation.unaided_mean is not None:
+            without_retries = f"{expectation.unaided_mean * 1e3:.1f} ms without its retries"
             lost = f"; {expectation.lost} lost, {without_retries};"
         if expectation is prototype:
             gain_text = ""

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from benchmarks.common import paper_study
 from benchmarks.work_precision import Setting, mujoco_shift, rows_of, run
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.evaluation import design_blocks, evaluate
+from dogshape.pipeline.simulate.evaluation import OperatedDesign, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim import kernel
 from dogshape.sim.errors import DogshapeError
@@ -287,7 +287,7 @@ def print_batch(angles: int) -> None:
     cpu = dict.fromkeys((*names, "records", "Drake"), 0.0)
     for name in names:
         count_cpu(name, cpu)
-    blocks = design_blocks(study, params, angles, 1)
+    blocks = OperatedDesign.of(study, params).blocks(angles, 1)
     drake = solver_for(study.clutch.contact)
     for block in blocks:
         start = time.process_time()

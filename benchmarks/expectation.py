@@ -79,9 +79,9 @@ def main() -> None:
     study = paper_study()
     dense = simulate_grid(study)
     reference = dense.reference
-    assert reference.mean_engaged is not None
+    assert reference.unaided_mean is not None
     times = (
-        f"{reference.mean * 1e3:.2f} ms with retries, {reference.mean_engaged * 1e3:.2f} ms without"
+        f"{reference.mean * 1e3:.2f} ms with retries, {reference.unaided_mean * 1e3:.2f} ms without"
     )
     print(f"expected shift time {times}, {len(study.points)} operating points")
     print(f"of {len(dense.rows)} shifts {reference.lost} did not engage")

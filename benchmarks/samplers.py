@@ -162,7 +162,7 @@ def run_optuna_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
             (evaluation,) = evaluate(
                 study, [design.params], executor, settings.angles, settings.seed
             )
-            executor.forget()
+            executor.drop_shifts()
             times = {name: estimate.value for name, estimate in evaluation.estimates.items()}
             worst = max(worst, times[SIMULATED])
             design = design_of(study, design.params, evaluation.measured)
@@ -269,7 +269,7 @@ class Truth:
         for key, params in unknown.items():
             seed = settings.seed + NEW_ANGLES
             (evaluation,) = evaluate(study, [params], self._executor, settings.angles, seed)
-            self._executor.forget()
+            self._executor.drop_shifts()
             design = design_of(study, params, evaluation.measured)
             values = [np.inf, np.inf]
             if design.feasible:

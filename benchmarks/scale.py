@@ -35,7 +35,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
 from dogshape.pipeline.search.sampler import Space
 from dogshape.pipeline.search.search import _tell, next_round, open_search, run
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.simulate.evaluation import design_blocks, evaluate
+from dogshape.pipeline.simulate.evaluation import OperatedDesign, evaluate
 from dogshape.pipeline.simulate.executor import Executor, end_workers, scratch_executor
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, append
 from dogshape.pipeline.train.training import first_designs
@@ -117,7 +117,7 @@ class Synthetic(Executor):
 
 def synthetic_executor(study: Setup) -> Synthetic:
     """Build an executor of synthetic times, with the other figures of a real shift."""
-    block = design_blocks(study, study.prototype, 1, 1)[10]
+    block = OperatedDesign.of(study, study.prototype).blocks(1, 1)[10]
     return Synthetic(scratch_executor(1).journal, 0, result=next(run_block(block)))
 
 
@@ -198,7 +198,8 @@ def write_journal(path: Path, shifts: int) -> None:
     """Write a journal of synthetic shifts, and print size and cost."""
     study = study_of()
     start_cpu = cpu()
-    (record,) = synthetic_executor(study).run([design_blocks(study, study.prototype, 1, 1)[0]])[0]
+    block = OperatedDesign.of(study, study.prototype).blocks(1, 1)[0]
+    (record,) = synthetic_executor(study).run([block])[0]
     for start in range(0, shifts, BLOCK_SHIFTS):
         keys = range(start, min(start + BLOCK_SHIFTS, shifts))
         append(path, *({**record, "key": f"{key:020x}"} for key in keys))

@@ -115,7 +115,7 @@ def compare(
             retry_error = cost / share**2 * math.sqrt(share * (1.0 - share) / simulated.n)
             error = math.hypot(simulated.engaged_error, retry_error, sampled)
         error = math.hypot(max(error, 1e-6), input_error)
-        gaps.append(PointGap(cell, simulated.mean_engaged, error, simulated.engaged, simulated.n))
+        gaps.append(PointGap(cell, simulated.unaided_mean, error, simulated.engaged, simulated.n))
     return PointGaps(bench, tuple(gaps), numerical_error(blocks, rows, run) if checked else None)
 
 

@@ -7,8 +7,8 @@ division, limits of cost and of wording, and the hours of tests, which a data se
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -50,8 +50,8 @@ class Settings:
         0.03, "of the change of ln time", "least error of an effect's law at one operating point",
         "judged", "an effect is one law of several that a stand may have")
     laws: Mapping[str, float] = constant(
-        {"actuation_lag": 0.05, "axial_gap": 0.35, "contact_friction": 0.11, "detent_force": 0.07,
-         "drag_torque": 0.04, "force_loss": 0.09, "force_rise": 0.09, "linkage_compliance": 0.36,
+        {"actuation_lag": 0.05, "axial_gap": 0.33, "contact_friction": 0.1, "detent_force": 0.08,
+         "drag_torque": 0.04, "force_rise": 0.1, "force_scale": 0.05, "linkage_compliance": 0.36,
          "mismatch_speed": 0.24, "sliding_inertia": 0.48, "spline_friction": 1.0},
         "of the change of ln time", "the same, of effects whose law another engine has otherwise",
         "measured", "`docs/evidence/law_errors.txt`: MuJoCo against the compiled engine")
@@ -255,12 +255,6 @@ class Settings:
     def prior(self, name: str) -> float:
         """Look up the probability that an effect is part of the cause."""
         return self.included.get(name, self.rare)
-
-
-def list_settings(settings: Settings) -> Iterator[tuple[str, Any, Mapping[str, str]]]:
-    """Yield name, value and metadata of each setting."""
-    for item in fields(settings):
-        yield item.name, getattr(settings, item.name), item.metadata
 
 
 USUAL = Settings()

@@ -321,7 +321,7 @@ class Check(Checked):
         return lines
 
     def _surrogate_hangs(self) -> HangKeys:
-        """Split the surrogate's time; None for the probability of hangs."""
+        """Record both terms of the surrogate's time, s; the probability of hangs is None."""
         if self.expected is None:
             return hang_keys(None)
         engaged_mean, error = self.expected.without_retries

@@ -234,7 +234,7 @@ def simulate_mean(
     config = config.search_setup
     clutch = config.clutch
     settings = config.file.expectation
-    if place[2] is not None and place[1] is None:
+    if place.force_rise_s is not None and place.force_N is None:
         rise = argument("force_rise_s")
         raise InputError(f"{rise} goes with one operating point; give its speed and force")
     points = points_of(config, place, f", or give {argument('force_rise_s')}")

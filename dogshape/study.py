@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dogshape.argument_types import check_types_of_verbs
-from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys, settings_of
+from dogshape.pipeline.config.study_file import (
+    Place,
+    Setup,
+    load_study,
+    replace_keys,
+    settings_of,
+)
 from dogshape.pipeline.progress import Progress
 from dogshape.running import Angles, receiver
 
@@ -97,7 +103,7 @@ class Study:
         """
         from dogshape.shift import simulate_shift  # noqa: PLC0415
 
-        place = mismatch_rpm, force_N, force_rise_s
+        place = Place(mismatch_rpm, force_N, force_rise_s)
         return simulate_shift(self._config_in(engine), place, angle_deg, all_dogs)
 
     def expect(
@@ -134,7 +140,7 @@ class Study:
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
-        place = mismatch_rpm, force_N, force_rise_s
+        place = Place(mismatch_rpm, force_N, force_rise_s)
         options = RunOptions(jobs, cluster, journal, receiver(progress))
         return simulate_mean(self._config_in(engine), options, place, angles, precision)
 
@@ -202,7 +208,7 @@ class Study:
         """
         from dogshape.check import check_design  # noqa: PLC0415
 
-        place = mismatch_rpm, force_N, None
+        place = Place(mismatch_rpm, force_N)
         return check_design(self._config_in(engine), place, surrogate)
 
     def predict(
@@ -229,7 +235,7 @@ class Study:
         """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
 
-        place = mismatch_rpm, force_N, None
+        place = Place(mismatch_rpm, force_N)
         return predict_designs(self._config_in(engine), designs, out, place, surrogate)
 
     def strength(
@@ -286,21 +292,22 @@ class Study:
         *,
         jobs: int = 0,
         cluster: str | None = None,
-        keep: str | Path | None = None,
+        journal: str | Path | None = None,
         progress: Progress | bool = False,
     ) -> tuple[Path, ...]:
         """Write whether and when the clutch engages, for lumped driveline models.
 
-        Over mismatch, force and relative angle, CSV, with means over the angle, tables of Modelica
-        and parameters of the dog clutches of Simscape and MapleSim beside; gives the paths of all
-        five. InputError for operating points that are no grid, StorageError for files that cannot
-        be written, and for such a table that is there without a map.
+        Cells are over mismatch, force and relative angle. Beside their file stand means over the
+        angle, tables of Modelica, and parameters of the dog clutches of Simscape and MapleSim;
+        returns the paths of all five. InputError for operating points that are no grid,
+        StorageError for files that cannot be written, and for one of the four that is there
+        already while ``path`` is not.
         Example: ``study.export_map("map.csv", progress=True)``
 
         Parameters
         ----------
         path : CSV file of the cells.
-        jobs, cluster, keep, progress : as in ``expect``.
+        jobs, cluster, journal, progress : as in ``expect``.
         """
         from dogshape.pipeline.export.engagement_map import (  # noqa: PLC0415
             require_map_targets,
@@ -309,7 +316,7 @@ class Study:
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
         require_map_targets(Path(path))
-        options = RunOptions(jobs, cluster, keep, receiver(progress))
+        options = RunOptions(jobs, cluster, journal, receiver(progress))
         return simulate_map(self.config, options).write(Path(path))
 
     def replace_keys(

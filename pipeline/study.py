@@ -136,26 +136,34 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
             Executor(kept_journal, options.jobs, counter.advance, options.cluster),
         )
         searched_state = run(search, executors.search, after_round)
-        confirmation, state = confirm(searched_state, executors, counter.say)
+        confirmation, confirmed_state = confirm(searched_state, executors, counter.say)
         nearest = None
+        remaining_gain = None
         if confirmation is None:
             nearest = confirm_nearest(searched_state, executors, counter.say)
-        remaining_gain = None
-        if confirmation is not None:
+        else:
             remaining_gain = search.predict_remaining_gain(confirmation.chosen)
-        life = _life(confirmation, state, executors.search, counter)
+        life = _life(confirmation, confirmed_state, executors.search, counter)
         designs = [trial.params for trial in searched_state.simulated]
         agreement = audit(study, designs, executors.kept, settings.audit_shifts, counter.say)
         for journal in (search_journal, kept_journal):
             journal.say_unfinished(counter.say)
-        executors.search.forget()
+        executors.search.drop_shifts()
     if search.sharing is not None:
         searched_state = search.read()  # with the trials of all who share the search
-    confirmed_state = searched_state.renew(trial for trial in state.trials if trial.confirmed)
-    write_json(folder.rows, {"rows": list(chain(*(t.rows for t in confirmed_state.simulated)))})
+    _write_rows(folder, searched_state, confirmed_state)
     changes = {"life": life, "audit": agreement, "remaining_gain": remaining_gain}
     result = study_record(searched_state, kept_journal).model_copy(update=changes)
-    return _with_confirmation(result, state, confirmation, nearest)
+    return _with_confirmation(result, confirmed_state, confirmation, nearest)
+
+
+def _write_rows(
+    folder: StudyFolder, searched_state: SearchState, confirmed_state: SearchState
+) -> None:
+    """Write the surrogate's rows of a search; confirmed designs have those of new angles too."""
+    confirmed_trials = [trial for trial in confirmed_state.trials if trial.confirmed]
+    trials = searched_state.renew(confirmed_trials).simulated
+    write_json(folder.rows, {"rows": list(chain(*(trial.rows for trial in trials)))})
 
 
 def _with_confirmation(
@@ -304,11 +312,13 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
     expectation = None
     if trial.times:
         expectation = expectation_from(study, trial.times).under(state.priors)
-    worst_case: tuple[str | None, float | None] = (None, None)
-    root_sum_square: tuple[str | None, float | None] = (None, None)
+    worst_check: str | None = None
+    worst_margin: float | None = None
+    statistical_check: str | None = None
+    statistical_margin: float | None = None
     if design.dog is not None:
-        worst_case = design.weakest_within("worst_case")
-        root_sum_square = design.weakest_within("root_sum_square")
+        worst_check, worst_margin = design.weakest_within("worst_case")
+        statistical_check, statistical_margin = design.weakest_within("root_sum_square")
     failed = _failed_checks(trial, design)
     exact_keys: dict[str, Any] = {**trial.params, **design.exact_values}
     margin_keys: dict[str, Any] = {
@@ -329,10 +339,10 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
         engaged=None if trial.measured is None else trial.measured.engaged,
         feasible=not failed,
         failed=failed,
-        margin_worst_case=number_or_none(worst_case[1]),
-        margin_root_sum_square=number_or_none(root_sum_square[1]),
-        weakest_check_worst_case=worst_case[0],
-        weakest_check_root_sum_square=root_sum_square[0],
+        margin_worst_case=number_or_none(worst_margin),
+        margin_root_sum_square=number_or_none(statistical_margin),
+        weakest_check_worst_case=worst_check,
+        weakest_check_root_sum_square=statistical_check,
         time_within_tolerances=None,
     )
 
@@ -340,7 +350,7 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
 def _failed_checks(trial: Trial, design: Design) -> list[str]:
     """List the failed checks of a trial, with the agreement of engines and its simulation."""
     failed = list(design.failed)
-    if not trial.judged:
+    if not trial.engines_agree:
         failed.append("engines")
     if not failed and not trial.simulated:
         failed.append(NO_ESTIMATE)
@@ -348,7 +358,10 @@ def _failed_checks(trial: Trial, design: Design) -> list[str]:
 
 
 def _estimates(study: Setup, trial: Trial, *, has_times: bool) -> dict[str, Estimate | None]:
-    """Return the estimates of the simulated objectives by name; None for times without any."""
+    """Select the estimates of the simulated objectives by name.
+
+    All are None without a simulation; those of times also unless ``has_times``.
+    """
     names = [objective.name for objective in objectives_of(study) if objective.simulated]
     estimates = dict.fromkeys([SIMULATED, *names])
     for name in estimates:

@@ -38,7 +38,7 @@ from dogshape.sim.quantity import Quantity, quantities_of
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog, Mount
-from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
+from dogshape.sim.shift.mechanism import FIELDS, NO_MECHANISM, SPLINE, Mechanism
 from dogshape.sim.shift.pair import OutputDog
 from dogshape.sim.units import DEG, from_si, suffix_of, to_si, unit_of
 
@@ -453,7 +453,7 @@ class MechanismSection(Keys, of=Mechanism, absent=True):
         fields.setdefault("spline_radius", SPLINE * dog.inner_radius)
         mechanism = Mechanism(**fields)
         unused = [name for name, part in PARTS.items() if getattr(mechanism, part) == 0.0]
-        return replace(mechanism, **{name: getattr(NOTHING, name) for name in unused})
+        return replace(mechanism, **{name: getattr(NO_MECHANISM, name) for name in unused})
 
 
 #: Field of a mechanism that has a meaning only with a part, and that part.

@@ -78,15 +78,17 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
         raise InputError(Refusal(name, value, unit, rule, remedy))
 
 
-def require_parts(section: str, parts: Any, sides: Any, remedy: str, *, rest: bool = False) -> None:
+def require_parts(
+    section: str, parts: Any, sides: Any, remedy: str, *, is_smaller: bool = False
+) -> None:
     """Raise InputError if the inertia of ring or wheel exceeds that of its side, kg m2.
 
-    With ``rest`` it must be smaller than that of its side.
+    With ``is_smaller`` it must not be equal either: a part of the side is left beside the ring.
     """
     for name, side in (("ring", "sliding"), ("wheel", "output")):
         part_inertia = getattr(parts, f"{name}_inertia")
         side_inertia = getattr(sides, f"{side}_inertia")
-        if part_inertia > side_inertia or (rest and part_inertia == side_inertia):
+        if part_inertia > side_inertia or (is_smaller and part_inertia == side_inertia):
             key = f"{section}.{name}_inertia_kgm2"
             rule = f"it is a part of {side}.inertia_kgm2 = {side_inertia:.6g}"
             raise InputError(Refusal(key, part_inertia, "kg m2", rule, remedy))

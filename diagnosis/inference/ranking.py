@@ -265,10 +265,10 @@ class HypothesisSearch:
         """Simulate benches at likely draws of a hypothesis, and weigh the samples again."""
         self.rounds[hypothesis] = self.rounds.get(hypothesis, 0) + 1
         shares = self.samples[hypothesis].shares[self.uncertain_draws(hypothesis)]
-        is_look = hypothesis in self.prospects and self.rounds[hypothesis] == 1
-        if is_look:
+        tests_prospect = hypothesis in self.prospects and self.rounds[hypothesis] == 1
+        if tests_prospect:  # its draw comes next after the best one
             shares = np.insert(shares, 1, self.prospects[hypothesis].shares, axis=0)
-        model = self.likelihood.model.simulate(hypothesis, shares, is_dense=not is_look)
+        model = self.likelihood.model.simulate(hypothesis, shares, is_dense=not tests_prospect)
         if model is None:
             self.exhausted.add(hypothesis)
         else:

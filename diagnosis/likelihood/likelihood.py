@@ -104,11 +104,151 @@ def _covariance_root(covariance: Array) -> Array:
     return np.asarray(vectors[:, counts] * np.sqrt(values[counts]))
 
 
+def _central_difference(moments: Array) -> Array:
+    """Compute the slope of ln mean between two changes of moments (2, C, MOMENTS), (C,)."""
+    return np.asarray((moments[1, :, LOG_MEAN] - moments[0, :, LOG_MEAN]) / (2.0 * DIFFERENCE_STEP))
+
+
+def freedom_of(error: Array) -> Array:
+    """Compute degrees of freedom by which ln of a spread has a variance, to second order."""
+    return 0.5 / error + 1.0
+
+
+def _late_numbers(count: Array, max_count: int) -> tuple[Array, Array]:
+    """List numbers of late shifts from 0 to ``count`` (c, 1), and their widths, (c, K) each.
+
+    Small numbers stand for themselves, width 1; the others for as many as their width.
+    """
+    k = np.arange(max_count + 1.0)[None]
+    small = max_count // 2
+    large_width = np.maximum(1.0, (count - small) / max(max_count - small, 1))
+    numbers = np.where(k > small, small + 0.5 + (k - small - 0.5) * large_width, k)
+    return numbers, np.where(k > small, large_width, 1.0)
+
+
+class SpreadDensity(NamedTuple):
+    """Density of ln of a ratio of variances by Fisher's F with two degrees of freedom."""
+
+    freedom: Array
+    other_freedom: Array
+    log_constant: Array
+
+    @classmethod
+    def of(cls, freedom: Array, other_freedom: Array) -> Self:
+        """Build the density of degrees of freedom that broadcast together."""
+        freedom, other_freedom = np.broadcast_arrays(freedom, other_freedom)
+        half_sum = 0.5 * (freedom + other_freedom)
+        log = gammaln(half_sum) - gammaln(0.5 * other_freedom) - gammaln(0.5 * freedom)
+        return cls(freedom, other_freedom, np.asarray(log))
+
+    def log(self, ratio: Array) -> Array:
+        """Compute the log density of ln ``ratio``."""
+        x = self.freedom * ratio / self.other_freedom
+        half_sum = 0.5 * (self.freedom + self.other_freedom)
+        log = self.log_constant + 0.5 * self.freedom * np.log(np.maximum(x, 1e-300))
+        return np.asarray(log - half_sum * np.log1p(x))
+
+
+def _log_count(share: Array, count: Array, total: Array, share_shifts: float) -> Array:
+    """Compute the log beta-binomial probability of ``count`` in ``total`` shifts.
+
+    The share is that of ``share_shifts`` simulated shifts.
+    """
+    alpha = share_shifts * share
+    beta = share_shifts * (1.0 - share)
+    log = betaln(count + alpha, total - count + beta) - betaln(alpha, beta)
+    log_choose = gammaln(total + 1.0) - gammaln(count + 1.0)
+    return np.asarray(log + log_choose - gammaln(np.maximum(total - count, 0.0) + 1.0))
+
+
+def _table_shares(low: float, high: float) -> Array:
+    """List the shares of a table, even in the logarithm of the odds, (TABLE_SIZE,)."""
+    return np.asarray(expit(np.linspace(logit(low), logit(high), TABLE_SIZE)))
+
+
+@dataclass(frozen=True)
+class _ShareTable:
+    """P functions of a share, tabulated at ``_table_shares``."""
+
+    low: float
+    high: float
+    values: Array  #: (TABLE_SIZE, P)
+
+    def interpolate(self, share: Array, point: np.ndarray | slice = slice(None)) -> Array:
+        """Interpolate each function at the share (m, c) of its ``point`` (P,), (m, P)."""
+        low = logit(self.low)
+        high = logit(self.high)
+        odds = logit(np.clip(share, self.low, self.high))
+        position = ((odds - low) * ((TABLE_SIZE - 1) / (high - low)))[:, point]
+        row = np.clip(position.astype(int), 0, TABLE_SIZE - 2)
+        columns = np.arange(position.shape[1])
+        lower = self.values[row, columns]
+        upper = self.values[row + 1, columns]
+        return np.asarray(lower + (position - row) * (upper - lower))
+
+
+@dataclass(frozen=True)
+class _Choices:
+    """Options of all points, concatenated, P in all; independent of the prediction."""
+
+    point: np.ndarray  #: index of the point among those with a mean, ascending, (P,)
+    late_share: Array  #: of the shifts within the mean, (P,)
+    is_odd: np.ndarray  #: whether the mean is odd, (P,)
+    is_main: np.ndarray  #: whether all shifts lie in the larger mode, (P,)
+    log_count: _ShareTable  #: log probability by the share of late shifts
+
+    @cached_property
+    def _starts(self) -> np.ndarray:
+        """Index of the first option of each point, (c,)."""
+        return np.flatnonzero(np.diff(self.point, prepend=-1))
+
+    def by_mode(self, pair: Array) -> Array:
+        """Select values (2, m, c), with shifts in the smaller mode or none, by option, (m, P)."""
+        return np.where(self.is_main, pair[1][:, self.point], pair[0][:, self.point])
+
+    def sum_points(self, values: Array) -> Array:
+        """Sum the options (m, P) of each point, (m, c)."""
+        return np.asarray(np.add.reduceat(values, self._starts, axis=1))
+
+    def choose(
+        self,
+        options: PointOptions,
+        variance: Array,
+        residual: Array,
+        fitted: Array,
+        fitted_variance: Array,
+    ) -> ChosenMeans:
+        """Choose the most probable option of each point beside fitted errors in common.
+
+        ``variance`` of each option without these errors is s^2, (m, P); ``residual`` of the means,
+        the fitted errors, s, and their variance, s^2, are (m, c).
+        """
+        deviation = (residual - fitted)[:, self.point] - options.shift
+        total_variance = variance + fitted_variance[:, self.point]
+        log_density = deviation**2 / total_variance + np.log(2.0 * np.pi * total_variance)
+        best, log_sum = self._best(options.log_weight - 0.5 * log_density)
+        rows = np.arange(len(residual))[:, None]
+        return ChosenMeans(
+            residual=residual - options.shift[rows, best],
+            variance=variance[rows, best],
+            log_probability=(log_sum + options.log_weight[rows, best]).sum(axis=1),
+        )
+
+    def _best(self, log: Array) -> tuple[np.ndarray, Array]:
+        """Find the best option of each point, and the log of the sum of all over it, (m, c)."""
+        max_log = np.maximum.reduceat(log, self._starts, axis=1)[:, self.point]
+        indices = np.where(log == max_log, np.arange(self.point.size), 0)
+        best = np.maximum.reduceat(indices, self._starts, axis=1)
+        return best, np.log(self.sum_points(np.exp(log - max_log)))
+
+
 @dataclass(frozen=True)
 class Likelihood:
     """Likelihood of the observations of a data set, for predictions of a model.
 
-    C operating points, of which c have a mean time.
+    C operating points, of which c have a mean time: ``p`` are m predictions at all points, ``q``
+    the same at those that have a mean. P options of the means follow one another point by point
+    (``_Choices``).
     """
 
     bench: Bench
@@ -481,144 +621,6 @@ class Likelihood:
         first = self.discrepancy_root.shape[1]
         nuisances = parts[..., first : first + self.nuisance_errors.shape[1]]
         return CommonErrors(amplitude, offset=parts.sum(axis=2), nuisance=nuisances.sum(axis=2))
-
-
-def _central_difference(moments: Array) -> Array:
-    """Compute the slope of ln mean between two changes of moments (2, C, MOMENTS), (C,)."""
-    return np.asarray((moments[1, :, LOG_MEAN] - moments[0, :, LOG_MEAN]) / (2.0 * DIFFERENCE_STEP))
-
-
-def freedom_of(error: Array) -> Array:
-    """Compute degrees of freedom by which ln of a spread has a variance, to second order."""
-    return 0.5 / error + 1.0
-
-
-def _late_numbers(count: Array, max_count: int) -> tuple[Array, Array]:
-    """List numbers of late shifts from 0 to ``count`` (c, 1), and their widths, (c, K) each.
-
-    Small numbers stand for themselves, width 1; the others for as many as their width.
-    """
-    k = np.arange(max_count + 1.0)[None]
-    small = max_count // 2
-    large_width = np.maximum(1.0, (count - small) / max(max_count - small, 1))
-    numbers = np.where(k > small, small + 0.5 + (k - small - 0.5) * large_width, k)
-    return numbers, np.where(k > small, large_width, 1.0)
-
-
-class SpreadDensity(NamedTuple):
-    """Density of ln of a ratio of variances by Fisher's F with two degrees of freedom."""
-
-    freedom: Array
-    other_freedom: Array
-    log_constant: Array
-
-    @classmethod
-    def of(cls, freedom: Array, other_freedom: Array) -> Self:
-        """Build the density of degrees of freedom that broadcast together."""
-        freedom, other_freedom = np.broadcast_arrays(freedom, other_freedom)
-        half_sum = 0.5 * (freedom + other_freedom)
-        log = gammaln(half_sum) - gammaln(0.5 * other_freedom) - gammaln(0.5 * freedom)
-        return cls(freedom, other_freedom, np.asarray(log))
-
-    def log(self, ratio: Array) -> Array:
-        """Compute the log density of ln ``ratio``."""
-        x = self.freedom * ratio / self.other_freedom
-        half_sum = 0.5 * (self.freedom + self.other_freedom)
-        log = self.log_constant + 0.5 * self.freedom * np.log(np.maximum(x, 1e-300))
-        return np.asarray(log - half_sum * np.log1p(x))
-
-
-def _log_count(share: Array, count: Array, total: Array, share_shifts: float) -> Array:
-    """Compute the log beta-binomial probability of ``count`` in ``total`` shifts.
-
-    The share is that of ``share_shifts`` simulated shifts.
-    """
-    alpha = share_shifts * share
-    beta = share_shifts * (1.0 - share)
-    log = betaln(count + alpha, total - count + beta) - betaln(alpha, beta)
-    log_choose = gammaln(total + 1.0) - gammaln(count + 1.0)
-    return np.asarray(log + log_choose - gammaln(np.maximum(total - count, 0.0) + 1.0))
-
-
-def _table_shares(low: float, high: float) -> Array:
-    """List the shares of a table, even in the logarithm of the odds, (TABLE_SIZE,)."""
-    return np.asarray(expit(np.linspace(logit(low), logit(high), TABLE_SIZE)))
-
-
-@dataclass(frozen=True)
-class _ShareTable:
-    """P functions of a share, tabulated at ``_table_shares``."""
-
-    low: float
-    high: float
-    values: Array  #: (TABLE_SIZE, P)
-
-    def interpolate(self, share: Array, point: np.ndarray | slice = slice(None)) -> Array:
-        """Interpolate each function at the share (m, c) of its ``point`` (P,), (m, P)."""
-        low = logit(self.low)
-        high = logit(self.high)
-        odds = logit(np.clip(share, self.low, self.high))
-        position = ((odds - low) * ((TABLE_SIZE - 1) / (high - low)))[:, point]
-        row = np.clip(position.astype(int), 0, TABLE_SIZE - 2)
-        columns = np.arange(position.shape[1])
-        lower = self.values[row, columns]
-        upper = self.values[row + 1, columns]
-        return np.asarray(lower + (position - row) * (upper - lower))
-
-
-@dataclass(frozen=True)
-class _Choices:
-    """Options of all points, concatenated, P in all; independent of the prediction."""
-
-    point: np.ndarray  #: index of the point among those with a mean, ascending, (P,)
-    late_share: Array  #: of the shifts within the mean, (P,)
-    is_odd: np.ndarray  #: whether the mean is odd, (P,)
-    is_main: np.ndarray  #: whether all shifts lie in the larger mode, (P,)
-    log_count: _ShareTable  #: log probability by the share of late shifts
-
-    @cached_property
-    def _starts(self) -> np.ndarray:
-        """Index of the first option of each point, (c,)."""
-        return np.flatnonzero(np.diff(self.point, prepend=-1))
-
-    def by_mode(self, pair: Array) -> Array:
-        """Select values (2, m, c), with shifts in the smaller mode or none, by option, (m, P)."""
-        return np.where(self.is_main, pair[1][:, self.point], pair[0][:, self.point])
-
-    def sum_points(self, values: Array) -> Array:
-        """Sum the options (m, P) of each point, (m, c)."""
-        return np.asarray(np.add.reduceat(values, self._starts, axis=1))
-
-    def choose(
-        self,
-        options: PointOptions,
-        variance: Array,
-        residual: Array,
-        fitted: Array,
-        fitted_variance: Array,
-    ) -> ChosenMeans:
-        """Choose the most probable option of each point beside fitted errors in common.
-
-        ``variance`` of each option without these errors is s^2, (m, P); ``residual`` of the means,
-        the fitted errors, s, and their variance, s^2, are (m, c).
-        """
-        deviation = (residual - fitted)[:, self.point] - options.shift
-        total_variance = variance + fitted_variance[:, self.point]
-        log_density = deviation**2 / total_variance + np.log(2.0 * np.pi * total_variance)
-        best, log_sum = self._best(options.log_weight - 0.5 * log_density)
-        rows = np.arange(len(residual))[:, None]
-        return ChosenMeans(
-            residual=residual - options.shift[rows, best],
-            variance=variance[rows, best],
-            log_probability=(log_sum + options.log_weight[rows, best]).sum(axis=1),
-        )
-
-    def _best(self, log: Array) -> tuple[np.ndarray, Array]:
-        """Find the best option of each point, and the log of the sum of all over it, (m, c)."""
-        max_log = np.maximum.reduceat(log, self._starts, axis=1)[:, self.point]
-        indices = np.where(log == max_log, np.arange(self.point.size), 0)
-        best = np.maximum.reduceat(indices, self._starts, axis=1)
-        return best, np.log(self.sum_points(np.exp(log - max_log)))
 
 
 def fit_common_errors(residual: Array, variance: Array, columns: Array) -> tuple[Array, Array]:

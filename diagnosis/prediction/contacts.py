@@ -238,7 +238,7 @@ class Contacts:
         )
 
     def _quantities(self, h: Hypothesis, values: Array) -> ClutchQuantities:
-        """Look up the quantities at values (m, p) of a hypothesis."""
+        """Interpolate the quantities of a hypothesis at parameter values (m, p), (m,) each."""
         rows = np.tile(self._baseline, (len(values), 1))
         first = 0
         for name in strip_sense(h):

@@ -111,7 +111,10 @@ class Emulator:
         units = level_error[:, -1]
 
         def covariance_of(length: float, amplitudes: Array) -> Array:
-            """Compute covariances with amplitudes (a, K) over the errors, (a, K, n + 1, n + 1)."""
+            """Compute covariances of ``changes`` with their errors, (a, K, n + 1, n + 1).
+
+            ``amplitudes`` (a, K) are in units of the levels' errors.
+            """
             correlation = np.pad(Kernel(neutral, length).covariance(x, x), (0, 1))
             return correlation * ((amplitudes * units) ** 2)[..., None, None] + noise
 

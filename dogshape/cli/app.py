@@ -43,7 +43,10 @@ class _Verbs(TyperGroup):
         return super().get_command(ctx, cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command; earlier names of verbs and options work, with a hint in a terminal."""
+        """Return name, command and remaining arguments, as click asks for them.
+
+        Earlier names of verbs and options work, with a hint in a terminal.
+        """
         words, renamed = current_words(args)
         if _shows_hints():
             for old, new in renamed.items():

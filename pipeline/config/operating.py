@@ -57,7 +57,7 @@ from dogshape.sim.shift.actuators import (
     keys_of,
 )
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
-from dogshape.sim.shift.mechanism import NOTHING, Mechanism
+from dogshape.sim.shift.mechanism import NO_MECHANISM, Mechanism
 from dogshape.sim.statistics.uncertainty import Distribution, sobol_shares
 from dogshape.sim.units import RPM, to_si
 from dogshape.sim.versions import bundled_root
@@ -504,7 +504,7 @@ def _section_fields(
     """Collect the fields that ``[contact]`` and ``[mechanism]`` set."""
     fields: Fields = {f"contact.{name}": value for name, value in contact.items()}
     for name, value in vars(section.mechanism(clutch.dog)).items():
-        if value != getattr(NOTHING, name):
+        if value != getattr(NO_MECHANISM, name):
             fields[f"mechanism.{name}"] = value
     for name, key in ACTUATION_KEYS.items():
         if key in section.given:

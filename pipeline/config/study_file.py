@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -680,15 +680,19 @@ def require_variables(study: Setup) -> None:
         raise InputError(f"[variables] is empty, so there is nothing to search; give one of {keys}")
 
 
-#: Mismatch, 1/min, nominal force, N, and rise time, s, of one operating point. The rise time None
-#: is that of the study; mismatch and force None stand for all points of the study, the force None
-#: alone for the full one of an actuator.
-Place = tuple[float | None, float | None, float | None]
-EVERYWHERE: Place = (None, None, None)
+class Place(NamedTuple):
+    """Operating point that a user asks for; without mismatch and force all points of the study."""
+
+    mismatch_rpm: float | None = None
+    force_N: float | None = None  #: nominal; None beside a mismatch: all of an actuator
+    force_rise_s: float | None = None  #: None: that of the study
+
+
+EVERYWHERE = Place()
 
 
 def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[OperatingPoint, ...]:
-    """Return the operating point at ``place``, or all of the study's.
+    """Build the operating point at ``place``, or return all of the study's.
 
     ``other_way`` is the verb's remedy for a force without rise time.
     """

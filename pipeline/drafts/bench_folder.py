@@ -41,7 +41,7 @@ from dogshape.pipeline.drafts.study_folder import draft_folder
 from dogshape.sim.errors import DogshapeError, InputError, number
 from dogshape.sim.interface import argument, key_argument, listed_argument
 from dogshape.sim.shift.drive import NO_DRIVE
-from dogshape.sim.shift.mechanism import NOTHING
+from dogshape.sim.shift.mechanism import NO_MECHANISM
 from dogshape.sim.units import MM
 from dogshape.sim.versions import bundled_root
 
@@ -376,7 +376,7 @@ def _assumptions_of(
             (f"{mass:g} kg {origin_text} move with the ring", mass),
             (
                 f"{origin_text} friction, drag and linkage are left for the diagnosis",
-                replace(mechanism, added_mass=0.0) != NOTHING,
+                replace(mechanism, added_mass=0.0) != NO_MECHANISM,
             ),
             (
                 f"the shafts of '{source.name}' {drive.text}, the stand's sliding ring is at rest "

@@ -291,7 +291,10 @@ def _axial_words(peaks: PeakForces) -> str:
 
 
 def _tangential_words(peaks: PeakForces) -> str:
-    """Print the peak tangential force, by the strike of the study where it is smaller."""
+    """Describe the peak tangential force.
+
+    It is that of the study's strike if this is below the simulated one.
+    """
     simulated = value("_N", peaks.tangential)
     if peaks.shafts or peaks.tangential == 0.0:
         return f"peak tangential force {simulated}"

@@ -41,11 +41,11 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.evaluation import (
     NEW_ANGLES,
     Evaluation,
+    OperatedDesign,
     Params,
-    design_blocks,
+    drop_design_shifts,
     evaluate,
     expectation_of,
-    forget_designs,
     with_torques,
 )
 from dogshape.pipeline.simulate.executor import Executor
@@ -191,7 +191,7 @@ def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> li
     say(f"no design passes: simulating your own dog and the nearest {len(designs)}")
     params = [trial.params for trial in trials]
     evaluations = evaluate(study, params, _executor(study, executors), angles, _seed(study))
-    forget_designs(study, executors.search, angles, _seed(study))
+    drop_design_shifts(study, executors.search, angles, _seed(study))
     complete = [
         (trial, evaluation)
         for trial, evaluation in zip(trials, evaluations, strict=True)
@@ -312,12 +312,12 @@ def _add_angles(
     executor = _executor(study, executors)
     renewed = {}
     for trial in trials:
-        operated = study.with_operation(trial.params)
-        design_angles = design_blocks(study, trial.params, angles, _seed(study), base)
-        blocks = [design_angles[place] for place in places]
+        design = OperatedDesign.of(study, trial.params)
+        design_blocks = design.blocks(angles, _seed(study), base)
+        blocks = [design_blocks[place] for place in places]
         rows = executor.run(blocks)
-        operating_points = [operated.points[place] for place in places]
-        new_points = expectation_of(operated, operating_points, rows).points
+        operating_points = [design.study.points[place] for place in places]
+        new_points = expectation_of(design.study, operating_points, rows).points
         evaluation = evaluations[trial.number]
         points = list(evaluation.expectation.points)
         for place, point in zip(places, new_points, strict=True):
@@ -327,7 +327,7 @@ def _add_angles(
         renewed[trial.number] = replace(
             evaluation, expectation=expectation, shifts=evaluation.shifts + added_shifts
         )
-        forget_designs(study, executors.search, base, _seed(study))
+        drop_design_shifts(study, executors.search, base, _seed(study))
     return renewed
 
 
@@ -344,7 +344,7 @@ def _renew_trial(study: Setup, trial: Trial, evaluation: Evaluation) -> Trial:
         rows=[*trial.rows, *row_record(evaluation.rows)],
         times=[PointTimes.of(point) for point in evaluation.expectation.points],
         confirmed=True,
-        judged=agreement is None or agreement.agrees,
+        engines_agree=agreement is None or agreement.agrees,
     )
 
 
@@ -382,7 +382,7 @@ def _simulate_anew(
             replace(evaluation, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
             for k, evaluation in enumerate(evaluations)
         ]
-    forget_designs(study, executors.search, angles, _seed(study))
+    drop_design_shifts(study, executors.search, angles, _seed(study))
     return evaluations
 
 
@@ -398,7 +398,7 @@ def _executor(study: Setup, executors: Executors) -> Executor:
 
 def _new_blocks(study: Setup, params: Params) -> list[Block]:
     """Build the shifts of a design at its new angles."""
-    return design_blocks(study, params, new_angles(study), _seed(study))
+    return OperatedDesign.of(study, params).blocks(new_angles(study), _seed(study))
 
 
 def _drake_sample(study: Setup, blocks: Sequence[Block]) -> list[Block]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
-from dogshape.pipeline.simulate.evaluation import Params, design_blocks
+from dogshape.pipeline.simulate.evaluation import OperatedDesign, Params
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.result_records import EngineAgreement
 from dogshape.sim.shift.clutch import Clutch
@@ -95,7 +95,9 @@ def audit(
     size = math.prod(shape)
     drawn_shifts = np.sort(rng.choice(size, min(shifts, size), replace=False))
     blocks_of = cache(
-        lambda place: design_blocks(study, designs[place], settings.angles, settings.seed)
+        lambda place: OperatedDesign.of(study, designs[place]).blocks(
+            settings.angles, settings.seed
+        )
     )
     places = zip(*np.unravel_index(drawn_shifts, shape), strict=True)
     blocks = [blocks_of(design)[point].only([int(angle)]) for design, point, angle in places]

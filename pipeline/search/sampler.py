@@ -185,13 +185,14 @@ class Guide:
     def __init__(self, study: Setup) -> None:
         self.study = study
         self.space = Space(study.variables)
-        objectives = objectives_of(study)
-        self.signs = np.array([objective.sign for objective in objectives])
-        self.leading = objectives.index(leading_objective(study))  #: place among the objectives
+        self.objectives = objectives_of(study)
+        self.signs = np.array([objective.sign for objective in self.objectives])
+        #: place of the leading one among the objectives
+        self.leading = self.objectives.index(leading_objective(study))
         # Most follow from the dog; its checks take most of the time of a whole design.
-        exact = [objective for objective in objectives if objective.exact]
+        exact = [objective for objective in self.objectives if objective.exact]
         self._needs_checks = any(objective.name in SUMMARIES for objective in exact)
-        self._cached_losses = cache(self._exact_losses)
+        self._cached_losses = cache(self._compute_exact_losses)
         self._pools: dict[tuple[int, ...], tuple[Trial, ...]] = {}  # by the numbers of trials
 
     def allowed(self, params: Sequence[Params]) -> Mask:
@@ -224,7 +225,7 @@ class Guide:
         landing = fit_response(x, np.array(hardest), min_deviation=LANDING_SPREAD)
         time_column = None
         responses = {}
-        for column, objective in enumerate(objectives_of(study)):
+        for column, objective in enumerate(self.objectives):
             if objective.name == SIMULATED:
                 rows = [row for trial in pooled_trials for row in trial.rows]
                 effort = replace(EFFORT, seed=study.file.search.seed)
@@ -262,12 +263,12 @@ class Guide:
         values = np.array([trial.values for trial in self._pooled(trials)])
         return values.reshape(len(trials), len(self.signs)) * self.signs
 
-    def exact(self, designs: Sequence[Params]) -> Array:
-        """Return the objectives of dogs as losses, (m, k); infinite for simulated objectives."""
+    def exact_losses(self, designs: Sequence[Params]) -> Array:
+        """Compute the objectives of designs as losses, (m, k); infinite for simulated ones."""
         return np.array([self._cached_losses(tuple(params.items())) for params in designs])
 
-    def _exact_losses(self, items: tuple[tuple[str, float], ...]) -> Array:
-        """Compute the objectives of a dog, given by its searched keys, as losses, (k,)."""
+    def _compute_exact_losses(self, items: tuple[tuple[str, float], ...]) -> Array:
+        """Compute the objectives of a design, given by its searched keys, as losses, (k,)."""
         params = dict(items)
         if self._needs_checks:
             return self.signs * values_of(design_of(self.study, params))
@@ -289,7 +290,7 @@ class GoalPrediction:
 
         The rough part of times is left out, as no draw of it would last.
         """
-        losses: Array = np.repeat(self.guide.exact(params)[None], count, axis=0)
+        losses: Array = np.repeat(self.guide.exact_losses(params)[None], count, axis=0)
         if self.time_column is not None:
             column, surrogate = self.time_column
             expected = surrogate.joint(self.guide.study.rows(params))
@@ -491,7 +492,7 @@ class SurrogateSampler:
             (candidate_draws - low) / (high - low),
             (rival_draws - low) / (high - low),
             np.full(objective_count, REFERENCE_SHARE),
-            directions(rng, DIRECTIONS, objective_count),
+            draw_directions(rng, DIRECTIONS, objective_count),
         )
         expected_gains = gains * prediction.chances(designs)
         if expected_gains.max() > 0.0:
@@ -583,30 +584,33 @@ def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:
     return low, low + np.where(span > 0.0, span, 1.0)
 
 
-def directions(rng: np.random.Generator, count: int, objectives: int) -> Array:
+def draw_directions(rng: np.random.Generator, count: int, objectives: int) -> Array:
     """Draw directions with positive coordinates, evenly over the sphere, (count, k)."""
     vectors = np.abs(rng.standard_normal((count, objectives)))
     return np.maximum(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), 1e-6)
 
 
-def scales(values: Array, reference: Array, ways: Array) -> Array:
-    """Compute the scale of values (s, m, k) below a reference (k,) in directions, (s, m, w)."""
+def scales(values: Array, reference: Array, directions: Array) -> Array:
+    r"""Compute the scales :math:`s_\lambda` of values (s, m, k) below a reference (k,), (s, m, w).
+
+    ``directions`` (w, k) are the :math:`\lambda`.
+    """
     gain = np.maximum(reference - values, 0.0)
-    smallest = np.full((*values.shape[:2], len(ways)), np.inf)
+    smallest = np.full((*values.shape[:2], len(directions)), np.inf)
     for k in range(values.shape[2]):
-        np.minimum(smallest, gain[:, :, k, None] / ways[:, k], out=smallest)
+        np.minimum(smallest, gain[:, :, k, None] / directions[:, k], out=smallest)
     return smallest ** values.shape[2]
 
 
-def added_volume(candidates: Array, front: Array, reference: Array, ways: Array) -> Array:
+def added_volume(candidates: Array, front: Array, reference: Array, directions: Array) -> Array:
     """Compute the hypervolume that each candidate adds to a front, mean over draws, (m,).
 
-    ``candidates`` (s, m, k) and ``front`` (s, f, k) are drawn values.
+    ``candidates`` (s, m, k) and ``front`` (s, f, k) are drawn values, ``directions`` are (w, k).
     """
     k = candidates.shape[2]
-    volumes = scales(candidates, reference, ways)
+    volumes = scales(candidates, reference, directions)
     if front.shape[1]:
-        front_volumes = scales(front, reference, ways).max(axis=1)
+        front_volumes = scales(front, reference, directions).max(axis=1)
         volumes = np.maximum(volumes - front_volumes[:, None, :], 0.0)
     # Volume of the part of the unit ball with positive coordinates.
     ball = math.pi ** (k / 2) / (2**k * math.gamma(k / 2 + 1))

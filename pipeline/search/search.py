@@ -46,8 +46,8 @@ from dogshape.pipeline.simulate.evaluation import (
     TIME_ESTIMATORS,
     Evaluation,
     Params,
+    drop_design_shifts,
     evaluate,
-    forget_designs,
 )
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
@@ -182,7 +182,7 @@ def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) 
     evaluations = iter(evaluate(study, params, executor, settings.angles, settings.seed))
     for trial, design in zip(trials, designs, strict=True):
         _tell(search, trial, design, next(evaluations) if design.feasible else None)
-    forget_designs(study, executor, settings.angles, settings.seed)
+    drop_design_shifts(study, executor, settings.angles, settings.seed)
 
 
 def _tell(

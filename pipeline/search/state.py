@@ -54,8 +54,8 @@ class PointTimes(NamedTuple):
 class Trial:
     """A finished design of a search; without estimates and ``measured`` it was not simulated.
 
-    ``failed`` are shifts by reason. Those ``confirmed`` are of new angles; ``judged`` where the
-    engines agree there.
+    ``failed`` are shifts by reason. ``confirmed`` are the values of new angles, where
+    ``engines_agree`` is the verdict of Drake on the compiled engine; True without one.
     """
 
     number: int
@@ -68,7 +68,7 @@ class Trial:
     shifts: int = 0
     failed: Mapping[str, int] = field(default_factory=dict)
     confirmed: bool = False
-    judged: bool = True
+    engines_agree: bool = True
     times: Sequence[PointTimes] = field(default=(), repr=False)  #: by operating point
     reference: Sequence[PointTimes] = field(default=(), repr=False)  #: of the study's own dog
 
@@ -134,12 +134,10 @@ def trial_of(frozen: FrozenTrial) -> Trial:
         prototype=attributes.get(PROTOTYPE, False),
         failed=attributes.get(FAILED, {}),
     )
-    record = attributes.get(SIMULATION)
-    return _add_simulation(trial, SimulationRecord(**record)) if record else trial
-
-
-def _add_simulation(trial: Trial, record: SimulationRecord) -> Trial:
-    """Add the values of a record of a simulation."""
+    keys = attributes.get(SIMULATION)
+    if not keys:
+        return trial
+    record = SimulationRecord(**keys)
     return replace(
         trial,
         estimates={name: Estimate(*pair) for name, pair in record.estimates.items()},
@@ -158,7 +156,7 @@ def expectation_from(study: Setup, times: Sequence[PointTimes]) -> MixExpectatio
             point,
             engaged_mean=point_times.engaged_mean,
             engaged_error=point_times.engaged_error,
-            mean_engaged=None,
+            unaided_mean=None,
             sd=0.0,
             engaged=1.0 - point_times.hangs / max(1, point_times.shifts),
             n=point_times.shifts,
@@ -194,10 +192,9 @@ def under_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Tri
     if trial.reference:
         reference = expectation_from(study, trial.reference).under(priors)
     times = time_estimates(trial.estimates, expectation, reference)
-    objectives = [objective.name for objective in objectives_of(study)]
     values = tuple(
         times[name].value if name in times else value
-        for name, value in zip(objectives, trial.values, strict=True)
+        for name, value in zip(study.file.search.objectives, trial.values, strict=True)
     )
     return replace(
         trial,
@@ -249,7 +246,7 @@ class SearchState:
         return tuple(
             trial
             for trial in self.simulated
-            if self.designs[trial.number].feasible and trial.judged
+            if self.designs[trial.number].feasible and trial.engines_agree
         )
 
     @cached_property

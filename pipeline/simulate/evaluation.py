@@ -246,13 +246,6 @@ class OperatedDesign(NamedTuple):
         return even_blocks(clutch, study.points, angles, seed, base, uncertainty=study.uncertainty)
 
 
-def design_blocks(
-    study: Setup, params: Params, angles: int, seed: int, base: int | None = None
-) -> list[Block]:
-    """Build the shifts of a design of a study (``OperatedDesign.blocks``)."""
-    return OperatedDesign.of(study, params).blocks(angles, seed, base)
-
-
 def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
     """Build the shifts of the study's own dog; none if no objective or limit refers to it."""
     if REFERRED not in estimated_quantities(study):
@@ -265,12 +258,12 @@ def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
 _cached_even_blocks = lru_cache(maxsize=2)(even_blocks)  # the reference of all rounds
 
 
-def forget_designs(study: Setup, executor: Executor, angles: int, seed: int) -> None:
+def drop_design_shifts(study: Setup, executor: Executor, angles: int, seed: int) -> None:
     """Drop the shifts of all designs but the reference from the journal."""
     keys = set()
     for block in reference_blocks(study, angles, seed):
         keys.update(block.keys)
-    executor.forget(keys)
+    executor.drop_shifts(keys)
 
 
 def evaluate(
@@ -436,7 +429,7 @@ def expect_to_precision(
         error = expectation.relative_error
         shift_count = len(points) * angles
         is_precise = error <= precision
-        is_silent = any(point.mean_engaged is None for point in expectation.points)
+        is_silent = any(point.unaided_mean is None for point in expectation.points)
         is_last = error > precision and angles >= MAX_ANGLES
         if is_silent:
             progress.say("nothing engages at some operating point: no precision can be reached")

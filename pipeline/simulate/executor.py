@@ -110,7 +110,7 @@ class Executor:
             for block in blocks:
                 yield _simulate_block(block, self.journal.path)
 
-    def forget(self, kept_keys: Collection[str] = ()) -> None:
+    def drop_shifts(self, kept_keys: Collection[str] = ()) -> None:
         """Drop the shifts of the journal except some keys; their results are stored elsewhere."""
         self.journal.drop(self.journal.rows.keys() - set(kept_keys))
         self._counted &= set(kept_keys)

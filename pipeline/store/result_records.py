@@ -137,7 +137,7 @@ class PointRow(PlaceRow):
             mismatch_rpm=result.point.mismatch / RPM,
             force_N=result.point.profile.force,
             mean_s=result.time,
-            mean_engaged_s=result.mean_engaged,
+            mean_engaged_s=result.unaided_mean,
             standard_error_s=number_or_none(standard_error),
             engaged_mean_s=None if result.silent else result.engaged_mean,
             engaged_standard_error_s=(
@@ -315,7 +315,7 @@ class ExpectedTime(HangKeys):
             numerical_error_s=number_or_none(numerical_error),
             engages=expectation.engages,
             engaged=expectation.engaged,
-            mean_engaged_s=expectation.mean_engaged,
+            mean_engaged_s=expectation.unaided_mean,
             **hang_keys(expectation).to_dict(),
             shifts=expectation.shifts,
             not_engaged=expectation.lost,

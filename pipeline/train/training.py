@@ -42,7 +42,7 @@ from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.interface import verb
 from dogshape.sim.statistics.blocks import Block, even_block
-from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
+from dogshape.sim.statistics.expectation import mean_round_the_pitch, middles_of_jumps
 from dogshape.sim.statistics.shift_records import (
     Record,
     angle_of,
@@ -214,7 +214,7 @@ def simulate_designs(
             )
             design = FittedDesign(job.key(study), part, row_record(rows))
             append(path, design._asdict())
-        executor.forget()
+        executor.drop_shifts()
 
 
 class FittedDesign(NamedTuple):
@@ -247,7 +247,7 @@ def _simulate_jobs(
         halving_blocks = []
         for block, records in zip(blocks, shifts, strict=True):
             phases, times = _phases_and_times(records)
-            angles = halves(phases, times, count) * block.clutch.dog.pitch_angle
+            angles = middles_of_jumps(phases, times, count) * block.clutch.dog.pitch_angle
             halving_blocks.append(replace(block, angles=tuple(angles.tolist())))
         new_shifts = executor.run(halving_blocks)
         shifts = [[*even, *new] for even, new in zip(shifts, new_shifts, strict=True)]

@@ -23,7 +23,7 @@ from dogshape.sim.shift.actuators import Actuator
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, EngineSide
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import (
-    NOTHING,
+    NO_MECHANISM,
     SMOOTH_SPEED_M_S,
     SMOOTH_TURN_RAD_S,
     STOP_DEPTH_M,
@@ -53,6 +53,10 @@ class ImpactLaw:
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the law")
+
+
+#: Fields that a set with IMPACT must have: the stiffness is that of the stop behind the ring.
+IMPACT_LAYER = (("stiffness", 5e11), ("dissipation", 0.0))
 
 
 @dataclass(frozen=True)
@@ -133,9 +137,6 @@ class ContactSet:
         )
 
 
-#: Layer of a set with IMPACT: the stiffness is that of the stop behind the ring.
-IMPACT_LAYER = (("stiffness", 5e11), ("dissipation", 0.0))
-
 #: ``adams2019``: the published model (thesis tables 7 and 8), for comparison; its stiction velocity
 #: lets a face creep. Its IMPACT with a damper of 1e4 N s/m stops a dog's share of the ring within
 #: 3.3 um at a restitution of 0.05, as this law does (``tests/verification/test_impact.py``).
@@ -173,6 +174,11 @@ class Rings:
         return self.sliding_inertia * self.output_inertia / total
 
 
+ENGINES = ("drake", "planar")
+PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
+#: Schemes with the accuracy that each needs.
+SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
+CENIC_WITH_FORCES = 1e-9  #: where mechanism or drive have forces, taken from the start of a step
 MAX_STEPS = 400_000  #: steps of a shift where the study gives no other number
 
 
@@ -204,11 +210,6 @@ class Solver:
         require_ranges(self, "solver", "correct the solver settings")
 
 
-ENGINES = ("drake", "planar")
-PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
-#: Schemes with the accuracy that each needs.
-SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
-CENIC_WITH_FORCES = 1e-9  #: where mechanism or drive have forces, taken from the start of a step
 #: Dynamic over static friction, from which on the dynamic one stands for both.
 MIN_FRICTION_RATIO = 0.75
 #: Stiction velocity from which slip of a tooth-to-tooth contact lies in its ramp.
@@ -231,7 +232,7 @@ def require_engine(contact: ContactSet, engine: str) -> None:
 
 def solver_for(
     contact: ContactSet,
-    mechanism: Mechanism = NOTHING,
+    mechanism: Mechanism = NO_MECHANISM,
     drive: Drive = NO_DRIVE,
     actuator: Actuator | None = None,
 ) -> Solver:
@@ -266,14 +267,14 @@ class Clutch:
     #: how far behind its start the sliding ring can be thrown before it meets a stop, m: as far as
     #: the dogs stand ahead, there the neighbouring gear begins
     rebound: float = 1e-3
-    mechanism: Mechanism = NOTHING  #: the shift force acts on the ring, which nothing else holds
+    mechanism: Mechanism = NO_MECHANISM
     drive: Drive = NO_DRIVE  #: speed of the shafts and torques on them
     actuator: Actuator | None = None  #: None: the shift force is that over time of the point
     output_dog: OutputDog = ALIKE  #: dimensions in which the output ring's dog differs from ``dog``
 
     def __post_init__(self) -> None:
         remedy = "give what turns with the dogs alone"
-        require_parts("mechanism", self.mechanism, self.rings, remedy, rest=True)
+        require_parts("mechanism", self.mechanism, self.rings, remedy, is_smaller=True)
 
     @property
     def shift_travel(self) -> float:
@@ -334,18 +335,22 @@ class Clutch:
         mechanism = self.mechanism
         input_shaft, output_shaft = self.shafts
         numbers.sleeve_mass = mechanism.sleeve_mass(self.rings.mass)
+        # Without a linkage nothing has this mass; 1 keeps the record free of a division by 0.
         numbers.actuator_mass = mechanism.actuator_mass(self.rings.mass) or 1.0
         numbers.sliding_inertia = input_shaft.ring_inertia
         numbers.input_side_inertia = input_shaft.side_inertia
         numbers.output_inertia = output_shaft.ring_inertia
         numbers.output_side_inertia = output_shaft.side_inertia
-        numbers.state_size = RIGID_STATE_SIZE
-        if mechanism.has_linkage:
-            numbers.state_size = LINKED_STATE_SIZE
-        if input_shaft.side_inertia or output_shaft.side_inertia:
-            numbers.state_size = SHAFTED_STATE_SIZE
+        numbers.state_size = self._state_size
+
+    @property
+    def _state_size(self) -> int:
+        """Number of columns of ``sim.kernel_layout`` that move; each includes those before it."""
         if self.actuator is not None:
-            numbers.state_size = STATE_SIZE
+            return STATE_SIZE
+        if any(shaft.side_inertia for shaft in self.shafts):
+            return SHAFTED_STATE_SIZE
+        return LINKED_STATE_SIZE if self.mechanism.has_linkage else RIGID_STATE_SIZE
 
     def _set_resistance(self, numbers: np.record) -> None:
         """Write damping, friction, drag, detent and the stop behind the ring."""

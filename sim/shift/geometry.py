@@ -5,17 +5,22 @@ Chamfer :math:`\alpha`, side angles :math:`\beta, \gamma`, height *h*, *N* dogs,
 through the radial line at :math:`\pm(\vartheta - \varphi)/4` in the *pitch plane*, :math:`z = 0` at
 half height (``root_depth`` of unlike rings: ``sim.shift.pair``), so that mating flanks lie on each
 other once the play is turned; there a slot is wider than a dog by :math:`\varphi r`.
+
 The ridge, :math:`z = h/2`, divides the tip at the share *c* (``crest``) from the braking to the
 traction edge at every radius. The face falls from it by :math:`\alpha` towards the braking flank,
 the back by :math:`\alpha_b` towards the traction flank; *c* = 1 has no back, *c* = 0 no face.
+
 Widths run along the circumference at radius *r*:
 :math:`w_{tip,root} = \tfrac{1}{2}(\vartheta - \varphi) r \mp \tfrac{h}{2}(\tan\beta +
-\tan\gamma)`. With pitch planes *D* apart, rings have a play of :math:`\varphi r + D(\tan\beta +
-\tan\gamma)`, as far as flanks face each other: down from :math:`D = h - 2d` with the larger depth
-*d* of both edges below the ridge. Undercut flanks pass if this play is not negative there. At full
-depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
-flank along the shaft, :math:`\psi` the angle of the material: what touches is :math:`h - 2(d(r) +
-a)`, with the depth *d* of that flank's edge.
+\tan\gamma)`.
+
+Rings whose pitch planes are *D* apart have a play of :math:`\varphi r + D(\tan\beta + \tan\gamma)`.
+On the way in, flanks first face each other at :math:`D = h - 2d`, with the larger depth *d* of both
+edges below the ridge: undercut flanks pass if the play is not negative there.
+
+At full depth :math:`h - 2(d(r) + a)` of a flank touches, with the depth *d* of its edge. A rounding
+by :math:`\varrho` takes :math:`a = \varrho \cos\beta \cot(\psi/2)` from it along the shaft,
+:math:`\psi` the angle of the material.
 """
 
 from __future__ import annotations
@@ -329,9 +334,9 @@ class Dog:
 
 
 def section(dog: Dog) -> list[tuple[float, float]]:
-    """Compute the corners of a dog's profile unrolled at the mean radius, from root to root.
+    """Compute the corners of a dog's profile, unrolled at the mean radius, from root to root, m.
 
-    Points (along the circumference, above the pitch plane), m: braking root, braking edge, ridge,
+    Points (along the circumference, above the pitch plane): braking root, braking edge, ridge,
     traction edge, traction root; a ridge on an edge is one point with it. The slot's floor runs on
     at the root's height.
     """
@@ -571,14 +576,22 @@ def tip_radius(dog: Dog, root_radius: float) -> float:
     return dog.edge_radius or root_radius
 
 
-def _flank_losses(dog: Dog, root_radius: float, flank: Flank) -> tuple[float, float, float]:
-    """Compute the depth of a flank's rounded edge below the ridge, m: inside, mean, outside."""
+class FlankLosses(NamedTuple):
+    """Depths of a flank's rounded edge below the ridge, m, at three radii."""
+
+    inner: float
+    mean: float
+    outer: float
+
+
+def _flank_losses(dog: Dog, root_radius: float, flank: Flank) -> FlankLosses:
+    """Compute the depths of a flank's rounded edge; ``root_radius`` in m."""
     side = FLANKS.index(flank)
     edge = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * dog.edge_cuts[side]
-    return (
-        dog.drops_at(dog.inner_radius)[side] + edge,
-        dog.drops_at(dog.mean_radius)[side] + edge,
-        dog.drops_at(dog.outer_radius)[side] + edge,
+    return FlankLosses(
+        inner=dog.drops_at(dog.inner_radius)[side] + edge,
+        mean=dog.drops_at(dog.mean_radius)[side] + edge,
+        outer=dog.drops_at(dog.outer_radius)[side] + edge,
     )
 
 
@@ -589,14 +602,14 @@ def flank_contact(
 
     ``root_radius`` in m; ``mate`` is the dog of the other ring, None for an equal one.
     """
-    inner_loss, mean_loss, outer_loss = _flank_losses(dog, root_radius, flank)
-    mate_losses = inner_loss, mean_loss, outer_loss
+    losses = _flank_losses(dog, root_radius, flank)
+    mate_losses = losses
     depth = dog.height
     if mate is not None:
         mate_losses = _flank_losses(mate, root_radius, flank)
         depth = smallest(dog.height, mate.height)
-    inner_height = depth - (inner_loss + mate_losses[0])
-    outer_height = depth - (outer_loss + mate_losses[2])
+    inner_height = depth - (losses.inner + mate_losses.inner)
+    outer_height = depth - (losses.outer + mate_losses.outer)
     # Of a height that falls to zero within the width, the part that is positive.
     difference = abs(inner_height - outer_height)
     highest = largest(inner_height, outer_height, 0.0)
@@ -604,8 +617,8 @@ def flank_contact(
     mean_height = 0.5 * (inner_height + outer_height)
     both_touch = smallest(inner_height, outer_height) >= 0.0
     touching_height = where(both_touch, mean_height, partial_height)
-    low = dog.height - depth + mate_losses[1]
-    return FlankContact(low, dog.height - mean_loss, dog.radial_width * touching_height)
+    low = dog.height - depth + mate_losses.mean
+    return FlankContact(low, dog.height - losses.mean, dog.radial_width * touching_height)
 
 
 def _crest_angles(dog: Dog) -> tuple[float, float]:

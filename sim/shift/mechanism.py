@@ -205,7 +205,7 @@ class Mechanism:
     @property
     def record(self) -> dict[str, float]:
         """Values that differ from no mechanism, flat and in the edge's units."""
-        absent = record_quantities(NOTHING)
+        absent = record_quantities(NO_MECHANISM)
         return {
             f"mechanism_{key}": value
             for key, value in record_quantities(self).items()
@@ -223,6 +223,6 @@ def smooth_sign(value: Number, small: float) -> Number:
     return value / (value * value + small * small) ** 0.5
 
 
-NOTHING = Mechanism()  #: no mechanism at all
+NO_MECHANISM = Mechanism()  #: the shift force acts on the ring, which nothing else holds
 #: Field by key at the edge.
 FIELDS = {declared.key: name for name, declared in quantities_of(Mechanism).items()}

@@ -229,22 +229,24 @@ def tip_planes(dog: Dog) -> NDArray[np.bool_]:
     return np.array(flags)
 
 
-Face = tuple[int, ...]
+Face = tuple[int, ...]  #: indices of the vertices of a face or a tetrahedron
 
 
 def stacked(planes: Sequence[Plane]) -> tuple[Vertices, NDArray[np.float64]]:
-    """Stack the normals (n, 3) and offsets (n,) of planes."""
+    """Stack the normals (n, 3) and offsets (n,), m, of planes."""
     normals = np.array([plane.normal for plane in planes])
     return normals, np.array([plane.offset for plane in planes])
 
 
 def meeting(*planes: Plane) -> Vertices:
-    """Compute the point (3,) in which three planes meet."""
+    """Compute the point in which three planes meet, m, (3,)."""
     return np.asarray(np.linalg.solve(*stacked(planes)), dtype=np.float64)
 
 
 def body(dog: Dog, skin: DogPlanes, apex: Vertices) -> tuple[Vertices, list[Face]]:
-    """Compute vertices (n, 3) and tetrahedra of the body of a dog with rounded edges or a back.
+    """Mesh the body of a dog with rounded edges or a back.
+
+    Returns the vertices, m, (n, 3), and the four vertices of each tetrahedron by their indices.
 
     ``skin`` has the planes of its root, inner and outer end; ``apex`` (3,) is the last vertex.
     """

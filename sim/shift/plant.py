@@ -65,18 +65,19 @@ ACTUATOR = "actuator"  #: along the shaft
 SHIFT = "shift"  #: of the sliding ring along the shaft
 SLIDING = "sliding"  #: of the sliding ring about the shaft
 OUTPUT = "output"  #: of the output ring about the shaft
-BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joint of each ring's side
+#: Joint of the side that a shaft joins to each ring.
+SIDE_JOINTS = {SLIDING: "input_side", OUTPUT: "output_side"}
 #: Columns of displacement or angle and of its rate in a state, by joint.
 COLUMNS = {
     OUTPUT: (OUTPUT_ANGLE, OUTPUT_SPEED),
     SHIFT: (DISPLACEMENT, AXIAL_SPEED),
     SLIDING: (SLIDING_ANGLE, SLIDING_SPEED),
     ACTUATOR: (ACTUATOR_DISPLACEMENT, ACTUATOR_SPEED),
-    BEHIND[SLIDING]: (INPUT_SIDE_ANGLE, INPUT_SIDE_SPEED),
-    BEHIND[OUTPUT]: (OUTPUT_SIDE_ANGLE, OUTPUT_SIDE_SPEED),
+    SIDE_JOINTS[SLIDING]: (INPUT_SIDE_ANGLE, INPUT_SIDE_SPEED),
+    SIDE_JOINTS[OUTPUT]: (OUTPUT_SIDE_ANGLE, OUTPUT_SIDE_SPEED),
 }
 #: Joint that each joint moves with where the clutch has none for it.
-CARRIERS = {ACTUATOR: SHIFT, BEHIND[SLIDING]: SLIDING, BEHIND[OUTPUT]: OUTPUT}
+CARRIERS = {ACTUATOR: SHIFT, SIDE_JOINTS[SLIDING]: SLIDING, SIDE_JOINTS[OUTPUT]: OUTPUT}
 AXIS = np.array([0.0, 0.0, 1.0])
 STOP_WIDTH_M = 10e-3  #: of the plate behind the sliding ring
 STOP_THICKNESS_M = 5e-3  #: of plate and wall
@@ -105,7 +106,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         self._contact_set = clutch.contact
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
         self._spline_share = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia)
-        self._torque = plant.GetJointByName(SLIDING).velocity_start()
+        self._sliding_velocity_index = plant.GetJointByName(SLIDING).velocity_start()
         actuators = plant.GetJointActuatorIndices()
         self._joints = [plant.get_joint_actuator(i).joint().name() for i in actuators]
         places = plant.num_positions()
@@ -137,7 +138,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         sliding_drive, output_drive = self._drive_torques(context, state)
         spline_torque -= (1.0 - self._spline_share) * sliding_drive
         forces = dict.fromkeys(self._joints, 0.0)
-        for (ring, side), shaft in zip(BEHIND.items(), self._shafts, strict=True):
+        for (ring, side), shaft in zip(SIDE_JOINTS.items(), self._shafts, strict=True):
             if not shaft.side_inertia:
                 continue
             ring_angle, ring_speed = COLUMNS[ring]
@@ -146,7 +147,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             shaft_torque = shaft.torque(lead, state[side_speed] - state[ring_speed])
             forces[ring] += shaft_torque / share
             forces[side] -= shaft_torque / share
-            if ring == SLIDING:
+            if ring == SLIDING:  # the shaft drives the ring through the spline
                 spline_torque = shaft_torque
         if self._linkage is not None:
             stretch = state[ACTUATOR_DISPLACEMENT] - displacement
@@ -155,11 +156,11 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             forces[ACTUATOR] = push - ring_push
         resistance = mechanism.resistance(displacement, speed, spline_torque)
         forces[SHIFT] = ring_push - resistance / share
-        sliding_joint = BEHIND[SLIDING] if input_shaft.side_inertia else SLIDING
+        sliding_joint = SIDE_JOINTS[SLIDING] if input_shaft.side_inertia else SLIDING
         drag = mechanism.drag(state[INPUT_SIDE_SPEED])
         forces[sliding_joint] -= (drag - sliding_drive) / share
         if self._drive:
-            output_joint = BEHIND[OUTPUT] if output_shaft.side_inertia else OUTPUT
+            output_joint = SIDE_JOINTS[OUTPUT] if output_shaft.side_inertia else OUTPUT
             forces[output_joint] += output_drive / share
         output.SetFromVector([forces[name] for name in self._joints])
 
@@ -196,7 +197,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             turn = state[SLIDING_SPEED] - state[OUTPUT_SPEED]
             return ring_torque(surfaces, self._dogs, turn, state[AXIAL_SPEED], self._contact_set)
         if self.contact is not None:
-            return float(self.contact.Eval(context)[self._torque])
+            return float(self.contact.Eval(context)[self._sliding_velocity_index])
         return 0.0
 
     def _drive_torques(self, context: Context, state: list[float]) -> tuple[float, float]:
@@ -274,7 +275,7 @@ class ClutchPlant:
             mass = clutch.mechanism.actuator_mass(clutch.rings.mass) / self.share
             shape = tree.UnitInertia.SolidSphere(0.01)
             self._add_body(ACTUATOR, mass, shape, tree.PrismaticJoint, actuator="actuator_force")
-        for name, shaft in zip(BEHIND.values(), clutch.shafts, strict=True):
+        for name, shaft in zip(SIDE_JOINTS.values(), clutch.shafts, strict=True):
             if shaft.side_inertia:
                 inertia = shaft.side_inertia / self.share
                 shape = tree.UnitInertia(0.5, 0.5, 1.0)

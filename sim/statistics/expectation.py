@@ -95,7 +95,7 @@ class PointExpectation:
     point: OperatingPoint
     engaged_mean: float  #: of shifts that engage or are freed; the time-out without any
     engaged_error: float  #: standard error of ``engaged_mean``, NaN for fewer than three shifts
-    mean_engaged: float | None  #: of shifts that engage by themselves; None without any
+    unaided_mean: float | None  #: of shifts that engage by themselves; None without any
     sd: float
     engaged: float  #: share at the first try
     n: int  #: number of shifts, without diverged ones
@@ -284,15 +284,15 @@ class MixExpectation:
         return f"{sentence}; a larger chamfer, mismatch or sliding.inertia_kgm2 frees those held"
 
     @property
-    def mean_engaged(self) -> float | None:
+    def unaided_mean(self) -> float | None:
         """Weighted mean without retries, s; None if no shift engaged at some operating point.
 
         One hung shift in some hundreds moves ``mean`` by milliseconds, but hardly this mean.
         """
         total_weight = sum(p.point.weight for p in self.points)
-        if None in (p.mean_engaged for p in self.points):
+        if None in (p.unaided_mean for p in self.points):
             return None
-        return sum(p.point.weight / total_weight * (p.mean_engaged or 0.0) for p in self.points)
+        return sum(p.point.weight / total_weight * (p.unaided_mean or 0.0) for p in self.points)
 
     @property
     def shifts(self) -> int:
@@ -321,7 +321,8 @@ def even_phases(count: int, seed: int, index: int, base: int | None = None) -> A
     The ``index`` of an operating point gives it an independent start. If ``count`` is a multiple of
     ``base``, the result contains the ``base`` fractions of the same draw.
     """
-    start = np.random.default_rng([seed, index]).random() * (count // (base or count))
+    refinement = count // (base or count)  # angles for one of ``base``
+    start = np.random.default_rng([seed, index]).random() * refinement
     return (np.arange(count) + start % 1.0) / count
 
 
@@ -349,7 +350,7 @@ def expect_point(
         point,
         engaged_mean=timeout,
         engaged_error=0.0,
-        mean_engaged=None,
+        unaided_mean=None,
         sd=0.0,
         engaged=0.0,
         n=n,
@@ -368,7 +369,7 @@ def expect_point(
         no_times,
         engaged_mean=float(times.mean()),
         engaged_error=math.sqrt(variance) if len(shifts) > 2 else math.nan,
-        mean_engaged=float(np.mean(engaged_times)) if engaged_times else None,
+        unaided_mean=float(np.mean(engaged_times)) if engaged_times else None,
         sd=float(times.std(ddof=1)) if times.size > 1 else 0.0,
         engaged=len(engaged_times) / n,
         freed=sum(time is not None for time in blocked_times),
@@ -519,8 +520,8 @@ def _with_retries(shifts: Sequence[ShiftResult], timeout: float, retraction: flo
     )
 
 
-def halves(phases: Array, times: Array, count: int) -> Array:
-    r"""Return the middles of the ``count`` intervals with the most likely jumps in time, (count,).
+def middles_of_jumps(phases: Array, times: Array, count: int) -> Array:
+    r"""Compute the middles of the ``count`` intervals with the most likely jumps in time, (count,).
 
     With neighbours that continue their slopes, the jump in an interval of width :math:`h_k` and
     difference :math:`d_k` is :math:`r_k = \sqrt{|d_k - h_k d_{k-1}/h_{k-1}|\,|d_k - h_k
@@ -537,10 +538,10 @@ def halves(phases: Array, times: Array, count: int) -> Array:
 def mean_round_the_pitch(phases: Array, times: Array) -> tuple[float, float]:
     r"""Compute the mean of the times over one pitch, s, and its variance, s2.
 
-    By the trapezoidal rule (Davis & Rabinowitz 1984, ch. 6); a jump anywhere in its interval leaves
-    :math:`s^2 = \sum_k h_k^2 \rho_k^2/12`, :math:`\rho_k` the smaller factor of :math:`r_k`. A
-    shift that does not engage has the time of the next lower phase that does. Arguments as for
-    ``halves``; both NaN if no shift engaged.
+    By the trapezoidal rule (Davis & Rabinowitz 1984, ch. 6); a jump :math:`\rho_k` anywhere in its
+    interval leaves :math:`s^2 = \sum_k h_k^2 \rho_k^2/12`. The jump is the smaller of those by the
+    slopes of both neighbours. A shift that does not engage has the time of the next lower phase
+    that does. Arguments as for ``middles_of_jumps``; both NaN if no shift engaged.
     """
     course = _course_over_pitch(phases, times)
     mean = float(course.widths @ (course.times[:-1] + course.times[1:])) / 2.0

@@ -23,7 +23,7 @@ from dogshape.sim.elementwise import ARRAY, Array, largest, map_elements, where
 from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import Dog, Flank
-from dogshape.sim.shift.mechanism import NOTHING
+from dogshape.sim.shift.mechanism import NO_MECHANISM
 from dogshape.sim.shift.pair import touching_count
 from dogshape.sim.units import DEG, MM
 
@@ -182,8 +182,8 @@ class LoadCase:
     tilt: float = quantity("tilt_mrad", 0.0, 50.0, 0.0, late=True)
     contact_stiffness: float = STIFFNESS  #: of the shifts, Pa/m
     face_friction: float | None = None  #: of faces on faces in the shifts; None: that of flanks
-    spline_friction: float = NOTHING.spline_friction
-    spline_radius: float = NOTHING.spline_radius
+    spline_friction: float = NO_MECHANISM.spline_friction
+    spline_radius: float = NO_MECHANISM.spline_radius
     spline_friction_release: float | None = quantity("spline_friction_release", 0.0, 1.5, None)
     spline_friction_hold: float | None = quantity("spline_friction_hold", 0.0, 1.5, None)
     landing_share: float | None = quantity("landing_share", 1e-4, 0.5, None)

@@ -18,7 +18,7 @@ from functools import partial
 from typing import Any, Literal, NamedTuple
 
 from dogshape.sim.shift.geometry import FLANKS, Dog
-from dogshape.sim.shift.mechanism import NOTHING, Mechanism
+from dogshape.sim.shift.mechanism import NO_MECHANISM, Mechanism
 from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Landings, demand_checks
@@ -355,7 +355,7 @@ def hinges(
     fixed: Mapping[str, float] | None = None,
     *,
     contact_stiffness: float | None = None,
-    mechanism: Mechanism = NOTHING,
+    mechanism: Mechanism = NO_MECHANISM,
     given: Collection[str] = (),
 ) -> tuple[Hinge, ...]:
     """Compute the effect of each assumption on the smallest margin, the strongest first.

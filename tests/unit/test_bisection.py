@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from dogshape.sim.elementwise import Array
-from dogshape.sim.statistics.expectation import even_phases, halves, mean_round_the_pitch
+from dogshape.sim.statistics.expectation import (
+    even_phases,
+    mean_round_the_pitch,
+    middles_of_jumps,
+)
 
 Time = Callable[[Array], Array]
 
@@ -27,7 +31,7 @@ def missed(phases: Array) -> Array:
 def sampled(time: Time, start: int, rounds: tuple[int, ...] = (3, 3, 2)) -> tuple[Array, Array]:
     phases = even_phases(8, start, 0)
     for count in rounds:
-        phases = np.append(phases, halves(phases, time(phases), count))
+        phases = np.append(phases, middles_of_jumps(phases, time(phases), count))
     return phases, time(phases)
 
 
@@ -63,4 +67,4 @@ def test_a_jump_that_cancels_its_slope_is_found() -> None:
     times[5:] += 0.015
     times[0] = times[7] - 0.015  # the end of the pitch falls like all of it
     assert times[5] == pytest.approx(times[4])
-    assert 4.5 / 8.0 in halves(phases, times, 2)
+    assert 4.5 / 8.0 in middles_of_jumps(phases, times, 2)

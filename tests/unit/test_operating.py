@@ -99,7 +99,7 @@ def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     rows = np.array([Trial(0, {}, pair).losses(study)[0] for pair in values])
     assert rows[0].tolist() == [-0.2, 8.0]
     assert not_dominated(rows).tolist() == [True, False, True]
-    assert Guide(study).exact([study.prototype]) == pytest.approx(np.array([[np.inf, 8.4]]))
+    assert Guide(study).exact_losses([study.prototype]) == pytest.approx(np.array([[np.inf, 8.4]]))
 
 
 def test_sets_name_their_points() -> None:

@@ -18,7 +18,7 @@ from dogshape.pipeline.search.sampler import (
     SurrogateSampler,
     added_volume,
     chance_below_zero,
-    directions,
+    draw_directions,
     fit_response,
     order_descending,
 )
@@ -92,7 +92,7 @@ class Asked:
 def test_directions_measure_the_volume(objectives: int) -> None:
     """A box of known sides, and one with a box cut out of it."""
     sides = np.array([0.5, 0.8, 0.7])[:objectives]
-    ways = directions(np.random.default_rng(0), 200_000, objectives)
+    ways = draw_directions(np.random.default_rng(0), 200_000, objectives)
     reference = np.ones(objectives)
 
     both = np.array([[reference - sides, reference - sides[::-1]]])

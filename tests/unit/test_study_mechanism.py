@@ -15,7 +15,7 @@ from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.sim.clutch_tables import MechanismSection
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.mechanism import NOTHING
+from dogshape.sim.shift.mechanism import NO_MECHANISM
 
 EFFECTS = load()
 
@@ -54,7 +54,7 @@ def _mechanism(**keys: float) -> dict[str, float]:
 def test_a_mechanism_of_noughts_is_none() -> None:
     plain, study = load_study("mq200_paper"), load_study("mq200_paper", _mechanism(**NONE))
     assert study.clutch == plain.clutch
-    assert (study.clutch.mechanism, study.mechanism) == (NOTHING, {})
+    assert (study.clutch.mechanism, study.mechanism) == (NO_MECHANISM, {})
     assert (study.points, study.physics_hash) == (plain.points, plain.physics_hash)
 
 

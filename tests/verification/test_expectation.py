@@ -32,7 +32,7 @@ def test_retries_until_it_engages(point: Point) -> None:
     failed = ShiftResult(Outcome.DIVERGED, None)
     shifts = [*_shifts(0.05, 0.06, None, 0.07) * 5000, failed]
     result = expect_point(point(50, 469.0), shifts, 1.0, 0.2)
-    assert result.mean_engaged == pytest.approx(0.06)
+    assert result.unaided_mean == pytest.approx(0.06)
     assert result.engaged_mean == pytest.approx(0.06)
     assert result.mean == pytest.approx(0.06 + 1.2 / 3, rel=1e-3)
     assert (result.engaged, result.n) == (0.75, 20000)
@@ -48,8 +48,8 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
         ]
     )
     assert (both.shifts, both.lost, both.blocked) == (12, 1, 1)
-    assert both.mean_engaged == pytest.approx(0.75 * 0.09 + 0.25 * 0.05)
-    assert both.engaged_mean == pytest.approx(both.mean_engaged)
+    assert both.unaided_mean == pytest.approx(0.75 * 0.09 + 0.25 * 0.05)
+    assert both.engaged_mean == pytest.approx(both.unaided_mean)
     prior, _ = weak_priors(2)
     hung, none = (prior.posterior(hangs, 6).mean for hangs in (1, 0))
     retries = 1.2 * (0.75 * hung / (1.0 - hung) + 0.25 * none / (1.0 - none))
@@ -62,7 +62,7 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
     assert "2 of 5 shifts did not engage: 1 held" in mixed
     assert "friction, 1 short of full depth at the time-out" in mixed
     whole = expect([expect_point(heavy, _shifts(0.05, 0.06, 0.07), 1.0, 0.2)])
-    assert whole.mean_engaged == pytest.approx(whole.engaged_mean) == pytest.approx(0.06)
+    assert whole.unaided_mean == pytest.approx(whole.engaged_mean) == pytest.approx(0.06)
     assert re.search(r"expected shift time \d+\.\d\d ± \d+\.\d\d ms", _printed(whole))
     assert "none of 3 shifts hung" in _printed(whole)
 
@@ -74,7 +74,7 @@ def _printed(result: MixExpectation) -> str:
 
 def test_nothing_engaged_gives_no_time(point: Point) -> None:
     result = expect_point(point(50, 469.0), _shifts(None, None), 1.0, 0.2)
-    assert result.mean_engaged is None
+    assert result.unaided_mean is None
     assert result.mean == pytest.approx(1.0 + 2 * 1.2)  # for what learns from it
     assert result.engaged == 0.0
     assert result.time is None
