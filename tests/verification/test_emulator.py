@@ -160,6 +160,24 @@ def test_uneven_angles_weigh_the_times_with_the_other_effect(
         assert there.mean[0, k] == pytest.approx(exact, rel=0.03)
 
 
+def test_the_law_of_an_effect_errs_in_proportion_to_its_change(simulated: Model) -> None:
+    """Squared errors differ as the squares of two laws do; other effects keep theirs."""
+    shares = np.array([[0.8]])
+    predictions = []
+    for law in (0.1, 0.4):
+        constants = replace(USUAL, laws={"sleeve_friction": law})
+        model = replace(simulated, constants=constants)
+        predictions.append(model.predict(("sleeve_friction",), shares))
+    low, high = predictions
+    change = np.log(low.mean / simulated.baseline.mean)
+    growth = (high.error / low.mean) ** 2 - (low.error / low.mean) ** 2
+    assert growth == pytest.approx((0.4**2 - 0.1**2) * change**2, rel=1e-9)
+    other_laws = replace(USUAL, laws={**USUAL.laws, "sleeve_friction": 0.4})
+    other_model = replace(simulated, constants=other_laws)
+    usual_error = simulated.predict(("actuation_lag",), shares).error
+    assert (other_model.predict(("actuation_lag",), shares).error == usual_error).all()
+
+
 def test_two_effects_simulated_together_correct_the_rule(simulated: Model) -> None:
     """Mean times of two benches on the grid that were simulated, and of one between."""
     pair = "actuation_lag", "sleeve_friction"
