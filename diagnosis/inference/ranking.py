@@ -3,7 +3,7 @@
 Each effect is part of the cause or not by itself, with its own prior; at most three act at once.
 Which sets are computed never changes a prior. All single effects and pairs are screened by prior
 draws, sets of three around the draws of their pairs; the plausible ones are refined. Benches are
-simulated where the error of an evidence, or a prospect of effects together, moves a probability.
+simulated where the error of an evidence, or the prospect of a better draw, moves a probability.
 *Unknown* adds a gap of larger amplitude to what any single effect or leading pair predicts.
 """
 
@@ -213,15 +213,17 @@ class HypothesisSearch:
         self.find_prospects()
 
     def find_prospects(self) -> None:
-        """Find the prospects of plausible hypotheses with two effects or more on the shift.
+        """Find the prospects of plausible hypotheses with two parameters or more of the shift.
 
-        The rule for two effects may cost ``rule_nats`` at their true sizes.
+        The rule for two effects may cost ``rule_nats`` at their true sizes, and the levels of an
+        effect with two parameters are far apart.
         """
         model = self.likelihood.model
         threshold = max(map(self.value, self.samples)) - self.likelihood.settings.rule_nats
         for h in self.samples:
-            is_several = len(model.contact_effects(h)) > 1
-            if is_several and h not in self.prospects and self.bound_value(h) > threshold:
+            effects = [model.effects[name] for name in model.contact_effects(h)]
+            parameter_count = sum(len(effect.parameters) for effect in effects)
+            if parameter_count > 1 and h not in self.prospects and self.bound_value(h) > threshold:
                 self.prospects[h] = self._prospect(h)
 
     def _prospect(self, h: Hypothesis) -> _Prospect:
