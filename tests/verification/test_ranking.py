@@ -306,6 +306,20 @@ def test_two_equal_hypotheses_are_simulated_until_the_error_of_half_is_small(
         assert search.rounds[h] == pytest.approx(rounds, abs=1.0)
 
 
+def test_prospects_are_sought_where_two_parameters_act_on_the_shift(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two effects, or one whose levels fill a plane; a dead time beside a line does not count."""
+    line, pair, plane, delayed = ("line",), ("line", "other"), ("plane",), ("delay", "line")
+    search = fake_search(monkeypatch, dict.fromkeys((line, pair, plane, delayed), 0.0), gain=0.0)
+    counts = {"line": 1, "other": 1, "plane": 2, "delay": 1}
+    effects = {name: SimpleNamespace(parameters=(None,) * count) for name, count in counts.items()}
+    monkeypatch.setattr(search.likelihood.model, "effects", effects, raising=False)
+    monkeypatch.setattr(HypothesisSearch, "_prospect", lambda _self, h: h)
+    search.find_prospects()
+    assert set(search.prospects) == {pair, plane}
+
+
 def test_a_dead_time_is_never_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
     search = fake_search(monkeypatch, {("delay",): 0.0, ("a",): -20.0}, gain=0.0)
     assert simulated_by(search) == []
