@@ -431,6 +431,7 @@ class NewStudy:
     def __init__(self, surrogate: str | Path | None = None) -> None:
         self.surrogate = surrogate
         self.kinds = rings_by_kind()
+        self._unanswered: dict[str, Questionnaire] = {}
         self.page = build_questions(self).server
 
     def __call__(self, environ: Any, start_response: Any) -> Any:
@@ -443,8 +444,14 @@ class NewStudy:
             raise InputError(f"'{origin}' is no kind of clutch; valid are {', '.join(self.kinds)}")
         return read_questionnaire(origin, texts)
 
+    def read_kind(self, origin: str) -> Questionnaire:
+        """Read the questions of a bundled kind without any answer, once for all answers."""
+        if origin not in self._unanswered:
+            self._unanswered[origin] = self.read(origin, {})
+        return self._unanswered[origin]
+
     def write(self, questionnaire: Questionnaire, name: str) -> None:
-        """Write the folder ``name`` into that of the program, and open its live page.
+        """Write the folder ``name`` into the working folder, and open its live page.
 
         Raises InputError for a path, so that no page writes elsewhere, and StorageError for a
         folder that holds files.
@@ -472,7 +479,7 @@ def build_questions(new_study: NewStudy) -> Dash:
     """Build the page that asks for a new study."""
     app = _page("New study")
     sketch = (TEMPLATES / "symbols.svg").read_text(encoding="utf-8")
-    first = new_study.read(COMMENTED, {})
+    first = new_study.read_kind(COMMENTED)
     app.layout = app_questions.layout(new_study.kinds, first, sketch)
 
     # Outputs, as Dash leaves out those of an answer that a later one has overtaken.
@@ -533,8 +540,8 @@ def _answer_texts(fields: Sequence[Json]) -> dict[str, str]:
 
 
 def answer_questions(new_study: NewStudy, questionnaire: Questionnaire, folder: str) -> list[Any]:
-    """Return what all answers amount to, as contents of ``SUMMARY_PLACES``."""
-    kind = new_study.read(questionnaire.origin, {})
+    """Compose the contents of ``SUMMARY_PLACES`` from all answers."""
+    kind = new_study.read_kind(questionnaire.origin)
     picture = app_questions.dogs_svg(questionnaire, kind)
     return [
         questionnaire.refusal,

@@ -1,4 +1,4 @@
-"""Content of the page that begins a study: its questions with a sketch, and what they amount to."""
+"""Content of the page that begins a study: sketch, questions and the study that follows."""
 
 from __future__ import annotations
 
