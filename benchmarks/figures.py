@@ -249,8 +249,9 @@ def measured_beside_simulated() -> str:
         "measured less simulated",
         "Adams less simulated",
     )
-    named = " and ".join(effect_title(name) for name in gap("stand")["causes"]) or "none"
-    sentence = f"Most probable causes of the difference: {causes}; the diagnosis names {named}."
+    named = " and ".join(effect_title(name) for name in gap("stand")["causes"])
+    verdict = f"the verdict names {named}" if named else "too uncertain for a verdict"
+    sentence = f"Most probable causes of the difference: {causes}; {verdict}."
     return f"{markdown(head, rows)}\n{sentence}\n"
 
 
@@ -291,7 +292,7 @@ def main_findings() -> str:
         (
             "fastest dogs of the MQ200 that pass every check, mean over 28 operating points",
             f"{best}; prototype {prototype}",
-            f"gain with other contact laws: {min(gains):.0f} to {max(gains):.0f} ms",
+            f"with other contact laws {min(gains):.0f} to {max(gains):.0f} ms faster than the prototype",
         ),
         (
             f"shift time of {v['n']} unseen designs, predicted without simulation",
@@ -318,9 +319,9 @@ def diagnosis_row() -> tuple[str, str, str]:
     count = field_table.case_count(field_table.SCORE)
     return (
         f"cause hidden in {count} simulated benches",
-        f"the diagnosis names one on {named}; it is right and complete on {whole} {interval} of "
-        "these",
-        f"it names none on the other {count - named}; 90 % intervals of sizes are {width}: "
+        f"the diagnosis names causes on {named}; on {whole} {interval} of these they are right and "
+        "complete",
+        f"no verdict on the other {count - named}; 90 % intervals of sizes are {width}: "
         f"{coverage} {coverage_interval} of {sizes} hold the true size",
     )
 
