@@ -29,21 +29,19 @@ from dogshape.sim.units import RPM
 #: Largest mismatch and force of the table of checked shifts (``docs/proof.md``).
 MAX_CHECKED_RPM = 1000.0
 MAX_CHECKED_N = 3000.0
-LIMIT_TOLERANCE = 1e-9  #: relative, of the conversion of units
-CONVERGENCE_TOLERANCE = 0.01  #: change of the shift time by finer steps, over the shift time
+LIMIT_TOLERANCE = 1e-9  #: relative rounding error of converted units
+CONVERGENCE_TOLERANCE = 0.01  #: relative change of the shift time by finer steps
 
 
 @dataclass(frozen=True, repr=False)
 class Shift(Result):
-    """Simulated shift: outcome, time, phases, events, loads and time series.
-
-    ``torque_peak`` is the largest torque in the driveline, N m, None where its stiffness is
-    unknown; ``refined`` the same shift with finer steps, where it skipped a slot or bounced.
-    """
+    """Simulated shift: outcome, time, phases, events, loads and time series."""
 
     config: Setup
     engagement: Engagement
+    #: largest torque in the driveline, N m; None where its stiffness is unknown
     torque_peak: float | None
+    #: the same shift with finer steps; None unless the shift skipped a slot or bounced
     refined: Engagement | None = None
 
     @property
@@ -55,8 +53,8 @@ class Shift(Result):
     def converged(self) -> bool:
         """Whether finer steps confirm the outcome and, within a percent, the time.
 
-        A shift that neither skips a slot nor bounces is not repeated: of 200 such shifts with
-        shafts, linkages and up to 900 1/min none moved by a percent.
+        A shift that neither skips a slot nor bounces is not repeated: of 200 such shifts, with
+        shafts and linkages and up to 900 1/min, none changed by a percent.
         """
         if self.refined is None:
             return True
@@ -68,7 +66,7 @@ class Shift(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on a shift that is not converged, or is beyond the checked range."""
+        """Sentences on a shift that is not converged or lies beyond the checked range."""
         point = self.engagement.point
         refined = self.refined
         warnings: list[str] = []
@@ -95,16 +93,18 @@ class Shift(Result):
         """Describe outcome, phases, events, loads and warnings."""
         result = self.engagement
         time = f" in {time_text(result.shift_time)}" if result.shift_time is not None else ""
-        return [
+        parts: list[str | Table] = [
             f"{result.outcome.value.replace('_', ' ')}{time}: {result.detail}",
             phase_table(result),
             "; ".join(event_facts(result)),
             *load_facts(result, self.torque_peak, self.config.limits),
             self.config.shafts_text,
-            *filter(None, [self.config.actuator_text]),
-            f"simulated by {ENGINES[result.clutch.solver.engine]}",
-            *(f"warning: {warning}" for warning in self.warnings),
         ]
+        if self.config.actuator_text:
+            parts.append(self.config.actuator_text)
+        parts.append(f"simulated by {ENGINES[result.clutch.solver.engine]}")
+        parts += [f"warning: {warning}" for warning in self.warnings]
+        return parts
 
     def to_dict(self) -> dict[str, Any]:
         """Convert outcome, time, phases, events, loads and solver to values of JSON."""
@@ -113,7 +113,11 @@ class Shift(Result):
         solver = result.clutch.solver
         mechanism = self.config.mechanism
         actuator = result.clutch.actuator
-        loads = {**loads_record(result), "torque_peak_Nm": self.torque_peak, **self._peaks}
+        loads = {
+            **loads_record(result),
+            "torque_peak_Nm": self.torque_peak,
+            **self._rigidity_record,
+        }
         return {
             "engine": solver.engine,
             "outcome": result.outcome.value,
@@ -142,8 +146,8 @@ class Shift(Result):
         }
 
     @property
-    def _peaks(self) -> dict[str, Any]:
-        """Contact and wave times and strike force, by which rigid rings are valid or not."""
+    def _rigidity_record(self) -> dict[str, Any]:
+        """Contact time, stress wave time and strike force, which show if rigid rings are valid."""
         peaks = peak_forces(self.engagement, self.config.limits)
         return {
             "axial_contact_time_s": peaks.contact,
@@ -173,9 +177,10 @@ class Shift(Result):
 
 
 def simulate_shift(config: Setup, place: Place, angle_deg: float, all_dogs: bool) -> Shift:
-    """Simulate one shift as ``Study.shift`` does, for a study that is read."""
+    """Simulate one shift at an operating point and a relative angle; see ``Study.shift``."""
     clutch = replace(config.clutch, solver=replace(config.clutch.solver, all_dogs=all_dogs))
-    (point,) = points_of(config, place, f", or give {argument('force_rise_s')}")
+    remedy = f", or give {argument('force_rise_s')}"  # for a force without a rise time
+    (point,) = points_of(config, place, remedy)
     (angle,) = cast("tuple[float]", in_radians([angle_deg]))
     result = engage(clutch, point, angle)
     chaotic = result.events.slots_skipped > 0 or result.events.face_contacts > 1

@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 class Study:
     """Study of a clutch: its design, its operation and its search.
 
-    InputError with the file, the key, the value and the rule.
+    An invalid study raises InputError with the file, the key, the value and the rule.
 
     Parameters
     ----------
-    where : TOML file, folder with ``study.toml``, or name of a study that the package brings.
+    where : TOML file, folder with ``study.toml``, or name of a bundled study.
     settings : keys of the study file with their values, ``{"contact.set": "adams2019"}``, or as
         the command line has them, ``["contact.set=adams2019"]``.
     dog : keys of the dog, ``chamfer_deg=11, count=18``.
@@ -73,7 +73,7 @@ class Study:
         """Keys of the dog with their values, in the units that their names end in."""
         return self.config.file.dog.sizes
 
-    # Verbs load their modules: simulation, search and pages take seconds that no other needs.
+    # Each verb imports its own modules: simulation, search and pages take seconds to load.
 
     def shift(
         self,
@@ -87,16 +87,17 @@ class Study:
     ) -> Shift:
         """Simulate one shift, repeated with finer steps if it skips a slot or bounces.
 
-        InputError or GeometryError for a dog that cannot be made, a force without a rise time, an
-        angle that is no number.
+        Raises InputError for a force without a rise time or an angle that is no number,
+        GeometryError for an impossible dog.
         Example: ``study.shift(mismatch_rpm=50, force_N=469, angle_deg=10)``
 
         Parameters
         ----------
         mismatch_rpm : speed of ring against ring before the shift, 1/min; positive runs the
             traction flanks together (docs/mismatch.md).
-        force_N : final shift force, N; of an actuator the largest static one, None for all of it.
-        angle_deg : lead of the output ring over dogs facing dogs, deg.
+        force_N : final shift force, N; with an actuator its largest static force, None for the
+            full force.
+        angle_deg : relative angle: lead of the output ring over the position dogs facing dogs, deg.
         force_rise_s : rise time of the force, s; None for that of the study's table.
         all_dogs : whether to model every dog instead of one pair with the symmetry of all.
         engine : ``drake`` or ``planar``; None for that of the study.
@@ -122,8 +123,9 @@ class Study:
     ) -> Expectation:
         """Simulate the expected shift time: in the compiled engine, unless the study names another.
 
-        InputError or GeometryError for half an operating point, a precision out of range, a dog
-        that cannot be made. Example: ``study.expect(precision=0.02, progress=True)``
+        Raises InputError for a mismatch without a force (or the reverse) or a precision out of
+        range, GeometryError for an impossible dog.
+        Example: ``study.expect(precision=0.02, progress=True)``
 
         Parameters
         ----------
@@ -131,10 +133,10 @@ class Study:
         force_rise_s : rise time of the force at that point, s.
         angles : how many evenly spaced relative angles, or the angles themselves, deg; None for the
             study's number.
-        precision : wanted relative standard error, which finds the number of angles.
+        precision : wanted relative standard error; it determines the number of angles.
         jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
-        journal : folder in which a run that was stopped leaves its finished shifts.
-        progress : True for a bar in terminal or notebook, or a ``Progress`` of one's own.
+        journal : folder for the finished shifts, which a stopped run need not simulate again.
+        progress : True for a bar in terminal or notebook, or your own ``Progress``.
         engine : as in ``shift``.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
@@ -156,18 +158,19 @@ class Study:
         progress: Progress | bool = False,
         engine: str | None = None,
     ) -> StudyResult:
-        """Search for the best shape, or go on with a search; the report takes half a minute.
+        """Search for the best shape, or resume a search; the report takes half a minute.
 
-        InputError or StorageError for an unknown objective, a study without variables, a folder or
-        storage that holds another study, or one that is not to be resumed. EngineError where the
-        audit finds that the engines do not agree; result and report are written.
+        Raises InputError for an unknown objective or a study without variables, StorageError for a
+        folder or storage that holds another study, or this study without ``resume``. Raises
+        EngineError where the audit finds that the engines do not agree, after result and report
+        are written.
         Example: ``study.search("results/mine", resume=True, progress=True)``
 
         Parameters
         ----------
         out : folder of the results; None for ``results/NAME``.
-        storage : PostgreSQL that machines share.
-        resume : whether to go on with a search that the folder holds.
+        storage : address of a PostgreSQL database that machines share.
+        resume : whether to resume the search in the folder.
         report : whether to write the report.
         jobs, cluster, progress, engine : as in ``expect``.
         """
@@ -182,7 +185,7 @@ class Study:
         listener = receiver(progress)
         options = StudyOptions(folder, jobs, storage, resume, cluster, report, listener)
         record = run_study(config, options)
-        end_workers()  # whose processor time counts once they have ended
+        end_workers()  # the processor time of a child counts after its end
         page = folder.report if report else None
         return StudyResult(config, folder.root, record, page, _processor_time() - start)
 
@@ -194,16 +197,18 @@ class Study:
         surrogate: str | Path | None = None,
         engine: str | None = None,
     ) -> Check:
-        """Check the design: seconds by the compiled engine, at once by a named surrogate.
+        """Check the design: seconds with the compiled engine, at once with a named surrogate.
 
-        InputError or DataError for half an operating point, or a named surrogate of other physics
-        or not there. Example: ``study.check(mismatch_rpm=50, force_N=469)``
+        Raises InputError for a mismatch without a force (or the reverse), InputError or DataError
+        for a named surrogate that is missing or of other physics.
+        Example: ``study.check(mismatch_rpm=50, force_N=469)``
 
         Parameters
         ----------
         mismatch_rpm, force_N : one operating point, 1/min and N; neither for all of the study's.
-        surrogate : file that answers in place of the compiled engine. The one of the study's
-            results, or the package's, is asked beside the engine.
+        surrogate : file of a surrogate that replaces the compiled engine. By default the engine
+            simulates, and the surrogate of the study's results, or the bundled one, is shown
+            beside it.
         engine : engine of the surrogate's shifts, ``drake`` or ``planar``; None for the study's.
         """
         from dogshape.check import check_design  # noqa: PLC0415
@@ -223,14 +228,15 @@ class Study:
     ) -> Predictions:
         """Predict the shift times of many designs by the surrogate, without simulation.
 
-        InputError or DataError for columns and cells that cannot be read, with row, column and
-        remedy. Example: ``study.predict("designs.csv", out="answers.xlsx")``
+        Raises InputError or DataError for columns and cells that cannot be read, with row, column
+        and remedy. Example: ``study.predict("designs.csv", out="answers.xlsx")``
 
         Parameters
         ----------
-        designs : CSV or .xlsx file (``FILE.xlsx#SHEET``) or frame, a row each, columns named as the
-            study's variables; what is missing takes the study's value, other columns are kept.
-        out : CSV or .xlsx file for the answers; None writes none.
+        designs : CSV or .xlsx file (``FILE.xlsx#SHEET``) or frame with a row for each design and
+            columns named as the study's variables; a variable without a column takes the study's
+            value, other columns are kept.
+        out : CSV or .xlsx file for the predictions; None for no file.
         mismatch_rpm, force_N, surrogate, engine : as in ``check``.
         """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
@@ -250,9 +256,13 @@ class Study:
     ) -> Strength:
         """Check strength, self-locking and manufacturability, and simulate the hardest landing.
 
-        ``simulate`` is whether to simulate the landing, dog on dog, at the study's operating points
-        and angles; a dog that cannot be made is not simulated. ``jobs``, ``cluster``, ``journal``,
-        ``progress`` and ``engine`` as in ``expect``. Example: ``study.strength(simulate=False)``
+        Example: ``study.strength(simulate=False)``
+
+        Parameters
+        ----------
+        simulate : whether to simulate the landing, dog on dog, at the study's operating points and
+            angles; an impossible dog is not simulated.
+        jobs, cluster, journal, progress, engine : as in ``expect``.
         """
         from dogshape.check import check_strength  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
@@ -261,10 +271,11 @@ class Study:
         return check_strength(self._config_in(engine), options, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "", **block: str) -> Path:
-        """Write the data sheet of the dog to ``path``, a page for A4 or, by its ending, JSON.
+        """Write the data sheet of the dog to ``path``: a page for A4, or JSON for ``.json``.
 
         ``why`` is the reason of a decision; ``block`` has drawing ``number``, ``revision``,
-        ``date`` (by default today), ``author``, ``checker``, ``decided_by``. InputError for others.
+        ``date`` (by default today), ``author``, ``checker``, ``decided_by``. Raises InputError for
+        another key.
         Example: ``study.data_sheet("sheet.html", "shortest", number="47-11", author="A. Novak")``
         """
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
@@ -275,9 +286,9 @@ class Study:
     def export_fmu(self, path: str | Path, fmi: int = 3) -> Path:
         """Write the clutch as an FMU, a co-simulation block for driveline models.
 
-        To ``path``, in FMI 3.0 or, with ``fmi=2``, in FMI 2.0; the block runs where Python with
-        this package is installed (docs/howto/own_driveline.md). InputError without the extra
-        ``fmu`` or for another version. Example: ``study.export_fmu("clutch.fmu", fmi=2)``
+        The file ``path`` is FMI 3.0 or, with ``fmi=2``, FMI 2.0; the block runs where Python with
+        this package is installed (docs/howto/own_driveline.md). Raises InputError without the
+        extra ``fmu`` or for another version. Example: ``study.export_fmu("clutch.fmu", fmi=2)``
         """
         from dogshape.pipeline.export.fmu import write_fmu  # noqa: PLC0415
         from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
@@ -295,13 +306,13 @@ class Study:
         journal: str | Path | None = None,
         progress: Progress | bool = False,
     ) -> tuple[Path, ...]:
-        """Write whether and when the clutch engages, for lumped driveline models.
+        """Write a map of whether and when the clutch engages, for lumped driveline models.
 
-        Cells are over mismatch, force and relative angle. Beside their file stand means over the
-        angle, tables of Modelica, and parameters of the dog clutches of Simscape and MapleSim;
-        returns the paths of all five. InputError for operating points that are no grid,
-        StorageError for files that cannot be written, and for one of the four that is there
-        already while ``path`` is not.
+        The cells of ``path`` are over mismatch, force and relative angle. Four files beside it
+        have means over the angle, tables of Modelica, and parameters of the dog clutches of
+        Simscape and MapleSim; returns all five paths. Raises InputError for operating points that
+        are no grid, StorageError for files that cannot be written, or where ``path`` is new but a
+        file beside it exists.
         Example: ``study.export_map("map.csv", progress=True)``
 
         Parameters
@@ -322,7 +333,7 @@ class Study:
     def replace_keys(
         self, settings: Mapping[str, Any] | None = None, /, **dog: float | None
     ) -> Study:
-        """Give the study with other ``settings`` and keys of the ``dog``; None takes a key out.
+        """Copy the study with changed ``settings`` and keys of the ``dog``; None removes a key.
 
         Example: ``study.replace_keys({"contact.set": "adams2019"}, chamfer_deg=11)``
         """
@@ -330,7 +341,7 @@ class Study:
         return Study.from_config(replace_keys(self.config, keys))
 
     def _config_in(self, engine: str | None) -> Setup:
-        """Return the values of the study with another engine, unchanged for None."""
+        """Select the engine of the study; None keeps it."""
         if engine is None:
             return self.config
         return replace_keys(self.config, {"solver.engine": engine})
