@@ -20,7 +20,7 @@ from dogshape.pipeline.reports.text import ENGINES, time_text
 from dogshape.result import Result
 from dogshape.running import in_radians
 from dogshape.sim.files import write_frame
-from dogshape.sim.interface import argument
+from dogshape.sim.interface import argument, verb
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import engage, events_record, loads_record
 from dogshape.sim.strength.peak_force import peak_forces
@@ -76,7 +76,7 @@ class Shift(Result):
             warnings.append(
                 f"not converged: {outcome}{time} with finer steps. "
                 "After slots skipped or bounces a single shift depends on the steps; take a mean "
-                "over angles ({verb('expect')})"
+                f"over angles ({verb('expect')})"
             )
         for name, value, limit, unit in (
             ("mismatch", abs(point.mismatch) / RPM, MAX_CHECKED_RPM, "1/min"),

@@ -116,6 +116,7 @@ def test_a_shift_says_whether_finer_steps_move_it(
     moved = abs((found.refined.shift_time or 1.0) / (found.time_s or 1.0) - 1.0)
     assert found.converged is (moved <= 0.01)
     assert any("not converged: engaged in" in one for one in found.warnings) is not found.converged
+    assert any("(study.expect())" in one for one in found.warnings) is not found.converged
 
 
 @pytest.mark.parametrize(
