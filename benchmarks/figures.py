@@ -292,7 +292,8 @@ def main_findings() -> str:
         (
             "fastest dogs of the MQ200 that pass every check, mean over 28 operating points",
             f"{best}; prototype {prototype}",
-            f"with other contact laws {min(gains):.0f} to {max(gains):.0f} ms faster than the prototype",
+            f"with other contact laws {min(gains):.0f} to {max(gains):.0f} ms faster than the "
+            "prototype",
         ),
         (
             f"shift time of {v['n']} unseen designs, predicted without simulation",

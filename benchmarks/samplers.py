@@ -165,7 +165,7 @@ def run_optuna_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
             executor.drop_shifts()
             times = {name: estimate.value for name, estimate in evaluation.estimates.items()}
             worst = max(worst, times[SIMULATED])
-            design = design_of(study, design.params, evaluation.measured)
+            design = design_of(study, design.params, evaluation.check_inputs)
             if design.feasible:
                 designs.append((design.params, values_of(design, times)))
         # A shape that is impossible has no length either: it has the prototype's.
@@ -270,7 +270,7 @@ class Truth:
             seed = settings.seed + NEW_ANGLES
             (evaluation,) = evaluate(study, [params], self._executor, settings.angles, seed)
             self._executor.drop_shifts()
-            design = design_of(study, params, evaluation.measured)
+            design = design_of(study, params, evaluation.check_inputs)
             values = [np.inf, np.inf]
             if design.feasible:
                 values = values_of(design, {SIMULATED: evaluation.expectation.mean})

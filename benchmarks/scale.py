@@ -217,7 +217,7 @@ def write_search(folder: StudyFolder, study: Setup, designs: int) -> None:
         params_list, evaluate(study, params_list, stand_in, 4, 1), strict=True
     ):
         template = Space(study.variables).trial(params)
-        optuna_study = search.optuna
+        optuna_study = search.optuna_study
         trial = optuna_study._storage.get_trial(
             optuna_study._storage.create_new_trial(optuna_study._study_id, template)
         )

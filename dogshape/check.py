@@ -435,7 +435,7 @@ def check_design(
     (simulated,) = evaluate(setup, [{}], scratch_executor(1), sample.angles, sample.seed)
     mean = simulated.expectation
     expected, refusal = _simulated_time(mean, mix)
-    judged = judge_design(design_of(config, {}, simulated.measured))
+    judged = judge_design(design_of(config, {}, simulated.check_inputs))
     return Check(
         config,
         *judged,
@@ -595,9 +595,9 @@ def check_strength(config: Setup, options: RunOptions, *, simulate: bool = True)
     config = config.search_setup
     settings = config.file.expectation
     shifts = len(config.points) * settings.angles if simulate else 0
-    measured = None
+    check_inputs = None
     if simulate:
         with options.executor("strength", (config.config_hash,), shifts) as (executor, _):
             (found,) = evaluate(config, [{}], executor, settings.angles, settings.seed)
-        measured = found.measured
-    return Strength(config, *judge_design(design_of(config, {}, measured)), shifts)
+        check_inputs = found.check_inputs
+    return Strength(config, *judge_design(design_of(config, {}, check_inputs)), shifts)

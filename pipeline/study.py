@@ -311,7 +311,7 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
     weakest = smallest_margin(design.checks) if design.checks else None
     expectation = None
     if trial.times:
-        expectation = expectation_from(study, trial.times).under(state.priors)
+        expectation = expectation_from(study, trial.times).replace_priors(state.priors)
     worst_check: str | None = None
     worst_margin: float | None = None
     statistical_check: str | None = None
@@ -336,7 +336,7 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
         standard_error_s=errors[SIMULATED],
         points=len(study.points) if trial.simulated else 0,
         shifts=trial.shifts,
-        engaged=None if trial.measured is None else trial.measured.engaged,
+        engaged=None if trial.check_inputs is None else trial.check_inputs.engaged,
         feasible=not failed,
         failed=failed,
         margin_worst_case=number_or_none(worst_margin),

@@ -15,7 +15,7 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{n: metadata.version(n) for n in names}}
 
 
-def engine() -> dict[str, str]:
+def engine_versions() -> dict[str, str]:
     """Return the versions that a simulated shift depends on; shifts of others must not mix."""
     return {name: versions()[name] for name in ("dogshape", "drake")}
 

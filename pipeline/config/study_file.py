@@ -655,7 +655,7 @@ def wear_of(file: StudyFile) -> Wear | None:
             "one of them out, or give the worn ring as [output_dog]"
         )
     wear: Wear = file.wear.value
-    wear.edges(file.dog.value, 1.0)  # refuses edges sharper than those of the dog
+    wear.edge_radius_at(file.dog.value, 1.0)  # refuses edges sharper than those of the dog
     return wear
 
 

@@ -21,7 +21,7 @@ from dogshape.sim.statistics.shift_records import (
     result_of,
     unfinished,
 )
-from dogshape.sim.versions import engine
+from dogshape.sim.versions import engine_versions
 
 TICK = 1e-5  #: resolution of stored times, s
 NOT_ENGAGED = -1  #: ticks of a shift that did not engage
@@ -87,8 +87,8 @@ def _require_series(row: Record) -> None:
 def series_key(block: Block) -> str:
     """Hash the inputs of a block; of even angles the first and their number."""
     if block.seed is None:
-        return content_key({"shifts": " ".join(block.keys), **engine()})
-    return content_key({"first": block.first_key, "n": len(block.angles), **engine()})
+        return content_key({"shifts": " ".join(block.keys), **engine_versions()})
+    return content_key({"first": block.first_key, "n": len(block.angles), **engine_versions()})
 
 
 def _series_record(key: str, rows: Sequence[Record]) -> Record:

@@ -245,7 +245,7 @@ def _pool_hangs(
 ) -> list[tuple[MixExpectation, LimitCheck]]:
     """Estimate times by a prior of hangs that is fitted to all designs."""
     priors = pool([expectation.hang_counts for expectation, _ in timed])
-    return [(expectation.under(priors), check) for expectation, check in timed]
+    return [(expectation.replace_priors(priors), check) for expectation, check in timed]
 
 
 def _time_design(

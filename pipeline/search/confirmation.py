@@ -159,7 +159,7 @@ def confirm(
         )
         state, evaluations = _confirm_front(searched, evaluations, executors, say)
     if prototype_trial is None:
-        prototype = prototype.under(state.priors)
+        prototype = prototype.replace_priors(state.priors)
     else:
         prototype = evaluations[prototype_trial.number]
     losses = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
@@ -201,7 +201,9 @@ def confirm_nearest(searched: SearchState, executors: Executors, say: Say) -> li
     counts += [evaluation.expectation.hang_counts for _, evaluation in complete]
     priors = pool(counts) if counts else ()
     return [
-        _confirmed_design(study, trial.params, evaluation.under(priors), trial=trial.number)
+        _confirmed_design(
+            study, trial.params, evaluation.replace_priors(priors), trial=trial.number
+        )
         for trial, evaluation in complete
     ]
 
@@ -254,7 +256,9 @@ def _renew_state(
         pairs = zip(trial.counts or no_hangs, new_counts, strict=True)
         counts.append([(hangs + new[0], shifts + new[1]) for (hangs, shifts), new in pairs])
     priors = pool(counts)
-    renewed = {number: evaluation.under(priors) for number, evaluation in evaluations.items()}
+    renewed = {
+        number: evaluation.replace_priors(priors) for number, evaluation in evaluations.items()
+    }
     trials = {trial.number: trial for trial in searched.trials}
     state = searched.renew(
         _renew_trial(searched.study, trials[number], evaluation)
@@ -334,13 +338,13 @@ def _add_angles(
 def _renew_trial(study: Setup, trial: Trial, evaluation: Evaluation) -> Trial:
     """Replace the values of a trial by those at new angles, and add its rows there."""
     estimates = {name: estimate.value for name, estimate in evaluation.estimates.items()}
-    design = design_of(study, trial.params, evaluation.measured)
+    design = design_of(study, trial.params, evaluation.check_inputs)
     agreement = evaluation.agreement
     return replace(
         trial,
         values=tuple(values_of(design, estimates)),
         estimates=evaluation.estimates,
-        measured=evaluation.measured,
+        check_inputs=evaluation.check_inputs,
         rows=[*trial.rows, *row_record(evaluation.rows)],
         times=[PointTimes.of(point) for point in evaluation.expectation.points],
         confirmed=True,
@@ -499,9 +503,9 @@ def _other_shapes(state: SearchState, params: Params, executors: Executors) -> l
         except DogshapeError:  # a flat tip has no roof
             continue
         (evaluation,) = evaluate(study, [shape_params], executor, new_angles(study), _seed(study))
-        evaluation = evaluation.under(state.priors)
+        evaluation = evaluation.replace_priors(state.priors)
         expectation = evaluation.expectation
-        design, verdict = judge_design(design_of(study, shape_params, evaluation.measured))
+        design, verdict = judge_design(design_of(study, shape_params, evaluation.check_inputs))
         shapes.append(
             OtherShape(
                 shape=words,
@@ -570,7 +574,7 @@ def _confirmed_design(
     comparison: SearchComparison | None = None,
 ) -> ConfirmedDesign:
     """Record a design at new angles, with its trial and the comparison with its search if any."""
-    design, verdict = judge_design(design_of(study, params, evaluation.measured))
+    design, verdict = judge_design(design_of(study, params, evaluation.check_inputs))
     number: dict[str, Any] = {} if trial is None else {"trial": trial}
     search_keys: dict[str, Any] = {} if comparison is None else {**comparison}
     return ConfirmedDesign(

@@ -251,7 +251,7 @@ class Guide:
         constraints = {trial.number: dict(trial.constraints) for trial in trials}
         limits = limits_of(self.study)
         for trial in self._pooled(trials) if limits else ():
-            limited = {} if trial.measured is None else trial.measured.limited
+            limited = {} if trial.check_inputs is None else trial.check_inputs.limited
             for quantity, limit in limits:
                 if quantity.name in limited:
                     check = LimitCheck(quantity.rule, limited[quantity.name], limit)

@@ -55,7 +55,7 @@ from dogshape.pipeline.store.trial_storage import Sharing, open_storage
 from dogshape.sim.errors import StorageError
 from dogshape.sim.interface import argument
 from dogshape.sim.statistics.shift_records import content_key
-from dogshape.sim.versions import engine
+from dogshape.sim.versions import engine_versions
 from dogshape.surrogate.model import MIN_DESIGNS
 
 POLL_TIME_S = 0.5  #: between looks at the trials of other machines
@@ -70,7 +70,7 @@ class Search:
     """Handles of a search in its storage, with heartbeats and turns where machines share it."""
 
     study: Setup
-    optuna: optuna.Study
+    optuna_study: optuna.Study
     sampler: SurrogateSampler
     sharing: Sharing | None = None
     _designs: dict[int, Design] = field(default_factory=dict, repr=False)  #: of finished trials
@@ -95,7 +95,7 @@ class Search:
 
     def trials(self, *states: TrialState) -> list[FrozenTrial]:
         """List the trials in some states."""
-        return self.optuna.get_trials(deepcopy=False, states=states)
+        return self.optuna_study.get_trials(deepcopy=False, states=states)
 
 
 def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchState:
@@ -137,7 +137,7 @@ def next_round(search: Search) -> list[FrozenTrial]:
         trial_ids = [trial._trial_id for trial in search.trials(TrialState.RUNNING)]
     else:
         with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
-            fail_stale_trials(search.optuna)
+            fail_stale_trials(search.optuna_study)
     begun_count = len(search.trials(TrialState.RUNNING, TrialState.COMPLETE))
     size = -begun_count % settings.batch if trial_ids else settings.batch
     for _ in range(begun_count, min(begun_count + size, settings.trials)):
@@ -145,7 +145,7 @@ def next_round(search: Search) -> list[FrozenTrial]:
         if trial_id is None:
             break
         trial_ids.append(trial_id)
-    return [search.optuna._storage.get_trial(trial_id) for trial_id in trial_ids]
+    return [search.optuna_study._storage.get_trial(trial_id) for trial_id in trial_ids]
 
 
 def _propose(search: Search) -> int | None:
@@ -153,7 +153,7 @@ def _propose(search: Search) -> int | None:
 
     It is one of a dead machine, the prototype's, or a new one.
     """
-    study = search.optuna
+    study = search.optuna_study
     trials = study.get_trials(deepcopy=False)
     trial_id: int | None = study._pop_waiting_trial_id()
     if trial_id is None:
@@ -192,13 +192,13 @@ def _tell(
 
     Without a complete evaluation the design counts as not simulated.
     """
-    trial = optuna.Trial(search.optuna, frozen._trial_id)
+    trial = optuna.Trial(search.optuna_study, frozen._trial_id)
     failed_shifts = evaluation.failed if evaluation is not None else {}
     constraints = design.constraints
     values = {}
     simulation = None
     if evaluation is not None and evaluation.is_complete:
-        constraints = design_of(search.study, design.params, evaluation.measured).constraints
+        constraints = design_of(search.study, design.params, evaluation.check_inputs).constraints
         values = {name: estimate.value for name, estimate in evaluation.estimates.items()}
         simulation = simulation_record(evaluation)._asdict()
     if search.sharing is not None:
@@ -212,7 +212,7 @@ def _tell(
             trial.set_user_attr(FAILED, failed_shifts)
         if simulation is not None:
             trial.set_user_attr(SIMULATION, simulation)
-        search.optuna.tell(trial, values_of(design, values), skip_if_finished=True)
+        search.optuna_study.tell(trial, values_of(design, values), skip_if_finished=True)
 
 
 def _status(state: SearchState) -> str:
@@ -268,7 +268,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     if not isinstance(backend, RDBStorage):
         return Search(study, stored_search, sampler)
     # A machine of other versions has other shifts than the others.
-    own_versions = engine()
+    own_versions = engine_versions()
     stored_versions = stored_search.user_attrs.get("versions")
     if stored_versions is None:
         stored_search.set_user_attr("versions", own_versions)

@@ -52,7 +52,7 @@ class PointTimes(NamedTuple):
 
 @dataclass(frozen=True)
 class Trial:
-    """A finished design of a search; without estimates and ``measured`` it was not simulated.
+    """A finished design of a search; without estimates and ``check_inputs`` it was not simulated.
 
     ``failed`` are shifts by reason. ``confirmed`` are the values of new angles, where
     ``engines_agree`` is the verdict of Drake on the compiled engine; True without one.
@@ -63,7 +63,7 @@ class Trial:
     values: tuple[float, ...]
     prototype: bool = False
     estimates: Mapping[str, Estimate] | None = None
-    measured: CheckInputs | None = None
+    check_inputs: CheckInputs | None = None
     rows: Sequence[Sequence[float | None]] = field(default=(), repr=False)
     shifts: int = 0
     failed: Mapping[str, int] = field(default_factory=dict)
@@ -109,14 +109,14 @@ class SimulationRecord(NamedTuple):
 
 def simulation_record(evaluation: Evaluation) -> SimulationRecord:
     """Record the simulation of a design."""
-    measured = evaluation.measured
+    check_inputs = evaluation.check_inputs
     estimates = evaluation.estimates.items()
     reference = evaluation.reference
     return SimulationRecord(
         estimates={name: [e.value, e.standard_error] for name, e in estimates},
-        demand_Pa=list(measured.demand),
-        limited=dict(measured.limited),
-        engaged=measured.engaged,
+        demand_Pa=list(check_inputs.demand),
+        limited=dict(check_inputs.limited),
+        engaged=check_inputs.engaged,
         rows=row_record(evaluation.rows),
         shifts=evaluation.shifts,
         times=[PointTimes.of(point) for point in evaluation.expectation.points],
@@ -141,7 +141,7 @@ def trial_of(frozen: FrozenTrial) -> Trial:
     return replace(
         trial,
         estimates={name: Estimate(*pair) for name, pair in record.estimates.items()},
-        measured=CheckInputs(Demand(*record.demand_Pa), record.limited, record.engaged),
+        check_inputs=CheckInputs(Demand(*record.demand_Pa), record.limited, record.engaged),
         rows=record.rows,
         shifts=record.shifts,
         times=[PointTimes(*point) for point in record.times],
@@ -179,18 +179,18 @@ def pool_trials(
     if not counts:
         return tuple(trials), ()
     priors = pool(counts)
-    pooled = [under_priors(study, trial, priors) if trial.times else trial for trial in trials]
+    pooled = [replace_priors(study, trial, priors) if trial.times else trial for trial in trials]
     return tuple(pooled), priors
 
 
-def under_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Trial:
+def replace_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Trial:
     """Estimate the times of a simulated trial by priors of the operating points."""
     assert trial.estimates is not None
-    assert trial.measured is not None
-    expectation = expectation_from(study, trial.times).under(priors)
+    assert trial.check_inputs is not None
+    expectation = expectation_from(study, trial.times).replace_priors(priors)
     reference = None
     if trial.reference:
-        reference = expectation_from(study, trial.reference).under(priors)
+        reference = expectation_from(study, trial.reference).replace_priors(priors)
     times = time_estimates(trial.estimates, expectation, reference)
     values = tuple(
         times[name].value if name in times else value
@@ -200,7 +200,7 @@ def under_priors(study: Setup, trial: Trial, priors: Sequence[HangPrior]) -> Tri
         trial,
         estimates={**trial.estimates, **times},
         values=values,
-        measured=replace_limited(trial.measured, times),
+        check_inputs=replace_limited(trial.check_inputs, times),
     )
 
 
@@ -231,7 +231,7 @@ class SearchState:
         """Designs with all of their checks, by trial."""
         for trial in self.trials:
             if trial.number not in self.design_cache:
-                design = design_of(self.study, trial.params, trial.measured)
+                design = design_of(self.study, trial.params, trial.check_inputs)
                 self.design_cache[trial.number] = design
         return {trial.number: self.design_cache[trial.number] for trial in self.trials}
 

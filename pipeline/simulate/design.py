@@ -143,25 +143,25 @@ class CheckInputs:
 
 
 def design_of(
-    study: Setup, params: dict[str, float], measured: CheckInputs | None = None
+    study: Setup, params: dict[str, float], check_inputs: CheckInputs | None = None
 ) -> Design:
     """Build the dog of a design and check it; not feasible where the shape is impossible.
 
-    ``measured`` are its simulated values, None before a simulation.
+    ``check_inputs`` are its simulated values, None before a simulation.
     """
     study = study.with_operation(params)
     try:
         dog = study.dog_with(params)
     except GeometryError as error:
         return Design(study, params, None, (), str(error))
-    limited = {} if measured is None else measured.limited
+    limited = {} if check_inputs is None else check_inputs.limited
     design = check_dog(study, params, dog, limits=limits_of(study), limited=limited)
-    if measured is None:
+    if check_inputs is None:
         return design
-    engagement_check = LimitCheck(ENGAGEMENT, measured.engaged, MIN_ENGAGED_SHARE)
-    landing_checks = demand_checks(measured.demand, study.limits)
+    engagement_check = LimitCheck(ENGAGEMENT, check_inputs.engaged, MIN_ENGAGED_SHARE)
+    landing_checks = demand_checks(check_inputs.demand, study.limits)
     checks = (*design.checks, *landing_checks, engagement_check)
-    return replace(design, checks=checks, landings=measured.landings)
+    return replace(design, checks=checks, landings=check_inputs.landings)
 
 
 def judge_design(design: Design) -> tuple[Design, Verdict]:

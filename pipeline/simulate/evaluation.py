@@ -1,10 +1,11 @@
 """Evaluation of designs by simulation: blocks of shifts, expectation, objectives and checks.
 
-``docs/studies.md`` defines the simulated objectives (``ESTIMATORS``) and their errors. Forces are
-those of the whole ring, means over one step of the integration, of rigid rings on the stiffness of
-the dogs. A shift that does not engage counts with its loads; one whose integration failed is
-left out. Where all failed an objective is NaN: the design counts as not simulated. The smallest
-margin has the landing's, an extreme, so its standard error is zero.
+``docs/studies.md`` defines the simulated objectives (``ESTIMATORS``) and their errors. A force acts
+on the whole ring and is a mean over one integration step; rings are rigid, dogs have a stiffness.
+The loads of a shift that does not engage count; a shift whose integration failed is left out.
+Where the integration of all shifts failed an objective is NaN, and the design counts as not
+simulated. The smallest margin includes that of the landing, an extreme value without a standard
+error; its own is set to zero.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ from dogshape.sim.statistics.expectation import (
     time_quantile,
 )
 from dogshape.sim.statistics.hangs import HangPrior
-from dogshape.sim.statistics.shift_records import Record as Shift
+from dogshape.sim.statistics.shift_records import Record as ShiftRecord
 from dogshape.sim.statistics.shift_records import (
     ShiftLoads,
     diverged,
@@ -72,7 +73,7 @@ from dogshape.sim.units import DEG, MM, RPM
 from dogshape.surrogate.dataset import rows_of
 
 Points = Sequence[OperatingPoint]
-Rows = Sequence[Sequence[Shift]]  #: shifts by operating point
+ShiftsByPoint = Sequence[Sequence[ShiftRecord]]  #: records of shifts by operating point
 
 
 @dataclass(frozen=True)
@@ -83,12 +84,12 @@ class DesignShifts:
     dog: Dog
     checks: tuple[LimitCheck, ...]
     expectation: MixExpectation
-    rows: Rows
+    records: ShiftsByPoint
 
     def mean_load(self, value: Callable[[ShiftLoads], float]) -> Estimate:
-        """Compute the mean of a load over the mix, without shifts whose integration failed."""
+        """Compute the mean of a load over the mix of points; failed integrations are left out."""
         values = []
-        for shifts in self.rows:
+        for shifts in self.records:
             values.append([value(loads_of(shift)) for shift in shifts if not diverged(shift)])
         return mean_over([point.point.weight for point in self.expectation.points], values)
 
@@ -98,35 +99,39 @@ class DesignShifts:
         return self.mean_load(lambda loads: loads.energy_dissipated_J)
 
 
-LOSS_SIGMAS = 2.0  #: standard errors by which a loss of time is reduced, in a design's favour
+LOSS_SIGMAS = 2.0  #: standard errors subtracted from a loss of time, in the design's favour
 
 
 def _largest_loss(expectation: MixExpectation, reference: MixExpectation | None) -> Estimate:
-    """Estimate the largest loss of time on the reference at an operating point, s.
+    """Estimate the largest loss of time against the reference at an operating point, s.
 
-    Each loss is reduced by its error: the largest of many differences would be that of their
-    errors.
+    Each loss is reduced by its error: otherwise the largest of many differences would be the
+    largest of their errors.
     """
     assert reference is not None  # ``evaluate`` simulates it for this
     losses = []
     for point, reference_point in zip(expectation.points, reference.points, strict=True):
         errors = (point.standard_error, reference_point.standard_error)
-        is_defined = all(map(math.isfinite, errors))  # few shifts have no error
+        is_defined = all(map(math.isfinite, errors))  # NaN from too few shifts
         error = math.hypot(*errors) if is_defined else 0.0
         loss = point.mean - reference_point.mean - LOSS_SIGMAS * error
         losses.append(Estimate(loss, error))
     return max(losses, key=lambda loss: loss.value)
 
 
-def _first_try_share(shifts: DesignShifts) -> Estimate:
-    """Estimate the share of shifts that engage in time at the first try, by its posterior."""
-    limit = shifts.study.file.search.within_s or shifts.study.clutch.timeout
+def _first_try_share(design: DesignShifts) -> Estimate:
+    """Estimate the share of shifts that engage within the limit at the first try.
+
+    The posterior of ``share_over`` takes the counts of the shifts that do not.
+    """
+    limit = design.study.file.search.within_s or design.study.clutch.timeout
     counts = []
-    for rows in shifts.rows:
-        sound_rows = [row for row in rows if not diverged(row)]
-        late_count = sum((result_of(row).shift_time or math.inf) > limit for row in sound_rows)
-        counts.append((late_count, len(sound_rows)))
-    weights = [point.point.weight for point in shifts.expectation.points]
+    for shifts in design.records:
+        sound_shifts = [shift for shift in shifts if not diverged(shift)]
+        times = [result_of(shift).shift_time or math.inf for shift in sound_shifts]
+        late_count = sum(time > limit for time in times)
+        counts.append((late_count, len(sound_shifts)))
+    weights = [point.point.weight for point in design.expectation.points]
     return share_over(weights, counts)
 
 
@@ -178,7 +183,7 @@ class Evaluation:
     """Expectation and loads from the shifts of a design."""
 
     expectation: MixExpectation
-    measured: CheckInputs
+    check_inputs: CheckInputs
     rows: Array  #: data for the surrogate, a row for each operating point
     estimates: dict[str, Estimate]  #: by the names of ``estimated_quantities``
     shifts: int  #: number of shifts
@@ -186,17 +191,17 @@ class Evaluation:
     agreement: EngineAgreement | None = None  #: with Drake, where it repeated some shifts
     reference: MixExpectation | None = None  #: of the study's own dog, where an objective needs it
 
-    def under(self, priors: Sequence[HangPrior]) -> Evaluation:
+    def replace_priors(self, priors: Sequence[HangPrior]) -> Evaluation:
         """Replace the priors of the probability of a hang, one for each operating point."""
-        expectation = self.expectation.under(priors)
-        reference = self.reference and self.reference.under(priors)
+        expectation = self.expectation.replace_priors(priors)
+        reference = self.reference and self.reference.replace_priors(priors)
         times = time_estimates(self.estimates, expectation, reference)
         return replace(
             self,
             expectation=expectation,
             reference=reference,
             estimates=self.estimates | times,
-            measured=replace_limited(self.measured, times),
+            check_inputs=replace_limited(self.check_inputs, times),
         )
 
     @property
@@ -216,19 +221,19 @@ def time_estimates(
     }
 
 
-def replace_limited(measured: CheckInputs, estimates: Mapping[str, Estimate]) -> CheckInputs:
-    """Replace the values of limited quantities by new estimates."""
+def replace_limited(check_inputs: CheckInputs, estimates: Mapping[str, Estimate]) -> CheckInputs:
+    """Replace the values of quantities with a limit by new estimates."""
     limited = {
         name: estimates[name].value if name in estimates else value
-        for name, value in measured.limited.items()
+        for name, value in check_inputs.limited.items()
     }
-    return replace(measured, limited=limited)
+    return replace(check_inputs, limited=limited)
 
 
 class OperatedDesign(NamedTuple):
-    """A design as it is simulated."""
+    """Dog of a design, and the study with the operating points of that design."""
 
-    study: Setup  #: operated as the design is
+    study: Setup  #: with the design's values of searched keys of the operation
     dog: Dog
 
     @classmethod
@@ -237,9 +242,9 @@ class OperatedDesign(NamedTuple):
         return cls(study.with_operation(params), study.dog_with(params))
 
     def blocks(self, angles: int, seed: int, base: int | None = None) -> list[Block]:
-        """Build the shifts at even angles, a block for each of the operating points.
+        """Build the shifts at even angles, a block for each operating point.
 
-        ``base`` as for ``even_phases``.
+        The angles include those of the same draw of ``base`` angles.
         """
         study = self.study
         clutch = replace(study.clutch, dog=self.dog)
@@ -247,7 +252,7 @@ class OperatedDesign(NamedTuple):
 
 
 def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
-    """Build the shifts of the study's own dog; none if no objective or limit refers to it."""
+    """Build the shifts of the study's own dog, the reference; [] if no objective needs it."""
     if REFERRED not in estimated_quantities(study):
         return []
     return _cached_even_blocks(
@@ -255,15 +260,15 @@ def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
     )
 
 
-_cached_even_blocks = lru_cache(maxsize=2)(even_blocks)  # the reference of all rounds
+_cached_even_blocks = lru_cache(maxsize=2)(even_blocks)  # all rounds have the same reference
 
 
 def drop_design_shifts(study: Setup, executor: Executor, angles: int, seed: int) -> None:
-    """Drop the shifts of all designs but the reference from the journal."""
-    keys = set()
+    """Drop the shifts of all designs from the journal; those of the reference stay."""
+    reference_keys = set()
     for block in reference_blocks(study, angles, seed):
-        keys.update(block.keys)
-    executor.drop_shifts(keys)
+        reference_keys.update(block.keys)
+    executor.drop_shifts(kept_keys=reference_keys)
 
 
 def evaluate(
@@ -274,39 +279,43 @@ def evaluate(
     design_groups = [design.blocks(angles, seed) for design in operated]
     reference_group = reference_blocks(study, angles, seed)
     blocks = list(chain(*design_groups, reference_group))
-    rows = iter(executor.run(blocks))
-    design_rows = [list(islice(rows, len(group))) for group in design_groups]
+    block_records = iter(executor.run(blocks))
+    design_records = [list(islice(block_records, len(group))) for group in design_groups]
+    reference_records = list(block_records)
     reference = None
-    if reference_group:
-        reference = expectation_of(study, study.points, list(rows))
+    if reference_records:
+        reference = expectation_of(study, study.points, reference_records)
     return [
-        _evaluation(study, design, rows_of_design, reference)
-        for design, rows_of_design in zip(operated, design_rows, strict=True)
+        _evaluation(study, design, records, reference)
+        for design, records in zip(operated, design_records, strict=True)
     ]
 
 
 def _evaluation(
-    nominal: Setup, design: OperatedDesign, rows: Rows, reference: MixExpectation | None
+    nominal: Setup,
+    design: OperatedDesign,
+    records: ShiftsByPoint,
+    reference: MixExpectation | None,
 ) -> Evaluation:
-    """Evaluate the shifts of a design by operating point; ``nominal`` is the study itself."""
+    """Evaluate the shifts of a design; ``nominal`` is the study with its own operating points."""
     study, dog = design
-    expectation = expectation_of(study, study.points, rows, dog=dog)
-    landings = landings_over(expectation, rows)
+    expectation = expectation_of(study, study.points, records, dog=dog)
+    landings = landings_over(expectation, records)
     demand = landings.demand(dog, study.limits)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
-    design_shifts = DesignShifts(study, dog, checks, expectation, rows)
+    design_shifts = DesignShifts(study, dog, checks, expectation, records)
     names = estimated_quantities(study)
     estimates = {name: ESTIMATORS[name](design_shifts) for name in names if name in ESTIMATORS}
     estimates |= time_estimates(names, expectation, reference)
     estimates = {name: estimates[name] for name in names}
-    # Shifts whose integration failed say nothing of engagement.
+    # A point where all integrations failed (``n`` = 0) has no share of engagement.
     engaged_share = min((point.timed for point in expectation.points if point.n), default=1.0)
     limited = {name: estimates[name].value for name in simulated_limits(study)}
-    shifts = list(chain(*rows))
-    searched_shifts = _searched_records(nominal, study.operation, rows)
+    shifts = list(chain(*records))
+    searched_shifts = _searched_records(nominal, study.operation, records)
     return Evaluation(
         expectation=expectation,
-        measured=CheckInputs(demand, limited, engaged_share, landings),
+        check_inputs=CheckInputs(demand, limited, engaged_share, landings),
         rows=rows_of(tuple(study.variables), searched_shifts),
         estimates=estimates,
         shifts=len(shifts),
@@ -315,56 +324,62 @@ def _evaluation(
     )
 
 
-def failures(shifts: Iterable[Shift]) -> dict[str, int]:
-    """Count the shifts whose integration failed by the reason; they have no time."""
+def failures(shifts: Iterable[ShiftRecord]) -> dict[str, int]:
+    """Count the shifts whose integration failed, by reason without the time of the failure."""
     failed_shifts = [shift for shift in shifts if diverged(shift)]
-    reasons = (str(shift.get("reason", MESSAGES[Outcome.DIVERGED])) for shift in failed_shifts)
-    return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
+    sentences = (str(shift.get("reason", MESSAGES[Outcome.DIVERGED])) for shift in failed_shifts)
+    return dict(Counter(sentence.partition(", at ")[0] for sentence in sentences))
 
 
-def _searched_records(study: Setup, operation: Mapping[str, float], rows: Rows) -> list[Shift]:
-    """Describe shifts by the study's points and the searched keys of the operation.
+def _searched_records(
+    study: Setup, operation: Mapping[str, float], records: ShiftsByPoint
+) -> list[ShiftRecord]:
+    """Describe shifts by the study's operating points and the searched keys of the operation.
 
-    The search knows the operation of a design as variables, not as points of its own.
+    The surrogate has these keys as variables and takes the same points for all designs.
     """
     values = {**study.prototype, **operation}
     operation_keys = {key: values[key] for key in study.variables if key in OPERATED}
-    records = []
-    for point, shifts in zip(study.points, rows, strict=True):
-        place = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record, **operation_keys}
-        records += [{**shift, **place} for shift in shifts]
-    return records
+    searched_records = []
+    for point, shifts in zip(study.points, records, strict=True):
+        point_keys = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record}
+        searched_records += [{**shift, **point_keys, **operation_keys} for shift in shifts]
+    return searched_records
 
 
-def landings_over(expectation: MixExpectation, rows: Rows) -> Landings:
+def landings_over(expectation: MixExpectation, records: ShiftsByPoint) -> Landings:
     """Collect the landings of shifts by operating point, with their weights."""
-    loads = [landing_of(shift) for shift in chain(*rows)]
+    loads = [landing_of(shift) for shift in chain(*records)]
     weights = list[float]()
-    for point, shifts in zip(expectation.points, rows, strict=True):
+    for point, shifts in zip(expectation.points, records, strict=True):
         weights += [point.point.weight / len(shifts)] * len(shifts)
     return Landings(np.array(loads), np.array(weights))
 
 
+RARE_SHARE = 0.999  #: of the shifts over a life, the quantile besides ``search.quantile``
+
+
 def expectation_of(
-    study: Setup, points: Points, rows: Rows, even: bool = True, dog: Dog | None = None
+    study: Setup, points: Points, records: ShiftsByPoint, even: bool = True, dog: Dog | None = None
 ) -> MixExpectation:
     """Compute the expectation over points, with quantiles, from the records of each.
 
-    ``even`` says that the angles are even; ``dog`` is that of the shifts, by default the study's.
+    ``even`` is whether the angles are even; ``dog`` is that of the shifts, by default the study's.
     """
     clutch = replace(study.clutch, dog=dog or study.clutch.dog)
     timeout = study.clutch.timeout
     retraction = study.retraction
     point_shifts = []
     point_expectations = []
-    for point, records in zip(points, rows, strict=True):
-        shifts = study.set_point.freed([result_of(record) for record in records])
+    for point, point_records in zip(points, records, strict=True):
+        results = [result_of(record) for record in point_records]
+        shifts = study.set_point.free_blocked(results)
         point_shifts.append(shifts)
         point_expectations.append(
             replace(
                 expect_point(point, shifts, timeout, retraction, even=even),
-                by_angle=entries_by_angle(records),
-                first_window=first_windows(records),
+                by_angle=entries_by_angle(point_records),
+                first_window=first_windows(point_records),
                 direct_share=direct_share(clutch, point),
             )
         )
@@ -384,11 +399,11 @@ def with_torques(
     study: Setup,
     expectation: MixExpectation,
     blocks: Sequence[Block],
-    run: Callable[[Sequence[Block]], Rows],
+    run: Callable[[Sequence[Block]], ShiftsByPoint],
 ) -> MixExpectation:
-    """Add the shifts of ``blocks`` under each of ``expectation.limit_torques_Nm`` of the study.
+    """Add expectations under each torque of the study's ``expectation.limit_torques_Nm``.
 
-    ``run`` simulates blocks; ``blocks`` are those that the expectation is of.
+    ``blocks`` are the shifts of ``expectation``, which ``run`` simulates again under each torque.
     """
     settings = study.file.expectation
     dog = blocks[0].clutch.dog
@@ -399,12 +414,11 @@ def with_torques(
             replace(block, clutch=block.clutch.loaded(settings.limit_torque_side, torque))
             for block in blocks
         ]
-        rows = run(loaded_blocks)
-        by_torque[torque] = expectation_of(study, operating_points, rows, dog=dog).points
+        records = run(loaded_blocks)
+        by_torque[torque] = expectation_of(study, operating_points, records, dog=dog).points
     return replace(expectation, by_torque=by_torque)
 
 
-RARE_SHARE = 0.999  #: of the shifts over a life, the quantile besides ``search.quantile``
 FIRST_ANGLES = 6  #: angles of the first round
 MIN_SHIFTS = 24  #: shifts from which a standard error counts
 MAX_ANGLES = 96  #: angles of the last round
@@ -412,11 +426,11 @@ MAX_ANGLES = 96  #: angles of the last round
 
 def expect_to_precision(
     study: Setup, points: Points, precision: float, executor: Executor, progress: WorkCounter
-) -> tuple[MixExpectation, list[Block], list[list[Shift]]]:
-    """Double the even angles until the expectation over points has a relative standard error.
+) -> tuple[MixExpectation, list[Block], list[list[ShiftRecord]]]:
+    """Double the even angles until the relative standard error is at most ``precision``.
 
-    Returns the expectation, blocks and records of the last round, which may be less precise
-    where it has ``MAX_ANGLES``.
+    Returns the expectation over points, blocks and records of the last round. A round with
+    ``MAX_ANGLES`` is the last one, precise or not.
     """
     angles = FIRST_ANGLES
     seed = study.file.expectation.seed
@@ -424,17 +438,17 @@ def expect_to_precision(
         blocks = even_blocks(
             study.clutch, points, angles, seed, FIRST_ANGLES, uncertainty=study.uncertainty
         )
-        rows = executor.run(blocks)
-        expectation = expectation_of(study, points, rows)
+        records = executor.run(blocks)
+        expectation = expectation_of(study, points, records)
         error = expectation.relative_error
         shift_count = len(points) * angles
         is_precise = error <= precision
-        is_silent = any(point.unaided_mean is None for point in expectation.points)
-        is_last = error > precision and angles >= MAX_ANGLES
-        if is_silent:
+        never_engages = any(point.unaided_mean is None for point in expectation.points)
+        is_last = not is_precise and angles >= MAX_ANGLES
+        if never_engages:
             progress.say("nothing engages at some operating point: no precision can be reached")
-        if is_silent or is_last or (is_precise and shift_count >= MIN_SHIFTS):
-            return expectation, blocks, rows
+        if never_engages or is_last or (is_precise and shift_count >= MIN_SHIFTS):
+            return expectation, blocks, records
         doubt = ", from too few to trust" if is_precise else ""
         progress.say(
             f"error {100 * error:.2g} % from {shift_count} shifts{doubt}; twice the angles"
@@ -452,7 +466,7 @@ class LifeStage(Record):
     life: float = key("share of the life", SHARE)
     crest_loss_mm: float = key("height that the crest has lost", "mm")
     edge_radius_mm: float = key("radius of its edges; 0 is sharp", "mm", 0.0)
-    chamfer_deg: float = key("what is left of the chamfer", "deg")
+    chamfer_deg: float = key("remaining chamfer", "deg")
     expected_shift_time_s: float = key("mean shift time over the operating points", "s")
     standard_error_s: float | None = key("its standard error", "s")
     engaged: float = key("share of the shifts that engaged", SHARE)
@@ -471,21 +485,21 @@ def life_of(
 ) -> list[LifeStage]:
     """Simulate a design over its life, at each of ``STAGES`` and at new angles.
 
-    Wear by a rate follows the energy of the stage before.
+    With a wear rate, the loss of crest up to a stage follows from the energy of the stage before.
 
     Parameters
     ----------
     study, params, wear
         Study, searched keys of the design, and wear model.
     executor
-        Runs the shifts.
+        Executor of the shifts.
     priors
-        Of the probability of a hang, one for each operating point.
+        Priors of the probability of a hang, one for each operating point.
 
     Raises
     ------
     GeometryError
-        Where no worn dog can be.
+        For a worn dog that is impossible.
 
     """
     design_study = study.with_operation(params)
@@ -500,15 +514,15 @@ def life_of(
                 stages[-1], life, wear, dog=wear_crests(new_dog, crest_loss), study=study
             )
         dog = wear_crests(new_dog, crest_loss) if crest_loss else new_dog
-        dog = replace(dog, edge_radius=wear.edges(new_dog, life))
-        expectation, rows = _expect_worn(design_study, dog, executor, priors)
-        demand = landings_over(expectation, rows).demand(dog, design_study.limits)
+        dog = replace(dog, edge_radius=wear.edge_radius_at(new_dog, life))
+        expectation, records = _expect_worn(design_study, dog, executor, priors)
+        demand = landings_over(expectation, records).demand(dog, design_study.limits)
         checks = (
             *life_checks(design_study, new_dog, dog),
             *demand_checks(demand, design_study.limits),
         )
         weakest = smallest_margin(checks)
-        design_shifts = DesignShifts(design_study, dog, checks, expectation, rows)
+        design_shifts = DesignShifts(design_study, dog, checks, expectation, records)
         energy = design_shifts.impact_energy
         stages.append(
             LifeStage(
@@ -537,7 +551,7 @@ def _loss_since(stage: LifeStage, life: float, wear: Wear, *, dog: Dog, study: S
 
 def _expect_worn(
     study: Setup, dog: Dog, executor: Executor, priors: Sequence[HangPrior] | None
-) -> tuple[MixExpectation, list[list[Shift]]]:
+) -> tuple[MixExpectation, list[list[ShiftRecord]]]:
     """Simulate a worn dog at new angles; return its expectation and records."""
     settings = study.file.expectation
     clutch = replace(study.clutch, dog=dog)
@@ -548,17 +562,18 @@ def _expect_worn(
         settings.seed + NEW_ANGLES,
         uncertainty=study.uncertainty,
     )
-    rows = executor.run(blocks)
-    expectation = expectation_of(study, study.points, rows, dog=dog)
+    records = executor.run(blocks)
+    expectation = expectation_of(study, study.points, records, dog=dog)
     if priors:
-        expectation = expectation.under(priors)
-    return expectation, rows
+        expectation = expectation.replace_priors(priors)
+    return expectation, records
 
 
 def life_checks(study: Setup, new_dog: Dog, dog: Dog) -> tuple[LimitCheck, ...]:
-    """Compute the closed-form checks of a worn dog, without manufacture.
+    """Compute the closed-form checks of a worn dog, without those of manufacture.
 
-    A load counts as the worse of worn and new, and contact is a share of the new height.
+    A check of load takes the smaller margin of the worn and the new dog; the contact ratio refers
+    to the height of the new dog.
     """
     new_checks = {check.name: check for check in strength_checks(new_dog, study.limits)}
     checks = []

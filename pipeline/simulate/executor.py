@@ -34,7 +34,7 @@ from dogshape.sim.errors import InputError, StorageError, WorkerError
 from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key, key_of
-from dogshape.sim.versions import engine, versions
+from dogshape.sim.versions import engine_versions, versions
 
 Advance = Callable[
     [int, int], None
@@ -291,7 +291,7 @@ def _require_same_versions(address: str, programs: Any, worker: str) -> None:
 
     ``programs`` are its versions by name, or an exception of a worker without Dogshape.
     """
-    local_programs = engine()
+    local_programs = engine_versions()
     if not isinstance(programs, dict):
         fault = (
             f"{worker} of the cluster {address} does not have Dogshape ({type(programs).__name__})"
@@ -339,7 +339,7 @@ class RunOptions:
 
         """
         connect(self.cluster)
-        key = content_key({"asked": inputs, **engine()})
+        key = content_key({"asked": inputs, **engine_versions()})
         folder = None if self.journal is None else Path(self.journal) / f"{name}-{key[:10]}"
         with WorkCounter(self.progress, shifts) as counter, ExitStack() as locks:
             if folder is not None:

@@ -55,7 +55,7 @@ from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.locking import face_angle
 from dogshape.sim.strength.manufacture import manufacturing_checks
-from dogshape.sim.versions import engine
+from dogshape.sim.versions import engine_versions
 from dogshape.surrogate.dataset import COLUMNS, Dataset, row_of
 from dogshape.surrogate.model import MIN_DESIGNS, fit
 from dogshape.surrogate.process import Effort
@@ -187,7 +187,7 @@ class Job:
     def key(self, study: Setup) -> str:
         """Hash the inputs of the design's shifts."""
         first_keys = [[block.first_key, len(block.angles)] for block in self.blocks(study)]
-        inputs = {"blocks": first_keys, "halved": list(self.rounds(study)), **engine()}
+        inputs = {"blocks": first_keys, "halved": list(self.rounds(study)), **engine_versions()}
         return content_key(inputs)
 
 

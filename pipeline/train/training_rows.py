@@ -13,7 +13,7 @@ from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
-from dogshape.sim.versions import bundled_root, engine
+from dogshape.sim.versions import bundled_root, engine_versions
 from dogshape.surrogate.dataset import COLUMNS, Dataset, Mix, grid_of
 from dogshape.surrogate.query import compare_physics
 from dogshape.surrogate.store import MissingError, Stored, load
@@ -25,7 +25,7 @@ def with_rows(study: Setup, rows: Array | Sequence[Sequence[float | None]]) -> D
     low, high = np.array(list(study.variables.values()), dtype=float).T
     mix = study_mix(study)
     table = np.array(rows, dtype=float).reshape(-1, len(names) + len(COLUMNS))
-    return Dataset(names, low, high, study.physics, engine(), mix, grid_of(table, mix))
+    return Dataset(names, low, high, study.physics, engine_versions(), mix, grid_of(table, mix))
 
 
 def row_record(rows: Array) -> list[list[float | None]]:

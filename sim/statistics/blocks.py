@@ -28,7 +28,7 @@ from dogshape.sim.statistics.shift_records import (
 )
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import DEG, MM, RPM
-from dogshape.sim.versions import engine
+from dogshape.sim.versions import engine_versions
 
 
 @lru_cache(maxsize=2)
@@ -212,7 +212,7 @@ def run_block(block: Block) -> Iterator[Record]:
         record |= {"steps": len(result.run.times), "evaluations": result.evaluations}
         if result.outcome is Outcome.DIVERGED:
             record |= {"reason": result.detail}
-        yield record | engine() | {"seed": block.seed}
+        yield record | engine_versions() | {"seed": block.seed}
 
 
 REPEAT_INTERVAL = 8  #: one shift of so many is repeated

@@ -76,7 +76,7 @@ class SetPoint:
         shares = np.where(overlaps <= swing, overlaps / (swing or 1.0), np.nan)
         return self.start + self.period / (2.0 * math.pi) * np.arccos(1.0 - 2.0 * shares)
 
-    def freed(self, shifts: Sequence[ShiftResult]) -> list[ShiftResult]:
+    def free_blocked(self, shifts: Sequence[ShiftResult]) -> list[ShiftResult]:
         """Return the shifts with the times at which blocked ones are freed; outcomes stay."""
         if self.amplitude == 0.0:
             return list(shifts)
@@ -143,7 +143,7 @@ class PointExpectation:
         """Standard error of ``mean``, s; NaN for fewer than three shifts."""
         return math.hypot(self.engaged_error, self.retries_error)
 
-    def under(self, prior: HangPrior) -> PointExpectation:
+    def replace_prior(self, prior: HangPrior) -> PointExpectation:
         """Return the expectation with another prior of the probability of a hang."""
         return replace(self, hang=prior.posterior(self.hangs, self.n), prior=prior)
 
@@ -243,9 +243,11 @@ class MixExpectation:
         """Numbers of hangs and shifts by operating point."""
         return [(point.hangs, point.n) for point in self.points]
 
-    def under(self, priors: Sequence[HangPrior]) -> MixExpectation:
+    def replace_priors(self, priors: Sequence[HangPrior]) -> MixExpectation:
         """Return the expectation with other priors, one for each operating point."""
-        points = [point.under(prior) for point, prior in zip(self.points, priors, strict=True)]
+        points = [
+            point.replace_prior(prior) for point, prior in zip(self.points, priors, strict=True)
+        ]
         return replace(self, points=tuple(points))
 
     @property
@@ -395,7 +397,7 @@ def expect(
 
     ``priors`` of the probability of a hang, one for each point; ``weak_priors`` by default.
     """
-    return MixExpectation(tuple(points)).under(priors or weak_priors(len(points)))
+    return MixExpectation(tuple(points)).replace_priors(priors or weak_priors(len(points)))
 
 
 RETRY_TAIL = 1e-6  #: of a point's weight, left out of its retries

@@ -331,7 +331,7 @@ class Wear:
         volume = self.rate * work / (2.0 * dog.count * dog.radial_width)
         return 2.0 * volume / (dog.face_width + dog.back_width)
 
-    def edges(self, dog: Dog, share: float) -> float:
+    def edge_radius_at(self, dog: Dog, share: float) -> float:
         """Compute the radius of a dog's edges at a share of the life, m."""
         if self.edge_radius is None:
             return dog.edge_radius

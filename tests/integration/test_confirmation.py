@@ -13,7 +13,7 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.reports.designs import designs_frame, out_at_new_angles
 from dogshape.pipeline.reports.headline import headline
 from dogshape.pipeline.search.confirmation import HANG_ANGLES, contested_designs, deciding_points
-from dogshape.pipeline.search.state import PointTimes, SearchState, Trial, under_priors
+from dogshape.pipeline.search.state import PointTimes, SearchState, Trial, replace_priors
 from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate.design import CheckInputs, Design
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Evaluation
@@ -198,13 +198,13 @@ def _at_new_angles(
             points.append(expect_point(point, shifts, 1.0, 0.2))
         expectation = expect(points)
         estimates = {TIME: Estimate(expectation.mean, expectation.standard_error)}
-        measured = CheckInputs(Demand())
+        check_inputs = CheckInputs(Demand())
         found[number] = Evaluation(
-            expectation, measured, np.zeros((0, 13)), estimates, 2 * HANG_SHIFTS
+            expectation, check_inputs, np.zeros((0, 13)), estimates, 2 * HANG_SHIFTS
         )
         trials.append(
             Trial(number, study.prototype, (expectation.mean,), estimates=estimates,
-                  measured=measured, times=[PointTimes.of(point) for point in points])
+                  check_inputs=check_inputs, times=[PointTimes.of(point) for point in points])
         )  # fmt: skip
     return SearchState(study, tuple(trials)), found
 
@@ -216,8 +216,8 @@ def test_hangs_that_decide_between_designs_are_looked_at_more_closely() -> None:
         SearchState(study, ()), [0.060, 0.064, 0.500, 0.060], hangs=[0, 0, 0, 1]
     )
     priors = pool([trial.counts for trial in state.trials])
-    found = {number: one.under(priors) for number, one in found.items()}
-    trials = tuple(under_priors(study, trial, priors) for trial in state.trials)
+    found = {number: one.replace_priors(priors) for number, one in found.items()}
+    trials = tuple(replace_priors(study, trial, priors) for trial in state.trials)
     passing = {number: Design(study, study.prototype, study.clutch.dog, (), "") for number in found}
     renewed = SearchState(study, trials, passing)
     # The last is as fast while it engages: its hang alone tells it from the best.
@@ -225,7 +225,7 @@ def test_hangs_that_decide_between_designs_are_looked_at_more_closely() -> None:
     at_first = deciding_points([found[3].expectation])
     assert at_first == [0]
     surely_none = HangPrior(rate=1e-6, strength=1e7, blocked_share=1e-9)
-    sure = {number: one.under([surely_none] * 2) for number, one in found.items()}
+    sure = {number: one.replace_priors([surely_none] * 2) for number, one in found.items()}
     assert contested_designs(renewed, sure) == []
     assert HANG_ANGLES.rounds(16) == [32, 64, 128]
 

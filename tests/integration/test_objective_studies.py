@@ -175,7 +175,7 @@ def test_means_over_the_mix(name: str, of: Callable[[Record], float]) -> None:
     found, shifts = measured(study)
     expected = float(np.mean([of(row) for row in shifts]))
     assert expected > 0.0
-    assert found.measured.limited[name] == pytest.approx(expected, rel=1e-12)
+    assert found.check_inputs.limited[name] == pytest.approx(expected, rel=1e-12)
     assert name in found.estimates
 
 
@@ -194,19 +194,22 @@ def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
     limits = ("worst_shift_time_s=1.0", "slower_than_reference_s=-0.1")
     study = study_with(*(f"search.limits.{one}" for one in limits))
     other, _ = measured(study)
-    assert other.measured.limited["slower_than_reference_s"] < 0.0
+    assert other.check_inputs.limited["slower_than_reference_s"] < 0.0
     found, _ = measured(study, chamfer_deg=5.0)
     rare = [HangPrior(rate=1e-4, strength=1e4, blocked_share=1e-6)] * len(study.points)
-    other, found = other.under(rare), found.under(rare)  # a few shifts alone leave hangs open
+    other, found = (
+        other.replace_priors(rare),
+        found.replace_priors(rare),
+    )  # a few shifts alone leave hangs open
     both = found.expectation.points, other.expectation.points
-    assert found.measured.limited["worst_shift_time_s"] == max(p.mean for p in both[0])
+    assert found.check_inputs.limited["worst_shift_time_s"] == max(p.mean for p in both[0])
     lost = max(
         a.mean - b.mean - 2.0 * math.hypot(a.standard_error, b.standard_error)
         for a, b in zip(*both, strict=True)
     )
-    assert found.measured.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
+    assert found.check_inputs.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
     assert lost > -0.1
-    assert not design_of(study, {"chamfer_deg": 5.0}, found.measured).feasible
+    assert not design_of(study, {"chamfer_deg": 5.0}, found.check_inputs).feasible
 
 
 def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
@@ -220,8 +223,8 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
     assert not any(row["feasible"] for row in failed)
     dog = {key: judged[0][key] for key in VARIABLES}
     (own,) = evaluate(study, [dog], scratch_executor(), 24, 1)
-    own = own.under([HangPrior(**prior) for prior in result["hang_prior"]])
-    margin = 1.0 - own.measured.limited["worst_shift_time_s"] / limit
+    own = own.replace_priors([HangPrior(**prior) for prior in result["hang_prior"]])
+    margin = 1.0 - own.check_inputs.limited["worst_shift_time_s"] / limit
     assert judged[0]["margins"]["worst_shift_time_s"] == pytest.approx(margin, rel=1e-9)
     checks = result["confirmation"]["best"]["checks"]
     (check,) = (c for c in checks if c["name"] == "worst_shift_time_s")

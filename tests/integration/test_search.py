@@ -290,7 +290,7 @@ def _tell(search: Search, trials: list[FrozenTrial], upto: int | None = None) ->
     for trial in trials[:upto]:
         given = trial.params
         values = [given["chamfer_deg"] + given["count"], given["height_mm"]]
-        search.optuna.tell(trial.number, values)
+        search.optuna_study.tell(trial.number, values)
 
 
 def _go_on(search: Search) -> list[dict[str, Any]]:
@@ -339,7 +339,7 @@ def test_a_round_cut_off_while_it_was_told_asks_no_more(told: int) -> None:
 
 def test_what_another_run_told_leaves_no_trial_running(monkeypatch: pytest.MonkeyPatch) -> None:
     search = _opened(load_study("mq200_paper", [*SMALL, "search.batch=3"]))
-    study, storage, trials = search.study, search.optuna, next_round(search)
+    study, storage, trials = search.study, search.optuna_study, next_round(search)
 
     def evaluated(_: Setup, designs: Sequence[Any], *__: Any) -> list[Evaluation]:
         times = [ShiftResult(Outcome.ENGAGED, 0.1)] * 3

@@ -153,9 +153,9 @@ def test_a_life_is_that_of_three_dogs() -> None:
 def test_equal_shares_of_the_life_take_equal_areas_from_an_edge() -> None:
     """The square of a rounding's radius grows evenly; friction has to work for a rate."""
     dog, wear = replace(DOG, edge_radius=0.1 * MM), Wear(edge_radius=0.3 * MM)
-    squares = [wear.edges(dog, share) ** 2 for share in (0.0, 0.5, 1.0)]
+    squares = [wear.edge_radius_at(dog, share) ** 2 for share in (0.0, 0.5, 1.0)]
     assert squares == pytest.approx([0.01 * MM**2, 0.05 * MM**2, 0.09 * MM**2])
     with pytest.raises(InputError, match="edges do not get sharper"):
-        wear.edges(replace(DOG, edge_radius=0.4 * MM), 0.5)
+        wear.edge_radius_at(replace(DOG, edge_radius=0.4 * MM), 0.5)
     with pytest.raises(InputError, match="dynamic_friction is 0"):
         Wear(rate=1e-15).loss(DOG, 1.0, 0.0, 1.0)

@@ -63,7 +63,7 @@ def test_the_integral_of_the_speed_passes_the_overlap() -> None:
 def test_nothing_frees_a_shift_without_a_set_point() -> None:
     """Not even one that friction holds at the very edge of a face."""
     shifts = [ShiftResult(Outcome.BLOCKED, None, rest) for rest in (0.0, 0.1)]
-    assert SetPoint().freed(shifts) == shifts
+    assert SetPoint().free_blocked(shifts) == shifts
 
 
 def test_the_mean_passage_is_the_closed_form() -> None:
@@ -72,7 +72,7 @@ def test_the_mean_passage_is_the_closed_form() -> None:
     rests = (np.arange(held) + 0.5) * pitch / n
     shifts = [ShiftResult(Outcome.BLOCKED, None, rest) for rest in rests.tolist()]
     shifts += [ShiftResult(Outcome.ENGAGED, 0.08)] * (n - held)
-    freed = SLOW.freed(shifts)
+    freed = SLOW.free_blocked(shifts)
     f = math.acos(1.0 - 2.0 * math.pi * (held / n * pitch) / (SLOW.amplitude * SLOW.period))
     passage = SLOW.period / (2.0 * math.pi) * (math.sin(f) - f * math.cos(f)) / (1.0 - math.cos(f))
     found = expect_point(_slow(5.0), freed, 1.0, 0.2)
@@ -82,7 +82,7 @@ def test_the_mean_passage_is_the_closed_form() -> None:
     assert found.unaided_mean == pytest.approx(0.08)
     last = SLOW.passages(np.array([held / n * pitch]))[0]
     assert time_quantile([1.0], [freed], 0.9995, 1.0, 0.2).value == pytest.approx(last, rel=1e-3)
-    assert expect_point(_slow(5.0), SetPoint().freed(shifts), 1.0, 0.2).time is None
+    assert expect_point(_slow(5.0), SetPoint().free_blocked(shifts), 1.0, 0.2).time is None
 
 
 @pytest.mark.parametrize("mismatch_rpm", [5.0, -5.0])

@@ -261,8 +261,8 @@ def test_landings_of_other_seeds_hold_what_many_angles_say() -> None:
 
     def landings(angles: int, seed: int) -> Landings:
         (found,) = evaluate(study, [{}], executor, angles, seed)
-        assert found.measured.landings is not None
-        return found.measured.landings
+        assert found.check_inputs.landings is not None
+        return found.check_inputs.landings
 
     dog, limits = study.clutch.dog, study.limits
     true = np.array(landings(512, 777).demand(dog, limits))
@@ -278,11 +278,11 @@ def test_a_study_names_what_its_verdict_lacks() -> None:
     struck = load_study("mq200_paper", [*keys, "expectation.angles=4"]).in_engine("planar")
     for study, missing in ((bare, ["flank_strike"]), (struck, [])):
         (found,) = evaluate(study, [{}], scratch_executor(1), 4, 1)
-        design, verdict = judge_design(design_of(study, {}, found.measured))
+        design, verdict = judge_design(design_of(study, {}, found.check_inputs))
         assert [one.check for one in verdict.not_judged] == missing
         intervals = [check for check in design.checks if check.interval is not None]
         assert {check.rule.group for check in intervals} == {"impact"}
         assert [check.value for check in intervals] == [
-            check.value for check in design_of(study, {}, found.measured).checks
+            check.value for check in design_of(study, {}, found.check_inputs).checks
             if check.rule.group == "impact"
         ]  # fmt: skip
