@@ -33,7 +33,7 @@ from dogshape.diagnosis.prediction.building import build_models
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
 from dogshape.pipeline.search.sampler import Space
-from dogshape.pipeline.search.search import _tell, next_round, open_search, run
+from dogshape.pipeline.search.search import _store, next_round, open_search, run
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import OperatedDesign, evaluate
 from dogshape.pipeline.simulate.executor import Executor, end_workers, scratch_executor
@@ -221,7 +221,7 @@ def write_search(folder: StudyFolder, study: Setup, designs: int) -> None:
         trial = optuna_study._storage.get_trial(
             optuna_study._storage.create_new_trial(optuna_study._study_id, template)
         )
-        _tell(search, trial, design_of(study, params), evaluation)
+        _store(search, trial, design_of(study, params), evaluation)
     print(f"search: {designs} designs, {folder.trials.stat().st_size / 1e6:.0f} MB of trials")
 
 

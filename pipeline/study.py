@@ -52,7 +52,7 @@ from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
 from dogshape.surrogate.model import MIN_DESIGNS
 
-NO_ESTIMATE = "simulation"  #: failed check of a design without an estimate of some objective
+MISSING_SIMULATION = "simulation"  #: failed check of a design without estimates
 
 
 @dataclass(frozen=True)
@@ -69,17 +69,18 @@ class StudyOptions:
 
 
 def run_study(study: Setup, options: StudyOptions) -> StudyRecord:
-    """Run or resume a study, and return its result, which is also in ``result.json``.
+    """Run or resume a study, write its result to ``result.json`` and return it.
 
-    EngineError, after result and report are written, where both engines do not agree.
+    Raises EngineError where both engines do not agree, after result and report are written.
     """
+    # Refuse an unknown objective or limit, and a study without variables, before any work.
     objectives_of(study)
     limits_of(study)
     require_variables(study)
     folder = options.folder
     say = options.progress.say
     if options.storage is not None:
-        open_storage(folder, options.storage)  # refused before anything is written
+        open_storage(folder, options.storage)  # refuse a wrong address before anything is written
     connect(options.cluster)
     with lock_folder(folder.root):
         folder.open(study, options.resume)
@@ -105,7 +106,7 @@ def require_agreement(study: Setup, agreement: EngineAgreement) -> None:
     if not agreement.agrees:
         raise EngineError(
             f"the compiled engine and Drake do not agree in the study {study.name}: "
-            f"{agreement.text}; its result does not hold: give solver.engine = "
+            f"{agreement.text}; its result is not valid: give solver.engine = "
             '"drake" to simulate all of it in Drake'
         )
 
@@ -115,8 +116,8 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
     folder = options.folder
     study = search.study
     settings = study.file.search
-    search_journal = ShiftJournal(folder.running)
-    kept_journal = ShiftJournal(folder.shifts)
+    search_journal = ShiftJournal(folder.running)  # of compiled shifts, dropped after their use
+    kept_journal = ShiftJournal(folder.shifts)  # of Drake's shifts
     resumption = f"{folder.root}; {argument('resume', value=True)} goes on"
     max_shifts = _max_remaining_shifts(search)
     with WorkCounter(options.progress, max_shifts, at_most=True, resumption=resumption) as counter:
@@ -139,7 +140,7 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
         confirmation, confirmed_state = confirm(searched_state, executors, counter.say)
         nearest = None
         remaining_gain = None
-        if confirmation is None:
+        if confirmation is None:  # no design passes
             nearest = confirm_nearest(searched_state, executors, counter.say)
         else:
             remaining_gain = search.predict_remaining_gain(confirmation.chosen)
@@ -150,7 +151,7 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
             journal.say_unfinished(counter.say)
         executors.search.drop_shifts()
     if search.sharing is not None:
-        searched_state = search.read()  # with the trials of all who share the search
+        searched_state = search.read()  # with the trials of all runs that share the search
     _write_rows(folder, searched_state, confirmed_state)
     changes = {"life": life, "audit": agreement, "remaining_gain": remaining_gain}
     result = study_record(searched_state, kept_journal).model_copy(update=changes)
@@ -160,7 +161,7 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
 def _write_rows(
     folder: StudyFolder, searched_state: SearchState, confirmed_state: SearchState
 ) -> None:
-    """Write the surrogate's rows of a search; confirmed designs have those of new angles too."""
+    """Write the surrogate's data; those of a confirmed design include its new angles."""
     confirmed_trials = [trial for trial in confirmed_state.trials if trial.confirmed]
     trials = searched_state.renew(confirmed_trials).simulated
     write_json(folder.rows, {"rows": list(chain(*(trial.rows for trial in trials)))})
@@ -172,7 +173,7 @@ def _with_confirmation(
     confirmation: Confirmation | None,
     nearest: Sequence[ConfirmedDesign] | None,
 ) -> StudyRecord:
-    """Add the confirmation of a front, or the nearest designs, to the record of a search.
+    """Add the confirmation of a front to the record of a search, or the designs nearest to passing.
 
     ``state`` has the trials at the new angles.
     """
@@ -192,7 +193,7 @@ def _with_confirmation(
 
 
 def _confirmation_shifts(confirmation: Confirmation, rows: Mapping[int, DesignRow]) -> int:
-    """Count the shifts of a confirmation in both engines; ``rows`` are the trials by number."""
+    """Count the shifts of a confirmation in both engines; ``rows`` are designs by trial number."""
     designs = list(confirmation.designs)
     trials = [design.trial for design in designs]
     has_prototype = any(row.prototype for number, row in rows.items() if number in trials)
@@ -214,7 +215,7 @@ def _max_remaining_shifts(search: Search) -> int:
     life_stages = 0 if study.file.wear is None else len(STAGES)
     audit_shifts = 0
     if study.reference_setup is not None:
-        audit_shifts = 2 * study.file.search.audit_shifts
+        audit_shifts = 2 * study.file.search.audit_shifts  # in both engines
     search_shifts = (remaining_trials + life_stages) * design_shifts
     return search_shifts + shifts_to_confirm(study) + audit_shifts
 
@@ -235,7 +236,7 @@ def _life(
     try:
         return life_of(study, trial.params, wear, executor=executor, priors=state.priors)
     except GeometryError as error:
-        counter.say(f"no drift over the life: worn dogs are none: {error}")
+        counter.say(f"no drift over the life: the worn dog is impossible: {error}")
         return None
 
 
@@ -264,7 +265,7 @@ def _learn(study: Setup, folder: StudyFolder, result: StudyRecord, say: Say) -> 
 
 
 def study_record(state: SearchState, journal: ShiftJournal) -> StudyRecord:
-    """Record the state of a search; ``journal`` has the shifts of Drake."""
+    """Record the state of a search; ``journal`` has Drake's shifts, of which failed ones count."""
     study = state.study
     best = state.best
     rows = {trial.number: design_row(state, trial) for trial in state.trials}
@@ -301,7 +302,8 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
     """Record a design of a search; times are None if too few shifts engage."""
     study = state.study
     design = state.designs[trial.number]
-    estimates = _estimates(study, trial, has_times=ENGAGEMENT.name not in design.failed)
+    enough_engage = ENGAGEMENT.name not in design.failed
+    estimates = _estimates(study, trial, has_times=enough_engage)
     values: dict[str, float | None] = dict.fromkeys(estimates)
     errors: dict[str, float | None] = dict.fromkeys(estimates)
     for name, estimate in estimates.items():
@@ -320,17 +322,18 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
         worst_check, worst_margin = design.weakest_within("worst_case")
         statistical_check, statistical_margin = design.weakest_within("root_sum_square")
     failed = _failed_checks(trial, design)
-    exact_keys: dict[str, Any] = {**trial.params, **design.exact_values}
-    margin_keys: dict[str, Any] = {
+    shape_and_objectives: dict[str, Any] = {**trial.params, **design.exact_values}
+    margins_and_estimates: dict[str, Any] = {
         "smallest_margin": weakest.margin if weakest else None,
         "weakest_check": weakest.name if weakest else "geometry",
         "margins": {check.name: check.margin for check in design.checks},
+        **values,  # an estimate of the smallest margin replaces the exact one
     }
     return DesignRow(
         trial=trial.number,
         prototype=trial.prototype,
-        **exact_keys,
-        **(margin_keys | values),
+        **shape_and_objectives,
+        **margins_and_estimates,
         **hang_keys(expectation).to_dict(),
         standard_errors=errors,
         standard_error_s=errors[SIMULATED],
@@ -348,12 +351,12 @@ def design_row(state: SearchState, trial: Trial) -> DesignRow:
 
 
 def _failed_checks(trial: Trial, design: Design) -> list[str]:
-    """List the failed checks of a trial, with the agreement of engines and its simulation."""
+    """List the failed checks of a trial; they include ``engines`` and ``simulation``."""
     failed = list(design.failed)
     if not trial.engines_agree:
         failed.append("engines")
     if not failed and not trial.simulated:
-        failed.append(NO_ESTIMATE)
+        failed.append(MISSING_SIMULATION)
     return failed
 
 

@@ -1,9 +1,9 @@
-"""The search: propose designs, simulate them, tell the storage, until the budget is spent.
+"""The search: propose designs, simulate them, store their values, until the budget is spent.
 
-Designs of a round are proposed together, simulated side by side and told in the order of their
-numbers. A round that was cut off is filled up, so the same seed gives the same designs,
-interrupted or not. Several runs can share a search: each proposes rounds of its own, and the
-designs of a dead run once more.
+Designs of a round are proposed together, simulated in parallel and stored in the order of their
+numbers. A resumed search completes the interrupted round, so the same seed gives the same designs,
+interrupted or not. Several runs can share a search: each proposes its own rounds, and proposes
+again the designs of a run that ended before it stored them.
 """
 
 from __future__ import annotations
@@ -58,30 +58,31 @@ from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine_versions
 from dogshape.surrogate.model import MIN_DESIGNS
 
-POLL_TIME_S = 0.5  #: between looks at the trials of other machines
-UPPER_SHARE = 0.95  #: of the draws of a remaining gain that lie below its upper bound
+POLL_TIME_S = 0.5  #: between two readings of the trials of other machines
+UPPER_SHARE = 0.95  #: of the draws of a remaining gain, below its upper bound
 STORAGE_REMEDY = "give the study another name or use another storage"
 
-AfterRound = Callable[[str, SearchState], None]  #: called with a line for people, and the state
+AfterRound = Callable[[str, SearchState], None]  #: called with a line to print, and the state
 
 
 @dataclass(frozen=True)
 class Search:
-    """Handles of a search in its storage, with heartbeats and turns where machines share it."""
+    """Handles of a search in its storage; ``sharing`` where machines share it."""
 
     study: Setup
     optuna_study: optuna.Study
     sampler: SurrogateSampler
-    sharing: Sharing | None = None
+    sharing: Sharing | None = None  #: heartbeats and turns of the runs
     _designs: dict[int, Design] = field(default_factory=dict, repr=False)  #: of finished trials
 
     def read(self) -> SearchState:
-        """Read the finished trials of the storage, with times by the prior of all of them."""
+        """Read the finished trials; the prior of their times is pooled from all of them."""
         finished = list(map(trial_of, self.trials(TrialState.COMPLETE)))
         trials, priors = pool_trials(self.study, finished)
-        # A limit on a time is judged again with each prior.
+        # Each new prior moves times: designs with a limit on a time are checked again.
         time_limits = TIME_ESTIMATORS.keys() & set(simulated_limits(self.study))
-        return SearchState(self.study, trials, {} if time_limits else self._designs, priors)
+        designs = {} if time_limits else self._designs
+        return SearchState(self.study, trials, designs, priors)
 
     def predict_remaining_gain(self, chosen: int) -> RemainingGain | None:
         """Predict the gain of further designs over a chosen trial; None without a prediction."""
@@ -94,12 +95,12 @@ class Search:
         return RemainingGain(expected=float(gains.mean()), upper=upper)
 
     def trials(self, *states: TrialState) -> list[FrozenTrial]:
-        """List the trials in some states."""
+        """List the trials that are in one of the states."""
         return self.optuna_study.get_trials(deepcopy=False, states=states)
 
 
 def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchState:
-    """Run the search until the study's number of trials, or its space, is finished by all runs."""
+    """Run the search until all runs together finish the study's trials, or exhaust its space."""
     max_trials = search.study.file.search.trials
     waiting = False
     with search.sharing or nullcontext():
@@ -130,17 +131,22 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
 
 
 def next_round(search: Search) -> list[FrozenTrial]:
-    """Propose this run's next round: trials of a dead run with new ones, or new designs alone."""
+    """Propose this run's next round of trials.
+
+    An interrupted round is completed: its unfinished trials, and new ones up to its size.
+    """
     settings = search.study.file.search
     trial_ids = list[int]()
-    if search.sharing is None:  # a running trial is one of a dead run
+    if search.sharing is None:  # no other run is alive: running trials are of an interrupted one
         trial_ids = [trial._trial_id for trial in search.trials(TrialState.RUNNING)]
     else:
         with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
             fail_stale_trials(search.optuna_study)
     begun_count = len(search.trials(TrialState.RUNNING, TrialState.COMPLETE))
-    size = -begun_count % settings.batch if trial_ids else settings.batch
-    for _ in range(begun_count, min(begun_count + size, settings.trials)):
+    new_count = settings.batch
+    if trial_ids:
+        new_count = -begun_count % settings.batch  # up to a whole number of rounds
+    for _ in range(begun_count, min(begun_count + new_count, settings.trials)):
         trial_id = _propose(search)
         if trial_id is None:
             break
@@ -151,15 +157,15 @@ def next_round(search: Search) -> list[FrozenTrial]:
 def _propose(search: Search) -> int | None:
     """Begin a trial and return its id; None where no design remains.
 
-    It is one of a dead machine, the prototype's, or a new one.
+    The trial is one that a dead machine left waiting, the prototype's, or a new one.
     """
     study = search.optuna_study
     trials = study.get_trials(deepcopy=False)
     trial_id: int | None = study._pop_waiting_trial_id()
     if trial_id is None:
-        prototype_states = {t.state for t in trials if t.user_attrs.get(PROTOTYPE)}
+        prototype_states = [t.state for t in trials if t.user_attrs.get(PROTOTYPE)]
         attributes = {}
-        if prototype_states <= {TrialState.FAIL}:
+        if all(state == TrialState.FAIL for state in prototype_states):  # or none was begun
             params: Params | None = search.study.prototype
             attributes[PROTOTYPE] = True
         else:
@@ -174,21 +180,22 @@ def _propose(search: Search) -> int | None:
 
 
 def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) -> None:
-    """Simulate the designs of trials that may pass, and tell all trials in order."""
+    """Simulate the designs of a round that may pass, and store all trials in order."""
     study = search.study
     settings = study.file.expectation
     designs = [design_of(study, dict(trial.params)) for trial in trials]
     params = [design.params for design in designs if design.feasible]
     evaluations = iter(evaluate(study, params, executor, settings.angles, settings.seed))
     for trial, design in zip(trials, designs, strict=True):
-        _tell(search, trial, design, next(evaluations) if design.feasible else None)
+        evaluation = next(evaluations) if design.feasible else None
+        _store(search, trial, design, evaluation)
     drop_design_shifts(study, executor, settings.angles, settings.seed)
 
 
-def _tell(
+def _store(
     search: Search, frozen: FrozenTrial, design: Design, evaluation: Evaluation | None
 ) -> None:
-    """Write a design into the storage and end its trial there.
+    """Store a design and end its trial.
 
     Without a complete evaluation the design counts as not simulated.
     """
@@ -203,10 +210,10 @@ def _tell(
         simulation = simulation_record(evaluation)._asdict()
     if search.sharing is not None:
         search.sharing.trials.discard(frozen._trial_id)
-    # Where this run seemed dead, another one is at the design by now.
+    # If this run had no heartbeat for long, another one has ended the trial and begun it again.
     with suppress(UpdateFinishedTrialError):
         for name, value in constraints.items():
-            if name not in frozen.constraints:
+            if name not in frozen.constraints:  # a constraint can be set once
                 trial.set_constraint(name, value)
         if failed_shifts:
             trial.set_user_attr(FAILED, failed_shifts)
@@ -231,8 +238,9 @@ def _status(state: SearchState) -> str:
 def sampler_of(study: Setup) -> SurrogateSampler:
     """Make the sampler of a study."""
     search = study.file.search
-    filling = search.sampler == "space_filling"
-    startup = search.trials if filling else max(search.startup, MIN_DESIGNS)
+    startup = max(search.startup, MIN_DESIGNS)
+    if search.sampler == "space_filling":
+        startup = search.trials
     polish_start = search.trials - round(search.polish * search.trials)
     return SurrogateSampler(Guide(study), search.seed, startup, polish_start)
 
@@ -240,8 +248,8 @@ def sampler_of(study: Setup) -> SurrogateSampler:
 def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
-    StorageError where it cannot be opened, or holds a search of that name which is another or is
-    not to be resumed.
+    Raises StorageError for a storage that cannot be opened, or that has a search of that name with
+    another configuration, or this one without ``resume``.
     """
     sampler = sampler_of(study)
     objectives = objectives_of(study)
@@ -267,7 +275,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     _require_same(study, stored_search, resume)
     if not isinstance(backend, RDBStorage):
         return Search(study, stored_search, sampler)
-    # A machine of other versions has other shifts than the others.
+    # Shifts of different versions differ: all machines of a search need the same.
     own_versions = engine_versions()
     stored_versions = stored_search.user_attrs.get("versions")
     if stored_versions is None:
@@ -283,7 +291,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
 
 
 def _require_same(study: Setup, stored_search: optuna.Study, resume: bool) -> None:
-    """Raise StorageError unless a search of the storage is of this study and may be resumed."""
+    """Raise StorageError unless the stored search is new, or this study's and to be resumed."""
     configuration = content_key(comparable(study.file))
     stored_configuration = stored_search.user_attrs.get("configuration")
     if stored_configuration is None and not stored_search.get_trials(deepcopy=False):
