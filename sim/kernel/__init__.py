@@ -6,12 +6,12 @@ from dogshape.sim.kernel.actuator import actuator_force, actuator_rates, air_flo
 from dogshape.sim.kernel.compiler import compiled
 from dogshape.sim.kernel.contact import (
     FACE_DEPTH_SHARE,
-    clip_room,
+    clip_workspace,
     contact,
     face_overlap,
     faces_meet,
-    facing,
     impact_friction_at,
+    overlapping_surfaces,
 )
 from dogshape.sim.kernel.motion import (
     ENGAGED,
@@ -54,7 +54,7 @@ __all__ = [
     "actuator_rates",
     "advance",
     "air_flow",
-    "clip_room",
+    "clip_workspace",
     "compiled",
     "contact",
     "contact_means",
@@ -64,8 +64,8 @@ __all__ = [
     "extremes",
     "face_overlap",
     "faces_meet",
-    "facing",
     "impact_friction_at",
+    "overlapping_surfaces",
     "passed_over",
     "penetration",
     "rates",

@@ -1,14 +1,14 @@
-r"""Contact of one dog with the opposite ring, plane by plane, and faces at the mean radius.
+r"""Contact of one dog with the opposite ring, plane by plane, and overlap of faces.
 
-Below the skin of the compliant dog the pressure is stiffness times the least of the depths
-:math:`d_i = o_i - n_i \cdot p` below its planes. A touching quadrilateral of a rigid dog is cut to
-where :math:`d_i` is the least and positive; over that polygon the traction (Hunt and Crossley 1975)
+Inside the compliant dog the pressure is stiffness times the least of the depths
+:math:`d_i = o_i - n_i \cdot p` below its planes. A touching quadrilateral of a rigid dog is clipped
+to the part where :math:`d_i` is the least depth and positive; the traction (Hunt and Crossley 1975)
 
 .. math:: t = k d_i (1 + D v_n)_+ \left(n + \mu \, s(|v_t|) \frac{v_t}{|v_t|}\right)
 
-is integrated by three points in each triangle of a fan. IMPACT of Adams acts on the whole dog
-instead, with :math:`\sigma` the cubic step and *d* the largest depth, at the centroid of the
-overlap and along its mean normal, :math:`F = (K d^{3/2} + C \sigma(d/d_C) \, v_n)_+`.
+is integrated over that polygon by three points in each triangle of a fan. IMPACT of Adams acts once
+for the whole dog instead, at the centroid of the overlap and along its mean normal; with the cubic
+step :math:`\sigma` and the largest depth *d*, :math:`F = (K d^{3/2} + C \sigma(d/d_C) \, v_n)_+`.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -23,40 +23,42 @@ import numpy as np
 from dogshape.sim.elementwise import Array
 from dogshape.sim.kernel.compiler import compiled, inlined, making
 
-#: Least cosine between the normal of a rigid surface and the gradient of a pressure that it meets
-#: (112.5 degrees).
+#: Least cosine between the normal of a rigid surface and the pressure gradient for a contact (an
+#: angle of 112.5 degrees).
 MIN_GRADIENT_COSINE = math.cos(0.625 * math.pi)
-OVERLAP_MARGIN = 1.02  #: share of the free angle at which dogs are looked at as touching
+OVERLAP_MARGIN = 1.02  #: half pitches up to which a dog is examined for contact
 EXTRA_CORNERS = 9  #: corners of a quadrilateral cut by planes, beyond the number of planes
 MIN_SLIP = 1e-12  #: m/s, below which a point has no friction
 SERIES_RATIO = 1.0 / 64.0  #: stiction velocity over slip up to which four terms give the arctangent
 TWO_OVER_PI = 0.6366197723675814
-FALL_SLIP = 10.0  #: slip over stiction velocity about which friction falls to the dynamic one
+FALL_SLIP = 10.0  #: slip over stiction velocity in the middle of the fall to dynamic friction
 FALL_AT_REST = 0.9950371902099892  #: ``FALL_SLIP / sqrt(1 + FALL_SLIP^2)``
 SIXTH = 1.0 / 6.0
-FACE_DEPTH_SHARE = 0.05  #: of the height, depth to which turned faces may still touch
+FACE_DEPTH_SHARE = 0.05  #: of the height, depth added for faces turned against each other
 
 
 class ClipBuffers(NamedTuple):
-    """Views of the room for the clip of one rigid surface by p planes."""
+    """Views of the workspace for the clip of one rigid surface by p planes."""
 
     depths: Array  #: of the surface's corners below each plane, m, (4 or more, p or more)
     dividers: Array  #: 1 for a plane between corners of the surface, else 0, (p or more,)
-    polygons: Array  #: two polygons in turn, corners by row, m, (2, p + EXTRA_CORNERS, 3 or more)
+    polygons: Array  #: source and target of a clip, corners by row, m, (2, p + EXTRA_CORNERS, 3+)
     #: of the compliant dog in the rigid dog's frame: normal and offset, m, (p or more, 4 or more)
     planes: Array
 
 
 @making
-def clip_room(plane_count):
-    """Make room for ``ClipBuffers``, in one array: a call passes every field of every array."""
+def clip_workspace(plane_count):
+    """Make the workspace of ``ClipBuffers``; one array is passed faster than four."""
     return np.empty((4, plane_count + EXTRA_CORNERS, max(4, plane_count)))
 
 
 @inlined
-def _clip_buffers(room):
-    """Divide the room for a clip."""
-    return ClipBuffers(depths=room[0], dividers=room[0, 4], polygons=room[1:3], planes=room[3])
+def _clip_buffers(workspace):
+    """Divide the workspace of a clip; depths need four of its rows, dividers are the fifth."""
+    return ClipBuffers(
+        depths=workspace[0], dividers=workspace[0, 4], polygons=workspace[1:3], planes=workspace[3]
+    )
 
 
 @inlined
@@ -126,9 +128,9 @@ def _clip(buffers, source, corner_count, plane, other):
 
 @inlined
 def _friction_over_slip(slip, dynamic_friction, static_friction, stiction_velocity):
-    """Compute the friction coefficient over the slip, s/m; slip and stiction velocity in m/s.
+    """Compute the friction coefficient divided by the slip, s/m; slip and stiction velocity in m/s.
 
-    Equal coefficients select the law of Drake's continuous plant.
+    If both coefficients are equal, the law is that of Drake's continuous plant.
     """
     if slip <= MIN_SLIP:
         return 0.0
@@ -142,44 +144,45 @@ def _friction_over_slip(slip, dynamic_friction, static_friction, stiction_veloci
         complement = ratio * (1.0 - square * (1.0 / 3.0 - square * (0.2 - square * (1.0 / 7.0))))
         return dynamic_friction * (1.0 - TWO_OVER_PI * complement) * inverse_slip
     slip_ratio = slip / stiction_velocity
-    beyond_fall = slip / stiction_velocity - FALL_SLIP
+    beyond_fall = slip_ratio - FALL_SLIP
     fall = beyond_fall / math.sqrt(1.0 + beyond_fall * beyond_fall) / FALL_AT_REST
     coefficient = (static_friction - dynamic_friction) * 0.5 * (1.0 - fall) + dynamic_friction
     return coefficient / math.sqrt(1.0 + slip_ratio * slip_ratio) / stiction_velocity
 
 
 @inlined
-def contact(angle, distance, relative_speed, axial_speed, surfaces, law, room):
-    """Compute force along and torque about the shaft on the compliant dog.
+def contact(angle, distance, relative_speed, axial_speed, surfaces, law, workspace):
+    """Compute axial force and torque of the contact on the compliant dog, of the sliding ring.
 
     Parameters
     ----------
     angle : output ring's lead over dogs facing dogs, rad.
-    distance : of the median planes, m.
+    distance : between the median planes of both dogs, m.
     relative_speed : output less sliding speed, rad/s.
     axial_speed : of the sliding ring into engagement, m/s.
     surfaces : ``Surfaces`` of both dogs.
     law : record of ``CONTACT_LAW``.
-    room : of ``clip_room``.
+    workspace : array of ``clip_workspace``.
 
     Returns
     -------
     tuple of float
-        Force against the shift, N, and torque on the sliding ring, N m; of one dog.
+        Force against the shift, N, and torque, N m, on one dog.
     """
-    buffers = _clip_buffers(room)
+    buffers = _clip_buffers(workspace)
     pitch = surfaces.pitch_angle
     plane_count = surfaces.normals.shape[0]
     quad_count = surfaces.rigid_normals.shape[0]
     axial = 0.0
     torque = 0.0
+    # Velocity of the compliant dog relative to the rigid one, in the frame of the rigid one.
     turn = -relative_speed
     speed = -axial_speed
     angle_in_pitch = angle - pitch * np.round(angle / pitch)
     for dog in range(-1, 2):
         dog_angle = angle_in_pitch + dog * pitch
-        # Flanks of one kind lie half a pitch from each other less what they lean and half of the
-        # backlash, at the radius where that is least, and a margin.
+        # Flanks part at half a pitch less half of the backlash and the turn by their lean; the
+        # lean of ``surfaces`` is the least over the radius, and half a pitch has a margin.
         free_angle = 0.5 * pitch * OVERLAP_MARGIN - surfaces.half_backlash
         if -dog_angle >= free_angle - distance * surfaces.traction_lean:
             continue
@@ -187,7 +190,7 @@ def contact(angle, distance, relative_speed, axial_speed, surfaces, law, room):
             continue
         _place_planes(dog_angle, distance, surfaces, buffers)
         if law.is_impact:
-            force, moment = _impact(turn, speed, surfaces, law, room)
+            force, moment = _impact(turn, speed, surfaces, law, workspace)
             axial += force
             torque += moment
             continue
@@ -209,7 +212,7 @@ def contact(angle, distance, relative_speed, axial_speed, surfaces, law, room):
 def _place_planes(dog_angle, distance, surfaces, buffers):
     """Write the compliant dog's planes in the frame of a rigid dog at an angle, rad, and distance.
 
-    That frame is the other's after half a turn about a line across the shaft.
+    The frame of the rigid dog is turned by half a turn about a line across the shaft.
     """
     c = math.cos(dog_angle)
     s = math.sin(dog_angle)
@@ -229,16 +232,16 @@ def _may_touch(quad, surfaces, buffers):
     """Decide whether a rigid surface has a corner below each plane; write its corners' depths."""
     corners = surfaces.corners
     plane_count = surfaces.normals.shape[0]
-    for turn in range(plane_count):
-        # The plane of the same kind comes first: most surfaces lie above it.
-        plane = quad + turn
+    for step in range(plane_count):
+        # The plane with the index of the surface comes first, as most surfaces lie above it.
+        plane = quad + step
         while plane >= plane_count:
             plane -= plane_count
         planes = buffers.planes
-        placed = planes[plane, 0], planes[plane, 1], planes[plane, 2], planes[plane, 3]
+        equation = planes[plane, 0], planes[plane, 1], planes[plane, 2], planes[plane, 3]
         deepest = -1.0
         for i in range(4):
-            depth = _depth(corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2], placed)
+            depth = _depth(corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2], equation)
             buffers.depths[i, plane] = depth
             deepest = max(deepest, depth)
         if deepest <= 0.0:
@@ -248,17 +251,19 @@ def _may_touch(quad, surfaces, buffers):
 
 @inlined
 def _may_be_nearest(buffers, plane, plane_count):
-    """Decide whether a plane may be the nearest one above a part of the surface, by its corners.
+    """Decide from the corners' depths whether a part of the surface may be nearest to a plane.
 
-    ``buffers.dividers`` marks each plane whose depth equals this one's within the surface, and this
-    plane where the surface crosses it.
+    ``buffers.dividers`` marks each plane whose depth equals this plane's somewhere within the
+    surface, and this plane if the surface crosses it.
     """
     depths = buffers.depths
     for other in range(plane_count):
         any_inside = False
         any_outside = False
         for i in range(4):
-            depth = depths[i, other] - (depths[i, plane] if other != plane else 0.0)
+            depth = depths[i, other]
+            if other != plane:
+                depth -= depths[i, plane]
             any_inside |= depth > 0.0
             any_outside |= depth <= 0.0
         if not any_inside:
@@ -302,13 +307,13 @@ def _quadrature_points(polygon, i, normal, plane, buffers):
     Returns
     -------
     tuple
-        Weight of each point, a third of the area, m2, and points as place across the shaft and
-        depth below the plane, m.
+        Weight of each point, a third of the area, m2, and points: x, y and depth below the plane,
+        m.
     """
     first = buffers.polygons[polygon, 0]
     second = buffers.polygons[polygon, i]
     third = buffers.polygons[polygon, i + 1]
-    placed = buffers.planes[plane]
+    equation = buffers.planes[plane]
     ax = second[0] - first[0]
     ay = second[1] - first[1]
     az = second[2] - first[2]
@@ -323,9 +328,9 @@ def _quadrature_points(polygon, i, normal, plane, buffers):
     y = first[1] + second[1] + third[1]
     z = first[2] + second[2] + third[2]
     points = (
-        _quadrature_point(x, y, z, first, placed),
-        _quadrature_point(x, y, z, second, placed),
-        _quadrature_point(x, y, z, third, placed),
+        _quadrature_point(x, y, z, first, equation),
+        _quadrature_point(x, y, z, second, equation),
+        _quadrature_point(x, y, z, third, equation),
     )
     return weight, points
 
@@ -349,7 +354,7 @@ def _triangle(polygon, i, quad, plane, turn, speed, surfaces, law, buffers):
     Returns
     -------
     tuple of float
-        Force along the shaft, N, and torque about it, N m.
+        Force along the shaft, N, and torque about it, N m, on the rigid dog.
     """
     normal = surfaces.rigid_normals[quad]
     nx = normal[0]
@@ -369,7 +374,7 @@ def _triangle(polygon, i, quad, plane, turn, speed, surfaces, law, buffers):
         closing_speed = -turn * normal_arm - speed * nz
         damping = max(1.0 + law.damping * closing_speed, 0.0)
         normal_force = law.stiffness * depth * damping * weight
-        # The speed along the surface, from the square of the whole speed less the closing one's.
+        # Slip by Pythagoras: square of the speed of the point less that of the closing speed.
         slip_square = turn * velocity_moment + speed * speed - closing_speed * closing_speed
         slip = math.sqrt(max(slip_square, 0.0))
         friction = _friction_over_slip(
@@ -393,7 +398,8 @@ def _adams_step(share):
 def impact_friction_at(slip, law):
     """Compute the coefficient of Adams' Coulomb friction at a slip in m/s; law of IMPACT.
 
-    STEP from minus to plus the static one over twice the stiction velocity, and on to the dynamic.
+    STEP leads from minus to plus the static coefficient, between minus and plus the stiction
+    velocity, and from there to the dynamic coefficient at the transition velocity.
     """
     stiction_velocity = law.stiction_velocity
     static_friction = law.static_friction
@@ -405,18 +411,18 @@ def impact_friction_at(slip, law):
 
 
 @compiled
-def _impact(turn, speed, surfaces, law, room):
-    """Compute IMPACT's force and torque on the compliant dog from one dog of the opposite ring.
+def _impact(turn, speed, surfaces, law, workspace):
+    """Compute IMPACT's force and torque between the compliant dog and one rigid dog.
 
     Returns
     -------
     tuple of float
-        Force along the shaft, N, and torque about it, N m.
+        Force along the shaft, N, and torque about it, N m, on the rigid dog.
     """
-    buffers = _clip_buffers(room)
+    buffers = _clip_buffers(workspace)
     volume = 0.0
     deepest = 0.0
-    # Point and normal times the volume.
+    # Integrals over the volume of the overlap: of the position, and of the normal.
     px = 0.0
     py = 0.0
     nx = 0.0
@@ -436,13 +442,13 @@ def _impact(turn, speed, surfaces, law, room):
             for i in range(1, corner_count - 1):
                 weight, points = _quadrature_points(polygon, i, normal, plane, buffers)
                 for x, y, depth in points:
-                    part = weight * depth
-                    volume += part
-                    px += part * x
-                    py += part * y
-                    nx += part * normal[0]
-                    ny += part * normal[1]
-                    nz += part * normal[2]
+                    point_volume = weight * depth
+                    volume += point_volume
+                    px += point_volume * x
+                    py += point_volume * y
+                    nx += point_volume * normal[0]
+                    ny += point_volume * normal[1]
+                    nz += point_volume * normal[2]
     if volume <= 0.0:
         return 0.0, 0.0
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
@@ -471,9 +477,9 @@ def _impact(turn, speed, surfaces, law, room):
 def face_overlap(angle, numbers):
     """Compute the overlap of two faces along the circumference, m; a number or (n,).
 
-    At the mean radius ``L = c + a r``: *c* is the overlap of the ridges at dogs facing dogs, *a*
-    the angle from there. Faces separate at L = 0, ridge on ridge, and at twice the width of a face;
-    where L is negative, backs overlap by as much.
+    At the mean radius *r* the overlap is ``L = c + a r``: *c* is the overlap of the ridges at dogs
+    facing dogs, *a* the angle from there. Faces part at L = 0, ridge on ridge, and at twice the
+    width of a face. Where L is negative, the backs of the tips overlap by -L.
     """
     pitch = numbers.pitch_angle
     offset = (angle + 0.5 * pitch) % pitch - 0.5 * pitch
@@ -481,8 +487,8 @@ def face_overlap(angle, numbers):
 
 
 @compiled
-def facing(overlap, numbers):
-    """Select faces or backs by the sign of a ``face_overlap``.
+def overlapping_surfaces(overlap, numbers):
+    """Select the surfaces that overlap, faces or backs, by the sign of a ``face_overlap``.
 
     Returns
     -------
@@ -503,9 +509,9 @@ def facing(overlap, numbers):
 def faces_meet(angle, displacement, numbers):
     """Decide whether a position allows a face to touch a face, or a back a back.
 
-    Equal ones that overlap by L touch at a depth of ``L tan(chamfer)``; a twentieth of the height
-    is allowed for the turn of one face against the other.
+    Faces of equal chamfer that overlap by L touch at a depth of ``L tan(chamfer)``; a twentieth of
+    the height is added as one face may be turned against the other.
     """
-    overlap, max_overlap, depth = facing(face_overlap(angle, numbers), numbers)
+    overlap, max_overlap, depth = overlapping_surfaces(face_overlap(angle, numbers), numbers)
     max_depth = depth + FACE_DEPTH_SHARE * numbers.height
     return 0.0 < overlap < max_overlap and displacement - numbers.axial_gap <= max_depth

@@ -16,7 +16,13 @@ import numpy as np
 
 from dogshape.sim.kernel.actuator import actuator_force, actuator_rates
 from dogshape.sim.kernel.compiler import compiled, inlined, making
-from dogshape.sim.kernel.contact import clip_room, contact, face_overlap, faces_meet, facing
+from dogshape.sim.kernel.contact import (
+    clip_workspace,
+    contact,
+    face_overlap,
+    faces_meet,
+    overlapping_surfaces,
+)
 from dogshape.sim.kernel_layout import (
     ACTUATOR_DISPLACEMENT,
     ACTUATOR_LEVEL,
@@ -49,7 +55,7 @@ IS_TURNING = np.array(
 # Why ``advance`` returned.
 ENGAGED = 0  #: ring and actuator made the shift's travel
 PAUSED = 1  #: the end of the call
-FULL = 2  #: no room for another step
+FULL = 2  #: no space for another step
 UNDERFLOW = 3  #: the step became shorter than ``MIN_STEP_S``
 HELD = 4  #: the rings stand still on each other
 
@@ -302,7 +308,7 @@ def drive_torques(time, state, numbers):
 
 
 @inlined
-def _contact_loads(state, model, room):
+def _contact_loads(state, model, workspace):
     """Compute the contact's force along the shaft, N, and torque about it, N m, of all dogs."""
     surfaces = model.surfaces
     if state[DISPLACEMENT] <= surfaces.axial_gap:
@@ -311,7 +317,7 @@ def _contact_loads(state, model, room):
     relative_speed = state[OUTPUT_SPEED] - state[SLIDING_SPEED]
     distance = surfaces.travel - state[DISPLACEMENT]
     axial, torque = contact(
-        angle, distance, relative_speed, state[AXIAL_SPEED], surfaces, model.law, room
+        angle, distance, relative_speed, state[AXIAL_SPEED], surfaces, model.law, workspace
     )
     dog_count = model.numbers.dog_count
     return axial * dog_count, torque * dog_count
@@ -387,16 +393,16 @@ def _motion(time, push, axial, torque, state, rates_out, numbers):
 
 
 @compiled
-def rates(time, state, rates_out, model, room):
+def rates(time, state, rates_out, model, workspace):
     """Write the rates of a state into ``rates_out``, (14,), and return whether dogs touch."""
-    axial, torque = _contact_loads(state, model, room)
+    axial, torque = _contact_loads(state, model, workspace)
     push = push_at(time, state, model.knots, model.numbers)
     _motion(time, push, axial, torque, state, rates_out, model.numbers)
     return axial != 0.0 or torque != 0.0
 
 
 @making
-def _measure_jacobian(time, state, state_rates, jacobian, model, room):
+def _measure_jacobian(time, state, state_rates, jacobian, model, workspace):
     """Measure the change of ``state_rates`` with each column of the state and with time.
 
     Writes ``jacobian``, (15, 14). The contact depends on relative angle and speed, so that the
@@ -415,7 +421,7 @@ def _measure_jacobian(time, state, state_rates, jacobian, model, room):
         if column < STATE_SIZE:
             change = _jacobian_step(column, numbers)
             state[column] += change
-        changed_axial, changed_torque = _contact_loads(state, model, room)
+        changed_axial, changed_torque = _contact_loads(state, model, workspace)
         if column == STATE_SIZE:
             axial = changed_axial
             torque = changed_torque
@@ -480,7 +486,7 @@ def _solve(factors, right, size):
 
 
 @making
-def _implicit_step(time, step, renew, state, stages, jacobian, factors, model, room):
+def _implicit_step(time, step, renew, state, stages, jacobian, factors, model, workspace):
     """Make an implicit step into the stages TRIAL and ERROR.
 
     ``renew`` estimates the Jacobian, (15, 14), by differences; ``factors``, (14, 14), are computed
@@ -492,7 +498,7 @@ def _implicit_step(time, step, renew, state, stages, jacobian, factors, model, r
     trial = stages[TRIAL]
     error = stages[ERROR]
     if renew:
-        _measure_jacobian(time, state, k1, jacobian, model, room)
+        _measure_jacobian(time, state, k1, jacobian, model, workspace)
     size = model.numbers.state_size
     implicit_step = step * ROSENBROCK_SHARE
     time_slope = jacobian[STATE_SIZE]
@@ -500,12 +506,12 @@ def _implicit_step(time, step, renew, state, stages, jacobian, factors, model, r
     slope1 = k1 + implicit_step * time_slope
     _solve(factors, slope1, size)
     trial[:] = state + 0.5 * step * slope1
-    rates(time + 0.5 * step, trial, k2, model, room)
+    rates(time + 0.5 * step, trial, k2, model, workspace)
     slope2 = k2 - slope1
     _solve(factors, slope2, size)
     slope2 += slope1
     trial[:] = state + step * slope2
-    touching = rates(time + step, trial, k4, model, room)
+    touching = rates(time + step, trial, k4, model, workspace)
     error[:] = (
         k4
         - (6.0 + math.sqrt(2.0)) * (slope2 - k2)
@@ -518,7 +524,7 @@ def _implicit_step(time, step, renew, state, stages, jacobian, factors, model, r
 
 
 @compiled
-def _explicit_step(time, step, state, stages, model, room):
+def _explicit_step(time, step, state, stages, model, workspace):
     """Make an explicit step into the stages TRIAL and ERROR.
 
     Returns whether dogs touch at the end.
@@ -531,13 +537,13 @@ def _explicit_step(time, step, state, stages, model, room):
     error = stages[ERROR]
     for i in range(STATE_SIZE):
         trial[i] = state[i] + 0.5 * step * k1[i]
-    rates(time + 0.5 * step, trial, k2, model, room)
+    rates(time + 0.5 * step, trial, k2, model, workspace)
     for i in range(STATE_SIZE):
         trial[i] = state[i] + 0.75 * step * k2[i]
-    rates(time + 0.75 * step, trial, k3, model, room)
+    rates(time + 0.75 * step, trial, k3, model, workspace)
     for i in range(STATE_SIZE):
         trial[i] = state[i] + step * (2.0 * k1[i] + 3.0 * k2[i] + 4.0 * k3[i]) / 9.0
-    touching = rates(time + step, trial, k4, model, room)
+    touching = rates(time + step, trial, k4, model, workspace)
     for i in range(STATE_SIZE):
         error[i] = -5.0 * k1[i] / 72.0 + k2[i] / 12.0 + k3[i] / 9.0 - 0.125 * k4[i]
     return touching
@@ -644,7 +650,7 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
     model : ``ShiftModel``.
     limits : ``StepLimits``.
     mode : a record of ``STEP_MODE``, (1,), zeros at the start; the next call continues with it.
-    times, states : room for the recorded steps, s, (n,), and (n, 14).
+    times, states : arrays for the recorded steps, s, (n,), and (n, 14).
 
     Returns
     -------
@@ -654,11 +660,11 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
     numbers = model.numbers[0]
     model_row = ShiftModel(numbers, model.knots, model.surfaces, model.law[0])
     mode_row = mode[0]
-    room = clip_room(model.surfaces.normals.shape[0])
+    workspace = clip_workspace(model.surfaces.normals.shape[0])
     stages = np.empty((STAGE_ROWS, STATE_SIZE))
     jacobian = np.zeros((STATE_SIZE + 1, STATE_SIZE))
     factors = np.empty((STATE_SIZE, STATE_SIZE))
-    touching = rates(time, state, stages[K1], model_row, room)
+    touching = rates(time, state, stages[K1], model_row, workspace)
     recorded = 0
     evaluations = 1
     jacobian_age = MAX_JACOBIAN_AGE
@@ -679,10 +685,10 @@ def advance(time, step, state, look_state, pause, timeout, model, limits, mode, 
         # Each step is called here alone: a function between would be optimized once more with both.
         if implicit:
             touches = _implicit_step(
-                time, length, renew, state, stages, jacobian, factors, model_row, room
+                time, length, renew, state, stages, jacobian, factors, model_row, workspace
             )
         else:
-            touches = _explicit_step(time, length, state, stages, model_row, room)
+            touches = _explicit_step(time, length, state, stages, model_row, workspace)
         error = _largest_error(length, stages[ERROR], numbers, limits)
         if error <= 1.0:
             time = stop if to_stop else time + length
@@ -786,7 +792,7 @@ def stays_held(states, span, remaining, numbers):
     displacement = last[DISPLACEMENT]
     freeing_slip = np.inf
     if faces_meet(angle, displacement, numbers):
-        overlap, max_overlap, _ = facing(face_overlap(angle, numbers), numbers)
+        overlap, max_overlap, _ = overlapping_surfaces(face_overlap(angle, numbers), numbers)
         freeing_slip = min(overlap, max_overlap - overlap)
     remaining_travel = numbers.shift_travel - displacement
     return turning_creep < 0.5 * freeing_slip and axial_creep < 0.5 * remaining_travel

@@ -24,7 +24,7 @@ import numpy as np
 
 from dogshape.sim.elementwise import Array
 from dogshape.sim.kernel.compiler import compiled, inlined, making
-from dogshape.sim.kernel.contact import face_overlap, faces_meet, facing
+from dogshape.sim.kernel.contact import face_overlap, faces_meet, overlapping_surfaces
 from dogshape.sim.kernel.motion import (
     MIN_STEP_S,
     STILL_SLIP_M_S,
@@ -503,7 +503,7 @@ def _find_events(times, states, overlaps, face_touches, numbers):
         displacement = state[DISPLACEMENT]
         farthest = max(farthest, displacement) if i else displacement
         rebound = max(rebound, farthest - displacement)
-        overlap, max_overlap, depth = facing(overlaps[i], numbers)
+        overlap, max_overlap, depth = overlapping_surfaces(overlaps[i], numbers)
         distance = numbers.axial_gap + depth - displacement
         if not 0.0 < overlap < max_overlap:
             distance = numbers.axial_gap + numbers.height
@@ -551,7 +551,7 @@ def _slot_within_reach(state, overlap, forward, numbers):
     meet reach the next slot in the direction of the mismatch.
     """
     pitches = _relative_angle(state) / numbers.pitch_angle
-    face, max_overlap, _ = facing(overlap, numbers)
+    face, max_overlap, _ = overlapping_surfaces(overlap, numbers)
     if 0.0 < face < max_overlap and state[DISPLACEMENT] < numbers.shift_travel:
         return np.rint(pitches) - (0.0 if forward else 1.0)
     return float(math.floor(pitches))
@@ -685,7 +685,7 @@ def _find_line_loads(forces, torques, overlaps, face_touches, classes, numbers):
         if not face_touches[i] or forces[i] <= abs(torques[i]) / numbers.mean_radius:
             continue
         # Past the middle the edge of the flank separates the faces.
-        overlap, max_overlap, _ = facing(overlaps[i], numbers)
+        overlap, max_overlap, _ = overlapping_surfaces(overlaps[i], numbers)
         supported = min(overlap, max_overlap - overlap)
         place = 0
         while place + 1 < classes.size and classes[place + 1] <= supported:

@@ -1,9 +1,9 @@
 """Compiled engine: faces, pressure and friction of the Drake plant in closed form.
 
-``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE_ERROR_S`` times
-it that of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone,
-or one that falls from the static to the dynamic one where the scheme is ``cenic``. A contact set
-with IMPACT has its own laws, whatever the scheme.
+``Solver.accuracy`` is the permitted error of a speed in one step, m/s; that of a position is
+``POSITION_ERROR_S`` times as large. The friction law is that of Drake's scheme: the dynamic
+coefficient alone or, where the scheme is ``cenic``, a coefficient that falls from the static to the
+dynamic one. A contact set with IMPACT has its own laws in every scheme.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ from dogshape.sim.shift.mesh import (
 )
 from dogshape.sim.shift.pair import Pair
 
-PLACE_ERROR_S = 1e-4  #: error of a place over that of a speed
+POSITION_ERROR_S = 1e-4  #: permitted error of a position over that of a speed
 FIRST_STEP = 1e-5  #: s
-RECORD_SIZE = 4096  #: steps that are recorded at once
-#: Of a motion without contact.
+RECORD_SIZE = 4096  #: steps of one call of the kernel
+#: Limits of a motion without contact.
 FREE_LIMITS = StepLimits(speed_error=1e-5, place_error=1e-9, max_step=5e-3)
 FREE_RECORD_SIZE = 4000  #: steps of a motion without contact, at most
-FREE_TRAVEL_SHARE = 1.02  #: of the wanted displacement, to which a motion without contact goes
+FREE_TRAVEL_SHARE = 1.02  #: end of a motion without contact, over the wanted displacement
 FREE_REBOUND_M = 1e9  #: distance of the stop in a motion without contact
 #: Surfaces and law of dogs that never touch.
 NO_DOGS = Surfaces(
@@ -68,14 +68,15 @@ NO_DOGS = Surfaces(
     is_rigid_face=np.zeros(1, dtype=bool),
     is_face=np.zeros(1, dtype=bool),
 )
-#: Decimals of a surface, m: on another processor its last digits differ, and so would the end of a
-#: shift that stands between two slots.
+#: Decimals of a surface, m. The last digits differ between processors; a shift that is balanced
+#: between two slots would end in another slot.
 SURFACE_DIGITS = 11
 NO_LAW = empty_record(CONTACT_LAW)
-NO_LOOK = np.zeros(0)  #: no state of a look: a ring that stands still is simulated on
+#: ``look_state`` of a motion that is simulated on where the rings stand still.
+NO_LOOK = np.zeros(0)
 
 
-@lru_cache(maxsize=4)  # draws of what is uncertain have one pair
+@lru_cache(maxsize=4)  # draws of the uncertain quantities share a pair
 def surfaces_of(pair: Pair) -> Surfaces:
     """Compute the surfaces of the rigid dog of a pair and the planes of the compliant one."""
     dog = pair.compliant
@@ -83,9 +84,10 @@ def surfaces_of(pair: Pair) -> Surfaces:
     normals, offsets = stacked(touching_planes(dog))
     rigid_normals, _ = stacked(touching_planes(rigid))
     corners = rigid_dog(rigid).vertices[np.array(touching_quads(rigid))]
-    lean = np.array([math.tan(dog.traction), math.tan(dog.braking)])
-    lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
-    traction_lean, braking_lean = lean.tolist()
+    tangents = np.array([math.tan(dog.traction), math.tan(dog.braking)])
+    # The radius at which the lean of a flank turns the ring least.
+    radii = np.where(tangents < 0.0, dog.inner_radius, dog.outer_radius)
+    traction_lean, braking_lean = (tangents / radii).tolist()
     return Surfaces(
         corners=corners.round(SURFACE_DIGITS),
         rigid_normals=rigid_normals.round(SURFACE_DIGITS),
@@ -104,7 +106,7 @@ def surfaces_of(pair: Pair) -> Surfaces:
 
 @dataclass(frozen=True)
 class PlanarClutch:
-    """A clutch for the compiled engine, to be shifted again and again."""
+    """A clutch in the compiled engine; its surfaces and law are computed once for all shifts."""
 
     clutch: Clutch
 
@@ -117,7 +119,7 @@ class PlanarClutch:
     def law(self) -> np.record:
         """Law of the contact, a record of ``sim.kernel_layout``.
 
-        As in the Drake plant static friction counts where the contact set needs ``cenic``.
+        Static friction counts with IMPACT, and in the scheme ``cenic`` as in the Drake plant.
         """
         contact = self.clutch.contact
         impact = contact.impact
@@ -140,12 +142,12 @@ class PlanarClutch:
         return law
 
     def run(self, point: OperatingPoint, angle: float) -> Run:
-        """Integrate from where friction lets the ring go to the end of travel or the time-out."""
+        """Integrate from the release by friction to the end of travel or the time-out."""
         clutch = self.clutch
         solver = clutch.solver
         limits = StepLimits(
             speed_error=float(solver.accuracy),
-            place_error=float(PLACE_ERROR_S * solver.accuracy),
+            place_error=float(POSITION_ERROR_S * solver.accuracy),
             max_step=float(solver.max_step),
         )
         held_times, held_states = states_held(clutch, point, angle)
@@ -158,12 +160,12 @@ class PlanarClutch:
         reason = kernel.FULL
         failure = ""
         mode = np.zeros(1, STEP_MODE)
-        last_look = np.full(STATE_SIZE, math.nan)
+        last_look = np.full(STATE_SIZE, math.nan)  # the kernel writes into it
         look_state = last_look
         numbers = clutch.shift_numbers(point.profile)
         model = shift_model(numbers, point.profile.knots, self.surfaces, self.law)
         pause = clutch.timeout
-        course = None
+        course = None  # torques of the drive, in pieces of constant slope
         if clutch.drive.has_torques:
             course = TorqueCourse(clutch.drive, clutch.timeout)
             pause = now
@@ -172,7 +174,7 @@ class PlanarClutch:
             if course is not None and now >= pause:
                 pause = self._set_torques(course, now, state, model.numbers[0])
                 look_state = last_look
-                if not course.settled(now):
+                if not course.settled(now):  # torques may still move rings that stand still
                     look_state = NO_LOOK
                     last_look[:] = math.nan
             size = max(0, min(RECORD_SIZE, solver.max_steps + 1 - step_count))
@@ -198,24 +200,27 @@ class PlanarClutch:
             step_count += progress.recorded
             evaluations += progress.evaluations
             if reason == kernel.UNDERFLOW:
-                state[:] = math.nan
+                state[:] = math.nan  # ``failure_of`` reports a motion that is not finite
             failure = failure_of(clutch, now, state, step_count, deadline)
         times, states = (np.concatenate(parts) for parts in zip(*records, strict=True))
         torques = None if course is None else course.knots
-        return Run(times, states, reason == kernel.HELD, failure, evaluations, torques)
+        return Run(
+            times,
+            states,
+            blocked=reason == kernel.HELD,
+            failure=failure,
+            evaluations=evaluations,
+            torques=torques,
+        )
 
     def _set_torques(
         self, course: TorqueCourse, now: float, state: Array, numbers: np.record
     ) -> float:
-        """Write the torques from ``now`` on into ``numbers``; return the end of the piece, s."""
+        """Write the piece of torques that begins at ``now`` into ``numbers``; return its end, s."""
         input_shaft, output_shaft = self.clutch.shafts
-        sliding_speed = (
-            state[INPUT_SIDE_SPEED] if input_shaft.side_inertia else state[SLIDING_SPEED]
-        )
-        output_speed = (
-            state[OUTPUT_SIDE_SPEED] if output_shaft.side_inertia else state[OUTPUT_SPEED]
-        )
-        piece = course.piece(now, float(output_speed - sliding_speed))
+        input_field = INPUT_SIDE_SPEED if input_shaft.side_inertia else SLIDING_SPEED
+        output_field = OUTPUT_SIDE_SPEED if output_shaft.side_inertia else OUTPUT_SPEED
+        piece = course.piece(now, float(state[output_field] - state[input_field]))
         # By key: an attribute of a record takes microseconds, and a control has many pieces.
         numbers["torque_start"] = piece.start
         numbers["sliding_torque"], numbers["output_torque"] = piece.torques
@@ -226,15 +231,13 @@ class PlanarClutch:
 def free_flight(
     clutch: Clutch, profile: ForceProfile, displacement: float
 ) -> tuple[Array, Array, float]:
-    """Integrate the motion of the ring over a displacement in m without dogs.
-
-    To the time-out at most.
+    """Integrate the motion of the ring without dogs over a displacement, m, or to the time-out.
 
     Returns
     -------
     tuple
-        Times, s, (n,), states, (n, 14), and the time for which friction holds the ring, s: 0 where
-        it never lets go.
+        Times, s, (n,), states, (n, 14), and the time at which friction releases the ring, s: 0
+        where it holds the ring to the time-out.
     """
     held_times, held_states = states_held(clutch, OperatingPoint(0.0, profile), 0.0)
     release_time = float(held_times[-1])

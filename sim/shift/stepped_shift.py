@@ -55,7 +55,7 @@ from dogshape.sim.shift.conclusion import (
     require_stiff_enough,
     section_planes,
 )
-from dogshape.sim.shift.planar import FIRST_STEP, PLACE_ERROR_S, RECORD_SIZE, PlanarClutch
+from dogshape.sim.shift.planar import FIRST_STEP, POSITION_ERROR_S, RECORD_SIZE, PlanarClutch
 
 LATCH_MASS_KG = 1e9  #: that holds an engaged ring: 1 kN moves it by 5e-7 m in one second
 
@@ -166,7 +166,7 @@ class SteppedShift:
         self._contact_torque = 0.0
         self._record = np.empty(RECORD_SIZE), np.empty((RECORD_SIZE, STATE_SIZE))
         self._model = self._free_model()
-        self._room = kernel.clip_room(len(self._model.surfaces.normals))
+        self._workspace = kernel.clip_workspace(len(self._model.surfaces.normals))
 
     def _start_state(self, start: ShiftStart) -> Array:
         """Build the state of rings that turn apart, (14,)."""
@@ -230,7 +230,7 @@ class SteppedShift:
         solver = clutch.solver
         limits = StepLimits(
             speed_error=float(solver.accuracy),
-            place_error=float(PLACE_ERROR_S * solver.accuracy),
+            place_error=float(POSITION_ERROR_S * solver.accuracy),
             max_step=float(solver.max_step / STEP_REFINEMENT),
         )
         self._set_loads(end, loads)
@@ -318,7 +318,7 @@ class SteppedShift:
             state[AXIAL_SPEED],
             surfaces,
             self._model.law[0],
-            self._room,
+            self._workspace,
         )
         count = self.clutch.pair.touching_count
         return count * force, count * torque

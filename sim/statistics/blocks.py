@@ -162,7 +162,9 @@ def _overlap_ahead(result: Engagement) -> float:
 
     numbers = result.clutch.numbers
     angle = float(result.trace.relative_angle[-1])
-    overlap, max_overlap, _ = kernel.facing(kernel.face_overlap(angle, numbers), numbers)
+    overlap, max_overlap, _ = kernel.overlapping_surfaces(
+        kernel.face_overlap(angle, numbers), numbers
+    )
     length = max_overlap - overlap if result.point.mismatch > 0.0 else overlap
     return max(length, 0.0) / result.clutch.dog.mean_radius
 

@@ -83,10 +83,10 @@ def _pressed(clutch: Clutch, aside: float, depth: float) -> tuple[float, float]:
     dog, plant = clutch.dog, PlanarClutch(clutch)
     place = 2.0 * crest_setback(dog, dog.edge_radius) + aside - dog.crest_overlap
     way = dog.axial_gap + 2.0 * crest_loss(dog, dog.edge_radius) + depth
-    law, room = plant.law.copy(), kernel.clip_room(len(plant.surfaces.normals))
+    law, workspace = plant.law.copy(), kernel.clip_workspace(len(plant.surfaces.normals))
     law.dynamic_friction = law.static_friction = 0.0
     still = place / dog.mean_radius, dog.travel - way, 0.0, 0.0
-    axial, torque = kernel.contact(*still, plant.surfaces, law, room)
+    axial, torque = kernel.contact(*still, plant.surfaces, law, workspace)
     return axial, torque / dog.mean_radius
 
 

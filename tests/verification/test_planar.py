@@ -74,8 +74,8 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -
 
 def force_of(plant: PlanarClutch, *state: float) -> tuple[float, float]:
     """Compute force and torque at angle, distance and both speeds."""
-    room = kernel.clip_room(len(plant.surfaces.normals))
-    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, room)
+    workspace = kernel.clip_workspace(len(plant.surfaces.normals))
+    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, workspace)
     return found
 
 

@@ -107,7 +107,10 @@ def test_a_ring_falls_into_the_slot_that_comes(flat: Clutch, share: float, skipp
     point = OperatingPoint(speed, ForceProfile(235.0, 1e-4))
     angles = np.linspace(0.0, close.pitch_angle, 48)
     numbers = plant.clutch.numbers
-    faces = [kernel.facing(kernel.face_overlap(angle, numbers), numbers) for angle in angles]
+    faces = [
+        kernel.overlapping_surfaces(kernel.face_overlap(angle, numbers), numbers)
+        for angle in angles
+    ]
     overlap, most, _ = np.array(faces).T
     on_face = (overlap > 0.05 * most) & (overlap < 0.95 * most)
     found = [engage(plant, point, float(angle)) for angle in angles[on_face]]

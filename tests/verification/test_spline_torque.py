@@ -94,7 +94,7 @@ def test_engines_press_a_spline_alike(clutch: Clutch, contact: ContactSet, chamf
     """Ten random states in touch, faces and flanks, about and beyond the fall of the friction."""
     own = _with(replace(clutch, dog=replace(clutch.dog, chamfer=chamfer * DEG)), contact)
     spline, mine, dog = _Spline(own), PlanarClutch(own.with_engine("planar")), own.dog
-    rng, room, seen = np.random.default_rng(4), kernel.clip_room(3), 0
+    rng, workspace, seen = np.random.default_rng(4), kernel.clip_workspace(3), 0
     scale = 0.003 * contact.stiffness * dog.radial_width**2 * 1e-5 * dog.mean_radius
     while seen < 10:
         angle, way = rng.uniform(0, dog.pitch_angle), rng.uniform(0.98 * dog.axial_gap, dog.travel)
@@ -106,7 +106,7 @@ def test_engines_press_a_spline_alike(clutch: Clutch, contact: ContactSet, chamf
             continue
         turn, speed = float(rng.normal(0.0, 15.0)), float(rng.uniform(0.02, 0.3))
         _, torque = kernel.contact(
-            angle, dog.travel - way, turn, speed, mine.surfaces, mine.law, room
+            angle, dog.travel - way, turn, speed, mine.surfaces, mine.law, workspace
         )
         if abs(torque) * dog.count > scale:
             expected = abs(torque) * dog.count * _share(own)

@@ -239,7 +239,9 @@ def test_faces_touch_at_their_closed_form(clutch: Clutch, name: str) -> None:
     pair, numbers = sharp.pair, sharp.numbers
     compared = 0
     for angle in np.linspace(-0.5, 0.5, 101) * sharp.dog.pitch_angle:
-        overlap, reach, depth = kernel.facing(kernel.face_overlap(angle, numbers), numbers)
+        overlap, reach, depth = kernel.overlapping_surfaces(
+            kernel.face_overlap(angle, numbers), numbers
+        )
         if 0.0 < overlap < reach:
             touch = _depth_of_touch(pair, float(angle))
             assert depth == pytest.approx(touch, abs=1e-9)
