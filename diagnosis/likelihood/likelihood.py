@@ -5,12 +5,14 @@ The mean of the shifts at an operating point *k* is
 .. math:: \bar t_k = \mu_k + s\, m_k\, (B z)_k + (F u)_k + \epsilon_k,
           \qquad z, u \sim N(0, 1),\; \epsilon_k \sim N(0, \sigma_k^2/n_k + e_k^2),
 
-with :math:`m_k` the predicted time without dead time, *B* the root of the discrepancy's covariance,
-whose amplitude *s* is summed over, and *F* all other errors in common: those of nuisances, of
-nominal values, of drift and clock, and of emulation and effects together. A variance of single
-shifts over the predicted one follows Fisher's *F*. Any number of late shifts may hide in a mean,
-and a mean may be odd: the residual of a point is that of its most probable option, and its
-probability that of all options together.
+with :math:`m_k` the predicted time without dead time, *B* the root of the discrepancy's covariance
+and *s* its amplitude, summed over a grid, and *F* all other common errors: of nuisances, nominal
+values, drift, clock, emulation and combined effects. The observed variance of single shifts over
+the predicted one follows Fisher's F distribution.
+
+A mean may contain a number of late shifts, or be an outlier (*odd*). Each such option of a point
+has a probability. The residual of the point is that of its most probable option; its probability is
+the sum over all options.
 """
 
 from __future__ import annotations
@@ -36,16 +38,19 @@ from dogshape.sim.units import RPM
 NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])  #: amplitudes over the scale of their prior
 #: Prior probabilities of the nodes: half-normal, by their midpoints.
 WEIGHTS = np.diff([0.0, *(2.0 * norm.cdf(np.sqrt(NODES[1:] * NODES[:-1])) - 1.0), 1.0])
-MIN_EIGENVALUE_SHARE = 0.02  #: of the largest one, from which a direction of a covariance counts
+MIN_EIGENVALUE_SHARE = 0.02  #: of the largest; smaller components of a covariance are left out
+MAX_MAIN_PROBABILITY = 0.99  #: that all shifts of a point lie in the main mode
+ODD_SPREAD_VARIANCE = 1.0  #: of ln of a spread that is an outlier, added to the usual variance
 MAX_LATE_COUNTS = 6  #: numbers of late shifts within one mean that are tried beside 0
+MIN_FORCE_SPREAD = 0.1  #: least deviation of ln force that scales the slope of a discrepancy
 TABLE_SIZE = 257  #: shares at which probabilities of numbers of shifts are computed
 DIFFERENCE_STEP = 0.15  #: of force and mismatch, by which times are differentiated
-QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
-NUISANCE_DIRECTIONS = 2  #: of errors by each nuisance
+QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: deviates at which a nuisance is evaluated
+NUISANCE_DIRECTIONS = 2  #: principal components of the errors of each nuisance
 
 
 class Terms(NamedTuple):
-    """Log likelihood of m predictions, and the residuals that it rests on."""
+    """Log likelihood of m predictions, with residuals and variances of the means."""
 
     log_likelihood: Array  #: (m,)
     log_by_amplitude: Array  #: the same with the prior of each amplitude, (m, nodes)
@@ -54,7 +59,7 @@ class Terms(NamedTuple):
 
 
 class PointOptions(NamedTuple):
-    """Options for the mean of each point: numbers of late shifts, an odd mean, the main mode.
+    """Predicted options for the mean of each point; ``_OptionList`` lists them.
 
     The P options of all points are concatenated, (m, P) each.
     """
@@ -63,11 +68,14 @@ class PointOptions(NamedTuple):
     scatter: Array  #: variance of the mean by its shifts, s^2
     odd_variance: Array  #: variance of the mean that is odd, else 0, s^2
     log_prior: Array  #: log prior probability
-    log_weight: Array  #: log prior probability and that of the observed spread
+    log_weight: Array  #: log prior probability plus log density of the observed spread
 
 
 class ModeOptions(NamedTuple):
-    """Shifts of a point with some in the smaller mode, and with none, (2, m, c) each."""
+    """Shifts of a point by mode of their times, (2, m, c) each.
+
+    First some shifts lie in the smaller mode, then all lie in the larger (main) mode.
+    """
 
     log_probability: Array
     offset: Array  #: of their mean, s
@@ -79,7 +87,7 @@ class ChosenMeans(NamedTuple):
 
     residual: Array  #: s, (m, c)
     variance: Array  #: s^2, (m, c)
-    log_probability: Array  #: of all options over the density of the chosen ones, (m,)
+    log_probability: Array  #: log of the sum of all options over the density of the chosen, (m,)
 
 
 class Sensitivity(NamedTuple):
@@ -98,26 +106,26 @@ class CommonErrors(NamedTuple):
 
 
 def _covariance_root(covariance: Array) -> Array:
-    """Compute a root (n, r) of a covariance without its smallest directions."""
+    """Compute a root (n, r) of a covariance without its smallest principal components."""
     values, vectors = np.linalg.eigh(covariance)
-    counts = values > MIN_EIGENVALUE_SHARE * values.max()
-    return np.asarray(vectors[:, counts] * np.sqrt(values[counts]))
+    is_large = values > MIN_EIGENVALUE_SHARE * values.max()
+    return np.asarray(vectors[:, is_large] * np.sqrt(values[is_large]))
 
 
 def _central_difference(moments: Array) -> Array:
-    """Compute the slope of ln mean between two changes of moments (2, C, MOMENTS), (C,)."""
+    """Compute the slope of ln mean from moments at both ends of the step (2, C, MOMENTS), (C,)."""
     return np.asarray((moments[1, :, LOG_MEAN] - moments[0, :, LOG_MEAN]) / (2.0 * DIFFERENCE_STEP))
 
 
-def freedom_of(error: Array) -> Array:
-    """Compute degrees of freedom by which ln of a spread has a variance, to second order."""
-    return 0.5 / error + 1.0
+def freedom_of(variance: Array) -> Array:
+    """Compute degrees of freedom of a spread from the variance of its logarithm (second order)."""
+    return 0.5 / variance + 1.0
 
 
 def _late_numbers(count: Array, max_count: int) -> tuple[Array, Array]:
     """List numbers of late shifts from 0 to ``count`` (c, 1), and their widths, (c, K) each.
 
-    Small numbers stand for themselves, width 1; the others for as many as their width.
+    A small number has the width 1. A large number represents as many numbers as its width.
     """
     k = np.arange(max_count + 1.0)[None]
     small = max_count // 2
@@ -129,30 +137,30 @@ def _late_numbers(count: Array, max_count: int) -> tuple[Array, Array]:
 class SpreadDensity(NamedTuple):
     """Density of ln of a ratio of variances by Fisher's F with two degrees of freedom."""
 
-    freedom: Array
-    other_freedom: Array
+    observed_freedom: Array
+    predicted_freedom: Array
     log_constant: Array
 
     @classmethod
-    def of(cls, freedom: Array, other_freedom: Array) -> Self:
-        """Build the density of degrees of freedom that broadcast together."""
-        freedom, other_freedom = np.broadcast_arrays(freedom, other_freedom)
-        half_sum = 0.5 * (freedom + other_freedom)
-        log = gammaln(half_sum) - gammaln(0.5 * other_freedom) - gammaln(0.5 * freedom)
-        return cls(freedom, other_freedom, np.asarray(log))
+    def of(cls, observed_freedom: Array, predicted_freedom: Array) -> Self:
+        """Build the density for degrees of freedom that broadcast together."""
+        observed, predicted = np.broadcast_arrays(observed_freedom, predicted_freedom)
+        half_sum = 0.5 * (observed + predicted)
+        log = gammaln(half_sum) - gammaln(0.5 * predicted) - gammaln(0.5 * observed)
+        return cls(observed, predicted, np.asarray(log))
 
     def log(self, ratio: Array) -> Array:
         """Compute the log density of ln ``ratio``."""
-        x = self.freedom * ratio / self.other_freedom
-        half_sum = 0.5 * (self.freedom + self.other_freedom)
-        log = self.log_constant + 0.5 * self.freedom * np.log(np.maximum(x, 1e-300))
+        x = self.observed_freedom * ratio / self.predicted_freedom
+        half_sum = 0.5 * (self.observed_freedom + self.predicted_freedom)
+        log = self.log_constant + 0.5 * self.observed_freedom * np.log(np.maximum(x, 1e-300))
         return np.asarray(log - half_sum * np.log1p(x))
 
 
 def _log_count(share: Array, count: Array, total: Array, share_shifts: float) -> Array:
     """Compute the log beta-binomial probability of ``count`` in ``total`` shifts.
 
-    The share is that of ``share_shifts`` simulated shifts.
+    The share is as certain as one from ``share_shifts`` simulated shifts.
     """
     alpha = share_shifts * share
     beta = share_shifts * (1.0 - share)
@@ -188,8 +196,11 @@ class _ShareTable:
 
 
 @dataclass(frozen=True)
-class _Choices:
-    """Options of all points, concatenated, P in all; independent of the prediction."""
+class _OptionList:
+    """Options for the mean of each point: numbers of late shifts, an odd mean, the main mode.
+
+    The P options of all points are concatenated; they do not depend on the prediction.
+    """
 
     point: np.ndarray  #: index of the point among those with a mean, ascending, (P,)
     late_share: Array  #: of the shifts within the mean, (P,)
@@ -203,7 +214,7 @@ class _Choices:
         return np.flatnonzero(np.diff(self.point, prepend=-1))
 
     def by_mode(self, pair: Array) -> Array:
-        """Select values (2, m, c), with shifts in the smaller mode or none, by option, (m, P)."""
+        """Select for each option the value of its mode (``ModeOptions``) from (2, m, c), (m, P)."""
         return np.where(self.is_main, pair[1][:, self.point], pair[0][:, self.point])
 
     def sum_points(self, values: Array) -> Array:
@@ -218,10 +229,14 @@ class _Choices:
         fitted: Array,
         fitted_variance: Array,
     ) -> ChosenMeans:
-        """Choose the most probable option of each point beside fitted errors in common.
+        """Choose the most probable option of each point, given fitted errors in common.
 
-        ``variance`` of each option without these errors is s^2, (m, P); ``residual`` of the means,
-        the fitted errors, s, and their variance, s^2, are (m, c).
+        Parameters
+        ----------
+        options : predicted options
+        variance : of each option without errors in common, s^2, (m, P)
+        residual : of the means, s, (m, c)
+        fitted, fitted_variance : errors in common, s and s^2, (m, c)
         """
         deviation = (residual - fitted)[:, self.point] - options.shift
         total_variance = variance + fitted_variance[:, self.point]
@@ -237,6 +252,7 @@ class _Choices:
     def _best(self, log: Array) -> tuple[np.ndarray, Array]:
         """Find the best option of each point, and the log of the sum of all over it, (m, c)."""
         max_log = np.maximum.reduceat(log, self._starts, axis=1)[:, self.point]
+        # Indices of the maxima, else 0: the largest index within a point is that of its maximum.
         indices = np.where(log == max_log, np.arange(self.point.size), 0)
         best = np.maximum.reduceat(indices, self._starts, axis=1)
         return best, np.log(self.sum_points(np.exp(log - max_log)))
@@ -246,9 +262,9 @@ class _Choices:
 class Likelihood:
     """Likelihood of the observations of a data set, for predictions of a model.
 
-    C operating points, of which c have a mean time: ``p`` are m predictions at all points, ``q``
-    the same at those that have a mean. P options of the means follow one another point by point
-    (``_Choices``).
+    Of C operating points c have a mean time: ``p`` are m predictions at all points, ``q`` the same
+    at those with a mean. Errors in common have e columns, a discrepancy r. The means have P options
+    (``_OptionList``).
     """
 
     bench: Bench
@@ -270,8 +286,8 @@ class Likelihood:
         """Root *B* of the discrepancy's correlation over all points, (C, r)."""
         log_mismatch = np.log(abs(self.observed.mismatch) + RPM)
         x = log_mismatch / self.settings.discrepancy_length
-        force = np.log(self.observed.force)
-        force = (force - force.mean()) / max(float(force.std()), 0.1)
+        log_force = np.log(self.observed.force)
+        force = (log_force - log_force.mean()) / max(float(log_force.std()), MIN_FORCE_SPREAD)
         correlation = np.exp(-0.5 * (x[:, None] - x[None]) ** 2)
         constant, curve, slope = self.settings.discrepancy_shape
         covariance = constant + curve * correlation + slope * correlation * np.outer(force, force)
@@ -279,13 +295,13 @@ class Likelihood:
 
     @cached_property
     def relative_errors(self) -> Array:
-        """Relative errors in common by nuisances, then by nominal values, (C, q)."""
+        """Relative errors in common from nuisances, then from nominal values, (C, e)."""
         nominal = self._nominal_errors(self.bench.errors.systematic)
         return np.hstack([self.nuisance_errors, nominal])
 
     @cached_property
     def nuisance_errors(self) -> Array:
-        """Relative errors in common by nuisances, the main directions of each, (C, q)."""
+        """Relative errors in common from nuisances, principal components of each, (C, e)."""
         columns = [np.zeros((self.model.cell_count, 0))]
         for name, effect in self.model.nuisances.items():
             (parameter,) = effect.parameters
@@ -295,8 +311,8 @@ class Likelihood:
             moments = self.model.changes(name, values[:, None]).moments
             changes = moments[..., LOG_MEAN] / len(QUANTILES) ** 0.5
             _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
-            main = slice(NUISANCE_DIRECTIONS)
-            columns.append((sizes[main, None] * directions[main]).T)
+            components = sizes[:, None] * directions
+            columns.append(components[:NUISANCE_DIRECTIONS].T)
         return np.hstack(columns)
 
     @cached_property
@@ -304,17 +320,18 @@ class Likelihood:
         """Changes of ln time with force and mismatch, by central differences."""
         ends = np.array([1.0 - DIFFERENCE_STEP, 1.0 + DIFFERENCE_STEP])
         force_moments = self.model.changes("force_scale", ends[:, None]).moments
-        mismatch_values = np.stack([0.0 * ends, ends], axis=1)
+        no_offset = np.zeros_like(ends)
+        mismatch_values = np.stack([no_offset, ends], axis=1)  # offset and factor
         mismatch_moments = self.model.changes("mismatch_speed", mismatch_values).moments
         slip = np.maximum(abs(self.observed.mismatch), RPM)
-        slip = slip * np.sign(self.observed.mismatch + 1e-12)
+        slip = slip * np.sign(self.observed.mismatch + 1e-12)  # a mismatch of 0 counts as positive
         return Sensitivity(
             force=_central_difference(force_moments),
             mismatch=_central_difference(mismatch_moments) / slip,
         )
 
     def _nominal_errors(self, tolerance: Tolerance) -> Array:
-        """Compute relative errors of the mean by errors of nominal values, (C, q)."""
+        """Compute relative errors of the means from errors of nominal values, (C, e)."""
         if not tolerance:
             return np.zeros((self.model.cell_count, 0))
         force, mismatch = self.sensitivity
@@ -329,13 +346,13 @@ class Likelihood:
 
     @cached_property
     def nominal_variance(self) -> Array:
-        """Relative variance of each point's mean by errors of its nominal values, (C,)."""
+        """Relative variance of each point's mean from errors of its nominal values, (C,)."""
         errors = self._nominal_errors(self.bench.errors.each_point)
         return np.asarray((errors**2).sum(axis=1))
 
     @cached_property
     def absolute_errors(self) -> Array:
-        """Errors in common in s, (C, q): drift, half a step of the clock."""
+        """Errors in common, s, (C, e): drift, and an offset of half a step of the clock."""
         columns = []
         if self.observed.drift is not None:
             columns.append(self.observed.drift.offsets)
@@ -344,7 +361,10 @@ class Likelihood:
         return np.array(columns).reshape(-1, self.model.cell_count).T
 
     def mean_variance(self, p: Prediction) -> Array:
-        """Compute the variance of each mean by its single errors but scatter, s^2, (m, C)."""
+        """Compute the variance of each mean from its independent errors, s^2, (m, C).
+
+        The scatter of the shifts is left out.
+        """
         simulated = p.mean - p.delay
         model_error = np.maximum(self.settings.model_error * simulated, self.settings.least_error)
         step_variance = (self.bench.clock_step or 0.0) ** 2 / 12.0
@@ -353,13 +373,13 @@ class Likelihood:
         return np.asarray(p.error**2 + model_error**2 + nominal_variance + clock_variance)
 
     def all_common_errors(self, p: Prediction, amplitude: Array | float) -> Array:
-        """Compute all errors in common with a discrepancy of amplitude (m,), s, (m, C, r + q)."""
+        """Compute discrepancy of amplitude (m,) and other errors in common, s, (m, C, r + e)."""
         size = np.asarray(amplitude).reshape(-1, 1, 1)
         discrepancy = size * (p.mean - p.delay)[..., None] * self.discrepancy_root
         return np.concatenate([discrepancy, self.common_errors(p)], axis=2)
 
     def common_errors(self, p: Prediction) -> Array:
-        """Compute all errors in common but the discrepancy, *F*, s, (m, C, q)."""
+        """Compute all errors in common except the discrepancy, *F*, s, (m, C, e)."""
         simulated = (p.mean - p.delay)[..., None]
         absolute = np.broadcast_to(self.absolute_errors, (len(p.mean), *self.absolute_errors.shape))
         relative = simulated * self.relative_errors
@@ -368,7 +388,7 @@ class Likelihood:
     def terms(self, p: Prediction, unlisted: tuple[float, float] | None = None) -> Terms:
         """Compute the log likelihood of predictions (m, C).
 
-        ``unlisted`` are amplitude and length of a gap that no effect explains; None without.
+        ``unlisted`` are amplitude and length of a gap that no effect explains; None for no gap.
         """
         points = self.measured_points
         q = self.at_measured(p)
@@ -378,16 +398,21 @@ class Likelihood:
         discrepancy = simulated[..., None] * self.discrepancy_root[points]
         if unlisted is not None:
             size, length = unlisted
-            single_share = 1.0 - self.settings.unlisted_smooth
-            variance = variance + single_share * (size * simulated) ** 2
+            independent_share = 1.0 - self.settings.unlisted_smooth
+            variance = variance + independent_share * (size * simulated) ** 2
             unlisted_errors = simulated[..., None] * self.unlisted_root(length)
             common = np.concatenate([common, size * unlisted_errors], axis=2)
         means = self._choose_means(q, variance, discrepancy, common)
         log, nodes = integrate_common_errors(
             means.residual, means.variance, discrepancy, common, self.settings.discrepancy
         )
-        log_rest = means.log_probability + self.log_engaged(p)
-        return Terms(log + log_rest, nodes + log_rest[:, None], means.residual, means.variance)
+        log_options = means.log_probability + self.log_engaged(p)
+        return Terms(
+            log_likelihood=log + log_options,
+            log_by_amplitude=nodes + log_options[:, None],
+            residual=means.residual,
+            variance=means.variance,
+        )
 
     def unlisted_root(self, length: float) -> Array:
         """Compute the root of the correlation of a gap that no effect explains, (c, r)."""
@@ -400,50 +425,52 @@ class Likelihood:
     def _choose_means(
         self, q: Prediction, variance: Array, discrepancy: Array, common: Array
     ) -> ChosenMeans:
-        """Choose the most probable late shifts or odd mean of each point.
+        """Choose the most probable option of each point.
 
-        ``variance`` of each mean by its single errors is s^2, (m, c); ``discrepancy`` and
-        ``common`` are errors in common, s, (m, c, r) and (m, c, q).
+        ``variance`` of each mean from its independent errors is s^2, (m, c); ``discrepancy`` and
+        ``common`` are errors in common, s, (m, c, r) and (m, c, e).
         """
-        choices = self._choices
+        option_list = self._option_list
         options = self._point_options(q)
         residual = self.observed.mean[self.measured_points] - q.mean
         columns = np.concatenate([self.settings.discrepancy * discrepancy, common], axis=2)
-        option_variance = options.scatter + variance[:, choices.point] + options.odd_variance
-        # The prior mean of a point's options begins the fit of the errors in common.
-        probability = np.where(choices.is_odd, 0.0, np.exp(options.log_prior))
-        shift = choices.sum_points(probability * options.shift)
-        square = choices.sum_points(probability * (options.shift**2 + options.scatter))
+        option_variance = options.scatter + variance[:, option_list.point] + options.odd_variance
+        # The first fit of the errors in common takes prior mean and variance of a point's options.
+        probability = np.where(option_list.is_odd, 0.0, np.exp(options.log_prior))
+        shift = option_list.sum_points(probability * options.shift)
+        square = option_list.sum_points(probability * (options.shift**2 + options.scatter))
         fitted = fit_common_errors(residual - shift, variance + square - shift**2, columns)
-        means = choices.choose(options, option_variance, residual, *fitted)
-        # Late shifts bend the first fit.
+        means = option_list.choose(options, option_variance, residual, *fitted)
+        # The second fit takes the chosen options, as late shifts distort the first.
         fitted = fit_common_errors(means.residual, means.variance, columns)
-        return choices.choose(options, option_variance, residual, *fitted)
+        return option_list.choose(options, option_variance, residual, *fitted)
 
     def _point_options(self, q: Prediction) -> PointOptions:
         """Predict the options of each point that has a mean.
 
-        A share *l* of the shifts within the mean is late; the density of a mean has the mixture
-        of both, and that of a spread its variance.
+        ``scatter`` is the variance of a mean with a known number of late shifts; the spread has
+        the variance of the mixture of timely and late shifts.
         """
-        choices = self._choices
-        late_share = choices.late_share
+        option_list = self._option_list
+        late_share = option_list.late_share
         timely_share = 1.0 - late_share
-        count = self.observed.count[self.measured_points][choices.point]
-        delay = self.model.baseline.late_delay.mean[self.measured_points][choices.point]
-        delay_sd = self.model.baseline.late_delay.sd[self.measured_points][choices.point]
+        count = self.observed.count[self.measured_points][option_list.point]
+        delay = self.model.baseline.late_delay.mean[self.measured_points][option_list.point]
+        delay_sd = self.model.baseline.late_delay.sd[self.measured_points][option_list.point]
         modes = self._mode_options(q)
-        single_variance = choices.by_mode(modes.variance)
-        updated_variance = choices.by_mode(self._updated_variance(q, modes.variance))
+        single_variance = option_list.by_mode(modes.variance)
+        updated_variance = option_list.by_mode(self._updated_variance(q, modes.variance))
         timely_variance = np.where(late_share == 0.0, updated_variance, single_variance)
         scatter = timely_variance * timely_share + late_share * delay_sd**2
         mixed_variance = single_variance * timely_share + late_share * delay_sd**2
         mixed_variance = mixed_variance + late_share * timely_share * delay**2
-        log_prior = choices.log_count.interpolate(q.late_share, choices.point)
-        log_prior = log_prior + choices.by_mode(modes.log_probability)
-        odd_sd = np.where(choices.is_odd, self.settings.odd_size * q.mean[:, choices.point], 0.0)
+        log_prior = option_list.log_count.interpolate(q.late_share, option_list.point)
+        log_prior = log_prior + option_list.by_mode(modes.log_probability)
+        odd_sd = np.where(
+            option_list.is_odd, self.settings.odd_size * q.mean[:, option_list.point], 0.0
+        )
         return PointOptions(
-            shift=late_share * delay + choices.by_mode(modes.offset),
+            shift=late_share * delay + option_list.by_mode(modes.offset),
             scatter=scatter / count,
             odd_variance=odd_sd**2,
             log_prior=log_prior,
@@ -451,22 +478,27 @@ class Likelihood:
         )
 
     def _mode_options(self, q: Prediction) -> ModeOptions:
-        """Divide the shifts of a point by whether some lie in the smaller mode."""
+        """Divide the shifts of a point by whether some lie in the smaller mode.
+
+        Both options together have the predicted mean and variance of all shifts.
+        """
         count = self.observed.count[self.measured_points]
-        log_none = count * np.log1p(-np.minimum(q.minor_share, 1.0 - 1e-9))
-        none = np.minimum(np.exp(log_none), 0.99)
+        log_main = count * np.log1p(-np.minimum(q.minor_share, 1.0 - 1e-9))
+        # Probability that all shifts lie in the main mode.
+        main = np.minimum(np.exp(log_main), MAX_MAIN_PROBABILITY)
+        log_main = np.minimum(log_main, np.log(MAX_MAIN_PROBABILITY))
         main_variance = np.maximum(q.main_sd, MIN_SD_S) ** 2
-        mixed_variance = (q.sd**2 - none * main_variance) / (1.0 - none)
+        mixed_variance = (q.sd**2 - main * main_variance) / (1.0 - main)
         mixed_variance = np.maximum(mixed_variance, MIN_SD_S**2)
         return ModeOptions(
-            log_probability=np.stack([np.log1p(-none), np.minimum(log_none, np.log(0.99))]),
-            offset=np.stack([-none * q.main_offset / (1.0 - none), q.main_offset]),
+            log_probability=np.stack([np.log1p(-main), log_main]),
+            offset=np.stack([-main * q.main_offset / (1.0 - main), q.main_offset]),
             variance=np.stack([mixed_variance, main_variance]),
         )
 
     @cached_property
-    def _choices(self) -> _Choices:
-        """List numbers of late shifts that each mean may have, an odd mean, and the main mode."""
+    def _option_list(self) -> _OptionList:
+        """Options of each mean: its possible numbers of late shifts, odd, and main mode."""
         points = self.measured_points
         count = self.observed.count[points]
         late_count = self.observed.late_count[points]
@@ -486,7 +518,7 @@ class Likelihood:
             share_shifts=self.settings.late_known,
         )
         log = np.where(is_possible, log + np.log(widths), -np.inf)
-        # Numbers that stand for several have the probability 1 together only about.
+        # Probabilities add up to 1 only approximately, as large numbers represent several.
         only_mean = (hides_late & (late_count == 0))[:, None]
         log = log - np.where(only_mean, logsumexp(log, axis=2, keepdims=True), 0.0)
         # Two more options have no late shift: an odd mean, and all shifts in the main mode.
@@ -496,7 +528,7 @@ class Likelihood:
         hidden_share = np.minimum(hidden / count[:, None], 1.0)
         late_share = np.hstack([hidden_share, np.zeros((len(count), 2))])
         point, column = np.nonzero(is_option)
-        return _Choices(
+        return _OptionList(
             point=point,
             late_share=late_share[is_option],
             is_odd=column == max_count + 1,
@@ -507,35 +539,36 @@ class Likelihood:
     def _updated_variance(self, q: Prediction, predicted: Array) -> Array:
         """Estimate variances of timely shifts from predicted (2, m, c) and observed ones, s^2.
 
-        Both are uncertain, so means scatter as Student's distribution: theirs is its variance.
+        With uncertain variances the means follow Student's distribution; the estimate is that of
+        its variance, which has the factor freedom / (freedom - 2).
         """
         points = self.measured_points
         predicted_freedom = freedom_of(self._spread_variance(q))
         freedom = self._spread_freedom(q.kurtosis, 0.0)
         freedom = np.where(self.observed.freedom[points] > 0.0, freedom, 0.0)
         total = predicted_freedom + freedom
-        total = np.maximum(total - 2.0, 0.5 * total)
+        divisor = np.maximum(total - 2.0, 0.5 * total)
         square_sum = predicted_freedom * predicted + freedom * self.observed.variance[points]
-        return np.asarray(square_sum / total)
+        return np.asarray(square_sum / divisor)
 
     def _log_spread(self, q: Prediction, variance: Array) -> Array:
         """Compute the log density of the observed variance with each option, (m, P).
 
-        ``variance`` of single shifts is s^2, (m, P). A small share of spreads is odd.
+        ``variance`` of single shifts is s^2, (m, P). A small share of the spreads are outliers.
         """
         log = np.zeros_like(variance)
-        choices = self._choices
+        option_list = self._option_list
         points = self.measured_points
-        options = np.flatnonzero(self.observed.freedom[points][choices.point] > 0.0)
-        point = choices.point[options]
+        options = np.flatnonzero(self.observed.freedom[points][option_list.point] > 0.0)
+        point = option_list.point[options]
         ratio = self.observed.variance[points][point] / variance[:, options]
         kurtosis = np.stack(np.broadcast_arrays(q.kurtosis, self.model.baseline.kurtosis[points]))
         freedom = self._spread_freedom(kurtosis, q.log_sd_error)
         error = self._spread_variance(q, blur_share=0.5)
         logs = []
-        for spread_error in (error, error + 1.0):
-            density = SpreadDensity.of(freedom, freedom_of(spread_error))
-            of_options = [choices.by_mode(values)[:, options] for values in density]
+        for spread_variance in (error, error + ODD_SPREAD_VARIANCE):
+            density = SpreadDensity.of(freedom, freedom_of(spread_variance))
+            of_options = [option_list.by_mode(values)[:, options] for values in density]
             logs.append(SpreadDensity(*of_options).log(ratio))
         log_usual, log_odd = logs
         odd_share = self.settings.odd_spread
@@ -547,19 +580,24 @@ class Likelihood:
     def _spread_variance(self, q: Prediction, blur_share: float = 1.0) -> Array:
         """Compute the variance of ln of a predicted spread, (m, c).
 
-        ``blur_share`` of the squared error by interpolation and uneven angles counts.
+        ``blur_share`` of the squared error from interpolation and uneven angles is included.
         """
         relative_error = self.settings.spread_error * (q.mean - q.delay) / q.sd
-        further_error = np.log1p(relative_error)
+        added_error = np.log1p(relative_error)
         blur = blur_share * q.log_sd_error**2
-        return np.asarray(self.settings.spread_share**2 + further_error**2 + blur)
+        return np.asarray(self.settings.spread_share**2 + added_error**2 + blur)
 
     def _spread_freedom(self, kurtosis: Array, blur: Array | float) -> Array:
-        """Compute degrees of freedom of observed variances, less by half of a blur, (..., c)."""
+        """Compute degrees of freedom of observed variances, (..., c).
+
+        They are reduced by half of the squared error ``blur`` of ln deviation, whose other half
+        reduces those of the predicted variance.
+        """
         observed_freedom = self.observed.freedom[self.measured_points]
         n = np.maximum(observed_freedom + 1.0, 2.0)
-        spread = 2.0 / (n - 1.0) + kurtosis / n + 2.0 * blur**2
-        freedom = np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5)
+        log_variance = 2.0 / (n - 1.0) + kurtosis / n  # of ln of the observed variance
+        log_variance = log_variance + 2.0 * blur**2
+        freedom = np.maximum(2.0 / np.maximum(log_variance, 1e-3), 0.5)
         return np.where(observed_freedom > 0.0, freedom, 1e-9)
 
     def spread_scores(self, p: Prediction) -> Array:
@@ -577,7 +615,7 @@ class Likelihood:
             freedom = self._spread_freedom(kurtosis, q.log_sd_error)
             freedom = np.broadcast_to(freedom, ratio.shape)
             usual = f_distribution.cdf(ratio, freedom, freedom_of(error))
-            odd = f_distribution.cdf(ratio, freedom, freedom_of(error + 1.0))
+            odd = f_distribution.cdf(ratio, freedom, freedom_of(error + ODD_SPREAD_VARIANCE))
             probability += share * ((1.0 - odd_share) * usual + odd_share * odd)
         score = norm.ppf(np.clip(probability, 1e-12, 1.0 - 1e-12))
         has_spread = self._spread_freedom(q.kurtosis, 0.0) > 1.0
@@ -600,7 +638,7 @@ class Likelihood:
         return _ShareTable(low, high, log)
 
     def mean_with_late(self, p: Prediction) -> Array:
-        """Compute the mean of all shifts, late ones too, s, (m, C)."""
+        """Compute the mean of all shifts, including late ones, s, (m, C)."""
         late_share = np.clip(p.late_share, 0.0, self.settings.late_most)
         return np.asarray(p.mean + late_share * self.model.baseline.late_delay.mean)
 
@@ -614,20 +652,25 @@ class Likelihood:
         columns = self.all_common_errors(p, amplitude)
         measured = columns[:, self.measured_points]
         scaled = (measured / terms.variance[..., None]).swapaxes(1, 2)
-        root = np.linalg.inv(np.linalg.cholesky(np.eye(columns.shape[2]) + scaled @ measured))
-        mean = root @ scaled @ terms.residual[..., None]
+        # Coefficients of the columns are normal with the precision I + F^T V^-1 F = L L^T.
+        precision = np.eye(columns.shape[2]) + scaled @ measured
+        root = np.linalg.inv(np.linalg.cholesky(precision))
+        mean = root @ scaled @ terms.residual[..., None]  # of L^T times the coefficients
         noise = generator.standard_normal(mean.shape[:2])[..., None]
-        parts = columns * (root.swapaxes(1, 2) @ (mean + noise)).swapaxes(1, 2)
-        first = self.discrepancy_root.shape[1]
-        nuisances = parts[..., first : first + self.nuisance_errors.shape[1]]
+        coefficients = root.swapaxes(1, 2) @ (mean + noise)
+        parts = columns * coefficients.swapaxes(1, 2)
+        start = self.discrepancy_root.shape[1]
+        nuisances = parts[..., start : start + self.nuisance_errors.shape[1]]
         return CommonErrors(amplitude, offset=parts.sum(axis=2), nuisance=nuisances.sum(axis=2))
 
 
 def fit_common_errors(residual: Array, variance: Array, columns: Array) -> tuple[Array, Array]:
-    """Fit errors in common (m, c, q) to residuals: values, s, and variance, s^2, (m, c) each."""
+    """Fit errors in common (m, c, e) to residuals: values, s, and variance, s^2, (m, c) each."""
     scaled = (columns / variance[..., None]).swapaxes(1, 2)
-    gain = columns @ np.linalg.inv(np.eye(columns.shape[2]) + scaled @ columns)
-    return (gain @ (scaled @ residual[..., None]))[..., 0], (gain * columns).sum(axis=2)
+    precision = np.eye(columns.shape[2]) + scaled @ columns
+    gain = columns @ np.linalg.inv(precision)
+    values = gain @ (scaled @ residual[..., None])
+    return values[..., 0], (gain * columns).sum(axis=2)
 
 
 def integrate_common_errors(
@@ -635,10 +678,13 @@ def integrate_common_errors(
 ) -> tuple[Array, Array]:
     """Integrate all errors in common over their priors.
 
+    The errors ``common`` are eliminated from the normal equations; in the principal axes of the
+    remaining ones each axis of the discrepancy is a factor with the amplitude as parameter.
+
     Parameters
     ----------
     residual, variance : s and s^2, (m, c)
-    discrepancy, common : errors with unit variance, s, (m, c, r) and (m, c, q)
+    discrepancy, common : errors with unit variance, s, (m, c, r) and (m, c, e)
     scale : of the discrepancy's amplitude
 
     Returns
@@ -647,6 +693,7 @@ def integrate_common_errors(
     nodes : log density with each amplitude and its prior, (m, nodes)
     """
     rank = discrepancy.shape[2]
+    # Normal equations of discrepancy, common errors and residual, in this order.
     columns = np.concatenate([discrepancy, common, residual[..., None]], axis=2)
     scaled = columns / np.sqrt(variance)[..., None]
     gram = scaled.swapaxes(1, 2) @ scaled
@@ -667,7 +714,7 @@ def integrate_common_errors(
 
 
 def squared_distance(residual: Array, variance: Array, common: Array) -> Array:
-    """Compute squared distances of residuals (m, c) under errors in common (m, c, q), (m,)."""
+    """Compute squared distances of residuals (m, c) under errors in common (m, c, e), (m,)."""
     covariance = common @ common.swapaxes(1, 2) + variance[..., None] * np.eye(variance.shape[1])
     solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
     return np.asarray((residual * solved).sum(axis=1))
