@@ -1,13 +1,14 @@
 r"""The surrogate: expected shift time, spread and share engaged over designs and operating points.
 
-Processes over designs have the logarithm of the expected time over a study's operating points, and
-those of the times at each point. Beside its variables a design has coordinates of its shape: entry
-play, tip width, fall of the face, and :math:`\tanh((\tan\theta - \mu)/0.04)` for each angle, as a
-face or flank lets go where its tangent passes the friction coefficient.
+Gaussian processes over designs predict the logarithm of the expected time over a study's operating
+points, and the logarithm of the time at each point. Beside its variables a design has coordinates
+of its shape: entry play, tip width, fall of the face, and :math:`\tanh((\tan\theta - \mu)/0.04)`
+for each angle, since a face or flank slides where its tangent exceeds the friction coefficient.
 
 Another operating point *o* is interpolated by Matern's correlation *R* (simple kriging, Rasmussen
 and Williams 2006): :math:`y(o) = \bar y + r(o)^T R^{-1} (y - \bar y)`, with the variance
-:math:`v (1 + \nu - r^T R^{-1} r)` and *v* the likeliest one over all designs. The **share that
+:math:`v (1 + \nu - r^T R^{-1} r)`, nugget :math:`\nu` and *v* of maximum likelihood over all
+designs. Due to the mean :math:`\bar y` the weights of the points add up to 1. The **share that
 engages** is a correlated Beta process (Goetschalckx, Poupart and Hoey 2011). Retries after a time
 :math:`t_r` add :math:`t_r (1 - p)/p`.
 """
@@ -28,20 +29,22 @@ from dogshape.surrogate.covariance import Term, distance, matern
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
 from dogshape.surrogate.process import Effort, Process, fit_process
 
-#: Effects of the shape over long and short distances, and steps that no design nearby predicts.
+#: Effects of the shape over long and short distances, and jumps that no design nearby predicts.
 TERMS = (Term(), Term(scales=(0.05, 3.0), first=0.3), Term(scales=(0.1, 0.1), first=0.1))
-POINT_EFFORT = Effort(designs=250, steps=15)  #: of the points, from the parameters of the mix
+#: Effort of the process of the points; its fit starts at the parameters of the expected time.
+POINT_EFFORT = Effort(designs=250, steps=15)
 MIN_DESIGNS = 10  #: fewer determine no length scale
 MIN_RELATIVE_ERROR = 1e-4  #: of a time
-CHUNK_DESIGNS = 2000  #: that are predicted at a time
-#: Angles that decide whether a face or flank holds or lets go.
+CHUNK_DESIGNS = 2000  #: designs that are predicted at once
+#: Angles that decide whether a face or flank sticks or slides.
 ANGLES = ("chamfer_deg", "traction_deg", "braking_deg", "chamfer_back_deg")
-RIDGE_WIDTH = 0.04  #: of the change from holding to letting go, tangent of an angle
-SHARE_LENGTHS = (0.1, 0.2, 0.4, inf)  #: of designs scaled to one and of operating points
-SHARE_STRENGTHS = (1.0, 10.0, 100.0)  #: shifts that the prior of the share counts for
+RIDGE_WIDTH = 0.04  #: of the change from sticking to sliding, tangent of an angle
+SHARE_LENGTHS = (0.1, 0.2, 0.4, inf)  #: of the correlation of the share, in scaled coordinates
+SHARE_STRENGTHS = (1.0, 10.0, 100.0)  #: of the prior of the share, as a number of shifts
 POINT_LENGTHS = np.array([0.6, 2.0])  #: of an interpolation, likeliest with 28 points of MQ200
 POINT_NUGGET = 0.03  #: share of the variance that no other point predicts
-MISMATCH_SCALE = 5.0  #: of the mismatch's coordinate, 1/min
+MISMATCH_SCALE = 5.0  #: of the mismatch's coordinate, 1/min: linear below, logarithmic above
+MISMATCH_UNIT = 4.0  #: of the mismatch's coordinate: brings it to the range of the force's
 FORCE_SCALE = 400.0  #: of the force's coordinate, N
 NORMAL_95 = 1.96  #: half width of a 95 % interval, standard deviations
 
@@ -89,7 +92,9 @@ def shape_of(data: Dataset, x: Array) -> Array:
     radius = 0.25 * (shape.outer_diameter_mm + shape.inner_diameter_mm)
     play = shape.height_mm * (traction + braking) + shape.backlash_mm
     tip = np.pi * radius / shape.count - 0.5 * play
-    columns = [play, tip, shape.crest * tip * chamfer / (1.0 - chamfer * braking)]
+    # A face falls from the ridge to the flank, which leans towards or away from it.
+    face_fall = shape.crest * tip * chamfer / (1.0 - chamfer * braking)
+    columns = [play, tip, face_fall]
     if "crest" in data.variables or "crest" in data.physics:
         columns.append((1.0 - shape.crest) * tip * back / (1.0 - back * traction))
     return np.column_stack(columns)
@@ -97,7 +102,7 @@ def shape_of(data: Dataset, x: Array) -> Array:
 
 def point_coordinates(points: Array) -> Array:
     """Compute logarithmic coordinates of operating points, signed 1/min and N, (m, 2)."""
-    mismatch = np.arcsinh(points[:, 0] / MISMATCH_SCALE) / 4.0
+    mismatch = np.arcsinh(points[:, 0] / MISMATCH_SCALE) / MISMATCH_UNIT
     return np.column_stack([mismatch, np.log(points[:, 1] / FORCE_SCALE)])
 
 
@@ -124,11 +129,13 @@ class Share:
 
     def _beta(self, designs: Array, points: Array) -> tuple[Array, Array]:
         """Compute mean and variance from correlations (m, n) and (q, p), (m, p) each."""
-        # Jeffreys' overall share is never 0 or 1.
+        # The overall share with Jeffreys' prior, which is never 0 or 1.
         overall = (self.engaged.sum() + 0.5) / (self.shifts.sum() + 1.0)
-        a = designs @ self.engaged @ points + self.strength * overall
-        b = designs @ (self.shifts - self.engaged) @ points + self.strength * (1.0 - overall)
-        return a / (a + b), a * b / ((a + b) ** 2 * (a + b + 1.0))
+        failed = self.shifts - self.engaged
+        alpha = designs @ self.engaged @ points + self.strength * overall
+        beta = designs @ failed @ points + self.strength * (1.0 - overall)
+        total = alpha + beta
+        return alpha / total, alpha * beta / (total**2 * (total + 1.0))
 
     @property
     def likelihood(self) -> float:
@@ -165,7 +172,7 @@ class Expected:
     error: float
     sd: float  #: of a single shift
     engaged: float  #: smallest share at a point
-    retries: float = 0.0  #: time that shifts which do not engage cost
+    retries: float = 0.0  #: mean time of retries within ``time``
     retries_error: float = 0.0
 
     @property
@@ -188,10 +195,11 @@ class Surrogate:
         x = x[None, :]
         (time,), (variance,) = self._predict_engaging(x, mix)
         share, (retries,), point_errors = self._predict_retries(x, mix)
-        times, _ = self.at_points(x, mix)
+        times, _ = self.predict_points(x, mix)
+        # Variance of a shift: within each point, and of the points' means.
         squares = (self.variation(mix.points) * times) ** 2 + (times - time) ** 2
-        correlation = self._share_correlation(mix)
-        retries_error = float(np.sqrt((point_errors @ correlation * point_errors).sum()))
+        retries_variance = _quadratic_form(point_errors, self._share_correlation(mix))
+        retries_error = float(np.sqrt(retries_variance[0]))
         total = float(time + retries)
         error = float(np.hypot(variance**0.5, retries_error))
         low, high = interval(np.array(total), np.array(error))
@@ -219,46 +227,47 @@ class Surrogate:
             designs = x[start : start + CHUNK_DESIGNS]
             time, variance = self._predict_engaging(designs, mix)
             _, retries, point_errors = self._predict_retries(designs, mix)
-            retries_variance = (point_errors @ correlation * point_errors).sum(axis=1)
+            retries_variance = _quadratic_form(point_errors, correlation)
             times.append(time + retries)
             errors.append(np.sqrt(variance + retries_variance))
         return np.concatenate(times), np.concatenate(errors)
 
-    def joint(self, x: Array) -> tuple[Array, Array]:
+    def predict_jointly(self, x: Array) -> tuple[Array, Array]:
         """Predict designs (m, d) over the data's mix: times, s, (m,), and covariance, s2, (m, m).
 
-        The covariance is that of the smooth part.
+        The covariance is that of the smooth terms (``Term.rough``): jumps are left out.
         """
         designs = coordinates(self.data, x)
         mix = self.data.mix
-        mean, covariance = self.time.joint(designs, smooth=True)
+        mean, covariance = self.time.predict_jointly(designs, smooth=True)
         times = np.exp(mean + 0.5 * np.diag(covariance))
         _, retries, point_errors = self._predict_retries(x, mix)
-        errors = np.outer(times, times) * np.expm1(covariance)
+        time_covariance = np.outer(times, times) * np.expm1(covariance)
         retries_covariance = point_errors @ self._share_correlation(mix) @ point_errors.T
-        errors += retries_covariance * self.share.correlation(designs, designs)
-        return times + retries, errors
+        retries_covariance *= self.share.correlation(designs, designs)
+        return times + retries, time_covariance + retries_covariance
 
-    def medians(self, x: Array, mix: Mix) -> Array:
+    def predict_medians(self, x: Array, mix: Mix) -> Array:
         """Predict the median expected times of designs (m, d) over a mix, s, (m,).
 
-        Without errors and chunks it is faster than ``predict``.
+        It computes no errors, so it is faster than ``predict``.
         """
         designs = coordinates(self.data, x)
         _, retries, _ = self._predict_retries(x, mix)
         if mix.equals(self.data.mix):
             return np.exp(self.time.mean(designs)[:, 0]) + retries
-        links, _ = self._links(mix.points)
+        point_weights, _ = self._point_weights(mix.points)
         logarithms = self.points.mean(designs)
-        return np.exp(logarithms @ links.T) @ mix.weights + retries
+        return np.exp(logarithms @ point_weights.T) @ mix.weights + retries
 
-    def at_points(self, x: Array, mix: Mix) -> tuple[Array, Array]:
+    def predict_points(self, x: Array, mix: Mix) -> tuple[Array, Array]:
         """Predict time, s, at each point and variance of its logarithm, (m, p) each."""
         logarithms, variance = self.points.predict(coordinates(self.data, x))
-        links, link_variance = self._links(mix.points)
-        # Errors at the points between which a time is interpolated go together.
-        variance = (np.sqrt(variance) * self.misfit @ np.abs(links.T)) ** 2 + link_variance
-        return np.exp(logarithms @ links.T + 0.5 * variance), variance
+        weights, interpolation_variance = self._point_weights(mix.points)
+        # Errors at the data's points are taken as fully correlated.
+        errors = np.sqrt(variance) * self.misfit
+        variance = (errors @ np.abs(weights.T)) ** 2 + interpolation_variance
+        return np.exp(logarithms @ weights.T + 0.5 * variance), variance
 
     def _predict_engaging(self, x: Array, mix: Mix) -> tuple[Array, Array]:
         """Predict the expected time of shifts that engage, s, and its variance, s2, (m,) each."""
@@ -266,12 +275,12 @@ class Surrogate:
             mean, variance = self.time.predict(coordinates(self.data, x))
             time = np.exp(mean[:, 0] + 0.5 * variance[:, 0])
             return time, time**2 * np.expm1(variance[:, 0])
-        times, variance = self.at_points(x, mix)
+        times, variance = self.predict_points(x, mix)
         terms = mix.weights * times
         errors = terms * np.sqrt(np.expm1(variance))
         points = point_coordinates(mix.points)
         correlation = _point_correlation(points, points)
-        return terms.sum(axis=1), (errors @ correlation * errors).sum(axis=1)
+        return terms.sum(axis=1), _quadratic_form(errors, correlation)
 
     def _predict_retries(self, x: Array, mix: Mix) -> tuple[Array, Array, Array]:
         """Predict share engaged (m, p), time of retries, s, (m,), and its errors, s, (m, p).
@@ -282,7 +291,9 @@ class Surrogate:
             coordinates(self.data, x), point_coordinates(mix.points)
         )
         weights = mix.weights * mix.retry
-        return share, (1.0 - share) / share @ weights, np.sqrt(variance) / share**2 * weights
+        retries_per_shift = (1.0 - share) / share
+        retries_error = np.sqrt(variance) / share**2  # derivative of (1 - p) / p is -1 / p^2
+        return share, retries_per_shift @ weights, retries_error * weights
 
     def predict_engaged(self, x: Array, mix: Mix) -> Array:
         """Predict the share of shifts that engage of designs (m, d) at each point, (m, p)."""
@@ -295,14 +306,14 @@ class Surrogate:
 
     @cached_property
     def misfit(self) -> Array:
-        """Root-mean-square leave-one-out error over the predicted one at each point, (q,)."""
+        """Ratio of leave-one-out errors to predicted ones at each point, root mean square, (q,)."""
         mean, variance = self.points.leave_one_out()
         predicted_variance = variance + self.points.noise[:, None] * self.points.scale**2
         return np.sqrt(((mean - self.points.targets) ** 2 / predicted_variance).mean(axis=0))
 
     @cached_property
     def _kriging(self) -> tuple[Array, float]:
-        """Inverse of the points' correlation, (q, q), and variance of times over the points."""
+        """Inverse of the points' correlation, (q, q), and variance of ln time over the points."""
         points = point_coordinates(self.data.mix.points)
         times = self.points.targets
         correlation = _point_correlation(points, points) + POINT_NUGGET * np.eye(len(points))
@@ -310,24 +321,27 @@ class Surrogate:
         deviation = times - times.mean(axis=1, keepdims=True)
         return inverse, float((deviation @ inverse * deviation).mean())
 
-    def _links(self, points: Array) -> tuple[Array, Array]:
-        """Compute weights of the data's points for points (p, 2), (p, q), and variances, (p,)."""
+    def _point_weights(self, points: Array) -> tuple[Array, Array]:
+        """Compute kriging weights of the data's points at points (p, 2), and their variance.
+
+        Weights (p, q) of a point of the data select it, with variance 0; variances are (p,).
+        """
         mix = self.data.mix
         inverse, variance = self._kriging
         correlation = _point_correlation(point_coordinates(points), point_coordinates(mix.points))
-        links = correlation @ inverse
-        link_variance = variance * (1.0 + POINT_NUGGET - (links * correlation).sum(axis=1))
-        links += (1.0 - links.sum(axis=1, keepdims=True)) / len(mix.points)
+        weights = correlation @ inverse
+        kriging_variance = variance * (1.0 + POINT_NUGGET - (weights * correlation).sum(axis=1))
+        mean_weights = (1.0 - weights.sum(axis=1, keepdims=True)) / len(mix.points)
         match = mix.match(points)
         simulated = np.asarray(match.any(axis=1), dtype=bool)
-        links = np.where(simulated[:, None], match, links)
-        return links, np.where(simulated, 0.0, link_variance)
+        weights = np.where(simulated[:, None], match, weights + mean_weights)
+        return weights, np.where(simulated, 0.0, kriging_variance)
 
     def variation(self, points: Array) -> Array:
-        """Interpolate the relative standard deviation of a shift, (p,): median of the designs."""
+        """Interpolate the median relative standard deviation of a shift over designs, (p,)."""
         grid = self.data.engaging
         medians = np.median(grid.sds / grid.means, axis=0)
-        return np.maximum(self._links(points)[0] @ medians, 0.0)
+        return np.maximum(self._point_weights(points)[0] @ medians, 0.0)
 
     @cached_property
     def spacing(self) -> float:
@@ -351,7 +365,7 @@ class Surrogate:
 def log_times(grid: Grid, mix: Mix) -> tuple[Array, Array]:
     """Compute logarithms of expected time and that at each point with variances, (n, 1 + q) each.
 
-    The logarithm of a noisy mean lies half its variance low, which is put back.
+    Half the variance is added, as the logarithm of a noisy mean is too low by that on average.
     """
     times = np.column_stack([grid.means @ mix.weights, grid.means])
     errors = np.column_stack([np.sqrt(grid.errors**2 @ mix.weights**2), grid.errors])
@@ -377,7 +391,7 @@ def fit(
 ) -> Surrogate:
     """Fit the surrogate to a data set, or build it from ``parameters``.
 
-    InputError for fewer than ``MIN_DESIGNS`` designs that engage at every point.
+    Raises InputError for fewer than ``MIN_DESIGNS`` designs that engage at every point.
     """
     grid = data.engaging
     if len(grid.x) < MIN_DESIGNS:
@@ -388,7 +402,7 @@ def fit(
         )
     inputs = coordinates(data, grid.x)
     logarithms, noise = log_times(grid, data.mix)
-    # A mean that is low by luck has a low error too: designs share the mean of theirs.
+    # A mean that is low by chance has a small error too: all designs take the mean variance.
     noise = np.broadcast_to(noise.mean(axis=0), noise.shape)
     if parameters is not None:
         effort = point_effort = Effort(steps=0)
@@ -426,6 +440,11 @@ def interval(time: Array, error: Array) -> tuple[Array, Array]:
     relative = np.sqrt(np.log1p((error / time) ** 2))
     centre = np.log(time) - 0.5 * relative**2
     return np.exp(centre - NORMAL_95 * relative), np.exp(centre + NORMAL_95 * relative)
+
+
+def _quadratic_form(errors: Array, correlation: Array) -> Array:
+    """Compute variances of the sums of correlated errors, (m, p) with (p, p), (m,)."""
+    return (errors @ correlation * errors).sum(axis=1)
 
 
 def _point_correlation(a: Array, b: Array) -> Array:

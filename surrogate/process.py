@@ -67,7 +67,7 @@ class Process:
         variance = np.maximum(self.covariance.variance() - explained, 0.0)
         return self.level + cross @ self.weights, variance[:, None] * self.scale**2
 
-    def joint(self, x: Array, *, smooth: bool = False) -> tuple[Array, Array]:
+    def predict_jointly(self, x: Array, *, smooth: bool = False) -> tuple[Array, Array]:
         """Predict mean (m,) and covariance (m, m) of the first target at coordinates (m, c).
 
         With ``smooth`` the covariance is that of the smooth terms.

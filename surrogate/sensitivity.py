@@ -40,7 +40,7 @@ def main_effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> li
     effects = []
     for column in np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist():
         values, designs, form = accumulate(x, column)
-        times, covariance = surrogate.joint(designs)
+        times, covariance = surrogate.predict_jointly(designs)
         effect = form @ times
         variances = np.diag(form @ covariance @ form.T)
         half_width = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))

@@ -139,7 +139,7 @@ def _predict_left_out(surrogate: Surrogate) -> _Prediction:
 def _predict_reference(surrogate: Surrogate, grid: Grid, mix: Mix) -> _Prediction:
     """Predict reference designs over their mix."""
     time, error = surrogate.predict(grid.x, mix)
-    point_time, point_variance = surrogate.at_points(grid.x, mix)
+    point_time, point_variance = surrogate.predict_points(grid.x, mix)
     return _Prediction(time, error, point_time, np.sqrt(point_variance))
 
 

@@ -293,11 +293,11 @@ class GoalPrediction:
         losses: Array = np.repeat(self.guide.exact_losses(params)[None], count, axis=0)
         if self.time_column is not None:
             column, surrogate = self.time_column
-            expected = surrogate.joint(self.guide.study.rows(params))
+            expected = surrogate.predict_jointly(self.guide.study.rows(params))
             losses[:, :, column] = draw_jointly(*expected, rng, count)
         x = self.guide.space.coordinates(params)
         for column, response in self.responses.items():
-            losses[:, :, column] = draw_jointly(*response.joint(x), rng, count)
+            losses[:, :, column] = draw_jointly(*response.predict_jointly(x), rng, count)
         return losses
 
     def chances(self, params: Sequence[Params]) -> Array:

@@ -40,7 +40,7 @@ def tolerance_time(
         if name in tolerances.dimensions:
             step = tolerances.dimensions[name] / to_si(variable, 1.0)
             ends = [{**params, variable: params[variable] + change} for change in (-step, step)]
-            low_time, high_time = surrogate.medians(study.rows(ends), mix)
+            low_time, high_time = surrogate.predict_medians(study.rows(ends), mix)
             changes[name] = 0.5 * float(high_time - low_time)
     gap_tolerance = tolerances.dimensions.get("axial_gap")
     if gap_tolerance:

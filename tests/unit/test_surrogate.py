@@ -80,7 +80,7 @@ def test_predicts_expected_times_and_covers_them(surrogate: Surrogate, mix: Mix)
     expected = surrogate.expect(x[0], mix)
     assert (expected.time, expected.error) == pytest.approx((time[0], error[0]), rel=1e-4)
     assert expected.low < expected.time < expected.high
-    assert surrogate.medians(x, mix) == pytest.approx(time, rel=1e-3)
+    assert surrogate.predict_medians(x, mix) == pytest.approx(time, rel=1e-3)
 
 
 def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate: Surrogate) -> None:

@@ -84,7 +84,7 @@ def test_the_process_is_that_of_scikit_learn() -> None:
     """The same posterior, mean and covariance, of the first of two targets."""
     process, points = smooth_process(0.01), draw_designs(15, seed=2)[:, :3]
     level, scale = process.level[0], process.scale[0]
-    mean, joint = process.joint(points)
+    mean, joint = process.predict_jointly(points)
     kernel = ConstantKernel(0.4) * Matern([0.5, 0.8, 1.2], nu=2.5)
     regressor = GaussianProcessRegressor(kernel, alpha=process.noise, optimizer=None)
     regressor.fit(process.inputs, (process.targets[:, 0] - level) / scale)
