@@ -28,7 +28,7 @@ def drop_argument(column: str, value: str) -> str:
 
 
 def keep_argument(column: str, value: str) -> str:
-    """Write the rows of a value as the only shifts."""
+    """Write the argument ``keep``, which keeps only rows with a value in a column."""
     return listed_argument("keep", f"{column}={value}", quoted=True)
 
 

@@ -189,7 +189,7 @@ class TableReader:
         return ["" if row in noted else cell for row, cell in zip(rows, column.cells, strict=True)]
 
     def _cell_faults(self, read: Mapping[Column, str]) -> list[str]:
-        """List unreadable cells of a workbook with their reasons."""
+        """Describe the unreadable cells of a workbook, a sentence for each column."""
         sheet, rows = self.table.sheet, set(self.table.rows)
         missing = any(q.needed and q.name not in self.matches for q in self.quantities)
         heads = {

@@ -163,7 +163,7 @@ def _sides(columns: Sequence[Column]) -> list[list[Column]]:
 
 
 def _columns_of(side: Sequence[Column]) -> str:
-    """Write the columns that take one of several tables."""
+    """Write the argument ``columns`` that selects one of several tables."""
     columns = {}
     for quantity in SHIFTS:
         best = max(side, key=lambda column: score(quantity, column))

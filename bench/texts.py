@@ -144,6 +144,7 @@ def _separator_of_head(lines: Sequence[str]) -> str:
     head = next((line for line in lines if line.strip()), "")
 
     def cell_count(separator: str) -> int:
+        """Count the cells of the head."""
         return len(next(csv.reader([head], delimiter=separator), []))
 
     return max(SEPARATORS, key=cell_count)

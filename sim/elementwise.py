@@ -104,4 +104,5 @@ def empirical_distribution(values: Any, weights: Any) -> tuple[Any, Any]:
 
 
 def _hold_array(values: tuple[Any, ...]) -> bool:
+    """Decide whether one of the values is an array."""
     return ARRAY in map(type, values)

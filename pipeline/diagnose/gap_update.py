@@ -315,7 +315,7 @@ def keep_previous(folder: Path, count: int) -> DiagnosisRecord:
 
 
 def add_update(folder: Path, record: UpdateRecord, count: int) -> dict[str, str]:
-    """Write an update after the first ``count`` ones; return the sentence of each by its name."""
+    """Write an update after the first ``count`` ones; return all sentences by ``update N``."""
     path = folder / UPDATES
     updates: list[UpdateRecord] = []
     if path.is_file():

@@ -484,7 +484,7 @@ def _objective_facts(result: StudyRecord) -> Iterator[tuple[str, str]]:
 
 
 def _slower_points(confirmation: Confirmation) -> str:
-    """Count the operating points at which the chosen design is slower, with the largest loss."""
+    """Write at how many operating points the chosen design is slower, with the largest loss."""
     differences = point_differences(confirmation.prototype, confirmation.best)
     slower = [point for point in differences if point.difference_s > 0.0]
     words = f"{len(slower)} of {len(differences)}"

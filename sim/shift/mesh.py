@@ -101,6 +101,7 @@ def dog_planes(dog: Dog) -> DogPlanes:
     ridge = dog.ridge_offset * ridge_normal + dog.addendum * axis
 
     def flank(side: int, angle: float) -> Plane:
+        """Compute the plane of a flank."""
         _, outward = flank_line(dog, side)
         return Plane(math.cos(angle) * outward + math.sin(angle) * axis, 0.0)
 

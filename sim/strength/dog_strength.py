@@ -199,7 +199,7 @@ class Limits:
 
     @property
     def ring_materials(self) -> tuple[Material, ...]:
-        """Materials of the rings."""
+        """Materials of sliding and output ring; one if both have the same."""
         if self.output_material is None:
             return (self.material,)
         return self.material, self.output_material

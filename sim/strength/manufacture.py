@@ -149,7 +149,7 @@ Kind = Literal["worst_case", "root_sum_square"]  #: addition of the effects of a
 
 @dataclass(frozen=True)
 class Spread:
-    """Change of a quantity within the tolerances."""
+    """Loss of a quantity within the tolerances, in its unit."""
 
     by_dimension: dict[str, float]
     worst_case: float
@@ -157,7 +157,7 @@ class Spread:
 
     @property
     def root_sum_square(self) -> float:
-        """Change at the reject rate: root of the sum of squares of all effects."""
+        """Loss at the reject rate: root of the sum of squares of all dimensions."""
         total = reduce(hypot, self.by_dimension.values(), 0.0)
         return smallest(self.share * total, self.worst_case)
 
