@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
+from dogshape.pipeline.config.study_file import ALL_POINTS, RequestedPoint, Setup, points_of
 from dogshape.pipeline.record import Figure, Frame, Table, frame_of, percent
 from dogshape.pipeline.reports.text import (
     ENGINES,
@@ -415,10 +415,10 @@ def _surrogate_part_lines(expected: Expected | None, config: Setup) -> list[str]
 
 
 def check_design(
-    config: Setup, place: Place = EVERYWHERE, surrogate: str | Path | None = None
+    config: Setup, requested: RequestedPoint = ALL_POINTS, surrogate: str | Path | None = None
 ) -> Check:
     """Check a design as ``Study.check`` does, for a study that is read."""
-    points = points_of(config, place)
+    points = points_of(config, requested)
     mix = study_mix(config, points)
     guess = _guess(config, mix, surrogate)
     if guess is not None and surrogate is not None:

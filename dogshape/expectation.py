@@ -13,8 +13,8 @@ from scipy.special import ndtri
 
 from dogshape.bench.texts import read_table
 from dogshape.pipeline.config.study_file import (
-    EVERYWHERE,
-    Place,
+    ALL_POINTS,
+    RequestedPoint,
     Setup,
     load_study,
     points_of,
@@ -228,22 +228,26 @@ class Expectation(Result):
 
 
 def simulate_mean(
-    config: Setup, options: RunOptions, place: Place, angles: Angles, precision: float | None = None
+    config: Setup,
+    options: RunOptions,
+    requested: RequestedPoint,
+    angles: Angles,
+    precision: float | None = None,
 ) -> Expectation:
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
     config = config.search_setup
     clutch = config.clutch
     settings = config.file.expectation
-    if place.force_rise_s is not None and place.force_N is None:
+    if requested.force_rise_s is not None and requested.force_N is None:
         rise = argument("force_rise_s")
         raise InputError(f"{rise} goes with one operating point; give its speed and force")
-    points = points_of(config, place, f", or give {argument('force_rise_s')}")
+    points = points_of(config, requested, f", or give {argument('force_rise_s')}")
     if precision is not None and angles is not None:
         raise InputError(
             f"{argument('precision')} finds the number of angles itself; leave out "
             f"{argument('angles')}"
         )
-    question = config.config_hash, *place, angles, precision
+    question = config.config_hash, *requested, angles, precision
     relative_angles = in_radians(settings.angles if angles is None else angles)
     blocks = even_blocks(
         clutch, points, relative_angles, settings.seed, uncertainty=config.uncertainty
@@ -367,7 +371,7 @@ def expect_draws(
     means = []
     with WorkCounter(receiver(progress), len(studies), unit="draws") as counter:
         for setup in studies:
-            means.append(simulate_mean(setup, RunOptions(jobs, cluster), EVERYWHERE, angles))
+            means.append(simulate_mean(setup, RunOptions(jobs, cluster), ALL_POINTS, angles))
             counter.advance(1)
     times = np.array([mean.time_s for mean in means], dtype=float)
     errors = np.array([mean.standard_error_s for mean in means])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from dogshape.bench.raw_sheet import file_of
 from dogshape.bench.texts import TextTable, is_plain, read_table
 from dogshape.pipeline.config.operating import OPERATED
-from dogshape.pipeline.config.study_file import Place, Setup, points_of
+from dogshape.pipeline.config.study_file import RequestedPoint, Setup, points_of
 from dogshape.pipeline.record import Figure, Table
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.simulate.design import (
@@ -281,11 +281,11 @@ def predict_designs(
     config: Setup,
     designs: str | Path | pd.DataFrame,
     out: str | Path | None,
-    place: Place,
+    requested: RequestedPoint,
     surrogate: str | Path | None,
 ) -> Predictions:
     """Predict the shift times of designs as ``Study.predict`` does, for a study that is read."""
-    mix = study_mix(config, points_of(config, place))
+    mix = study_mix(config, points_of(config, requested))
     model = stored_surrogate(config, surrogate)[0].surrogate
     target = None if out is None else Path(out)
     variables = model.data.variables

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from dogshape.pipeline.config.study_file import Place, Setup, points_of
+from dogshape.pipeline.config.study_file import RequestedPoint, Setup, points_of
 from dogshape.pipeline.record import Figure, Frame, Table
 from dogshape.pipeline.reports.shift_page import (
     curves,
@@ -176,11 +176,13 @@ class Shift(Result):
         return Path(path)
 
 
-def simulate_shift(config: Setup, place: Place, angle_deg: float, all_dogs: bool) -> Shift:
+def simulate_shift(
+    config: Setup, requested: RequestedPoint, angle_deg: float, all_dogs: bool
+) -> Shift:
     """Simulate one shift at an operating point and a relative angle; see ``Study.shift``."""
     clutch = replace(config.clutch, solver=replace(config.clutch.solver, all_dogs=all_dogs))
     remedy = f", or give {argument('force_rise_s')}"  # for a force without a rise time
-    (point,) = points_of(config, place, remedy)
+    (point,) = points_of(config, requested, remedy)
     (angle,) = cast("tuple[float]", in_radians([angle_deg]))
     result = engage(clutch, point, angle)
     chaotic = result.events.slots_skipped > 0 or result.events.face_contacts > 1

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.argument_types import check_types_of_verbs
 from dogshape.pipeline.config.study_file import (
-    Place,
+    RequestedPoint,
     Setup,
     load_study,
     replace_keys,
@@ -104,8 +104,8 @@ class Study:
         """
         from dogshape.shift import simulate_shift  # noqa: PLC0415
 
-        place = Place(mismatch_rpm, force_N, force_rise_s)
-        return simulate_shift(self._config_in(engine), place, angle_deg, all_dogs)
+        requested = RequestedPoint(mismatch_rpm, force_N, force_rise_s)
+        return simulate_shift(self._config_in(engine), requested, angle_deg, all_dogs)
 
     def expect(
         self,
@@ -142,9 +142,9 @@ class Study:
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import RunOptions  # noqa: PLC0415
 
-        place = Place(mismatch_rpm, force_N, force_rise_s)
+        requested = RequestedPoint(mismatch_rpm, force_N, force_rise_s)
         options = RunOptions(jobs, cluster, journal, receiver(progress))
-        return simulate_mean(self._config_in(engine), options, place, angles, precision)
+        return simulate_mean(self._config_in(engine), options, requested, angles, precision)
 
     def search(
         self,
@@ -213,8 +213,8 @@ class Study:
         """
         from dogshape.check import check_design  # noqa: PLC0415
 
-        place = Place(mismatch_rpm, force_N)
-        return check_design(self._config_in(engine), place, surrogate)
+        requested = RequestedPoint(mismatch_rpm, force_N)
+        return check_design(self._config_in(engine), requested, surrogate)
 
     def predict(
         self,
@@ -241,8 +241,8 @@ class Study:
         """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
 
-        place = Place(mismatch_rpm, force_N)
-        return predict_designs(self._config_in(engine), designs, out, place, surrogate)
+        requested = RequestedPoint(mismatch_rpm, force_N)
+        return predict_designs(self._config_in(engine), designs, out, requested, surrogate)
 
     def strength(
         self,

@@ -680,23 +680,25 @@ def require_variables(study: Setup) -> None:
         raise InputError(f"[variables] is empty, so there is nothing to search; give one of {keys}")
 
 
-class Place(NamedTuple):
-    """Operating point that a user asks for; without mismatch and force all points of the study."""
+class RequestedPoint(NamedTuple):
+    """Operating point that a user requests; without mismatch and force all points of the study."""
 
     mismatch_rpm: float | None = None
-    force_N: float | None = None  #: nominal; None beside a mismatch: all of an actuator
-    force_rise_s: float | None = None  #: None: that of the study
+    force_N: float | None = None  #: nominal; None beside a mismatch: full force of an actuator
+    force_rise_s: float | None = None  #: None: rise time of the study
 
 
-EVERYWHERE = Place()
+ALL_POINTS = RequestedPoint()
 
 
-def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[OperatingPoint, ...]:
-    """Build the operating point at ``place``, or return all of the study's.
+def points_of(
+    study: Setup, requested: RequestedPoint, other_way: str = ""
+) -> tuple[OperatingPoint, ...]:
+    """Build the operating point ``requested``, or return all of the study's.
 
     ``other_way`` is the verb's remedy for a force without rise time.
     """
-    mismatch, force, rise = place
+    mismatch, force, rise = requested
     if mismatch is not None and force is None:
         force = study.actuation.full_force
     if (mismatch is None) != (force is None):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.check import ENGINE_ERROR, check_design
-from dogshape.expectation import EVERYWHERE, simulate_mean
+from dogshape.expectation import ALL_POINTS, simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.train.training_rows import matching_surrogate, stored_surrogate
@@ -61,7 +61,7 @@ def test_a_clutch_without_a_surrogate_is_simulated_by_the_compiled_engine(
     mean = simulate_mean(
         load_study("mq200_paper", [*few, "solver.engine=planar", "expectation.seed=7"]),
         RunOptions(jobs=1),
-        EVERYWHERE,
+        ALL_POINTS,
         angles=40,
     ).mean
     error = math.hypot(record["standard_error_s"], mean.standard_error)
