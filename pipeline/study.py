@@ -161,7 +161,7 @@ def _search_and_confirm(search: Search, options: StudyOptions) -> StudyRecord:
 def _write_rows(
     folder: StudyFolder, searched_state: SearchState, confirmed_state: SearchState
 ) -> None:
-    """Write the surrogate's data; those of a confirmed design include its new angles."""
+    """Write the surrogate's data; a confirmed design has rows of its new angles too."""
     confirmed_trials = [trial for trial in confirmed_state.trials if trial.confirmed]
     trials = searched_state.renew(confirmed_trials).simulated
     write_json(folder.rows, {"rows": list(chain(*(trial.rows for trial in trials)))})

@@ -87,7 +87,7 @@ class DesignShifts:
     records: ShiftsByPoint
 
     def mean_load(self, value: Callable[[ShiftLoads], float]) -> Estimate:
-        """Compute the mean of a load over the mix of points; failed integrations are left out."""
+        """Compute the mean of a load over the mix of points, without failed integrations."""
         values = []
         for shifts in self.records:
             values.append([value(loads_of(shift)) for shift in shifts if not diverged(shift)])
@@ -264,7 +264,7 @@ _cached_even_blocks = lru_cache(maxsize=2)(even_blocks)  # all rounds have the s
 
 
 def drop_design_shifts(study: Setup, executor: Executor, angles: int, seed: int) -> None:
-    """Drop the shifts of all designs from the journal; those of the reference stay."""
+    """Drop the shifts of all designs from the journal; shifts of the reference stay."""
     reference_keys = set()
     for block in reference_blocks(study, angles, seed):
         reference_keys.update(block.keys)
@@ -570,7 +570,7 @@ def _expect_worn(
 
 
 def life_checks(study: Setup, new_dog: Dog, dog: Dog) -> tuple[LimitCheck, ...]:
-    """Compute the closed-form checks of a worn dog, without those of manufacture.
+    """Compute the closed-form checks of a worn dog, without checks of manufacture.
 
     A check of load takes the smaller margin of the worn and the new dog; the contact ratio refers
     to the height of the new dog.

@@ -32,7 +32,7 @@ from dogshape.sim.versions import engine_versions
 
 
 @lru_cache(maxsize=2)
-def _prepared(clutch: Clutch) -> Engine:
+def _engine_of(clutch: Clutch) -> Engine:
     """Build the engine of a clutch; cached in this process."""
     if clutch.solver.engine == "planar":
         from dogshape.sim.shift.planar import PlanarClutch  # noqa: PLC0415
@@ -45,7 +45,7 @@ def _prepared(clutch: Clutch) -> Engine:
 
 def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift with the engine of the clutch's solver; ``relative_angle`` in rad."""
-    return conclusion.engage(_prepared(clutch), point, relative_angle)
+    return conclusion.engage(_engine_of(clutch), point, relative_angle)
 
 
 @dataclass(frozen=True)
