@@ -111,7 +111,7 @@ def compare(
         error = simulated.sd / math.sqrt(max(1, simulated.n))
         if even:
             sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
-            share, cost = simulated.timed or 1.0, bench.clutch.timeout
+            share, cost = simulated.first_try_share or 1.0, bench.clutch.timeout
             retry_error = cost / share**2 * math.sqrt(share * (1.0 - share) / simulated.n)
             error = math.hypot(simulated.engaged_error, retry_error, sampled)
         error = math.hypot(max(error, 1e-6), input_error)

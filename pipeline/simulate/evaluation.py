@@ -309,7 +309,9 @@ def _evaluation(
     estimates |= time_estimates(names, expectation, reference)
     estimates = {name: estimates[name] for name in names}
     # A point where all integrations failed (``n`` = 0) has no share of engagement.
-    engaged_share = min((point.timed for point in expectation.points if point.n), default=1.0)
+    engaged_share = min(
+        (point.first_try_share for point in expectation.points if point.n), default=1.0
+    )
     limited = {name: estimates[name].value for name in simulated_limits(study)}
     shifts = list(chain(*records))
     searched_shifts = _searched_records(nominal, study.operation, records)

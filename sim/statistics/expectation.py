@@ -148,7 +148,7 @@ class PointExpectation:
         return replace(self, hang=prior.posterior(self.hangs, self.n), prior=prior)
 
     @property
-    def timed(self) -> float:
+    def first_try_share(self) -> float:
         """Share of shifts that engage at the first try, alone or freed by the set-point."""
         return self.engaged + self.freed / max(1, self.n)
 
@@ -160,7 +160,7 @@ class PointExpectation:
     @property
     def engages(self) -> bool:
         """Whether enough shifts engage for an expected time."""
-        return self.timed >= MIN_ENGAGED_SHARE
+        return self.first_try_share >= MIN_ENGAGED_SHARE
 
     @property
     def time(self) -> float | None:

@@ -78,7 +78,12 @@ def test_the_mean_passage_is_the_closed_form() -> None:
     found = expect_point(_slow(5.0), freed, 1.0, 0.2)
     assert found.hangs == 0
     assert found.engaged_mean == pytest.approx(0.3 * 0.08 + 0.7 * (SLOW.start + passage), rel=1e-6)
-    assert (found.engaged, found.timed, found.blocked, found.freed) == (0.3, 1.0, held, held)
+    assert (found.engaged, found.first_try_share, found.blocked, found.freed) == (
+        0.3,
+        1.0,
+        held,
+        held,
+    )
     assert found.unaided_mean == pytest.approx(0.08)
     last = SLOW.passages(np.array([held / n * pitch]))[0]
     assert time_quantile([1.0], [freed], 0.9995, 1.0, 0.2).value == pytest.approx(last, rel=1e-3)
