@@ -497,11 +497,11 @@ def overlapping_surfaces(overlap, numbers):
         the crests at which they touch, m.
     """
     if overlap > 0.0:
-        beyond = max(0.0, overlap - numbers.face_width)
-        depth = overlap * numbers.face_slope + beyond * numbers.face_slope_rise
+        excess = max(0.0, overlap - numbers.face_width)
+        depth = overlap * numbers.face_slope + excess * numbers.face_slope_rise
         return overlap, numbers.face_reach, depth
-    beyond = max(0.0, -overlap - numbers.back_width)
-    depth = -overlap * numbers.back_slope + beyond * numbers.back_slope_rise
+    excess = max(0.0, -overlap - numbers.back_width)
+    depth = -overlap * numbers.back_slope + excess * numbers.back_slope_rise
     return -overlap, numbers.back_reach, depth
 
 

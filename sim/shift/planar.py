@@ -152,7 +152,7 @@ class PlanarClutch:
         )
         held_times, held_states = states_held(clutch, point, angle)
         records = [(held_times, held_states)]
-        now = float(held_times[-1])
+        shift_time = float(held_times[-1])
         state = held_states[-1].copy()
         step = FIRST_STEP
         step_count = len(held_times)
@@ -168,20 +168,22 @@ class PlanarClutch:
         course = None  # torques of the drive, in pieces of constant slope
         if clutch.drive.has_torques:
             course = TorqueCourse(clutch.drive, clutch.timeout)
-            pause = now
+            pause = shift_time
         deadline = time.monotonic() + solver.time_limit
-        while not failure and reason in (kernel.FULL, kernel.PAUSED) and now < clutch.timeout:
-            if course is not None and now >= pause:
-                pause = self._set_torques(course, now, state, model.numbers[0])
+        while (
+            not failure and reason in (kernel.FULL, kernel.PAUSED) and shift_time < clutch.timeout
+        ):
+            if course is not None and shift_time >= pause:
+                pause = self._set_torques(course, shift_time, state, model.numbers[0])
                 look_state = last_look
-                if not course.settled(now):  # torques may still move rings that stand still
+                if not course.settled(shift_time):  # torques may still move rings that stand still
                     look_state = NO_LOOK
                     last_look[:] = math.nan
             size = max(0, min(RECORD_SIZE, solver.max_steps + 1 - step_count))
             times = np.empty(size)
             states = np.empty((size, STATE_SIZE))
             progress = kernel.advance(
-                now,
+                shift_time,
                 step,
                 state,
                 look_state=look_state,
@@ -194,14 +196,14 @@ class PlanarClutch:
                 states=states,
             )
             reason = progress.reason
-            now = progress.time
+            shift_time = progress.time
             step = progress.step
             records.append((times[: progress.recorded], states[: progress.recorded]))
             step_count += progress.recorded
             evaluations += progress.evaluations
             if reason == kernel.UNDERFLOW:
                 state[:] = math.nan  # ``failure_of`` reports a motion that is not finite
-            failure = failure_of(clutch, now, state, step_count, deadline)
+            failure = failure_of(clutch, shift_time, state, step_count, deadline)
         times, states = (np.concatenate(parts) for parts in zip(*records, strict=True))
         torques = None if course is None else course.knots
         return Run(
@@ -214,13 +216,13 @@ class PlanarClutch:
         )
 
     def _set_torques(
-        self, course: TorqueCourse, now: float, state: Array, numbers: np.record
+        self, course: TorqueCourse, shift_time: float, state: Array, numbers: np.record
     ) -> float:
-        """Write the piece of torques that begins at ``now`` into ``numbers``; return its end, s."""
+        """Write the torques from ``shift_time`` to the end of their piece; return the end, s."""
         input_shaft, output_shaft = self.clutch.shafts
         input_field = INPUT_SIDE_SPEED if input_shaft.side_inertia else SLIDING_SPEED
         output_field = OUTPUT_SIDE_SPEED if output_shaft.side_inertia else OUTPUT_SPEED
-        piece = course.piece(now, float(state[output_field] - state[input_field]))
+        piece = course.piece(shift_time, float(state[output_field] - state[input_field]))
         # By key: an attribute of a record takes microseconds, and a control has many pieces.
         numbers["torque_start"] = piece.start
         numbers["sliding_torque"], numbers["output_torque"] = piece.torques
