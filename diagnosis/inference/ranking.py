@@ -1,10 +1,11 @@
 """Probabilities of all hypotheses: none, one effect, two, three, and something unlisted.
 
-Each effect is part of the cause or not by itself, with its own prior; at most three act at once.
-Which sets are computed never changes a prior. All single effects and pairs are screened by prior
-draws, sets of three around the draws of their pairs; the plausible ones are refined. Benches are
-simulated where the error of an evidence, or the prospect of a better draw, moves a probability.
-*Unknown* adds a gap of larger amplitude to what any single effect or leading pair predicts.
+Each effect belongs to the cause independently of the others, with its own prior; at most three act
+together. Priors do not depend on which sets are computed. All single effects and pairs are screened
+by prior draws, sets of three around the draws of their pairs; the plausible ones are refined.
+Benches are simulated where the error of an evidence, or the prospect of a better draw, moves a
+probability. *Unknown* adds a discrepancy of larger amplitude to the prediction of each single
+effect and leading pair.
 """
 
 from __future__ import annotations
@@ -57,19 +58,20 @@ STEPS = (
     RefinementStep(nats=8.0, max_hypotheses=24, rounds=8),
 )
 SIMULATION_ROUNDS = 8  #: of draws after a simulation, at most
-SIMULATION_DRAWS = 150.0  #: effective draws after a simulation, from which no round is added
-EMULATION_TOLERANCE = 0.05  #: of the predicted time, gap without penalty in the screening
+SIMULATION_DRAWS = 150.0  #: effective draws, after which no further round is drawn
+EMULATION_TOLERANCE = 0.05  #: of the predicted time, gap that screening ignores
 MAX_DEVIATE = 4.0  #: standard errors, by which a mean counts at most in the screening
-TRIPLE_NATS = 8.0  #: within which a pair promises a set of three
+TRIPLE_NATS = 8.0  #: below the best, within which a pair is extended to sets of three
 MAX_TRIPLES = 192  #: sets of three that are sampled
 LIKELY_DISTANCE = 12.0  #: squared distance beyond the smallest, of draws that are simulated
-OCCAM_NATS = 1.5  #: of the prior for each parameter, at a draw of much likelihood
-PROSPECT_ROUNDS = 2  #: of simulations, after which a prospect has come true or not
+OCCAM_NATS = 1.5  #: expected loss of evidence by a parameter, from the best draw
+PROSPECT_ROUNDS = 2  #: of simulations, after which a prospect is settled
 PROSPECT_DRAWS = 128  #: prior draws among which a prospect is sought
 PROSPECT_LIKELIHOODS = 16  #: of these, that get a likelihood
-MIN_TIME_SHARE = 0.1  #: of the predicted time, that errors may leave of it
+MIN_TIME_SHARE = 0.1  #: least optimistic time, as a share of the predicted one
 REPLACE_NATS = 14.0  #: below the best, within which predictions are replaced
-STAKE_DIGITS = 4  #: of a stake, so that no last digit of a processor sets the order
+STAKE_DIGITS = 4  #: decimals of a stake; the last digits differ between processors
+CONVERGENCE_ROUNDS = 2  #: last rounds of simulations whose moves count as an error
 UNLISTED_DRAWS = 256  #: draws of a hypothesis to which an unlisted gap is added
 UNLISTED_POWER = 0.2  #: of the likelihood by which these are drawn
 UNLISTED_PAIRS = 3  #: leading pairs to which an unlisted gap is added
@@ -111,7 +113,8 @@ def log_prior(
 @lru_cache(maxsize=16)
 def _sum_over_sets(odds: tuple[float, ...], max_size: int) -> float:
     """Sum the odds of all sets up to a size, by elementary symmetric sums."""
-    sums = np.eye(1, max_size + 1)[0]
+    sums = np.zeros(max_size + 1)  # sums[k] over the sets of k effects
+    sums[0] = 1.0
     for value in odds:
         sums[1:] = sums[1:] + value * sums[:-1]
     return float(sums.sum())
@@ -141,11 +144,12 @@ class HypothesisSearch:
     likelihood: Likelihood
     side_likelihood: SideLikelihood  #: log likelihood of observations beside the shifts
     reversed_prior: float  #: probability of the reversed sense of rotation
-    log_side_unknown: float  #: log likelihood of these observations if nothing listed is the cause
-    log_meaning: float  #: log prior probability of the meaning
+    log_side_unknown: float  #: the same of observations beside the shifts, with an unlisted cause
+    log_meaning: float  #: log prior probability of this meaning of the record
     samples: dict[Hypothesis, Sample] = field(default_factory=dict)
     priors: dict[Hypothesis, float] = field(default_factory=dict)
     rounds: dict[Hypothesis, int] = field(default_factory=dict)  #: of simulated benches
+    moves: dict[Hypothesis, list[float]] = field(default_factory=dict)  #: of log evidences, nats
     prospects: dict[Hypothesis, _Prospect] = field(default_factory=dict)
     exhausted: set[Hypothesis] = field(default_factory=set)  #: without a further bench to simulate
 
@@ -192,8 +196,8 @@ class HypothesisSearch:
 
     def refine(self, step: int, candidates: Sequence[Hypothesis] | None = None) -> None:
         """Refine the hypotheses near the best, among all or some candidates."""
-        rate = self.bound_value if step == 0 else self.value
-        scores = {h: rate(h) for h in self.samples}
+        score_of = self.bound_value if step == 0 else self.value
+        scores = {h: score_of(h) for h in self.samples}
         nats, max_hypotheses, rounds = STEPS[step]
         threshold = max(scores.values()) - nats
         if candidates is None:
@@ -215,8 +219,8 @@ class HypothesisSearch:
     def find_prospects(self) -> None:
         """Find the prospects of plausible hypotheses with two parameters or more of the shift.
 
-        The rule for two effects may cost ``rule_nats`` at their true sizes, and the levels of an
-        effect with two parameters are far apart.
+        At the true sizes of two effects their interaction rule may cost ``rule_nats``, and levels
+        of an effect with two parameters are sparse.
         """
         model = self.likelihood.model
         threshold = max(map(self.value, self.samples)) - self.likelihood.settings.rule_nats
@@ -249,18 +253,17 @@ class HypothesisSearch:
 
     def _optimistic(self, p: Prediction) -> Prediction:
         """Move predicted means towards the data as far as their errors by emulation allow."""
-        reach = self.likelihood.settings.prospect_reach * np.hypot(
-            p.common_error, p.emulation_error
-        )
+        prediction_error = np.hypot(p.common_error, p.emulation_error)
+        max_move = self.likelihood.settings.prospect_reach * prediction_error
         gap = np.nan_to_num(self.likelihood.observed.mean - p.mean)
         error = np.sqrt(np.maximum(p.error**2 - p.common_error**2, (0.01 * p.mean) ** 2))
         shortest = p.delay + MIN_TIME_SHARE * (p.mean - p.delay)
         return replace(
             p,
-            mean=np.maximum(p.mean + np.clip(gap, -reach, reach), shortest),
+            mean=np.maximum(p.mean + np.clip(gap, -max_move, max_move), shortest),
             error=error,
-            common_error=0.0 * p.common_error,
-            emulation_error=0.0 * p.emulation_error,
+            common_error=np.zeros_like(p.common_error),
+            emulation_error=np.zeros_like(p.emulation_error),
         )
 
     def simulate(self, hypothesis: Hypothesis) -> None:
@@ -268,13 +271,16 @@ class HypothesisSearch:
         self.rounds[hypothesis] = self.rounds.get(hypothesis, 0) + 1
         shares = self.samples[hypothesis].shares[self.uncertain_draws(hypothesis)]
         tests_prospect = hypothesis in self.prospects and self.rounds[hypothesis] == 1
-        if tests_prospect:  # its draw comes next after the best one
+        if tests_prospect:  # its draw comes second, after the best one
             shares = np.insert(shares, 1, self.prospects[hypothesis].shares, axis=0)
         model = self.likelihood.model.simulate(hypothesis, shares, is_dense=not tests_prospect)
         if model is None:
             self.exhausted.add(hypothesis)
-        else:
-            self._replace_model(model, hypothesis)
+            return
+        log_evidence = self.samples[hypothesis].log_evidence
+        self._replace_model(model, hypothesis)
+        move = self.samples[hypothesis].log_evidence - log_evidence
+        self.moves.setdefault(hypothesis, []).append(abs(round(move, 2)))
 
     def is_open(self, h: Hypothesis) -> bool:
         """Check that further benches of a hypothesis may be simulated."""
@@ -291,7 +297,8 @@ class HypothesisSearch:
     def reducible_error(self, h: Hypothesis) -> float:
         """Estimate the part of ``emulation_error`` that further benches would remove.
 
-        0 where all effects act on the reading of a shift alone: nothing is interpolated.
+        At least the largest move by the last ``CONVERGENCE_ROUNDS``. 0 if all effects change only
+        the reading of a shift.
         """
         settings = self.likelihood.settings
         if not self.likelihood.model.contact_effects(h):
@@ -300,10 +307,12 @@ class HypothesisSearch:
         rounds = self.rounds.get(h, 0)
         if h in self.prospects and rounds < PROSPECT_ROUNDS:
             nats = max(nats, settings.prospect_share * self.prospects[h].gain)
-        return float(nats * (1.0 + rounds) ** -settings.emulated_decay)
+        mean_error = nats * (1.0 + rounds) ** -settings.emulated_decay
+        last_moves = self.moves.get(h, [])[-CONVERGENCE_ROUNDS:]
+        return float(max([mean_error, *last_moves]))
 
     def _replace_model(self, model: Model, simulated: Hypothesis) -> None:
-        """Weigh the samples again whose predictions further benches change."""
+        """Reweight the samples whose predictions new benches change."""
         changed_effects = model.new_effects(self.likelihood.model)
         self.likelihood = replace(self.likelihood, model=model)
         threshold = max(map(self.value, self.samples)) - REPLACE_NATS
@@ -319,7 +328,7 @@ class HypothesisSearch:
         )
 
     def uncertain_draws(self, h: Hypothesis) -> np.ndarray:
-        """List the likely draws by index: the best one, then by falling error of prediction.
+        """List the likely draws by index: the best one, then by decreasing prediction error.
 
         The error is that of interpolation for one effect, that in common for several.
         """
@@ -342,6 +351,7 @@ class HypothesisSearch:
         values = dict[Hypothesis, float]()
         subsets = dict[Hypothesis, list[Sample]]()
         for h in hypotheses_of(self.likelihood.model, 3):
+            # The reversed sense of a set stays with each of its pairs.
             pairs = [tuple(n for n in h if n != name) for name in strip_sense(h)]
             samples = [self.samples[pair] for pair in pairs if pair in self.samples]
             samples = [sample for sample in samples if np.isfinite(sample.log_evidence)]
@@ -355,7 +365,10 @@ class HypothesisSearch:
         return triples
 
     def log_unlisted(self) -> float:
-        """Compute the log evidence of a gap that no effect explains, on top of any of them."""
+        """Compute the log evidence of a discrepancy that no effect explains.
+
+        It is added to none, each single effect and the leading pairs.
+        """
         settings = self.likelihood.settings
         pairs = [h for h in self.samples if len(strip_sense(h)) == 2]
         bases = [h for h in self.samples if len(strip_sense(h)) < 2]
@@ -381,7 +394,10 @@ class HypothesisSearch:
 
 
 def _flattened_draws(sample: Sample) -> tuple[np.ndarray, Array]:
-    """Draw by a power of the likelihood: indices and log density times their number, (k,) each."""
+    """Draw by a power of the likelihood.
+
+    Returns indices, and the log density of each draw times the number of draws, (k,) each.
+    """
     if len(sample.log_likelihood) <= UNLISTED_DRAWS:
         return np.arange(len(sample.log_likelihood)), sample.log_density
     log = UNLISTED_POWER * sample.log_likelihood - sample.log_density
@@ -426,13 +442,16 @@ class _Stake(NamedTuple):
 
 
 def _list_stakes(searches: Sequence[HypothesisSearch]) -> list[_Stake]:
-    """List how far emulated times may move probabilities, by more than ``converged``."""
+    """List hypotheses whose probability emulation errors move by more than ``converged``."""
     pairs = [(search, h) for search in searches for h in search.samples]
     logs = np.array([search.value(h) + search.log_meaning for search, h in pairs])
     errors = np.array([search.reducible_error(h) for search, h in pairs])
     log_probability = np.minimum(logs - logsumexp(logs), -1e-9)
     log_odds = log_probability - np.log(-np.expm1(log_probability))
-    change = 0.5 * (expit(log_odds + errors) - expit(log_odds - errors))
+    probability = expit(log_odds)
+    rise = expit(log_odds + errors) - probability
+    fall = probability - expit(log_odds - errors)
+    change = np.maximum(rise, fall)
     converged = searches[0].likelihood.settings.converged
     stakes = []
     for (search, h), value in zip(pairs, change.round(STAKE_DIGITS).tolist(), strict=True):

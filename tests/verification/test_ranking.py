@@ -306,6 +306,18 @@ def test_two_equal_hypotheses_are_simulated_until_the_error_of_half_is_small(
         assert search.rounds[h] == pytest.approx(rounds, abs=1.0)
 
 
+def test_an_evidence_that_still_moves_is_simulated_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two equal hypotheses the one whose evidence moved by 3 nats keeps that as its error."""
+    still, moving = ("a",), ("b",)
+    search = fake_search(monkeypatch, {still: 0.0, moving: 0.0}, gain=0.0)
+    search.rounds = {still: 4, moving: 4}
+    search.moves = {still: [3.0, 0.1, 0.1], moving: [0.1, 3.0, 0.1]}
+    assert search.reducible_error(moving) == 3.0
+    expected = USUAL.emulated_nats * 5.0**-USUAL.emulated_decay
+    assert search.reducible_error(still) == pytest.approx(expected)
+    assert simulated_by(search)[0] == moving
+
+
 def test_prospects_are_sought_where_two_parameters_act_on_the_shift(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
