@@ -22,7 +22,8 @@ import numpy as np
 from PIL import Image
 
 import dogshape as ds
-from dogshape.app import open_live_page, start_server
+from dogshape.app.live_page import open_live_page
+from dogshape.app.server import start_server
 from tests.browser import WITH_WEBGL, Chromium
 
 #: The shift of the moving picture, with the prototype of the study.

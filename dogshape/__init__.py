@@ -16,7 +16,7 @@ from dogshape.argument_types import check_types
 # Public names. Modules are loaded when asked for: simulation, search and pages take seconds, which
 # a quick answer does not need.
 if TYPE_CHECKING:
-    from dogshape.app import serve_app as serve_app
+    from dogshape.app.server import serve_app as serve_app
     from dogshape.bench.bench_draft import BenchDraft as BenchDraft
     from dogshape.bench.decoding import TableLimits as TableLimits
     from dogshape.bench_comparison import Comparison as Comparison

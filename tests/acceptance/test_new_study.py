@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from dogshape.app import NewStudy, start_server
+from dogshape.app.questions_page import NewStudy
+from dogshape.app.server import start_server
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.drafts.questionnaire import read_questionnaire
 from tests.conftest import Call

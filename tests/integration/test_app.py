@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.app import LivePage, build_app, open_live_page, start_server
+from dogshape.app.live_callbacks import build_app
+from dogshape.app.live_page import LivePage, open_live_page
+from dogshape.app.server import start_server
 from tests.browser import FAULTS, Chromium
 from tests.conftest import Call, set_options
 from tests.server import command_of, start_command

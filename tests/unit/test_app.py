@@ -10,15 +10,8 @@ from xml.etree import ElementTree
 import pytest
 
 import dogshape as ds
-from dogshape.app import (
-    FILES,
-    LivePage,
-    Question,
-    answer_at_once,
-    build_app,
-    link_files,
-    open_live_page,
-)
+from dogshape.app.live_callbacks import answer_at_once, build_app, link_files
+from dogshape.app.live_page import FILES, LivePage, Question, open_live_page
 from dogshape.pipeline.config.study_file import bundled_studies, load_study, replace_keys
 from dogshape.pipeline.export.drawing import open_section_svg
 from dogshape.pipeline.store.folder import StudyFolder
@@ -102,7 +95,7 @@ def test_the_verb_takes_the_folder_of_a_search(
 ) -> None:
     seen: dict[str, Any] = {}
     monkeypatch.setattr(
-        "dogshape.app.serve_app", lambda study, **how: seen.update(how, study=study)
+        "dogshape.app.server.serve_app", lambda study, **how: seen.update(how, study=study)
     )
     (tmp_path / "mine").mkdir()
     StudyFolder(tmp_path / "mine").open(PAPER, resume=False)

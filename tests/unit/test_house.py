@@ -62,9 +62,9 @@ GUARDED = {
     "skfem": ("validation/finite_elements/root_stress.py",),
     "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
-    "dash": ("dogshape/app.py", "dogshape/app_page.py", "dogshape/app_questions.py"),
-    "flask": ("dogshape/app.py",),
-    "werkzeug": ("dogshape/app.py",),
+    "dash": ("dogshape/app/",),
+    "flask": ("dogshape/app/live_callbacks.py",),
+    "werkzeug": ("dogshape/app/server.py",),
 }
 #: What takes so long to load that the help must do without it, and ``check`` without most of it.
 SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "jinja2", "dash",

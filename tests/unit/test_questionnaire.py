@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 import pytest
 
 import dogshape as ds
-from dogshape.app import FOLDER_NAME
-from dogshape.app_page import layout
-from dogshape.app_questions import SYMBOLS, command_text, part_fields, state_text
+from dogshape.app.live_content import layout
+from dogshape.app.questions_content import SYMBOLS, command_text, part_fields, state_text
+from dogshape.app.questions_page import FOLDER_NAME
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.drafts.draft_keys import PARTS
 from dogshape.pipeline.drafts.questionnaire import assign_sentences, read_questionnaire

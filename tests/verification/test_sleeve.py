@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import dogshape as ds
-from dogshape.app import open_live_page
+from dogshape.app.live_page import open_live_page
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.reports.data_sheet import provenance_of

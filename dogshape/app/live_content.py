@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from dash import dcc, html
 
+from dogshape.app.page import Children
 from dogshape.check import Check, Checked, hinge_lines
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Figure, percent
@@ -18,7 +19,6 @@ from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.model import Expected
 
-Children = list[Any]
 SHOWN_HINGES = 3  #: decisive assumptions on the card of the margins
 SLIDER_STEPS = 400
 DEFAULT_REACH = 0.2  #: of a slider on either side, over the value, where the study has no range

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from dash import dcc, html
 
-from dogshape.app_page import Children
+from dogshape.app.page import Children
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.drafts.answers import shown_value
 from dogshape.pipeline.drafts.draft_keys import (

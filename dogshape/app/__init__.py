@@ -1,0 +1,1 @@
+"""Pages of ``dogshape app``: questions of a new study, live page of a study, and their server."""

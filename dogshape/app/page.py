@@ -1,0 +1,29 @@
+"""What both pages share: application, look and types of the exchanged values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from typing import Any
+
+from dash import Dash
+
+HOST = "127.0.0.1"
+TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
+Texts = Mapping[str, str]  #: content of the fields by key
+Json = dict[str, Any]  #: value that page and server exchange
+Answer = dict[str, Any]  #: content of the page by place, ``component.property``
+Children = list[Any]  #: content of a component
+
+
+def new_page(title: str) -> Dash:
+    """Build an application without content that answers to names of this machine alone."""
+    app = Dash(
+        __name__,
+        title=title,
+        update_title="",
+        assets_folder=str(TEMPLATES),
+        assets_ignore=r"^(?!report(_app)?\.css$)",
+    )
+    app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
+    return app
