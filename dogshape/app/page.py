@@ -16,11 +16,15 @@ Answer = dict[str, Any]  #: content of the page by place, ``component.property``
 Children = list[Any]  #: content of a component
 
 
-def new_page(title: str) -> Dash:
-    """Build an application without content that answers to names of this machine alone."""
+def new_page(title: str, path: str = "/") -> Dash:
+    """Build an application without content that answers to names of this machine alone.
+
+    ``path`` is that of its addresses.
+    """
     app = Dash(
         __name__,
         title=title,
+        url_base_pathname=path,
         update_title="",
         assets_folder=str(TEMPLATES),
         assets_ignore=r"^(?!report(_app)?\.css$)",

@@ -126,6 +126,15 @@ def row_class(questionnaire: Questionnaire, key: str) -> str:
     return "number answer wrong" if key in questionnaire.faults else "number answer"
 
 
+def written_note(folder: str) -> Children:
+    """Lead to the live page of the study that this server has written already."""
+    return [
+        f"this server has written the study '{folder}', and here is ",
+        html.A("its live page", href="/"),
+        "; begin another study with 'dogshape app' in a terminal",
+    ]
+
+
 def state_text(questionnaire: Questionnaire) -> str:
     """Count wrong answers, or the values of user and kind."""
     if questionnaire.faults:

@@ -6,10 +6,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from threading import Lock
 from typing import Any, cast
 
 from dash import ALL, Dash, Input, Output, State, ctx, no_update
 from dash.exceptions import PreventUpdate
+from flask import redirect, request
 
 from dogshape.app import questions_content
 from dogshape.app.live_callbacks import build_app
@@ -32,21 +34,31 @@ SUMMARY_PLACES = (
     ("dogs", "src"),
     ("dogs", "className"),
 )
+PATH = "/questions/"  #: of the questions' addresses; the live page that follows has the others
 FOLDER_NAME = re.compile(r"\w[\w.-]{0,99}")  #: also a name of a study
 
 
 class NewStudy:
-    """WSGI application that asks for a new study, writes its folder and becomes its live page."""
+    """WSGI application that asks for a new study, writes its folder and becomes its live page.
+
+    Open tabs of the questions are answered for as long as the server runs. ``folder`` is the
+    written one, empty before.
+    """
 
     def __init__(self, surrogate: str | Path | None = None) -> None:
         self.surrogate = surrogate
         self.kinds = rings_by_kind()
+        self.folder = ""
+        self.lock = Lock()  #: held while the study is written
         self._unanswered: dict[str, Questionnaire] = {}
-        self.page = build_questions(self).server
+        self._questions = build_questions(self).server
+        self._live_page = self._questions
 
     def __call__(self, environ: Any, start_response: Any) -> Any:
         """Answer a request by the questions, or by the live page of the written study."""
-        return self.page(environ, start_response)
+        is_question = environ.get("PATH_INFO", "").startswith(PATH)
+        page = self._questions if is_question else self._live_page
+        return page(environ, start_response)
 
     def read(self, origin: str, texts: Texts) -> Questionnaire:
         """Read all answers to the questions of a bundled kind of clutch."""
@@ -75,7 +87,8 @@ class NewStudy:
         written = write_study(folder, questionnaire.origin, questionnaire.values)
         study = Study(folder)
         live_page = open_live_page(study, self.surrogate, command=name)
-        self.page = build_app(replace(live_page, remarks=_remarks(written))).server
+        self._live_page = build_app(replace(live_page, remarks=_remarks(written))).server
+        self.folder = name
 
 
 def _remarks(written: WrittenStudy) -> list[str]:
@@ -87,7 +100,7 @@ def _remarks(written: WrittenStudy) -> list[str]:
 
 def build_questions(new_study: NewStudy) -> Dash:
     """Build the page that asks for a new study."""
-    app = new_page("New study")
+    app = new_page("New study", PATH)
     sketch = (TEMPLATES / "symbols.svg").read_text(encoding="utf-8")
     first = new_study.read_kind(COMMENTED)
     app.layout = questions_content.layout(new_study.kinds, first, sketch)
@@ -129,18 +142,29 @@ def build_questions(new_study: NewStudy) -> Dash:
         State({"answer": ALL}, "value"),
         prevent_initial_call=True,
     )
-    def write(_: int, origin: str, folder: str | None, __: Any) -> tuple[str, str]:
+    def write(_: int, origin: str, folder: str | None, __: Any) -> tuple[str, Any]:
         questionnaire = new_study.read(origin, _answer_texts(ctx.states_list[2]))
-        if not questionnaire.is_valid:
-            raise PreventUpdate
-        try:
-            new_study.write(questionnaire, folder or "")
-        except DogshapeError as error:
-            return "", str(error)
+        with new_study.lock:
+            if new_study.folder:
+                return "", questions_content.written_note(new_study.folder)
+            if not questionnaire.is_valid:
+                raise PreventUpdate
+            try:
+                new_study.write(questionnaire, folder or "")
+            except DogshapeError as error:
+                return "", str(error)
         return folder or "", ""
 
-    reload = "name => { if (name) location.reload(); }"
-    cast(Any, app).clientside_callback(reload, Input("written", "data"))
+    follow = "name => { if (name) location.assign('/'); }"
+    cast(Any, app).clientside_callback(follow, Input("written", "data"))
+
+    def redirect_page() -> Any:
+        """Lead the address of the server to the questions, and later theirs to the live page."""
+        if request.path == "/":
+            return redirect(PATH)
+        return redirect("/") if new_study.folder and request.path == PATH else None
+
+    app.server.before_request(redirect_page)
     return app
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from dogshape.app.questions_page import NewStudy
+from dogshape.app.questions_page import PATH, NewStudy
 from dogshape.app.server import start_server
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.drafts.questionnaire import read_questionnaire
@@ -73,7 +73,7 @@ def _call(
     trigger = "write" if write else "kind"
     callback = next(
         callback
-        for callback in _get(f"{address}/_dash-dependencies")
+        for callback in _get(f"{address}{PATH}_dash-dependencies")
         if callback["inputs"][0]["id"] == trigger
     )
     places = _places(texts, shown, folder)
@@ -87,7 +87,7 @@ def _call(
         "state": places if write else [],
         "changedPropIds": ["write.n_clicks" if write else "kind.value"],
     }
-    changes: dict[str, Any] = _send(f"{address}/_dash-update-component", body)["response"]
+    changes: dict[str, Any] = _send(f"{address}{PATH}_dash-update-component", body)["response"]
     return changes
 
 
@@ -101,7 +101,8 @@ def _output(place: str, answers: list[dict[str, Any]]) -> Any:
 
 
 def test_a_data_sheet_becomes_a_study_and_its_live_page(address: str, dogshape: Call) -> None:
-    assert "symbols" in json.dumps(_get(f"{address}/_dash-layout")).lower()
+    assert _address(address) == f"{address}{PATH}"
+    assert "symbols" in json.dumps(_get(f"{address}{PATH}_dash-layout")).lower()
     # Another kind has other questions.
     changes = _call(address, {}, folder="mine", write=False, shown="mq200")
     assert "manufacturing.rim_mm" in json.dumps(changes["questions"]["children"])
@@ -129,6 +130,27 @@ def test_a_data_sheet_becomes_a_study_and_its_live_page(address: str, dogshape: 
     assert "mine/study.toml is written from the study 'amt'" in page
 
 
+def test_an_open_tab_of_the_questions_leads_to_the_written_study(address: str) -> None:
+    """Its answers are still read, and its button writes no second study."""
+    assert _call(address, TEXTS, folder="mine", write=True)["written"]["data"] == "mine"
+    for texts in (TEXTS, TEXTS | {"dog.count": "0"}):
+        changes = _call(address, texts, folder="second", write=True)
+        assert changes["written"]["data"] == ""
+        note = json.dumps(changes["folder-fault"]["children"])
+        assert "this server has written the study 'mine'" in note
+        assert '"href": "/"' in note
+    changes = _call(address, TEXTS | {"dog.count": "0"}, folder="second", write=False)
+    assert changes["state"]["children"] == "1 answer is wrong"
+    assert not Path("second").exists()
+    assert _address(f"{address}{PATH}") == f"{address}/"
+
+
+def _address(url: str) -> str:
+    """Follow an address to that of its page."""
+    with urllib.request.urlopen(url, timeout=300) as answer:
+        return str(answer.url)
+
+
 def _status(request: urllib.request.Request) -> int:
     try:
         with urllib.request.urlopen(request, timeout=300) as answer:
@@ -142,7 +164,7 @@ def _status(request: urllib.request.Request) -> int:
 def test_a_page_elsewhere_writes_nothing(address: str) -> None:
     """Its forms are no JSON, and its name is not that of this machine."""
     body = json.dumps({"output": "x", "inputs": [], "changedPropIds": []}).encode()
-    url = f"{address}/_dash-update-component"
+    url = f"{address}{PATH}_dash-update-component"
     for kind in ("text/plain", "application/x-www-form-urlencoded"):
         assert _status(urllib.request.Request(url, body, {"Content-Type": kind})) == 415
     hosts = {"elsewhere.example": 400, "127.0.0.1": 200}

@@ -63,7 +63,7 @@ GUARDED = {
     "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
     "dash": ("dogshape/app/",),
-    "flask": ("dogshape/app/live_callbacks.py",),
+    "flask": ("dogshape/app/live_callbacks.py", "dogshape/app/questions_page.py"),
     "werkzeug": ("dogshape/app/server.py",),
 }
 #: What takes so long to load that the help must do without it, and ``check`` without most of it.
