@@ -82,6 +82,7 @@ class Setup:
     uncertainty: Uncertainty | None = None  #: None if just the relative angle is uncertain
     #: searched keys of the operation of one design (``with_operation``); empty for the study's own
     operation: Mapping[str, float] = field(default_factory=dict)
+    path: Path | None = None  #: file that the study, before its settings, was read from
 
     @property
     def name(self) -> str:
@@ -284,7 +285,7 @@ def load_study(where: str | Path, overrides: Settings = None) -> Setup:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
     settings = settings_of(overrides)
     source = f"{path} with {argument('settings')}" if settings else str(path)
-    return _build_with_settings(data, settings, source)
+    return replace(_build_with_settings(data, settings, source), path=path)
 
 
 def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
@@ -293,7 +294,8 @@ def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
     Raises InputError as ``load_study``.
     """
     data = study.file.model_dump(exclude_none=True)
-    return _build_with_settings(data, settings, f"the study {study.name}")
+    changed_study = _build_with_settings(data, settings, f"the study {study.name}")
+    return replace(changed_study, path=study.path)
 
 
 #: Largest share of the sliding side's inertia that a ring has where the side shrinks (judged).
