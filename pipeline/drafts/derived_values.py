@@ -128,10 +128,16 @@ class _Change:
         return bool(self.before(key) != self.after(key))
 
 
-def derive_values(text: str, values: Mapping[str, Any]) -> tuple[Data, list[str]]:
+Rule = Callable[[_Change, Data], None]  #: updates the derived values of a change
+
+
+def derive_values(
+    text: str, values: Mapping[str, Any], rules: Sequence[Rule] | None = None
+) -> tuple[Data, list[str]]:
     """Derive the values that follow from the given ones; None removes a key. Return notes too.
 
-    Given values stay. Nothing follows from invalid values, which the study refuses.
+    Given values stay. Nothing follows from invalid values, which the study refuses. ``rules`` are
+    by default all.
     """
     tables = tomllib.loads(with_values(text, values))
     before = partial(value_at, tomllib.loads(text))
@@ -142,7 +148,7 @@ def derive_values(text: str, values: Mapping[str, Any]) -> tuple[Data, list[str]
     if not _has_valid_numbers(change):
         return {}, []
     derived: Data = {}
-    for rule in RULES:
+    for rule in RULES if rules is None else rules:
         rule(change, derived)
     derived = {
         key: value
@@ -367,7 +373,7 @@ def _limit_height(change: _Change, derived: Data) -> None:
 
 
 #: Rules that derive values from a change, in this order; each updates the derived values.
-RULES: tuple[Callable[[_Change, Data], None], ...] = (
+RULES: tuple[Rule, ...] = (
     _scale_height,
     _remove_bound_values,
     _set_simulated_strike,
@@ -380,3 +386,5 @@ RULES: tuple[Callable[[_Change, Data], None], ...] = (
     _widen_ranges,
     _limit_height,
 )
+#: Rules of another actuator for the same clutch.
+ACTUATOR_RULES: tuple[Rule, ...] = (_complete_actuator, _limit_forces, _limit_height)

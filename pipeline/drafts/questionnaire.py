@@ -1,13 +1,16 @@
-"""Questions of a new study, answered all at once: a text by key, each with its fault.
+"""Answers on a study, all at once: a text by key, each with its fault.
 
-Questions, reading of the answers and checks are those of the dialogue of a terminal.
+Reading of the answers, checks and the questions of a new study are those of the dialogue of a
+terminal.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.diagnose.study_keys import Data
@@ -26,18 +29,16 @@ _PLACE = re.compile(r"\Athe (?:study \S+|draft): ")
 
 
 @dataclass(frozen=True)
-class Questionnaire:
-    """Questions of a new study with its answers; mappings by dotted key, in order of the questions.
+class Answers:
+    """Answers on a study, read and checked; mappings by dotted key, in order of the page.
 
-    A question without a readable answer has its default.
+    A key without a readable answer has its default.
     """
 
-    origin: str  #: kind, study or bench that the study begins from
     defaults: Data
-    questions: dict[str, str]
     answers: Data
     faults: dict[str, str]  #: sentences on wrong answers
-    refusal: str  #: sentences on mistakes that concern no question alone; empty without one
+    refusal: str  #: sentences on mistakes that concern no key alone; empty without one
     study: Setup | None  #: of the answers; None if they make none
 
     @property
@@ -49,6 +50,14 @@ class Questionnaire:
     def values(self) -> Data:
         """Values of the user by dotted key."""
         return user_values({}, self.answers, self.defaults)
+
+
+@dataclass(frozen=True)
+class Questionnaire(Answers):
+    """Questions of a new study with its answers."""
+
+    origin: str  #: kind, study or bench that the study begins from
+    questions: dict[str, str]
 
 
 def read_questionnaire(origin: str, texts: Mapping[str, str]) -> Questionnaire:
@@ -69,24 +78,37 @@ def read_questionnaire(origin: str, texts: Mapping[str, str]) -> Questionnaire:
                 continue
             defaults[key] = default
             questions[key] = part_questions[key]
-            answers[key] = default
-            text = texts.get(key, "").strip()
-            if not text:
-                continue
-            try:
-                answers[key] = value_of(key, text, default=default, answers=answers)
-            except InputError as error:
-                faults[key] = str(error)
-    study, study_faults, refusal = _check_study(origin, answers, defaults, faults)
+            read_answer(key, texts.get(key, ""), default, answers=answers, faults=faults)
+    study, study_faults, refusal = check_answers(
+        partial(draft_study, origin), answers, defaults, answer_faults=faults
+    )
     return Questionnaire(
-        origin,
         defaults=defaults,
-        questions=questions,
         answers=answers,
         faults=study_faults,
         refusal=refusal,
         study=study,
+        origin=origin,
+        questions=questions,
     )
+
+
+def read_answer(
+    key: str, text: str, default: Any, *, answers: Data, faults: dict[str, str], example: Any = None
+) -> None:
+    """Add an answer to ``answers``, or its default and the reason to ``faults``.
+
+    An empty text takes the default. ``example`` is a value of the type of the answers, for a key
+    whose default is None.
+    """
+    answers[key] = default
+    if not text.strip():
+        return
+    typical_value = example if default is None else default
+    try:
+        answers[key] = value_of(key, text.strip(), default=typical_value, answers=answers)
+    except InputError as error:
+        faults[key] = str(error)
 
 
 def _part_questions(
@@ -99,13 +121,17 @@ def _part_questions(
         return questions_of(origin, {}, part)
 
 
-def _check_study(
-    origin: str, answers: Data, defaults: Data, answer_faults: Mapping[str, str]
+def check_answers(
+    build: Callable[[Data], Setup],
+    answers: Data,
+    defaults: Data,
+    answer_faults: Mapping[str, str],
 ) -> tuple[Setup | None, dict[str, str], str]:
     """Build the study; add its mistakes to ``answer_faults``, and join those without a key.
 
-    A study refuses its mistakes in groups, so it is built again with defaults for wrong answers;
-    sentences on these defaults are left out.
+    ``build`` makes the study of the values of a user, or raises DogshapeError. A study refuses its
+    mistakes in groups, so it is built again with defaults for wrong answers; sentences on these
+    defaults are left out.
     """
     faults = dict(answer_faults)
     replaced_keys = set(faults)
@@ -113,7 +139,7 @@ def _check_study(
         checked = {key: defaults[key] if key in replaced_keys else answers[key] for key in answers}
         values = user_values({}, checked, defaults)
         try:
-            study = draft_study(origin, values)
+            study = build(values)
         except DogshapeError as error:
             sentences, refusal = assign_sentences(str(error), answers)
             for sentence, keys in sentences.items():

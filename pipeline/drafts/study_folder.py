@@ -253,12 +253,7 @@ def questions_of(
     look_up = partial(value_at, tomllib.loads(text))
     sources = sources_of(text)
     defaults = {key: look_up(key) for key in WORDS}
-    actuator = draft_actuator(look_up, {})
-    full_force = None if actuator is None else actuator.full_force
-    points = validate(OperatingSection, look_up("operating"), "[operating]").rows(full_force)
-    for key, column in zip(OPERATION, zip(*points, strict=True), strict=False):
-        if not isinstance(defaults[key], list):
-            defaults[key] = sorted(set(column))
+    defaults |= operating_lists(look_up)
     for key, value, reason in (*_defaults(look_up), *_default_answers(look_up)):
         if defaults[key] is None:
             defaults[key] = value
@@ -275,6 +270,18 @@ def questions_of(
         words = WORDS[key]
         questions[key] = f"{words} ({sources[key]})" if sources.get(key) else words
     return answers, questions
+
+
+def operating_lists(look_up: LookUp) -> Data:
+    """Return mismatches and forces of the operating points by key: lists, also of other points."""
+    actuator = draft_actuator(look_up, {})
+    full_force = None if actuator is None else actuator.full_force
+    points = validate(OperatingSection, look_up("operating"), "[operating]").rows(full_force)
+    lists: Data = {}
+    for key, column in zip(OPERATION, zip(*points, strict=True), strict=False):
+        value = look_up(key)
+        lists[key] = value if isinstance(value, list) else sorted(set(column))
+    return lists
 
 
 def _is_answer(value: Any) -> bool:
