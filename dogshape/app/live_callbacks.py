@@ -2,23 +2,51 @@
 
 from __future__ import annotations
 
-import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import quote, urlencode
 
-from dash import ALL, MATCH, Dash, Input, Output, State, ctx, html, no_update, set_props
+from dash import ALL, MATCH, Dash, Input, Output, State, ctx, html, no_update
 from dash.exceptions import PreventUpdate
 from flask import Response, request
 
 from dogshape.app import live_content
-from dogshape.app.live_page import FILES, LivePage, Question, point_of
+from dogshape.app.live_content import Side
+from dogshape.app.live_page import FILES, LiveDesign, LivePage, Question
 from dogshape.app.page import Answer, Json, new_page
-from dogshape.bench.texts import is_plain
+from dogshape.pipeline.drafts.questionnaire import Answers
 from dogshape.pipeline.export.drawing import open_section_svg
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.sim.errors import DogshapeError
+
+#: Places of the page that a simulation of the own dog changes, of the design, and each field.
+OWN_PLACES = ("beside.children", "checks.children")
+SIMULATED_PLACES = (
+    *OWN_PLACES,
+    "headline.children",
+    "simulated.children",
+    "simulate.hidden",
+    "margins.children",
+    "margins.className",
+    "verdict.children",
+    "simulated-design.data",
+)
+PLACES = (
+    *SIMULATED_PLACES,
+    "answer.className",
+    "refused.children",
+    "predicted.children",
+    "cautions.children",
+    "section.src",
+    "curve.figure",
+    "curve-box.hidden",
+    "curve-note.children",
+)
+LINK_PLACES = ("files.children", "shift-link.children", "command.children")
+BEYOND_NOTE = "the time must be simulated; the checks hold without it"
+FIELDS = ("field", "text")  #: kinds of fields, with a slider and without
 
 
 def build_app(live_page: LivePage) -> Dash:
@@ -28,7 +56,11 @@ def build_app(live_page: LivePage) -> Dash:
     front = (
         None if live_page.result is None else front_figure(live_page.result, list(config.variables))
     )
-    app.layout = live_content.layout(config, live_page.numbers, front, live_page.remarks)
+
+    def layout() -> html.Div:
+        return live_content.layout(config, live_page.fields, front, live_page.remarks)
+
+    app.layout = layout
     _connect_fields(app, live_page)
     _connect_answers(app, live_page)
 
@@ -62,115 +94,279 @@ def _connect_fields(app: Dash, live_page: LivePage) -> None:
     def move_together(text: str, place: float) -> tuple[Any, Any]:
         if ctx.triggered_id["kind"] == "slider":
             return f"{place:.6g}", no_update
-        return no_update, float(text) if is_plain(text) else no_update
+        number = live_page.number_of(ctx.triggered_id["number"], text or "")
+        return no_update, no_update if number is None else number
 
     @app.callback(
-        Output({"number": ALL, "kind": "field"}, "value", allow_duplicate=True),
+        *(Output({"number": ALL, "kind": kind}, "value", allow_duplicate=True) for kind in FIELDS),
         Input("front", "clickData"),
         Input("back", "n_clicks"),
         prevent_initial_call=True,
     )
-    def take_design(click: Json | None, _: int) -> list[Any]:
-        marker = click["points"][0] if click and ctx.triggered_id == "front" else {}
-        shape = live_page.shape(str(marker.get("customdata")))
-        return [shape.get(output["id"]["number"], no_update) for output in ctx.outputs_list]
+    def take_design(click: Json | None, _: int) -> list[list[Any]]:
+        texts = live_page.start_texts()
+        if ctx.triggered_id == "front":
+            marker = click["points"][0] if click else {}
+            texts = live_page.shape(str(marker.get("customdata")))
+        return [
+            [texts.get(output["id"]["number"], no_update) for output in outputs]
+            for outputs in ctx.outputs_list
+        ]
+
+
+def _outputs(places: Sequence[str], *, again: bool = False) -> list[Output]:
+    """Declare places of the page as outputs; ``again`` if an earlier callback has them too.
+
+    Outputs, as Dash leaves out those of an answer that a later one has overtaken.
+    """
+    parts = [place.partition(".") for place in places]
+    return [Output(name, part, allow_duplicate=again) for name, _, part in parts]
+
+
+def _contents(places: Sequence[str], answer: Answer) -> list[Any]:
+    """List the contents of places; those without one stay."""
+    return [answer.get(place, no_update) for place in places]
 
 
 def _connect_answers(app: Dash, live_page: LivePage) -> None:
     """Predict at each change of a field, then simulate and link files."""
+    fields = {field.key: field for field in live_page.fields}
 
     @app.callback(
-        Output("asked", "data"),
-        Input({"number": ALL, "kind": "field"}, "value"),
+        *_outputs(("asked.data", "touched.data", *PLACES)),
+        Output({"row": ALL}, "className"),
+        Output({"fault": ALL}, "children"),
+        *(Output({"number": ALL, "kind": kind}, "placeholder") for kind in FIELDS),
+        *(Input({"number": ALL, "kind": kind}, "value") for kind in FIELDS),
         Input("where", "value"),
         State("asked", "data"),
+        State("touched", "data"),
     )
-    def predict(_: Any, where: str, previous: Json | None) -> Json | None:
-        fields = ctx.inputs_list[0]
-        texts = {field["id"]["number"]: str(field.get("value") or "") for field in fields}
-        question = Question(texts, where)
-        if question._asdict() == previous:
+    def predict(_: Any, __: Any, where: str, asked: Json | None, touched: str | None) -> list[Any]:
+        question = Question(_texts_of(ctx.inputs_list[:2]), where)
+        if question._asdict() == asked:
             raise PreventUpdate
-        faults, answer = answer_at_once(live_page, question)
-        for key, message in faults.items():
-            set_props({"fault": key}, {"children": message})
-        _show(answer)
-        return None if answer["answer.className"] else question._asdict()
+        touched = _touched_key(live_page, ctx.triggered_id, touched)
+        answers, answer = answer_at_once(live_page, question, touched)
+        *_, rows, faults, texts_beside_sliders, texts = ctx.outputs_list
+        is_answered = not answer["answer.className"]
+        return [
+            question._asdict() if is_answered else None,
+            touched,
+            *_contents(PLACES, answer),
+            [_row_look(fields[row["id"]["row"]], answers) for row in rows],
+            [answers.faults.get(fault["id"]["fault"], "") for fault in faults],
+            *(
+                [_placeholder(fields[text["id"]["number"]], answers) for text in group]
+                for group in (texts_beside_sliders, texts)
+            ),
+        ]
 
-    @app.callback(Input("asked", "data"), prevent_initial_call=True)
-    def simulate(question: Json | None) -> None:
-        if question:
-            _show(answer_by_simulation(live_page, Question(**question)))
-
-    @app.callback(Input("asked", "data"), Input("why", "value"), prevent_initial_call=True)
-    def link(question: Json | None, reason: str | None) -> None:
-        if question:
-            _show(link_files(live_page, Question(**question), reason))
-
-
-def _show(answer: Answer) -> None:
-    for place, content in answer.items():
-        name, _, part = place.partition(".")
-        set_props(name, {part: content})
-
-
-def answer_at_once(live_page: LivePage, question: Question) -> tuple[dict[str, str], Answer]:
-    """Predict a design without simulation.
-
-    Returns the error messages by the keys of the fields, and the content of the page; after a
-    refusal the content only marks the page as stale.
-    """
-    texts = question.texts
-    try:
-        check = live_page.predict(texts, question.where)
-        study = live_page.modify_study(texts)
-    except DogshapeError as error:
-        message = str(error).removeprefix(f"the study {live_page.study.name}: ")
-        faults = {key: message if key in message else "" for key in texts}
-        refusal = "" if any(faults.values()) else f"There is no such dog: {message}"
-        return faults, {"answer.className": "stale", "refused.children": refusal}
-    svg = open_section_svg(
-        study.config.clutch.pair,
-        live_page.study.config.clutch.pair,
-        is_sleeve=study.config.limits.sleeve is not None,
+    @app.callback(
+        *_outputs(SIMULATED_PLACES, again=True),
+        Input("asked", "data"),
+        Input("simulate", "n_clicks"),
+        running=[(Output("simulate", "children"), "simulating …", "simulate")],
+        prevent_initial_call=True,
     )
-    return dict.fromkeys(texts, ""), {
+    def simulate(question: Json | None, _: int) -> list[Any]:
+        if not question:
+            return _contents(SIMULATED_PLACES, {})
+        asked = Question(**question)
+        is_wanted = ctx.triggered_id == "simulate"
+        return _contents(SIMULATED_PLACES, answer_by_simulation(live_page, asked, is_wanted))
+
+    @app.callback(
+        *_outputs(OWN_PLACES, again=True),
+        Input("simulated-design", "data"),
+        prevent_initial_call=True,
+    )
+    def simulate_own_dog(question: Json | None) -> list[Any]:
+        if not question:
+            return _contents(OWN_PLACES, {})
+        return _contents(OWN_PLACES, answer_on_own_dog(live_page, Question(**question)))
+
+    @app.callback(
+        *_outputs(LINK_PLACES),
+        Input("asked", "data"),
+        Input("why", "value"),
+        prevent_initial_call=True,
+    )
+    def link(question: Json | None, reason: str | None) -> list[Any]:
+        if not question:
+            return _contents(LINK_PLACES, {})
+        return _contents(LINK_PLACES, link_files(live_page, Question(**question), reason))
+
+
+def _texts_of(groups: Sequence[Sequence[Json]]) -> dict[str, str]:
+    """Return the texts of fields by key."""
+    return {
+        field["id"]["number"]: str(field.get("value") or "") for group in groups for field in group
+    }
+
+
+def _touched_key(live_page: LivePage, triggered: Any, touched: str | None) -> str:
+    """Return the key of the slider that was moved last, at the start the first."""
+    sliders = [field.key for field in live_page.fields if field.ends is not None]
+    key = triggered["number"] if isinstance(triggered, Mapping) else None
+    return key if key in sliders else touched or sliders[0]
+
+
+def _row_look(field: Any, answers: Answers) -> str:
+    fault = answers.faults.get(field.key, "")
+    return live_content.field_look(field, fault, is_used=field.key in answers.defaults)
+
+
+def _placeholder(field: Any, answers: Answers) -> str:
+    return live_content.placeholder(answers.defaults.get(field.key))
+
+
+def answer_at_once(live_page: LivePage, question: Question, touched: str) -> tuple[Answers, Answer]:
+    """Predict a design without simulation, with its time over the slider of the key ``touched``.
+
+    Returns the answers of the fields, and the content of the page; after a refusal it has no
+    figures.
+    """
+    answers = live_page.read(question)
+    design = live_page.design(answers, question.where)
+    try:
+        if design is not None:
+            return answers, _predicted_content(live_page, question, design, touched)
+        refusal = answers.refusal and f"There is no such dog: {answers.refusal}"
+    except DogshapeError as error:
+        refusal = str(error)
+    if answers.faults:
+        labels = [field.label for field in live_page.fields if field.key in answers.faults]
+        refusal = f"Wrong: {', '.join(labels)}."
+    return answers, {
+        "answer.className": "stale",
+        "refused.children": refusal,
+        "simulated-design.data": None,
+        **live_content.no_answers(),
+    }
+
+
+def _predicted_content(
+    live_page: LivePage, question: Question, design: LiveDesign, touched: str
+) -> Answer:
+    """Compose the content of the page for a design before its simulation."""
+    config = design.study.config
+    svg = open_section_svg(
+        config.clutch.pair,
+        live_page.study.config.clutch.pair,
+        "own dog",
+        is_sleeve=config.limits.sleeve is not None,
+    )
+    side, own = _sides(live_page, question, design)
+    reason = live_page.prediction_refusal(design.study)
+    is_beyond = live_page.is_beyond_surrogate(design.study)
+    if is_beyond:
+        reason = f"{reason}; {BEYOND_NOTE}"
+    field = next(field for field in live_page.fields if field.key == touched)
+    curve = live_page.time_curve(design, touched)
+    return {
         "answer.className": "",
         "refused.children": "",
-        "predicted.children": live_content.predicted_card(
-            check, live_page.prediction_refusal(study)
-        ),
-        **live_content.verdict_content(check),
+        "predicted.children": live_content.predicted_card(side.predicted, reason),
+        "cautions.children": live_content.cautions(side.predicted),
         "section.src": f"data:image/svg+xml,{quote(svg)}",
-        "cautions.children": live_content.cautions(check),
-        "simulated.children": live_content.card("simulated shift time", "…"),
+        **live_content.curve_content(field, curve, side, own),
+        **_compared_content(live_page, side, own),
+        **_simulated_content(side, is_beyond=is_beyond),
+        "simulated-design.data": None,
     }
 
 
-def answer_by_simulation(live_page: LivePage, question: Question) -> Answer:
-    """Simulate a design; return the page's content for its time and checks, with landing."""
-    try:
-        check = live_page.modify_study(question.texts).check(**point_of(*question))
-    except DogshapeError as error:
-        return {"simulated.children": live_content.card("simulated shift time", "none", str(error))}
+def _sides(live_page: LivePage, question: Question, design: LiveDesign) -> tuple[Side, Side | None]:
+    """Return the answers so far on a design and on the own dog, None for the same dog."""
+    own_question = live_page.own_question(question)
+    own_design = live_page.design(live_page.read(own_question), question.where)
+    side = _side(live_page, question, design)
+    if own_design is None or own_design.key == design.key:
+        return side, None
+    return side, _side(live_page, own_question, own_design)
+
+
+def _side(live_page: LivePage, question: Question, design: LiveDesign) -> Side:
+    return Side(
+        live_page.read(question).answers, live_page.predict(design), live_page.simulated(design)
+    )
+
+
+def _compared_content(live_page: LivePage, side: Side, own: Side | None) -> Answer:
+    """Compose verdict and comparison of a design with the own dog."""
     return {
-        "simulated.children": live_content.simulated_card(check),
-        **live_content.verdict_content(check),
+        "headline.children": side.headline,
+        "beside.children": live_content.beside_table(live_page.fields, side, own),
+        "checks.children": live_content.check_table(side.check, None if own is None else own.check),
+        **live_content.verdict_content(side.check),
     }
+
+
+def _simulated_content(side: Side, *, is_beyond: bool) -> Answer:
+    """Compose the card of the simulated time, with its button where none follows by itself."""
+    if side.simulated is not None:
+        card = live_content.simulated_card(side.simulated)
+    else:
+        card = live_content.card(
+            live_content.SIMULATED, "not simulated" if is_beyond else live_content.RUNNING
+        )
+    return {
+        "simulated.children": card,
+        "simulate.hidden": not is_beyond or side.simulated is not None,
+    }
+
+
+def answer_by_simulation(live_page: LivePage, question: Question, is_wanted: bool) -> Answer:
+    """Simulate a design; return the page's content for its time and checks, with landing.
+
+    Beyond the surrogate nothing is simulated unless it ``is_wanted``.
+    """
+    design = live_page.design(live_page.read(question), question.where)
+    if design is None:
+        return {}
+    is_beyond = live_page.is_beyond_surrogate(design.study)
+    if is_beyond and not is_wanted and live_page.simulated(design) is None:
+        return {}
+    try:
+        live_page.simulate(design)
+        side, own = _sides(live_page, question, design)
+    except DogshapeError as error:
+        card = live_content.card(live_content.SIMULATED, "none", str(error))
+        return {"simulated.children": card}
+    return {
+        **_compared_content(live_page, side, own),
+        **_simulated_content(side, is_beyond=is_beyond),
+        "simulated-design.data": question._asdict(),
+    }
+
+
+def answer_on_own_dog(live_page: LivePage, question: Question) -> Answer:
+    """Simulate the own dog beside a simulated design; return the content of the comparison."""
+    design = live_page.design(live_page.read(question), question.where)
+    own_question = live_page.own_question(question)
+    own_design = live_page.design(live_page.read(own_question), question.where)
+    if design is None or own_design is None or own_design.key == design.key:
+        return {}
+    try:
+        live_page.simulate(own_design)
+        side, own = _sides(live_page, question, design)
+    except DogshapeError:
+        return {}
+    return _compared_content(live_page, side, own)
 
 
 def link_files(live_page: LivePage, question: Question, reason: str | None) -> Answer:
     """Link the files of a design, and compose the command that checks it."""
-    texts = question.texts
-    query = urlencode({**texts, "why": reason or ""})
-    links = [
-        html.A(label, href=f"/file/{name}?{query}", target="_blank")
-        for name, (_, label) in FILES.items()
-    ]
+    query = urlencode({**question.texts, "where": question.where, "why": reason or ""})
+    links = []
+    for name, (_, label) in FILES.items():
+        address = f"/file/{name}?{query}"
+        if name == "study.toml":
+            links.append(html.A(label, href=address, download=f"{live_page.study.name}.toml"))
+        else:
+            links.append(html.A(label, href=address, target="_blank"))
     *files, shift = links
-    command = f"dogshape check {live_page.command}"
-    for change in live_page.changes(texts):
-        command += f" --set {shlex.quote(change)}"
-    for key, value in point_of(*question).items():
-        command += f" --{key.replace('_', '-')} {value:.12g}"
+    words = ["dogshape", "check"]
+    command = " ".join([*words, live_page.command, *live_page.check_words(question)])
     return {"files.children": files, "shift-link.children": [shift], "command.children": command}

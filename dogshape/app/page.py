@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-from dash import Dash
+from dash import Dash, dcc
 
 HOST = "127.0.0.1"
 TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
@@ -31,3 +31,19 @@ def new_page(title: str, path: str = "/") -> Dash:
     )
     app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
     return app
+
+
+def answer_field(
+    field_id: Json, text: str, default: str, *, choices: Sequence[str] = (), debounce: Any = True
+) -> Any:
+    """Lay out a field for an answer: its text, and in grey the ``default`` of an empty one."""
+    if choices:
+        return dcc.Dropdown(
+            [*choices], text or None, id=field_id, placeholder=default, searchable=False
+        )
+    return dcc.Input(text, "text", id=field_id, placeholder=default, debounce=debounce)
+
+
+def row_look(look: str, fault: str) -> str:
+    """Return the look of a row: marked if its answer is wrong."""
+    return f"{look} wrong" if fault else look

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from dash import dcc, html
 
-from dogshape.app.page import Children
+from dogshape.app.page import Children, answer_field, row_look
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.drafts.answers import shown_value
 from dogshape.pipeline.drafts.draft_keys import (
@@ -101,14 +101,7 @@ def part_fields(questionnaire: Questionnaire, texts: Mapping[str, str]) -> Child
 def _field(questionnaire: Questionnaire, key: str, text: str) -> html.Div:
     """Lay out a question: symbol, words, field with the default in grey, and room for a fault."""
     default = shown_value(questionnaire.defaults[key])
-    field_id = {"answer": key}
-    field: Any
-    if key in CHOICES:
-        field = dcc.Dropdown(
-            [*CHOICES[key]], text or None, id=field_id, placeholder=default, searchable=False
-        )
-    else:
-        field = dcc.Input(text, "text", id=field_id, placeholder=default, debounce=True)
+    field = answer_field({"answer": key}, text, default, choices=CHOICES.get(key, ()))
     return html.Div(
         [
             html.I(SYMBOLS.get(key, "")),
@@ -123,7 +116,7 @@ def _field(questionnaire: Questionnaire, key: str, text: str) -> html.Div:
 
 def row_class(questionnaire: Questionnaire, key: str) -> str:
     """Return the look of a question: wrong, or as others."""
-    return "number answer wrong" if key in questionnaire.faults else "number answer"
+    return row_look("number answer", questionnaire.faults.get(key, ""))
 
 
 def written_note(folder: str) -> Children:

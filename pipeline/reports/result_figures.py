@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from dogshape.pipeline.reports.charts import BLUE, GREY, INK, ORANGE, styled
+from dogshape.pipeline.reports.charts import BLUE, GREY, INK, MARKS, ORANGE, styled
 from dogshape.pipeline.reports.text import check_name
 from dogshape.surrogate.model import NORMAL_95
 
@@ -15,6 +15,8 @@ BAR_HEIGHT = 26  #: px, of a horizontal bar with its gap
 FRAME_HEIGHT = 130  #: px, of axes and margins around the bars
 FIGURE_HEIGHT = 420  #: px
 MAX_SHOWN_MARGIN = 300.0  #: %, at which the axis of margins is cut
+SLIDER_HEIGHT = 250  #: px, of the time over a slider
+SLIDER_MARK_SIZE = 13  #: px
 MAX_MARK_SIZE = 46.0  #: px, of the operating point with most planned shifts
 
 
@@ -166,3 +168,64 @@ def plan_figure(
     figure.update_xaxes(title="mismatch, 1/min")
     figure.update_yaxes(title="shift force, N")
     return styled(figure, FIGURE_HEIGHT)
+
+
+def slider_figure(
+    title: str,
+    values: Sequence[float],
+    times: Sequence[float],
+    *,
+    low: Sequence[float],
+    high: Sequence[float],
+    feasible: Sequence[bool],
+    marks: Mapping[str, tuple[float, float]],
+) -> go.Figure:
+    """Draw predicted times with their 95 % band, ms, over a variable of the ``title``.
+
+    The line is dashed where a check fails. ``marks`` are value and time of ``this design`` and
+    ``own dog``. ``times``, ``low`` and ``high`` are in s.
+    """
+    is_timed = ~np.isnan(times)
+    shown_values = np.array(values)[is_timed].tolist()
+    in_ms = 1e3 * np.array([times, low, high])[:, is_timed]
+    passing = np.array(feasible)[is_timed]
+    # A dash joins the neighbours on both sides.
+    failing = ~passing
+    failing[1:] |= ~passing[:-1]
+    failing[:-1] |= ~passing[1:]
+    figure = go.Figure()
+    figure.add_scatter(
+        x=[*shown_values, *reversed(shown_values)],
+        y=[*in_ms[2], *reversed(in_ms[1])],
+        fill="toself",
+        fillcolor="rgba(31, 95, 168, 0.16)",
+        line={"width": 0},
+        hoverinfo="skip",
+        showlegend=False,
+    )
+    for name, shown, dash in (("", passing, "solid"), ("a check fails", failing, "dot")):
+        figure.add_scatter(
+            x=shown_values,
+            y=np.where(shown, in_ms[0], np.nan),
+            mode="lines",
+            line={"color": BLUE, "width": 2, "dash": dash},
+            name=name,
+            showlegend=bool(name) and not passing.all(),
+            hovertemplate="%{x:.4g}: %{y:.1f} ms<extra></extra>",
+        )
+    looks = {"own dog": MARKS["prototype"], "this design": MARKS["chosen"]}
+    for name, (value, time) in marks.items():
+        figure.add_scatter(
+            x=[value],
+            y=[1e3 * time],
+            mode="markers",
+            name=name,
+            marker=looks[name] | {"size": SLIDER_MARK_SIZE},
+            hovertemplate="%{x:.4g}: %{y:.1f} ms<extra>" + name + "</extra>",
+        )
+    figure.update_xaxes(title=title)
+    figure.update_yaxes(title="predicted time, ms", automargin=True)
+    styled(figure, SLIDER_HEIGHT)
+    return figure.update_layout(
+        font={"size": 12}, margin={"l": 55, "r": 10, "t": 30, "b": 45}, dragmode=False
+    )
