@@ -93,17 +93,15 @@ def layout(
         html.P(id="headline", className="paper headline"),
     ]
     if remarks:
-        heading.append(html.Div(_folded(remarks)))
+        heading.append(_folded(remarks))
     stores = [dcc.Store(name) for name in ("asked", "touched", "simulated-design")]
     return html.Div([*heading, desk, *stores])
 
 
-def _folded(lines: Sequence[str]) -> Children:
+def _folded(lines: Sequence[str]) -> html.Details:
     """Show the first of some lines; the others open below it."""
     first, *others = lines
-    if not others:
-        return [html.P(first, className="note")]
-    return [html.Details([html.Summary(first), *map(html.P, others)], className="note")]
+    return html.Details([html.Summary(first), *map(html.P, others)], className="note")
 
 
 def _fields(config: Setup, fields: Sequence[Field]) -> html.Aside:
@@ -290,9 +288,11 @@ def cautions(check: Checked) -> Children:
         validation = check.guess.validation
         if not validation.useful:
             warnings.append(f"the surrogate has Q² {validation.q2:.2f} on designs outside its fit")
-    if len(warnings) > 1:
-        return _folded([f"{len(warnings)} cautions, the first: {warnings[0]}.", *warnings[1:]])
-    return _folded([f"Caution: {warning}." for warning in warnings]) if warnings else []
+    if not warnings:
+        return []
+    first, *others = [f"{warning}." for warning in warnings]
+    count = f"{len(warnings)} cautions, the first: " if others else "Caution: "
+    return [_folded([count + first, *others])]
 
 
 @dataclass(frozen=True)

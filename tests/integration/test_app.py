@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -56,45 +57,75 @@ def page(live_page: LivePage, tmp_path_factory: pytest.TempPathFactory) -> Itera
         server.server_close()
 
 
-#: Texts of designs: at all points, at one, with other frictions, and one that is refused.
-QUESTIONS: tuple[dict[str, str], ...] = (
-    {"dog.chamfer_deg": "11.25", "dog.count": "18"},
-    {"dog.height_mm": "3.1", "mismatch_rpm": "45", "force_N": "300"},
-    {"dog.traction_deg": "10", "load.friction_release": "0.13", "load.friction_hold": "0.02"},
-    {"contact.static_friction": "0.15"},
-    {"load.friction_hold": "0.5"},
+#: Texts of designs: at all points, at one, with other frictions, load, material, limits and
+#: actuator, and one that is refused; each with the settings of the command line.
+QUESTIONS: tuple[tuple[dict[str, str], list[str]], ...] = (
+    (
+        {"dog.chamfer_deg": "11,25 deg", "dog.count": "18"},
+        ["dog.chamfer_deg=11.25", "dog.count=18"],
+    ),
+    (
+        {"dog.height_mm": "3.1", "mismatch_rpm": "45", "force_N": "0.3 kN"},
+        ["dog.height_mm=3.1"],
+    ),
+    (
+        {"dog.traction_deg": "10", "load.friction_release": "0.13", "load.friction_hold": "0.02"},
+        ["dog.traction_deg=10.0", "load.friction_release=0.13", "load.friction_hold=0.02"],
+    ),
+    (
+        {"load.torque_Nm": "0,21 kN m", "material.set": "20MnCr5", "load.safety": "1,1"},
+        ["load.torque_Nm=210.0", "load.safety=1.1", 'material.set="20MnCr5"'],
+    ),
+    ({"contact.static_friction": "0.15"}, ["contact.static_friction=0.15"]),
+    (
+        {"actuation.kind": "spring", "actuation.preload_N": "350", "dog.chamfer_deg": "10"},
+        [
+            "dog.chamfer_deg=10.0",
+            'actuation.kind="spring"',
+            "actuation.preload_N=350.0",
+            "actuation.rate_N_mm=20.0",
+            "operating.force_N=[350.0]",
+        ],
+    ),
+    ({"load.friction_hold": "0.5"}, ["load.friction_hold=0.5"]),
 )
+ASKED_KEYS = {key for texts, _ in QUESTIONS for key in texts}
+#: Texts of a question whose physics are not those of the surrogate.
+BEYOND = ("contact.static_friction", "actuation.kind")
 
 
 def _ask(page: Chromium, live_page: LivePage, texts: dict[str, str]) -> None:
     """Put texts into the fields, the others at their start."""
     place = "one" if "force_N" in texts else "all"
     page.ask(f"dash_clientside.set_props('where', {{value: '{place}'}})")
-    for one in live_page.numbers:
-        name, text = f"{{number: '{one.key}', kind: 'field'}}", texts.get(one.key, one.text)
+    for field in live_page.fields:
+        if field.ends is None and field.key not in ASKED_KEYS:
+            continue
+        kind = "text" if field.ends is None else "field"
+        name = f"{{number: '{field.key}', kind: '{kind}'}}"
+        text = texts.get(field.key, field.text)
         page.ask(f"dash_clientside.set_props({name}, {{value: '{text}'}})")
 
 
-def _words(texts: dict[str, str]) -> list[str]:
-    """Write texts as options of the command line."""
-    words = [f"--set {key}={text}" for key, text in texts.items() if "." in key]
-    if "force_N" in texts:
-        words += [f"--mismatch-rpm {texts['mismatch_rpm']} --force-N {texts['force_N']}"]
-    return " ".join(words).split()
+def _options(texts: dict[str, str], settings: list[str]) -> list[str]:
+    """Write a question as options of the command line."""
+    place = ["--mismatch-rpm", "45", "--force-N", "300"] if "force_N" in texts else []
+    return [*set_options(settings), *place]
+
+
+def _exact(page: Chromium, selector: str) -> list[float]:
+    """Read a time with its interval in full; empty without one."""
+    text = page.ask(f"document.querySelector({selector!r})?.dataset.exact ?? ''")
+    return [float(word) for word in text.split()]
 
 
 def _seen(page: Chromium) -> dict[str, Any]:
     """Read times and margins of the page in full."""
-    times = {
-        name: [float(word) for word in (
-            page.ask(f"document.querySelector('#{name} b').dataset.exact ?? ''")
-        ).split()]
-        for name in ("predicted", "simulated")
-    }  # fmt: skip
     rows = page.ask(
         "[...document.querySelectorAll('[data-check]')]"
         ".map(row => [row.dataset.check, Number(row.dataset.margin)])"
     )
+    times = {name: _exact(page, f"#{name} b") for name in ("predicted", "simulated")}
     return {**times, "margins": dict(rows)}
 
 
@@ -106,26 +137,75 @@ def _times(record: dict[str, Any] | None) -> list[float]:
 def test_the_page_has_the_figures_of_the_command_line(
     page: Chromium, live_page: LivePage, dogshape: Call
 ) -> None:
+    """A time beyond the surrogate is that of the button, and the own dog stands beside it."""
     compared = 0
-    for texts in QUESTIONS:
-        asked = _words(texts)
-        said = dogshape("check", "mq200_paper", *OPTIONS, *asked, "--json")
+    for texts, settings in QUESTIONS:
+        options = _options(texts, settings)
+        said = dogshape("check", "mq200_paper", *OPTIONS, *options, "--json")
         _ask(page, live_page, texts)
         if said.status == 2:
             sentence = said.sentence.removeprefix("dogshape: ")
             page.wait(f"document.body.textContent.includes({sentence!r})")
+            assert page.ask("document.querySelectorAll('.number.wrong').length") == 2
+            assert _seen(page)["predicted"] == _seen(page)["simulated"] == []
             continue
-        command = f"dogshape check mq200_paper {' '.join(asked)}"
-        page.wait(f"document.querySelector('#command').textContent === {command!r}", 120)
-        page.wait(SIMULATED, 120)
+        words = shlex.join(["dogshape", "check", "mq200_paper", *options])
+        found = "document.querySelector('#command').textContent"
+        page.wait(f"{found}.split(' ').sort().join() === {sorted(words.split(' '))!r}.join()", 120)
+        if set(texts) & set(BEYOND):
+            page.wait("!document.querySelector('#simulate').hidden")
+            assert _seen(page)["predicted"] == _seen(page)["simulated"] == []
+            note = "document.querySelector('#predicted').textContent"
+            assert "must be simulated" in page.ask(note)
+            page.ask("document.querySelector('#simulate').click()")
+            page.wait("document.querySelector('#simulate').hidden", 120)
+        page.wait(f"{SIMULATED} && document.querySelector('#simulated b').dataset.exact", 120)
         seen, known = _seen(page), said.json
         assert seen["predicted"] == pytest.approx(_times(known["predicted"]), rel=1e-9)
         assert seen["simulated"] == pytest.approx(_times(known), rel=1e-9)
         margins = {check["name"]: check["margin"] for check in known["checks"]}
         assert seen["margins"] == pytest.approx(margins, rel=1e-9)
         compared += "edge_pressure_impact" in margins
-    assert compared == 4
+        _compare_own_dog(page, dogshape, texts, settings)
+    assert compared == 6
     assert page.ask("faults.join('; ')") == ""
+
+
+def _compare_own_dog(
+    page: Chromium, dogshape: Call, texts: dict[str, str], settings: list[str]
+) -> None:
+    """Compare the simulated time of the own dog with that of the command line."""
+    own_settings = [setting for setting in settings if not setting.startswith("dog.")]
+    row = "#beside tr.answer:nth-last-child(3) td"
+    if own_settings == settings:
+        assert page.ask(f"document.querySelectorAll({row!r}).length") == 2
+        return
+    page.wait(f"document.querySelector('{row}:nth-child(2)').dataset.exact", 120)
+    said = dogshape("check", "mq200_paper", *OPTIONS, *_options(texts, own_settings), "--json")
+    assert _exact(page, f"{row}:nth-child(2)") == pytest.approx(_times(said.json), rel=1e-9)
+
+
+def test_print_begins_with_the_answers(page: Chromium, live_page: LivePage) -> None:
+    """Headline, verdict, picture and numbers in this order; no sliders and no buttons."""
+    _ask(page, live_page, {"dog.chamfer_deg": "11"})
+    page.wait("document.querySelector('#command').textContent.endsWith('dog.chamfer_deg=11.0')")
+    page.wait("document.querySelector('#headline').textContent.includes('simulated')", 120)
+    page.call("Emulation.setEmulatedMedia", media="print")
+    try:
+        order = ["#headline", "#verdict", "#section", ".cards", "#beside", "#checks", "#command"]
+        tops = page.ask(
+            f"{order!r}.map(name => document.querySelector(name).getBoundingClientRect())"
+            ".filter(box => box.height > 0).map(box => box.top)"
+        )
+        assert len(tops) == len(order)
+        assert tops == sorted(tops)
+        hidden = ["aside", "button", ".dash-slider-root", "#front", "#files"]
+        heights = f"{hidden!r}.map(name => document.querySelector(name).offsetHeight ?? 0)"
+        assert page.ask(heights) == [0] * len(hidden)
+        assert page.ask("document.querySelector('#headline').textContent").startswith("Shift time ")
+    finally:
+        page.call("Emulation.setEmulatedMedia", media="")
+    assert page.print_pdf().startswith(b"%PDF")
 
 
 def test_fields_sliders_and_designs_move_together(page: Chromium, live_page: LivePage) -> None:
@@ -133,7 +213,7 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, live_page: Liv
     page.wait("document.querySelector('#command').textContent === 'dogshape check mq200_paper'")
     page.ask(f"{FIELD}.focus(); {FIELD}.select()")
     page.call("Input.insertText", text="abc")
-    page.wait("document.querySelector('.number p').textContent.startsWith('dog.chamfer_deg is')")
+    page.wait("document.querySelector('.number.wrong p').textContent === \"'abc' is no number\"")
     assert page.ask("document.querySelector('#answer').className") == "stale"
     thumb = "document.querySelector('.dash-slider-thumb')"
     box = f"{thumb}.getBoundingClientRect()"
@@ -159,10 +239,10 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, live_page: Liv
 
 def test_files_of_a_design_are_written(live_page: LivePage) -> None:
     client = build_app(live_page).server.test_client()
-    texts = {one.key: one.text for one in live_page.numbers} | {"dog.chamfer_deg": "11"}
+    texts = live_page.start_texts() | {"dog.chamfer_deg": "11"}
     for name, part in {
         "shift.html": b"<canvas", "dog.svg": b"chamfer \xce\xb1 11.00", "sheet.html": b"a reason",
-        "rings.step": b"ISO-10303-21",
+        "rings.step": b"ISO-10303-21", "study.toml": b"chamfer_deg = 11.0",
     }.items():  # fmt: skip
         found = client.get(f"/file/{name}", query_string=texts | {"why": "a reason"})
         assert found.status_code == 200, found.text
