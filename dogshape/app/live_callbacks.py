@@ -232,7 +232,7 @@ def answer_at_once(live_page: LivePage, question: Question, touched: str) -> tup
     try:
         if design is not None:
             return answers, _predicted_content(live_page, question, design, touched)
-        refusal = answers.refusal and f"There is no such dog: {answers.refusal}"
+        refusal = answers.refusal and f"There is no such clutch: {answers.refusal}"
     except DogshapeError as error:
         refusal = str(error)
     if answers.faults:
@@ -278,13 +278,21 @@ def _predicted_content(
 
 
 def _sides(live_page: LivePage, question: Question, design: LiveDesign) -> tuple[Side, Side | None]:
-    """Return the answers so far on a design and on the own dog, None for the same dog."""
-    own_question = live_page.own_question(question)
-    own_design = live_page.design(live_page.read(own_question), question.where)
+    """Return the answers so far on a design, and on the own dog unless it is the same or none."""
     side = _side(live_page, question, design)
+    own_question, own_design = _own_design(live_page, question)
     if own_design is None or own_design.key == design.key:
         return side, None
-    return side, _side(live_page, own_question, own_design)
+    try:
+        return side, _side(live_page, own_question, own_design)
+    except DogshapeError:
+        return side, None
+
+
+def _own_design(live_page: LivePage, question: Question) -> tuple[Question, LiveDesign | None]:
+    """Ask for the own dog under load and operation of the page; None if there is no such clutch."""
+    own_question = live_page.own_question(question)
+    return own_question, live_page.design(live_page.read(own_question), question.where)
 
 
 def _side(live_page: LivePage, question: Question, design: LiveDesign) -> Side:
@@ -344,8 +352,7 @@ def answer_by_simulation(live_page: LivePage, question: Question, is_wanted: boo
 def answer_on_own_dog(live_page: LivePage, question: Question) -> Answer:
     """Simulate the own dog beside a simulated design; return the content of the comparison."""
     design = live_page.design(live_page.read(question), question.where)
-    own_question = live_page.own_question(question)
-    own_design = live_page.design(live_page.read(own_question), question.where)
+    _, own_design = _own_design(live_page, question)
     if design is None or own_design is None or own_design.key == design.key:
         return {}
     try:

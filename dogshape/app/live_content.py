@@ -341,24 +341,36 @@ def state_words(check: Checked) -> str:
 
 
 def beside_table(fields: Sequence[Field], design: Side, own: Side | None) -> Children:
-    """Tabulate values, times and margins of the own dog and the design; ``own`` None: the same."""
-    sides = {"own dog": design} if own is None else {"own dog": own, "this design": design}
+    """Tabulate values, times and margins of own dog and design.
+
+    ``own`` is None where the design is the own dog, or where there is no such clutch.
+    """
+    is_own = all(design.values[field.key] == field.default for field in _dog_fields(fields))
+    sides = {"own dog" if is_own else "this design": design}
+    if own is not None:
+        sides = {"own dog": own, **sides}
     body = []
-    for field in fields:
-        if field.group == "dog":
-            values = [side.values[field.key] for side in sides.values()]
-            name = f"{field.label}, {field.unit}".removesuffix(", ")
-            look = "changed" if values[0] != values[-1] else ""
-            cells = [html.Td(minus(f"{value:.5g}")) for value in values]
-            body.append(html.Tr([html.Td(name), *cells], className=look))
+    for field in _dog_fields(fields):
+        values = [side.values[field.key] for side in sides.values()]
+        name = f"{field.label}, {field.unit}".removesuffix(", ")
+        look = "changed" if values[0] != values[-1] else ""
+        cells = [html.Td(minus(f"{value:.5g}")) for value in values]
+        body.append(html.Tr([html.Td(name), *cells], className=look))
     body += [_side_row(name, sides, cells) for name, cells in _answer_rows(sides)]
     head = html.Tr([html.Th(), *(html.Th(name) for name in sides)])
     table = html.Table([html.Thead(head), html.Tbody(body)])
-    note = "Own dog: that of the study, under the load, operation and actuator of this page."
+    note = "Own dog: that of the study, under the load, operation and actuator of this page"
+    note += "." if is_own or own is not None else ", with which there is no such clutch."
     changes = _other_changes(fields, design)
     if changes:
         note += f" Set on this page for both: {', '.join(changes)}."
-    return [html.H2("Beside the own dog"), table, html.P(note, className="note")]
+    title = "Own dog" if is_own else "Beside the own dog"
+    return [html.H2(title), table, html.P(note, className="note")]
+
+
+def _dog_fields(fields: Sequence[Field]) -> list[Field]:
+    """Select the dimensions of the dog."""
+    return [field for field in fields if field.group == "dog"]
 
 
 def _other_changes(fields: Sequence[Field], design: Side) -> list[str]:
@@ -405,7 +417,8 @@ def curve_content(
     if isinstance(curve, str):
         return {"curve-box.hidden": True, "curve-note.children": f"{field.label}: {curve}."}
     marks = {}
-    for name, side in (("own dog", own or design), ("this design", design)):
+    sides = {"this design": design} if own is None else {"own dog": own, "this design": design}
+    for name, side in sides.items():
         expected = predicted_time(side.predicted)
         if expected is not None:
             marks[name] = (side.values[field.key], expected.time)

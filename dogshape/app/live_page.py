@@ -104,7 +104,9 @@ class LivePage:
     surrogate: Path | None = None
     result: StudyRecord | None = None
     remarks: Sequence[str] = ()
-    _simulated: dict[tuple[object, ...], Check] = field(default_factory=dict, repr=False)
+    _simulated: dict[tuple[object, ...], Check] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @cached_property
     def text(self) -> str:
@@ -237,7 +239,7 @@ class LivePage:
         if design.key not in self._simulated:
             check = design.study.check(**design.place)
             while len(self._simulated) >= MAX_SIMULATED:
-                self._simulated.pop(next(iter(self._simulated)))
+                self._simulated.pop(next(iter(self._simulated)), None)
             self._simulated[design.key] = check
         return self._simulated[design.key]
 

@@ -121,7 +121,7 @@ def test_a_refusal_stands_at_its_field(
         live_page, _asked(live_page, dog__traction_deg="50", dog__height_mm="9")
     )
     assert not any(faults.values())
-    assert answer["refused.children"].startswith("There is no such dog: ")
+    assert answer["refused.children"].startswith("There is no such clutch: ")
     assert not _exact([answer["predicted.children"], answer["simulated.children"]])
 
 
@@ -269,6 +269,19 @@ def test_the_own_dog_stands_beside_the_design(live_page: LivePage) -> None:
     for check in own.design.checks:
         assert rows[check.name]["children"][-1].children == percent(check.margin)
     assert "own%20dog" in answer["section.src"]
+
+
+def test_an_own_dog_that_is_no_clutch_leaves_the_design_alone(live_page: LivePage) -> None:
+    """The stroke of this magnet ends before the prototype's travel."""
+    changes = {"actuation__kind": "solenoid", "actuation__stroke_mm": "4", "dog__height_mm": "2.5"}
+    question = _asked(live_page, **changes)
+    assert live_page.read(live_page.own_question(question)).study is None
+    faults, answer = _answer(live_page, question)
+    assert not faults
+    table = repr(answer["beside.children"])
+    assert "Th('this design')" in table
+    assert "Th('own dog')" not in table
+    assert "with which there is no such clutch" in table
 
 
 def test_the_curve_has_the_predicted_times_over_the_slider(live_page: LivePage) -> None:
