@@ -28,7 +28,7 @@ from dogshape.app.live_fields import (
 from dogshape.app.page import Json, Texts
 from dogshape.app.time_curve import TimeCurve, predict_curve, slider_values
 from dogshape.check import Check, Checked
-from dogshape.pipeline.config.operating import KIND
+from dogshape.pipeline.config.operating import KIND, replaced_keys
 from dogshape.pipeline.config.study_file import Place, Setup, points_of, replace_keys
 from dogshape.pipeline.config.toml_text import comment_lines, toml_value
 from dogshape.pipeline.diagnose.study_keys import Data
@@ -114,9 +114,14 @@ class LivePage:
         return study_text(self.study.config)
 
     @cached_property
+    def tables(self) -> Data:
+        """Tables of the study file."""
+        return tomllib.loads(self.text)
+
+    @cached_property
     def fields(self) -> list[Field]:
         """Fields of the page with their values at the start."""
-        return fields_of(self.study.config, tomllib.loads(self.text))
+        return fields_of(self.study.config, self.tables)
 
     @cached_property
     def searched_designs(self) -> dict[str, DesignRow]:
@@ -194,7 +199,8 @@ class LivePage:
             return settings
         derived, _ = derive_values(self.text, settings, ACTUATOR_RULES)
         given = {key: value for key, value in derived.items() if value is not None}
-        return settings | given
+        replaced = replaced_keys(settings | given, self.tables)  # which settings take out anyway
+        return settings | {key: value for key, value in derived.items() if key not in replaced}
 
     def design(self, answers: Answers, where: str) -> LiveDesign | None:
         """Build the design of the fields; None for wrong answers."""
@@ -267,7 +273,10 @@ class LivePage:
         """List the options of ``dogshape check`` for the fields, quoted for a shell."""
         answers = self.read(question)
         settings = self._settings(answers.values)
-        words = [f"--set {shlex.quote(f'{k}={toml_value(v)}')}" for k, v in settings.items()]
+        words = []
+        for key, value in settings.items():
+            text = "" if value is None else toml_value(value)
+            words.append(f"--set {shlex.quote(f'{key}={text}')}")
         return [*words, *_point_words(answers, question.where)]
 
     def export(self, question: Question) -> str:
@@ -278,7 +287,10 @@ class LivePage:
         design = self._valid_design(question)
         answers = self.read(question)
         settings = self._settings(answers.values)
-        changes = [f"{key} = {toml_value(value)}" for key, value in settings.items()]
+        changes = [
+            f"{key} left out" if value is None else f"{key} = {toml_value(value)}"
+            for key, value in settings.items()
+        ]
         command = ["dogshape check FILE", *_point_words(answers, question.where)]
         sentences = [
             f"Set on the live page of {self.command}: {', '.join(changes) or 'nothing'}.",

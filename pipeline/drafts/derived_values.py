@@ -25,6 +25,7 @@ from dogshape.pipeline.drafts.draft_keys import (
     CREST,
     DIAMETERS,
     DRAG,
+    FORCE_RANGE,
     HEIGHT,
     HEIGHT_RANGE,
     HOLDING_FORCE,
@@ -39,6 +40,7 @@ from dogshape.pipeline.drafts.draft_keys import (
     RADIUS,
     RELEASE,
     RIM,
+    RISE_RANGE,
     ROOF_CREST,
     STRIKE_MISMATCH,
     TORQUE,
@@ -357,6 +359,23 @@ def _widen_ranges(change: _Change, derived: Data) -> None:
     derived |= ranges
 
 
+def _limit_searched_operation(change: _Change, derived: Data) -> None:
+    """Limit the searched force to that of the actuator, and remove a searched rise time."""
+    actuator = draft_actuator(change.after, derived)
+    if actuator is None:
+        return
+    if change.after(RISE_RANGE) is not None:
+        derived[RISE_RANGE] = None
+    force_range = change.after(FORCE_RANGE)
+    forces = derived.get(OPERATING, change.after(OPERATING))
+    if not isinstance(force_range, list) or not isinstance(forces, list):
+        return
+    low, high = force_range
+    max_factor = math.floor(100.0 * actuator.full_force / max(forces)) / 100.0
+    if high > max_factor:
+        derived[FORCE_RANGE] = [low, max_factor] if low < max_factor else None
+
+
 def _limit_height(change: _Change, derived: Data) -> None:
     """Limit the range of the height to the travel of an actuator that the dog is within."""
     actuator = draft_actuator(change.after, derived)
@@ -385,6 +404,12 @@ RULES: tuple[Rule, ...] = (
     _complete_tip,
     _widen_ranges,
     _limit_height,
+    _limit_searched_operation,
 )
 #: Rules of another actuator for the same clutch.
-ACTUATOR_RULES: tuple[Rule, ...] = (_complete_actuator, _limit_forces, _limit_height)
+ACTUATOR_RULES: tuple[Rule, ...] = (
+    _complete_actuator,
+    _limit_forces,
+    _limit_height,
+    _limit_searched_operation,
+)

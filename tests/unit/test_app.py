@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import shlex
+import tomllib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -24,10 +25,18 @@ from dogshape.app.live_callbacks import (
 )
 from dogshape.app.live_page import FILES, LivePage, Question, open_live_page
 from dogshape.app.time_curve import TimeCurve
-from dogshape.pipeline.config.study_file import bundled_studies, load_study, replace_keys
+from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.study_file import (
+    build_study,
+    bundled_studies,
+    load_study,
+    replace_keys,
+)
 from dogshape.pipeline.export.drawing import open_section_svg
 from dogshape.pipeline.record import percent
 from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.sim.clutch_tables import validate
+from dogshape.sim.shift.actuators import KINDS
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.pair import dog_pair
 from tests.conftest import Call
@@ -173,6 +182,25 @@ CHANGES: dict[str, tuple[str, dict[str, str]]] = {
     "spring": ("all", {"actuation.kind": "spring", "actuation.preload_N": "0,4 kN"}),
     "cylinder": ("all", {"actuation.kind": "pneumatic", "operating.force_N": "500"}),
 }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_every_study_takes_every_actuator(name: str) -> None:
+    """Its numbers are those of an example; command and file have the same study."""
+    live_page = LivePage(ds.Study(name), name)
+    for kind in KINDS:
+        question = _asked(live_page, actuation__kind=kind)
+        read = live_page.read(question)
+        assert (read.faults, read.refusal) == ({}, "")
+        assert read.study is not None
+        assert read.study.clutch.actuator is not None
+        assert read.study.clutch.actuator.kind == kind
+        words = shlex.split(" ".join(live_page.check_words(question)))
+        sets = [setting for setting in words if setting != "--set"]
+        assert load_study(name, sets).config_hash == read.study.config_hash
+        exported = tomllib.loads(live_page.export(question))
+        file = validate(StudyFile, exported, "the exported file")
+        assert build_study(file).config_hash == read.study.config_hash
 
 
 @pytest.mark.parametrize("name", CHANGES)
