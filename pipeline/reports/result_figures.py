@@ -182,8 +182,8 @@ def slider_figure(
 ) -> go.Figure:
     """Draw predicted times with their 95 % band, ms, over a variable of the ``title``.
 
-    The line is dashed where a check fails. ``marks`` are value and time of ``this design`` and
-    ``own dog``. ``times``, ``low`` and ``high`` are in s.
+    The line is dashed where a check fails, and ends where there is no time. ``marks`` are value and
+    time of ``this design`` and ``own dog``. ``times``, ``low`` and ``high`` are in s.
     """
     is_timed = ~np.isnan(times)
     shown_values = np.array(values)[is_timed].tolist()
@@ -223,7 +223,8 @@ def slider_figure(
             marker=looks[name] | {"size": SLIDER_MARK_SIZE},
             hovertemplate="%{x:.4g}: %{y:.1f} ms<extra>" + name + "</extra>",
         )
-    figure.update_xaxes(title=title)
+    margin = 0.02 * (values[-1] - values[0])
+    figure.update_xaxes(title=title, range=[values[0] - margin, values[-1] + margin])
     figure.update_yaxes(title="predicted time, ms", automargin=True)
     styled(figure, SLIDER_HEIGHT)
     return figure.update_layout(

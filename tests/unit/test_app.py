@@ -332,6 +332,9 @@ def test_the_curve_has_the_predicted_times_over_the_slider(live_page: LivePage) 
             assert found == pytest.approx(expected, rel=1e-9)
     _, answer = answer_at_once(live_page, question, "dog.count")
     marks = {trace.name: trace.x[0] for trace in answer["curve.figure"].data if trace.name}
+    first, last = answer["curve.figure"].layout.xaxis.range
+    assert first < 6
+    assert last > 36
     assert marks["own dog"] == 15
     assert marks["this design"] == 18
 
