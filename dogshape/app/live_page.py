@@ -29,7 +29,7 @@ from dogshape.app.page import Json, Texts
 from dogshape.app.time_curve import TimeCurve, predict_curve, slider_values
 from dogshape.check import Check, Checked
 from dogshape.pipeline.config.operating import KIND, replaced_keys
-from dogshape.pipeline.config.study_file import Place, Setup, points_of, replace_keys
+from dogshape.pipeline.config.study_file import RequestedPoint, Setup, points_of, replace_keys
 from dogshape.pipeline.config.toml_text import comment_lines, toml_value
 from dogshape.pipeline.diagnose.study_keys import Data
 from dogshape.pipeline.drafts.derived_values import ACTUATOR_RULES, derive_values
@@ -165,7 +165,7 @@ class LivePage:
         study, faults, refusal = check_answers(self._build, answers, defaults, faults)
         if study is not None and question.where == "one":
             try:
-                points_of(study, Place(*(answers[key] for key in PLACE)))
+                points_of(study, RequestedPoint(*(answers[key] for key in PLACE)))
             except DogshapeError as error:
                 faults |= {PLACE[1]: str(error)}
                 study = None

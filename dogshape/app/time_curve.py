@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from dogshape.app.page import Json
-from dogshape.pipeline.config.study_file import Place, points_of
+from dogshape.pipeline.config.study_file import RequestedPoint, points_of
 from dogshape.pipeline.reports.text import PLACE
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.elementwise import Array, Mask
@@ -83,7 +83,7 @@ def _curve_over_points(
     config = study.config
     rows = []
     for value in values:
-        mix = study_mix(config, points_of(config, Place(**(place | {key: float(value)}))))
+        mix = study_mix(config, points_of(config, RequestedPoint(**(place | {key: float(value)}))))
         expected = ask(stored.surrogate, config.prototype, mix, config.physics).expected
         row = [np.nan] * 3
         if expected is not None:
