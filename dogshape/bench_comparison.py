@@ -113,7 +113,7 @@ def validate(
     jobs: int = 0,
     cluster: str | None = None,
     journal: str | Path | None = None,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
     engine: str | None = None,
 ) -> Comparison:
     """Simulate the operating points of a bench data set and compare.
@@ -144,7 +144,7 @@ def validate(
         data = replace(data, clutch=data.clutch.with_engine(engine))
     shifts = len(data.cells) * count
     propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
-    question = data.name, clutch_record(data.clutch), angles
+    question = data.name, clutch_record(data.clutch), relative_angles
     options = RunOptions(jobs, cluster, journal, receiver(progress))
     work = shifts + propagated + repeat_count(shifts)
     with options.executor("validate", question, work) as (executor, _):

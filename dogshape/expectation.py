@@ -247,8 +247,8 @@ def simulate_mean(
             f"{argument('precision')} finds the number of angles itself; leave out "
             f"{argument('angles')}"
         )
-    question = config.config_hash, *requested, angles, precision
     relative_angles = in_radians(settings.angles if angles is None else angles)
+    question = config.config_hash, *requested, relative_angles, precision
     blocks = even_blocks(
         clutch, points, relative_angles, settings.seed, uncertainty=config.uncertainty
     )
@@ -342,7 +342,7 @@ def expect_draws(
     angles: int | None = None,
     jobs: int = 0,
     cluster: str | None = None,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
     engine: str | None = None,
 ) -> DrawnExpectation:
     """Simulate the expected shift time at each draw of some keys of a study.

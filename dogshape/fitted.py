@@ -100,7 +100,7 @@ def fit(
     out: str | Path | None = None,
     jobs: int = 0,
     cluster: str | None = None,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
     engine: str | None = None,
 ) -> Fitted:
     """Fit the surrogate of a study and validate it on designs outside the fit.

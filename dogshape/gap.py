@@ -198,7 +198,7 @@ def _bank_options(
     bank: str | Path | None,
     effects: str | Path | None,
     jobs: int,
-    progress: Progress | bool,
+    progress: Progress | bool | None,
     **settings: Any,
 ) -> BankOptions:
     """Build the options of a diagnosis from the arguments of a verb."""
@@ -237,7 +237,7 @@ def diagnose(
     engine: str = "planar",
     seed: int = 1,
     jobs: int = 0,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
 ) -> Diagnosis:
     """Find which unmodelled effect makes a bench differ from the simulation.
 
@@ -358,7 +358,7 @@ def update_diagnosis(
     bank: str | Path | None = None,
     effects: str | Path | None = None,
     jobs: int = 0,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
 ) -> Update:
     """Join new readings to the data set of an earlier diagnosis, and diagnose again.
 
@@ -546,7 +546,7 @@ def plan_shifts(
     bank: str | Path | None = None,
     effects: str | Path | None = None,
     jobs: int = 0,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
 ) -> Plan:
     """Plan shifts on a bench: operating points, numbers, order, and the causes they distinguish.
 

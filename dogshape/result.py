@@ -10,12 +10,16 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from dogshape.argument_types import check_types, check_types_of_verbs
 from dogshape.pipeline.record import Figure, Frame, Table
 from dogshape.pipeline.reports.text import bind_units
 
 
 class Result(ABC):
     """Answer to a problem, with the problem; frozen."""
+
+    def __init_subclass__(cls) -> None:
+        check_types_of_verbs(cls)
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
@@ -33,6 +37,7 @@ class Result(ABC):
     def plot(self) -> Figure:
         """Draw the main quantity of the result."""
 
+    @check_types
     def report(self, path: str | Path) -> Path:
         """Write a page of the figure, sentences and tables, which opens offline; returns its path.
 

@@ -51,7 +51,7 @@ class Study:
         where: str | Path,
         settings: Mapping[str, Any] | Iterable[str] | None = None,
         /,
-        **dog: float,
+        **dog: float | str,
     ) -> None:
         keys = settings_of(settings) | {f"dog.{key}": value for key, value in dog.items()}
         object.__setattr__(self, "config", load_study(where, keys))
@@ -118,7 +118,7 @@ class Study:
         jobs: int = 0,
         cluster: str | None = None,
         journal: str | Path | None = None,
-        progress: Progress | bool = False,
+        progress: Progress | bool | None = None,
         engine: str | None = None,
     ) -> Expectation:
         """Simulate the expected shift time: in the compiled engine, unless the study names another.
@@ -136,7 +136,8 @@ class Study:
         precision : wanted relative standard error; it determines the number of angles.
         jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
         journal : folder for the finished shifts, which a stopped run need not simulate again.
-        progress : True for a bar in terminal or notebook, or your own ``Progress``.
+        progress : True for a bar, False for none, or a ``Progress`` of your own; None for a bar in
+            a terminal or notebook alone.
         engine : as in ``shift``.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
@@ -155,7 +156,7 @@ class Study:
         storage: str | None = None,
         resume: bool = False,
         report: bool = True,
-        progress: Progress | bool = False,
+        progress: Progress | bool | None = None,
         engine: str | None = None,
     ) -> StudyResult:
         """Search for the best shape, or resume a search; the report takes half a minute.
@@ -251,7 +252,7 @@ class Study:
         jobs: int = 0,
         cluster: str | None = None,
         journal: str | Path | None = None,
-        progress: Progress | bool = False,
+        progress: Progress | bool | None = None,
         engine: str | None = None,
     ) -> Strength:
         """Check strength, self-locking and manufacturability, and simulate the hardest landing.
@@ -304,7 +305,7 @@ class Study:
         jobs: int = 0,
         cluster: str | None = None,
         journal: str | Path | None = None,
-        progress: Progress | bool = False,
+        progress: Progress | bool | None = None,
     ) -> tuple[Path, ...]:
         """Write a map of whether and when the clutch engages, for lumped driveline models.
 
@@ -331,7 +332,7 @@ class Study:
         return simulate_map(self.config, options).write(Path(path))
 
     def replace_keys(
-        self, settings: Mapping[str, Any] | None = None, /, **dog: float | None
+        self, settings: Mapping[str, Any] | None = None, /, **dog: float | str | None
     ) -> Study:
         """Copy the study with changed ``settings`` and keys of the ``dog``; None removes a key.
 

@@ -13,16 +13,18 @@ from dogshape.pipeline.record import Figure, Frame, Table
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.designs import designs_frame
 from dogshape.pipeline.reports.headline import headline
-from dogshape.pipeline.reports.named_design import named_design
+from dogshape.pipeline.reports.named_design import named_design, stored_search
 from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.reports.study_summary import chosen_verdict, summary_tables
-from dogshape.pipeline.search.study_record import DesignRow, StudyRecord, read_study_record
+from dogshape.pipeline.search.study_record import DesignRow, StudyRecord
 from dogshape.pipeline.store.check_records import VerdictRow
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.result import Result
 from dogshape.running import receiver
+from dogshape.sim.errors import StorageError
 from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.interface import verb
+from dogshape.sim.versions import clone_remedy
 
 #: Keys of the record that ``to_dict`` has.
 PRINTED_KEYS = (
@@ -71,12 +73,13 @@ class StudyResult(Result):
     def to_parts(self) -> list[str | Table]:
         """Describe headline, gain, alternatives, facts and front as in the report."""
         page = self.page or f"none yet, {verb('report')} makes it"
+        is_kept = not StudyFolder(self.folder).manifest.exists()  # without the shifts of a report
         parts: list[str | Table] = [headline(self.record)]
         for table in summary_tables(self.config, self.record):
             parts += ["", table]
         for reason, count in self.record.failed_shifts.items():
             parts.append(f"{count} shifts failed and count as not engaged: {reason}")
-        return [*parts, "", f"report: {page}"]
+        return parts if is_kept else [*parts, "", f"report: {page}"]
 
     def to_dict(self) -> dict[str, Any]:
         """Convert chosen design, verdict, front, confirmation and work counts to values of JSON.
@@ -115,7 +118,9 @@ class StudyResult(Result):
         searched_design = named_design(f"{self.folder}#{design}")
         return write_data_sheet(searched_design, path, {"why": why, **block})
 
-    def report(self, path: str | Path | None = None, progress: Progress | bool = False) -> Path:
+    def report(
+        self, path: str | Path | None = None, progress: Progress | bool | None = None
+    ) -> Path:
         """Write the report into the folder of the study, or to ``path``; returns its path.
 
         ``progress`` as in ``Study.expect``. Example: ``result.report()``
@@ -128,13 +133,18 @@ class StudyResult(Result):
 
 
 def load_result(folder: str | Path) -> StudyResult:
-    """Read the result of a study from its ``folder``. Example: ``ds.load_result("results/mq200")``
+    """Read the result of a study from its ``folder``, or the kept one of a bundled study.
 
     StorageError for a folder without a study, or with damaged files. InputError for a
     ``result.json`` with keys that the schema lacks, or lacking keys of the schema.
+    Example: ``ds.load_result("results/mine")``, ``ds.load_result("mq200")`` in a clone
     """
-    stored = StudyFolder(Path(folder))
-    config = stored.stored_study()
-    record = read_study_record(stored)
-    page = stored.report if stored.report.is_file() else None
-    return StudyResult(config, stored.root, record, page)
+    stored = stored_search(str(folder))
+    if stored is None:
+        raise StorageError(
+            f"there is no study.json in {folder}; run {verb('search')} first"
+            f"{clone_remedy(str(folder))}"
+        )
+    report = StudyFolder(stored.folder).report
+    page = report if report.is_file() else None
+    return StudyResult(stored.study, stored.folder, stored.record, page)

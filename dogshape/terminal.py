@@ -113,6 +113,11 @@ class ProgressBar(Progress):
         self._print_time = 0.0  #: s, of the last line or cell
         self._printed_count = 0.0  #: new work at the last line
 
+    @property
+    def is_watched(self) -> bool:
+        """Whether standard error is a terminal or the cell of a notebook."""
+        return self._console.is_terminal or self._console.is_jupyter
+
     def update(self, count: WorkCounter) -> None:
         """Show a count: by the bar, at intervals as a line or in the cell of a notebook."""
         if self._bar is None:

@@ -42,7 +42,7 @@ def serve_app(
     folder: str | Path | None = None,
     port: int = 0,
     browser: bool = True,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
     command: str = "",
 ) -> None:
     """Serve the live page of a study on this machine until it is interrupted.

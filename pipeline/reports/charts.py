@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import cmath
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
 import plotly.io as pio
+from plotly.io.base_renderers import NotebookRenderer
 from plotly.subplots import make_subplots
 
 from dogshape.pipeline.reports.designs import (
@@ -34,9 +36,22 @@ from dogshape.pipeline.store.check_records import HingeRow
 from dogshape.pipeline.store.result_records import PlaceRow, PointRow
 from dogshape.sim.units import short
 
-# A notebook keeps its figures in HTML too, with plotly's code once, so that they survive export.
+
+class OfflineRenderer(NotebookRenderer):  # type: ignore[misc]  # plotly has no types
+    """Renderer of figures as HTML, with plotly's code once, that loads nothing from a network."""
+
+    MATHJAX = re.compile(r'<script src="https://[^"]*mathjax[^"]*"></script>')
+
+    def to_mimebundle(self, fig_dict: dict[str, Any]) -> dict[str, str]:
+        """Render a figure without the script for formulas, which no figure here has."""
+        bundle = super().to_mimebundle(fig_dict)
+        return {mimetype: self.MATHJAX.sub("", html) for mimetype, html in bundle.items()}
+
+
+# A notebook keeps its figures in HTML too, so that they survive export.
+pio.renderers["offline"] = OfflineRenderer()
 if pio.renderers.default == "plotly_mimetype":
-    pio.renderers.default = "plotly_mimetype+notebook"
+    pio.renderers.default = "plotly_mimetype+offline"
 
 Look = dict[str, Any]  #: keywords of plotly
 

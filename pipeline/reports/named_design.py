@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from dogshape.pipeline.config.study_file import (
     Settings,
@@ -69,6 +70,32 @@ def _replace_prototype(study: Setup, row: DesignRow) -> Setup:
     return replace_keys(study, dog).with_operation(row.params(study.variables))
 
 
+class StoredSearch(NamedTuple):
+    """A study that was searched, with its record, and the folder of both."""
+
+    study: Setup
+    record: StudyRecord
+    folder: Path
+
+
+def stored_search(source: str) -> StoredSearch | None:
+    """Read a study and its record; None where ``source`` has no result.
+
+    ``source`` is a folder of results, or a folder or bundled study whose result is kept beside its
+    file. StorageError for a folder with damaged files.
+    """
+    path = Path(source)
+    folder = StudyFolder(path)
+    if folder.manifest.exists():
+        return StoredSearch(folder.stored_study(), read_study_record(folder), path)
+    kept = path if path.is_dir() else bundled_root() / source
+    file = kept / "result.json"
+    if path.is_file() or not file.is_file():
+        return None
+    record = study_record_of(read_json(file, "take it away"), str(file))
+    return StoredSearch(load_study(source), record, kept)
+
+
 def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -> NamedDesign:
     """Find the design of ``FOLDER#N`` or ``STUDY#N`` in a result, or of a study by its name.
 
@@ -89,16 +116,10 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     if sign and not number.isdecimal():
         remedy = "write for instance results/mq200#43"
         raise InputError(f"'{name}' must end in the number of a design after '#'; {remedy}")
-    path = Path(source)
-    folder = StudyFolder(path)
-    if folder.manifest.exists():
-        return _select_design(source, folder.stored_study(), read_study_record(folder), number)
+    stored = stored_search(source)
+    if stored is not None:
+        return _select_design(source, stored.study, stored.record, number)
     _require_study(source)
-    # The result of a study may be stored beside its file, in a folder or of a bundled study.
-    stored = (path if path.is_dir() else bundled_root() / source) / "result.json"
-    if stored.is_file() and not path.is_file():
-        result = study_record_of(read_json(stored, "take it away"), str(stored))
-        return _select_design(source, load_study(source), result, number)
     if not sign:
         return NamedDesign(source, load_study(source))
     results = Path("results") / source

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import dogshape as ds
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, bundled_studies, load_study
 from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.pipeline.search.study_record import DesignRow, StudyRecord
@@ -44,6 +45,18 @@ def test_kept_result_is_of_the_study_as_it_is(kept: Kept) -> None:
     points = {(round(p.mismatch / RPM, 6), round(p.profile.force, 6)) for p in operated.points}
     confirmed = result["confirmation"]["best"]["points"]
     assert {(round(p["mismatch_rpm"], 6), round(p["force_N"], 6)) for p in confirmed} == points
+
+
+def test_kept_result_is_read_by_the_name_of_its_study(kept: Kept) -> None:
+    study, result, row = kept
+    read = ds.load_result(study.name)
+    assert read.best is not None
+    assert read.best.trial == row.trial
+    assert len(read.to_frame()) == len(result["trials"])
+    assert str(row.trial) in read._repr_html_()
+    assert len(read.plot().data) > 1
+    with pytest.raises(ds.DogshapeError, match=r"there is no study\.json"):
+        read.report()
 
 
 def test_kept_margins_are_those_of_today(kept: Kept) -> None:

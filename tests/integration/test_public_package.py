@@ -145,7 +145,10 @@ def test_a_comparison_is_what_the_command_line_prints(folder: Path, dogshape: Ca
         (lambda: ds.Study(PAPER).check(mismatch_rpm=50), "needs mismatch_rpm and force_N"),
         (lambda: ds.Study(PAPER, chamfer=11), "with settings: 'dog.chamfer' is not a known key"),
         (lambda: ds.Study(PAPER).expect(precision="2%"), "precision is '2%', but it must be"),
-        (lambda: ds.Study(PAPER).expect(angles="24"), "angles is '24', but it must be a number"),
+        (
+            lambda: ds.Study(PAPER).expect(angles="24"),
+            "angles is '24', but it must be a whole number",
+        ),
         (lambda: ds.Study(PAPER).expect(angles=0), "angles is 0, but it must lie between 1 and"),
         (lambda: ds.update_diagnosis("no", "new.csv"), 'ds.diagnose("BENCH", out="no")'),
         (lambda: ds.validate("mq200_adams", [0.0, 8.0]), "at least three"),
@@ -168,7 +171,7 @@ def test_a_library_is_silent_and_tells_its_progress(
 ) -> None:
     told: list[int] = []
 
-    class Mine:
+    class Mine(ds.Progress):
         def update(self, count: object) -> None:
             told.append(count.done)  # type: ignore[attr-defined]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
+import plotly.io as pio
 import pytest
 
 import dogshape as ds
@@ -72,6 +73,13 @@ def test_a_notebook_shows_tables_with_escaped_cells() -> None:
     comparison = ds.compare("lubricated_steel", "adams2019")
     assert "<th style" in comparison._repr_html_()
     assert "<script" not in html
+
+
+def test_a_figure_in_a_notebook_loads_nothing_from_a_network() -> None:
+    figure = RESULTS["strength"]().plot()
+    bundle = pio.renderers["offline"].to_mimebundle(figure.to_dict())
+    assert "Plotly.newPlot" in bundle["text/html"]
+    assert 'src="http' not in bundle["text/html"]
 
 
 def test_margins_show_the_failed_checks() -> None:
