@@ -95,6 +95,14 @@ def test_the_api_page_has_every_public_name() -> None:
     assert sorted(listed) == sorted(dogshape.__all__)
 
 
+@pytest.mark.parametrize("page", sorted((ROOT / "docs/api").glob("*.md")), ids=lambda p: p.name)
+def test_a_search_shows_pages_of_code_last(page: Path) -> None:
+    """A title counts a thousand times as much as text, and titles there are names of code."""
+    boost = re.match(r"---\nsearch:\n  boost: ([\d.]+)\n---\n", page.read_text("utf-8"))
+    assert boost is not None
+    assert float(boost[1]) <= 1e-3
+
+
 KEPT = sorted(
     path
     for folder in ("docs/evidence", "studies")
