@@ -14,6 +14,8 @@
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
 # make figures writes the tables and drawings of README.md, docs and paper from kept results and docs/evidence.
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
+# make docs-versions builds the pages of the clone and of the last release, or of TAG, in build/versions, with
+# a menu of both.
 # make processors repeats the diagnosis of the stand with the vector instructions, kernels of linear
 # algebra and threads of other processors (a quarter of an hour).
 # make release builds sdist and wheel into dist and tries both in empty environments; OFFLINE=1 takes
@@ -33,7 +35,7 @@ EXTRAS := dev,blind,cad,docs,dxf,fem,fmu,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps processors figures golden release picture moving tutorial constraints system clean
+.PHONY: study test test-fast lint docs docs-versions evidence blind surrogate bank studies samplers gaps processors figures golden release picture moving tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape search studies/mq200 --out $(OUT) --resume
@@ -139,6 +141,9 @@ release: $(VENV)/complete
 
 docs: $(VENV)/complete
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+docs-versions: $(VENV)/complete
+	TAG=$(TAG) .ci/docs_versions
 
 SHOOT := $(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader \
   --no-first-run --user-data-dir=build/chromium --hide-scrollbars --virtual-time-budget=8000
