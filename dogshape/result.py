@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import zip_longest
 from pathlib import Path
@@ -55,7 +55,12 @@ class Result(ABC):
         return "\n".join(line for part in self.to_parts() for line in _text_lines(part))
 
     def _repr_html_(self) -> str:
-        return "\n".join(_html(part) for part in self.to_parts() if part)
+        return html_of(self.to_parts())
+
+
+def html_of(parts: Iterable[str | Table]) -> str:
+    """Format sentences and tables as HTML, as a notebook shows them."""
+    return "\n".join(_html(part) for part in parts if part)
 
 
 def _text_lines(part: str | Table) -> list[str]:
@@ -71,7 +76,7 @@ def _text_lines(part: str | Table) -> list[str]:
 
 
 def _html(part: str | Table) -> str:
-    """Format a sentence or a table as HTML, as a notebook shows it."""
+    """Format a sentence or a table as HTML."""
     if isinstance(part, str):
         return f"<div>{_html_text(part)}</div>"
     lines = ["<table>", _html_row(part.heads, "th", part.words)]

@@ -351,6 +351,14 @@ class Study:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())
         return f"Study({self.name}: {dog}; {self.config.operating_text})"
 
+    def _repr_html_(self) -> str:
+        from dogshape.pipeline.record import Table  # noqa: PLC0415
+        from dogshape.result import html_of  # noqa: PLC0415
+
+        dog = [[key, f"{value:g}"] for key, value in self.dog.items()]
+        name = f"study {self.name}, operating points: {self.config.operating_text}"
+        return html_of([name, Table(("key of [dog]", "value"), dog)])
+
 
 def _processor_time() -> float:
     """Sum the processor times of this process and its ended children, s."""

@@ -75,6 +75,12 @@ def test_a_notebook_shows_tables_with_escaped_cells() -> None:
     assert "<script" not in html
 
 
+def test_a_notebook_shows_a_study_as_a_table() -> None:
+    html = paper_study()._repr_html_()
+    assert "28 with 5 to 249" in html.replace("\N{NO-BREAK SPACE}", " ")
+    assert html.count("<tr>") == 1 + len(paper_study().dog)
+
+
 def test_a_figure_in_a_notebook_loads_nothing_from_a_network() -> None:
     figure = RESULTS["strength"]().plot()
     bundle = pio.renderers["offline"].to_mimebundle(figure.to_dict())
