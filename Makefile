@@ -23,6 +23,7 @@
 # make golden writes the JSON of the main verbs into GOLDEN, for diff -r before and after a change.
 # make picture draws docs/report.png again; it needs Chromium and a study.
 # make moving draws docs/shift.webp, docs/live.webp and docs/shift.png again (minutes); it needs Chromium.
+# make gallery runs the notebooks of docs/gallery and keeps their outputs (minutes); it needs Chromium.
 # make tutorial runs the commands of docs/tutorial.md and draws its pictures again; it needs Chromium.
 PYTHON ?= python3.11
 VENV := .venv
@@ -35,7 +36,7 @@ EXTRAS := dev,blind,cad,docs,dxf,fem,fmu,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs docs-versions evidence blind surrogate bank studies samplers gaps processors figures golden release picture moving tutorial constraints system clean
+.PHONY: study test test-fast lint docs docs-versions evidence blind surrogate bank studies samplers gaps processors figures golden release picture moving gallery tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape search studies/mq200 --out $(OUT) --resume
@@ -160,6 +161,10 @@ picture: $(VENV)/ready $(OUT)/report.html
 # The moving pictures of the README, and the page that its Python block writes.
 moving: $(VENV)/complete
 	$(BIN)/python -m benchmarks.moving_pictures docs
+
+# The notebooks of the gallery; NOTEBOOKS names some of them, such as "mq200 amt".
+gallery: $(VENV)/complete
+	$(BIN)/python -m benchmarks.gallery $(NOTEBOOKS)
 
 # The tutorial, command by command, and its pictures (a minute; it needs Chromium).
 tutorial: $(VENV)/ready
