@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -177,7 +178,10 @@ class Study:
         """
         from dogshape.pipeline.simulate.executor import end_workers  # noqa: PLC0415
         from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
-        from dogshape.pipeline.study import StudyOptions, run_study  # noqa: PLC0415
+
+        with warnings.catch_warnings():  # of a notebook without widgets, about a bar of Optuna's
+            warnings.filterwarnings("ignore", message="IProgress not found")
+            from dogshape.pipeline.study import StudyOptions, run_study  # noqa: PLC0415
         from dogshape.study_result import StudyResult  # noqa: PLC0415
 
         start = _processor_time()

@@ -68,6 +68,9 @@ def test_a_notebook_runs(name: str, tmp_path: Path) -> None:
     for (kept_cell, cell), is_sized in zip(pairs, gallery.sized_cells(kept), strict=True):
         if not is_sized:
             assert_alike(gallery.text_of(kept_cell), gallery.text_of(cell))
+    outputs = [output for cell in gallery.code_cells(notebook) for output in cell.outputs]
+    warnings = [output.text for output in outputs if output.get("name") == "stderr"]
+    assert not warnings or "import optuna" in gallery.code_cells(kept)[0].source
     figures = figures_of(notebook, gallery.PLOTLY)
     assert len(figures) == len(figures_of(kept, "image/png"))
     pages = [figure["text/html"] for figure in figures if "text/html" in figure]
