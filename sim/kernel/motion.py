@@ -743,13 +743,13 @@ def stands_still(time, look_state, state, remaining, numbers, knots):
     states = np.empty((2, STATE_SIZE))
     states[0] = look_state
     states[1] = state
-    if numbers.input_side_inertia > 0.0 or numbers.output_side_inertia > 0.0:
-        # A side may still turn, in its play or on its shaft, and set its ring going.
-        for row in states:
-            input_twist_rate = abs(row[INPUT_SIDE_SPEED] - row[SLIDING_SPEED])
-            output_twist_rate = abs(row[OUTPUT_SIDE_SPEED] - row[OUTPUT_SPEED])
-            if numbers.mean_radius * max(input_twist_rate, output_twist_rate) > STILL_SLIP_M_S:
-                return False
+    # A side may still turn, in its play or on its shaft, and set its ring going.
+    for row in states:
+        sliding_speed, output_speed = side_speeds(row, numbers)
+        input_twist_rate = abs(sliding_speed - row[SLIDING_SPEED])
+        output_twist_rate = abs(output_speed - row[OUTPUT_SPEED])
+        if numbers.mean_radius * max(input_twist_rate, output_twist_rate) > STILL_SLIP_M_S:
+            return False
     if numbers.has_drive and _has_pack(numbers):
         # Held rings turn on together, and the torque of the pack follows their speed.
         earlier_pack = _pack(look_state, numbers)

@@ -215,6 +215,32 @@ def test_dogs_that_wait_for_the_rest_to_cross_its_play_are_not_blocked_yet() -> 
     assert (held.loads.input_torque_peak or 0.0) > 0.1
 
 
+@pytest.mark.parametrize("engine", ["planar", "drake"])
+@pytest.mark.parametrize(
+    "mechanism",
+    [
+        Mechanism(ring_inertia=RING, input_stiffness=INPUT),
+        Mechanism(wheel_inertia=5e-3, output_stiffness=OUTPUT),
+    ],
+    ids=["input", "output"],
+)
+def test_held_rings_with_one_shaft_are_blocked(mechanism: Mechanism, engine: str) -> None:
+    """The side without a shaft is its ring, which the landing has set to another speed."""
+    study = load_study("mq200_paper")
+    clutch = _clutch(mechanism, engine)
+    flat = replace(
+        clutch,
+        dog=replace(clutch.dog, chamfer=0.0),
+        rings=replace(clutch.rings, output_inertia=0.01),
+        timeout=1.5,
+    )
+    point = OperatingPoint(1.5 * RPM, study.actuation.profile(469.0))
+    held = engage(flat, point, 1.0 * DEG)
+    assert held.outcome is Outcome.BLOCKED
+    assert held.trace.time[-1] < 0.5  # of a time-out of 1.5 s
+    assert held.trace.output_speed[-1] == pytest.approx(0.75 * RPM, rel=0.05)
+
+
 def test_keys_of_shafts() -> None:
     keys = [
         "mechanism.ring_inertia_kgm2=5e-4",
