@@ -15,6 +15,7 @@ from typing import (
     Annotated,
     Any,
     ClassVar,
+    Literal,
     NamedTuple,
     Optional,
     TypeVar,
@@ -35,6 +36,16 @@ from pydantic_core import ErrorDetails
 
 from dogshape.sim.errors import InputError, Refusal, did_you_mean, join_faults, meant_number
 from dogshape.sim.quantity import Quantity, quantities_of
+from dogshape.sim.shift.actuators import (
+    Actuator,
+    Cam,
+    Hydraulic,
+    Motor,
+    Pneumatic,
+    Solenoid,
+    Spring,
+    actuator_of,
+)
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.drive import Drive, EngineSide, SpeedControl
 from dogshape.sim.shift.geometry import SCOPE, Dog, Mount
@@ -419,6 +430,50 @@ class DriveSection(Section):
             control=None if self.control is None else self.control.value,
             **{name: tuple(values) for name, values in tables.items() if values is not None},
         )
+
+
+class _SpringKeys(Keys, of=Spring, absent=True):
+    """Numbers of a spring."""
+
+
+class _CamKeys(Keys, of=Cam, absent=True):
+    """Numbers of a cam."""
+
+
+class _MotorKeys(Keys, of=Motor, absent=True):
+    """Numbers of a motor."""
+
+
+class _PneumaticKeys(Keys, of=Pneumatic, absent=True):
+    """Numbers of a pneumatic cylinder."""
+
+
+class _HydraulicKeys(Keys, of=Hydraulic, absent=True):
+    """Numbers of a hydraulic cylinder."""
+
+
+class _SolenoidKeys(Keys, of=Solenoid, absent=True):
+    """Numbers of a solenoid."""
+
+
+class ActuatorKeys(
+    _SpringKeys, _CamKeys, _MotorKeys, _PneumaticKeys, _HydraulicKeys, _SolenoidKeys
+):
+    """Numbers of all kinds of actuators (``sim.shift.actuators``)."""
+
+
+class ActuatorSection(ActuatorKeys):
+    """Kind of an actuator with its numbers."""
+
+    kind: Literal["spring", "cam", "motor", "pneumatic", "hydraulic", "solenoid"]
+
+    @property
+    def actuator(self) -> Actuator:
+        """The actuator; InputError for mistakes."""
+        numbers = self.model_dump(exclude={"kind"}, exclude_none=True)
+        actuator = actuator_of(self.kind, {key: to_si(key, v) for key, v in numbers.items()})
+        assert actuator is not None  # the kind is no profile
+        return actuator
 
 
 class MechanismSection(Keys, of=Mechanism, absent=True):

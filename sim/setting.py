@@ -42,6 +42,8 @@ class Setting:
 
     def __post_init__(self) -> None:
         require_ranges(self, "", "correct the value")
+        if self.clutch.actuator is not None:
+            self.clutch.actuator.require_course(self.point.profile.lag, rise_factor=1.0)
 
     def block(self, angles: Sequence[float]) -> Block:
         """Return the block of shifts at relative ``angles`` in rad at the start of the force.

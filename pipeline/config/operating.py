@@ -26,7 +26,7 @@ from pydantic import Discriminator, Field, Tag
 
 from dogshape.bench.texts import read_toml
 from dogshape.sim import effects as registry
-from dogshape.sim.clutch_tables import Keys, MechanismSection, Section, later, or_one
+from dogshape.sim.clutch_tables import ActuatorKeys, MechanismSection, Section, later, or_one
 from dogshape.sim.effect import Effect
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
@@ -40,19 +40,13 @@ from dogshape.sim.errors import (
 from dogshape.sim.interface import key_argument
 from dogshape.sim.quantity import quantities_of, quantity, require_ranges
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import SMALLEST_FORCE, ForceProfile, RiseTable
+from dogshape.sim.shift.actuation import ForceProfile, RiseTable
 from dogshape.sim.shift.actuators import (
-    COMMAND_RISE_S,
+    COMMAND_RISES,
     KINDS,
     PROFILE,
     SECTION,
     Actuator,
-    Cam,
-    Hydraulic,
-    Motor,
-    Pneumatic,
-    Solenoid,
-    Spring,
     actuator_of,
     keys_of,
 )
@@ -85,36 +79,9 @@ Numbers = Annotated[list[float], or_one(int, float), Field(min_length=1)]
 Weights = Annotated[list[Annotated[float, Field(gt=0.0)]], or_one(int, float), Field(min_length=1)]
 Profiles = Callable[[float], ForceProfile]  #: the force profile of a nominal force in N
 PROFILE_KEYS = ("force_N", "rise_s")  #: of ``[actuation]``, of a force over time
-MAX_COMMAND_N = 1e5  #: largest force of a command
 
 
-class _SpringKeys(Keys, of=Spring, absent=True):
-    """Numbers of a spring."""
-
-
-class _CamKeys(Keys, of=Cam, absent=True):
-    """Numbers of a cam."""
-
-
-class _MotorKeys(Keys, of=Motor, absent=True):
-    """Numbers of a motor."""
-
-
-class _PneumaticKeys(Keys, of=Pneumatic, absent=True):
-    """Numbers of a pneumatic cylinder."""
-
-
-class _HydraulicKeys(Keys, of=Hydraulic, absent=True):
-    """Numbers of a hydraulic cylinder."""
-
-
-class _SolenoidKeys(Keys, of=Solenoid, absent=True):
-    """Numbers of a solenoid."""
-
-
-class ActuationSection(
-    _SpringKeys, _CamKeys, _MotorKeys, _PneumaticKeys, _HydraulicKeys, _SolenoidKeys
-):
+class ActuationSection(ActuatorKeys):
     """Kind of the actuator (``sim.shift.actuators``) with its numbers.
 
     A profile has rise times of the shift force by its final value, linear in between.
@@ -144,8 +111,7 @@ class ActuationSection(
         """Build the actuation without mechanism and effects; InputError for mistakes."""
         actuator = self.actuator
         if actuator is not None:
-            table = RiseTable((SMALLEST_FORCE, MAX_COMMAND_N), (COMMAND_RISE_S, COMMAND_RISE_S))
-            return Actuation(table, actuator=actuator)
+            return Actuation(COMMAND_RISES, actuator=actuator)
         if self.force_N is None or self.rise_s is None:
             missing = [key for key in PROFILE_KEYS if getattr(self, key) is None]
             faults = [f"'{SECTION}.{key}' is missing; add it" for key in missing]

@@ -4,7 +4,7 @@ Travel *x* and speed *v* of the fork, *k* and *d* of the coupling, a level *l* f
 
 - Spring: :math:`F = (F_0 - c x)_+`. Cam: :math:`F = k (s(t) - x) + d (\dot s - v)` within
   :math:`\pm F_0`, with *s* a cubic step in time over the ramp. Through a lag
-  :math:`\tau \dot l = F/F_0 - l` either is :math:`l F_0`.
+  :math:`\tau \dot l = F/F_0 - l` the spring's is :math:`l F_0`.
 - Motor of the mass *m* at its spindle's travel *s*: :math:`F = k (s - x) + d (\dot s - v)`,
   :math:`m \ddot s = F_s (1 - \dot s/v_0) - F`, the first term within :math:`\pm F_0`.
 - Pneumatic: :math:`F = A (p - p_0) - F_b - F_r - c x` with :math:`p = l p_s`, isothermal,

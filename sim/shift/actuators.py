@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError, Refusal, join_faults
 from dogshape.sim.kernel_layout import (
     AMBIENT_PA,
@@ -32,13 +33,16 @@ from dogshape.sim.quantity import (
     record_quantities,
     require_ranges,
 )
-from dogshape.sim.shift.actuation import SMALLEST_FORCE, ForceProfile
+from dogshape.sim.shift.actuation import SMALLEST_FORCE, ForceProfile, RiseTable
 from dogshape.sim.shift.mechanism import DAMPING_RATIO
-from dogshape.sim.units import from_si, short, unit_of
+from dogshape.sim.units import from_si, short, to_si, unit_of
 
 PROFILE = "profile"  #: kind of a shift force over time, which is no actuator
 SECTION = "actuation"  #: table of a study
 COMMAND_RISE_S = 1e-4  #: rise of the command, which is switched
+MAX_COMMAND_N = 1e5  #: largest force of a command
+#: Rise of the command of any force.
+COMMAND_RISES = RiseTable((SMALLEST_FORCE, MAX_COMMAND_N), (COMMAND_RISE_S, COMMAND_RISE_S))
 FORCE_TOLERANCE = 1e-9  #: share by which a force may exceed the full one, for rounding
 STROKE_TOLERANCE_M = 1e-9  #: by which a stroke may miss the travel, for rounding
 
@@ -54,6 +58,10 @@ class Actuator:
     command: ClassVar[str]  #: quantity that gives the force of a point, in words
     remedy: ClassVar[str] = "raise its force"  #: for a static force that is too small
     reach_remedy: ClassVar[str] = "raise actuation.stroke_mm"  #: for a travel that is too short
+    #: columns of a bench's table that set the command, beside the force
+    set_keys: ClassVar[tuple[str, ...]] = ()
+    #: channel of a bench's trace that gives the force, beside the force; empty without one
+    logged_key: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         require_ranges(self, SECTION, "correct the actuator")
@@ -74,6 +82,44 @@ class Actuator:
     def initial_level(self, force: float) -> float:
         """Compute the level of the own state before a command of ``force`` in N."""
         return 0.0
+
+    def _static_force(self, key: str, value: float) -> float:
+        """Compute the static force of a set value of ``set_keys``, SI, N."""
+        raise NotImplementedError
+
+    def set_force(self, key: str, value: float) -> float:
+        """Compute the static force of a set value in the unit of its key, N.
+
+        Raises InputError for a value that leaves no force, or beyond that of full command.
+        """
+        force = self._static_force(key, to_si(key, value))
+        if force < SMALLEST_FORCE:
+            rule = f"it leaves {force:.6g} N at the fork of the {self.kind} actuator"
+            remedy = f"correct it, or the numbers of [{SECTION}]"
+            raise InputError(Refusal(key, value, unit_of(key), rule, remedy))
+        if force > self.full_force * (1.0 + FORCE_TOLERANCE):
+            rule = (
+                f"its {force:.6g} N exceed the {self.full_force:.6g} N of the {self.kind} "
+                f"actuator at its full {self.command}"
+            )
+            remedy = f"correct it, or raise the {self.command} in [{SECTION}]"
+            raise InputError(Refusal(key, value, unit_of(key), rule, remedy))
+        return force
+
+    def logged_level(self, force: float) -> float:
+        """Compute the final value of the logged channel at a static force in N, SI."""
+        raise NotImplementedError
+
+    def channel(self, levels: Array, force: float) -> Array:
+        """Compute the logged channel from levels of the own state at a command of ``force``, SI."""
+        raise NotImplementedError
+
+    def logged_force(self, values: Array, travel: Array) -> Array:
+        """Compute the force at the fork from its logged channel, SI, N, (n,).
+
+        ``travel`` of the fork is in m. A spring that holds the fork gives no force.
+        """
+        raise NotImplementedError
 
     def _write(self, numbers: Any, force: float, driven_mass: float) -> None:
         """Write the numbers of the kind at a command of ``force`` in N."""
@@ -182,6 +228,7 @@ class Cam(Actuator):
 
     kind: ClassVar[str] = "cam"
     code: ClassVar[int] = CAM
+    own_course: ClassVar[str] = "the travel of its groove"
     command: ClassVar[str] = "force limit"
 
     stroke: float = quantity("stroke_mm", 0.1, 100.0)  #: of the groove, m
@@ -264,6 +311,8 @@ class Cylinder(Actuator):
     own_course: ClassVar[str] = "the filling of its cylinder"
     remedy: ClassVar[str] = "raise actuation.supply_bar or area_cm2"
     reach_remedy: ClassVar[str] = "raise the force, or lower actuation.return_rate_N_mm"
+    set_keys: ClassVar[tuple[str, ...]] = ("supply_bar",)
+    logged_key: ClassVar[str] = "pressure_bar"
 
     supply: float = quantity("supply_bar", 0.1, 1e3)  #: pressure, Pa
     area: float = quantity("area_cm2", 0.01, 1e3)  #: of the piston, m2
@@ -289,7 +338,23 @@ class Cylinder(Actuator):
     @property
     def full_force(self) -> float:
         """Force at the supply pressure and the start of the travel, N."""
-        return self.supply * self.area - self.back_force - self.return_preload
+        return self._static_force("supply_bar", self.supply)
+
+    def _static_force(self, key: str, value: float) -> float:
+        return value * self.area - self.back_force - self.return_preload
+
+    def logged_level(self, force: float) -> float:
+        """Compute the supply pressure of a static force in N, Pa."""
+        return self.supply_at(force)
+
+    def channel(self, levels: Array, force: float) -> Array:
+        """Compute the pressure above the ambient one, Pa, (n,)."""
+        return levels * self.supply_at(force)
+
+    def logged_force(self, values: Array, travel: Array) -> Array:
+        """Compute piston area times pressure less back side and return spring, N, (n,)."""
+        spring = self.return_preload + self.return_rate * np.maximum(travel, 0.0)
+        return np.maximum(values * self.area - self.back_force - spring, 0.0)
 
     def reach(self, force: float) -> float:
         """Compute the travel at which the return spring takes all of the force, m."""
@@ -318,6 +383,10 @@ class Pneumatic(Cylinder):
     conductance: float = quantity("conductance_dm3_s_bar", 1e-4, 1e3)
     #: of pressures, below which the flow is choked (ISO 6358-1)
     critical_ratio: float = quantity("critical_ratio", 0.0, 0.9, 0.3)
+
+    def channel(self, levels: Array, force: float) -> Array:
+        """Compute the pressure above the ambient one, Pa, (n,)."""
+        return levels * (AMBIENT_PA + self.supply_at(force)) - AMBIENT_PA
 
     def initial_level(self, force: float) -> float:
         """Compute ambient over supply pressure, both absolute."""
@@ -365,6 +434,8 @@ class Solenoid(Actuator):
     reach_remedy: ClassVar[str] = (
         "raise the force or actuation.stroke_mm, or lower actuation.return_preload_N"
     )
+    set_keys: ClassVar[tuple[str, ...]] = ("voltage_V", "current_A")
+    logged_key: ClassVar[str] = "current_A"
 
     start_force: float = quantity("start_force_N", 0.1, 1e5)  #: of the open armature, N
     end_force: float = quantity("end_force_N", 0.1, 1e5)  #: at the end of the stroke, N
@@ -391,6 +462,11 @@ class Solenoid(Actuator):
         return self.stroke / (math.sqrt(self.end_force / self.start_force) - 1.0)
 
     @property
+    def force_current(self) -> float:
+        """Current of both forces, A."""
+        return self.rated_current or self.voltage / self.resistance
+
+    @property
     def full_share(self) -> float:
         """Final current over the rated one."""
         if self.rated_current == 0.0:
@@ -406,6 +482,26 @@ class Solenoid(Actuator):
     def full_force(self) -> float:
         """Force at the end of the stroke, N."""
         return self.end_force * self.full_share**2 - self.end_spring
+
+    def _static_force(self, key: str, value: float) -> float:
+        current = value / self.resistance if key == "voltage_V" else value
+        return self.end_force * (current / self.force_current) ** 2 - self.end_spring
+
+    def logged_level(self, force: float) -> float:
+        """Compute the final current of a static force in N, A."""
+        return self.share_at(force) * self.force_current
+
+    def channel(self, levels: Array, force: float) -> Array:
+        """Compute the current, A, (n,)."""
+        return levels * self.force_current
+
+    def logged_force(self, values: Array, travel: Array) -> Array:
+        """Compute the magnet's force over stroke and current less the return spring, N, (n,)."""
+        open_gap = self.residual_gap + self.stroke
+        gap = open_gap - np.clip(travel, 0.0, self.stroke)
+        share = open_gap / gap * values / self.force_current
+        spring = self.return_preload + self.return_rate * np.maximum(travel, 0.0)
+        return np.maximum(self.start_force * share**2 - spring, 0.0)
 
     def share_at(self, force: float) -> float:
         """Compute the final current over the rated one for a static force in N."""
@@ -430,6 +526,18 @@ class Solenoid(Actuator):
 KINDS: dict[str, type[Actuator]] = {
     actuator.kind: actuator for actuator in (Spring, Cam, Motor, Pneumatic, Hydraulic, Solenoid)
 }
+#: Set values of any kind, by their keys.
+SET_KEYS = tuple(dict.fromkeys(key for kind in KINDS.values() for key in kind.set_keys))
+#: Logged channels of any kind.
+LOGGED_KEYS = tuple(dict.fromkeys(kind.logged_key for kind in KINDS.values() if kind.logged_key))
+
+
+def kinds_with(key: str) -> str:
+    """Name the kinds that have a set value or a logged channel, in words."""
+    names = [n for n, kind in KINDS.items() if key in (*kind.set_keys, kind.logged_key)]
+    return " or ".join(f'"{name}"' for name in names)
+
+
 #: Numbers of each kind for a study that lacks them, assumptions of the size of a vehicle's clutch.
 #: Cam: 60 degrees a gear in 40 ms. Cylinders: 8 bar of a truck behind a valve of 8 mm2, 20 bar of a
 #: double clutch. Solenoid: 12 V and 5.7 A.

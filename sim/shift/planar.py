@@ -18,6 +18,7 @@ import numpy as np
 from dogshape.sim import kernel
 from dogshape.sim.elementwise import Array
 from dogshape.sim.kernel_layout import (
+    ACTUATOR_NUMBERS,
     AXIAL_SPEED,
     CONTACT_LAW,
     DISPLACEMENT,
@@ -33,6 +34,7 @@ from dogshape.sim.kernel_layout import (
     shift_model,
 )
 from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.actuators import COMMAND_RISE_S, Actuator
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import LATEST_RELEASE_SHARE, Run, failure_of, states_held
 from dogshape.sim.shift.drive import TorqueCourse
@@ -266,6 +268,36 @@ def free_flight(
     times = np.append(held_times, times[: progress.recorded])
     states = np.concatenate([held_states, states[: progress.recorded]])
     return times, states, release_time
+
+
+@lru_cache(maxsize=512)  # operating points share forces
+def channel_course(actuator: Actuator, force: float, end: float) -> tuple[Array, Array, Array]:
+    """Compute the logged channel of an actuator whose fork stands, up to ``end`` in s.
+
+    Returns
+    -------
+    tuple
+        Times, s, values and their rates, SI, (n,) each; empty for an actuator without a channel.
+    """
+    if not actuator.logged_key:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    from scipy.integrate import solve_ivp  # noqa: PLC0415  slow to load, and few shifts need it
+
+    numbers = empty_record(ACTUATOR_NUMBERS)
+    actuator.write(numbers, ForceProfile(force, COMMAND_RISE_S), driven_mass=1.0)
+
+    def rates(time: float, level: Array) -> list[float]:
+        _, level_rate = kernel.actuator_rates(time, 0.0, 0.0, 0.0, float(level[0]), numbers)
+        return [float(level_rate)]
+
+    start = [actuator.initial_level(force)]
+    course = solve_ivp(rates, (0.0, end), start, method="LSODA", rtol=1e-6, atol=1e-9)
+    levels = course.y[0]
+    level_rates = np.array([rates(0.0, levels[k : k + 1])[0] for k in range(levels.size)])
+    values = actuator.channel(levels, force)
+    # The channel is linear in the level.
+    rate_values = actuator.channel(level_rates, force) - actuator.channel(0.0 * level_rates, force)
+    return course.t, values, rate_values
 
 
 @lru_cache(maxsize=512)  # operating points share forces
