@@ -27,6 +27,8 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 
+FORCE_REMEDY = "correct it, or the numbers of [actuation]"  #: for a force beyond an actuator's
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -172,7 +174,7 @@ def corrected_sheet(
 ) -> tuple[Sheet, tuple[str, ...]]:
     """Read a table and make the corrections of its data set, which are given back."""
     corrections_made = parse((*stand.corrections, *corrections))
-    sheet = load_sheet(path)
+    sheet = load_sheet(path, stand.clutch.actuator)
     for correction in corrections_made:
         sheet = corrected(sheet, correction, stand.sensor)
     return sheet, corrections_made
@@ -204,6 +206,9 @@ def readings_of(stand: Stand, sheet: Sheet, asked: tuple[str, ...]) -> list[Read
     for row in sheet.rows:
         try:
             point = OperatingPoint(row.mismatch * RPM, ForceProfile(row.force, row.rise))
+            if stand.clutch.actuator is not None:
+                stand.clutch.actuator.require_force(row.force, "force_N", FORCE_REMEDY)
+                stand.clutch.actuator.require_reach(row.force, stand.clutch.shift_travel)
         except InputError as error:
             raise DataError(f"{sheet.path}, row {row.row}: {error}") from error
         if rule := impossible(stand, row, asked):

@@ -21,7 +21,7 @@ from dogshape.bench.quantities import SHIFTS, TRACE
 from dogshape.bench.raw_sheet import OTHER_BOOKS, file_of, is_workbook
 from dogshape.bench.reading_report import ReadingReport
 from dogshape.bench.row_marks import RowChoice
-from dogshape.bench.table import COLUMNS, NUMERIC
+from dogshape.bench.table import COLUMNS, NUMBERS
 from dogshape.bench.traces import READERS
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.interface import argument
@@ -222,7 +222,7 @@ def _read_rows(
 def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     """Fill cells of a table from its other columns."""
     path, report = reader.table.path, reader.report
-    numbers = [name for name in NUMERIC if name not in ("n_shifts", "timestamp")]
+    numbers = [name for name in NUMBERS if name != "n_shifts"]
     rows[numbers] = rows[numbers].astype(float)
     rows["n_shifts"] = rows.n_shifts.astype(float).fillna(1.0).astype(int)
     failed = rows.engaged.eq(False)
@@ -297,7 +297,7 @@ def copy_trace(
     try:
         table = read_foreign(path, sums=False, limits=draft.limits, quoted=draft.quoted)
         reader = TableReader(table, TRACE, columns_of_trace, draft.decimal, trace_report)
-        columns = pd.DataFrame(reader.read(), dtype=float)
+        columns = pd.DataFrame(reader.read(), dtype=float).dropna(axis="columns", how="all")
         columns.to_csv(folder / name, index=False, float_format="%.15g")
         traces[name] = path, reader.table.rows
     except DataError as error:

@@ -117,12 +117,12 @@ def _signs_of(
 
 
 SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"
-PRESSURE, AREA = "pressure", "area"
+PRESSURE, AREA, VOLTAGE, CURRENT = "pressure", "area", "voltage", "current"
 
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit: spelling, dimension, and factor to 1/min, N, s, mm, N/cm² or cm²."""
+    """Unit: spelling, dimension, and factor to 1/min, N, s, mm, bar, V, A; of areas to N/bar."""
 
     text: str
     dimension: str
@@ -149,11 +149,13 @@ SPELLINGS: dict[str, dict[str, float]] = {
            "millisec": 1e-3, "seconds": 1.0, "sekunden": 1.0, "milliseconds": 1e-3,
            "millisekunden": 1e-3, "usec": 1e-6},
     LENGTH: {"mm": 1.0, "m": 1e3, "cm": 10.0, "um": 1e-3},
-    PRESSURE: {"bar": 10.0, "mbar": 1e-2, "pa": 1e-4, "hpa": 1e-2, "kpa": 0.1, "mpa": 100.0,
-               "psi": 0.6894757293, "n/mm2": 100.0, "n/cm2": 1.0},
-    AREA: {"mm2": 1e-2, "mm^2": 1e-2, "cm2": 1.0, "cm^2": 1.0, "m2": 1e4, "m^2": 1e4,
-           "in2": 6.4516},
-    MISC: dict.fromkeys(("nm", "degc", "v", "mv", "a", "%", "kg", "lb", "mm/s", "m/s", "j",
+    PRESSURE: {"bar": 1.0, "mbar": 1e-3, "pa": 1e-5, "hpa": 1e-3, "kpa": 1e-2, "mpa": 10.0,
+               "psi": 0.06894757293, "n/mm2": 10.0, "n/cm2": 0.1},
+    AREA: {"mm2": 0.1, "mm^2": 0.1, "cm2": 10.0, "cm^2": 10.0, "m2": 1e5, "m^2": 1e5,
+           "in2": 64.516},
+    VOLTAGE: {"v": 1.0, "mv": 1e-3},
+    CURRENT: {"a": 1.0, "ma": 1e-3},
+    MISC: dict.fromkeys(("nm", "degc", "%", "kg", "lb", "mm/s", "m/s", "j",
                          "deg", "grad", "degf", "kw"), math.nan),
 }  # fmt: skip
 UNITS = {

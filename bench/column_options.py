@@ -168,7 +168,7 @@ def _formula_match(
             f"{key_argument('columns', quantity.name)} is '{text}', but an area makes a force of "
             "one pressure only; give its column a unit, such as 'p:bar * 4.9 cm2'"
         )
-    formula = _AREA_LITERAL.sub(_area_in_cm2, formula)
+    formula = _AREA_LITERAL.sub(_area_in_N_bar, formula)
     if any(unit for _, unit in terms):
         terms = [(column, unit or PURE_NUMBER) for column, unit in terms]
     return Match(quantity, tuple(terms), _reason(text, terms), formula, stated=True)
@@ -181,7 +181,7 @@ def _spread_unit(column: Column, unit_text: str) -> Unit | None:
     return squared_time(unit_text or column.strange or "")
 
 
-def _area_in_cm2(match: re.Match[str]) -> str:
+def _area_in_N_bar(match: re.Match[str]) -> str:
     unit = unit_named(f"{match[2]}2")
     factor = unit.factor if unit is not None and unit.dimension == AREA else np.nan
     return f"({float(match[1].replace(',', '.')) * factor:.12g})"

@@ -65,6 +65,14 @@ def _turned_displacement(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
     return replace(trace, displacement=rest_displacement - trace.displacement)
 
 
+def _zeroed_force(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
+    """Count the force, or the logged channel that makes it, from its reading at rest."""
+    rest = _start(trace, row).force
+    if trace.logged is None:
+        return replace(trace, force=trace.force - rest)
+    return replace(trace, logged=replace(trace.logged, values=trace.logged.values - rest))
+
+
 #: Corrections of rows and of their traces, in the order in which they are made.
 OF_ROWS: dict[str, Callable[[Row, Sensor], Row]] = {
     "axes=swapped": lambda r, _: replace(r, mismatch=r.force, force=r.mismatch),
@@ -87,7 +95,7 @@ OF_TRACES: dict[str, Callable[[BenchTrace, Row, Sensor], BenchTrace]] = {
     "trace_time=from_force": _from_force,
     "trace_force=kN": lambda t, _, s: _scaled(t, 1e3, "force"),
     "trace_force=arm": lambda t, _, s: _scaled(t, _factor(s, "force"), "force"),
-    "trace_force=zeroed": lambda t, r, _: replace(t, force=t.force - _start(t, r).force),
+    "trace_force=zeroed": _zeroed_force,
     "speeds=rad_s": lambda t, _, s: _scaled(t, 1.0 / RPM, "sliding_speed", "output_speed"),
     "speeds=sliding_rad_s": lambda t, _, s: _scaled(t, 1.0 / RPM, "sliding_speed"),
     "speeds=output_rad_s": lambda t, _, s: _scaled(t, 1.0 / RPM, "output_speed"),
@@ -143,7 +151,8 @@ def corrected(sheet: Sheet, correction: str, sensor: Sensor) -> Sheet:
         rows = tuple(change(row, sensor) for row in rows)
     elif of_trace := OF_TRACES.get(correction):
         rows = tuple(
-            replace(row, trace=row.trace and of_trace(row.trace, row, sensor)) for row in rows
+            replace(row, trace=row.trace and of_trace(row.trace, row, sensor).with_logged_force())
+            for row in rows
         )
     return replace(sheet, rows=rows)
 

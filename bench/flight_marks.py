@@ -58,7 +58,12 @@ def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
         traces_by_profile.setdefault(cell.point.profile, []).extend(cell.traces)
     flights = []
     for profile, traces in traces_by_profile.items():
-        marks = joined_marks(traces, profile, bench.clutch.dog.axial_gap)
+        marks = joined_marks(
+            traces,
+            profile,
+            bench.clutch.dog.axial_gap,
+            has_actuator=bench.clutch.actuator is not None,
+        )
         places = np.flatnonzero(np.isfinite(marks[:, 0]))
         if not places.size:
             continue
@@ -79,9 +84,12 @@ def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
     return np.diag(floor**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
 
 
-def joined_marks(traces: Sequence[BenchTrace], profile: ForceProfile, gap: float) -> Array:
+def joined_marks(
+    traces: Sequence[BenchTrace], profile: ForceProfile, gap: float, *, has_actuator: bool = False
+) -> Array:
     """Join the marks of traces of one profile: time, error, value over slope, s, (SIZE, 3)."""
-    table = np.array([trace_marks(trace, profile, gap) for trace in traces]).reshape(-1, SIZE, 3)
+    marks = [trace_marks(trace, profile, gap, has_actuator=has_actuator) for trace in traces]
+    table = np.array(marks).reshape(-1, SIZE, 3)
     return np.array([_joined(table[:, k]) for k in range(SIZE)])
 
 
@@ -102,13 +110,25 @@ def _joined(marks: Array) -> Array:
     return np.array([times[is_close].mean(), np.sqrt(variance / count), np.median(reach)])
 
 
-def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> Array:
-    """Find the marks of a trace: time, error, value over slope, s, (SIZE, 3); NaN for none."""
+def trace_marks(
+    trace: BenchTrace, profile: ForceProfile, gap: float, *, has_actuator: bool = False
+) -> Array:
+    """Find the marks of a trace: time, error, value over slope, s, (SIZE, 3); NaN for none.
+
+    Of an actuator the marks of the force are those of its logged channel, which the motion changes
+    little; a measured force, which follows the motion, has none.
+    """
     closed = smoothed(trace.displacement) >= gap
     top = int(np.argmax(closed)) if closed.any() else len(trace.time)
     way = trace.time[:top], trace.displacement[:top]
     marks = [mark_of(*way, share * gap, TRAVEL_WINDOW) for share in WAYS]
-    force, levels = (trace.time, trace.force), [share * profile.force for share in FORCES]
+    full_level = profile.force
+    if trace.logged is not None:
+        full_level = trace.logged.actuator.logged_level(profile.force)
+    elif has_actuator:
+        return np.array([*marks, *([NO_MARK] * len(FORCES))])
+    force = trace.time, trace.signal
+    levels = [share * full_level for share in FORCES]
     return np.array([*marks, *(mark_of(*force, level, FORCE_WINDOW) for level in levels)])
 
 

@@ -1,5 +1,7 @@
 r"""Start of the force in a trace, and readings at rest before it.
 
+Of a trace that logs pressure or current of an actuator it is the start of that channel.
+
 Noise, an offset of the sensor and the slow beginning of a cubic rise hide the first instant of the
 force. So a curve is fitted to the samples up to a share of the rise: a level at rest,
 :math:`F_0`, up to the start :math:`t_0`, and from there one of three shapes of :math:`t - t_0`,
@@ -21,7 +23,7 @@ from functools import lru_cache
 import numpy as np
 
 from dogshape.bench.samples import scatter, smoothed, step_of
-from dogshape.bench.traces import BenchTrace
+from dogshape.bench.traces import FORCE_CHANNEL, BenchTrace
 from dogshape.sim.elementwise import Array
 
 #: Force above rest that is seen as a rise, of the largest: above the hum and drift of load cells.
@@ -42,7 +44,10 @@ GRID, PASSES = 24, 4  #: starts that are tried at a time, each time closer to ea
 
 @dataclass(frozen=True)
 class ForceStart:
-    """Start of the force, s, its standard error, and readings at rest, N and m."""
+    """Start of the force, s, its standard error, and readings at rest.
+
+    ``force`` is in N, or in the SI unit of a logged channel, ``displacement`` in m.
+    """
 
     time: float
     error: float
@@ -57,7 +62,7 @@ def find_force_start(trace: BenchTrace, rise: float) -> ForceStart | None:
     Returns None where no rise stands out from the noise.
     """
     size = _undisturbed(trace)
-    time, force = trace.time[:size], trace.force[:size]
+    time, force = trace.time[:size], trace.signal[:size]
     smooth, rest_force = smoothed(force), float(np.median(force[:FIRST]))
     top = float(smooth.max()) - rest_force
     threshold = max(THRESHOLD * top, CLEAR * scatter(force))
@@ -73,7 +78,8 @@ def find_force_start(trace: BenchTrace, rise: float) -> ForceStart | None:
         start, error, level = _fit_start(time[begin:end], force[begin:end], place - begin, rise)
     displacement_before = trace.displacement[: max(FIRST, int(np.searchsorted(trace.time, start)))]
     # Between two samples a jump may be anywhere.
-    step = trace.steps.get("force_N", step_of(trace.time))
+    channel = FORCE_CHANNEL if trace.logged is None else trace.logged.key
+    step = trace.steps.get(channel, step_of(trace.time))
     error = float(np.hypot(error, step / np.sqrt(12.0)))
     return ForceStart(start, error, level, float(np.median(displacement_before)))
 
@@ -108,8 +114,8 @@ def _undisturbed(trace: BenchTrace) -> int:
     Where the force falls, these are the samples before the first touch; before the end of travel,
     where it falls later (release, seating).
     """
-    way, force = smoothed(trace.displacement), smoothed(trace.force)
-    min_fall = max(THRESHOLD * np.ptp(force), 2.0 * CLEAR * scatter(trace.force))
+    way, force = smoothed(trace.displacement), smoothed(trace.signal)
+    min_fall = max(THRESHOLD * np.ptp(force), 2.0 * CLEAR * scatter(trace.signal))
     fallen = np.maximum.accumulate(force) - force > min_fall
     if not fallen.any():
         return way.size

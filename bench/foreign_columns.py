@@ -11,11 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.bench.cell_values import PRESSURE, SPEED, TIME, Column
+from dogshape.bench.cell_values import PRESSURE, SPEED, TIME, Column, split_quantity
 from dogshape.bench.column_options import Match, stated_match
 from dogshape.bench.draft_arguments import NONE, column_argument, column_placeholder
 from dogshape.bench.quantities import (
+    FORCE_STANDINS,
     LOOSE,
+    SHIFT_FORCE,
     SHIFT_QUANTITIES,
     SHIFT_TIME,
     SHIFTS,
@@ -33,6 +35,7 @@ from dogshape.bench.spreads import uncounted_means, with_spread
 from dogshape.sim.errors import InputError
 from dogshape.sim.interface import text_value
 
+FORCE_N = SHIFT_FORCE.name  #: quantity that an actuator's set value may stand for
 #: Quantities of which loose words settle nothing between columns of the right kind.
 UNDECIDED = ("mismatch_rpm", "shift_time_s")
 _TIMES_AT = r"(t |time |zeit )?(start|beginn?|begin|anfang|ende?|stop|end)\w*"
@@ -73,7 +76,13 @@ def matched(
     stated = {c for match in matches for c, _ in match.terms if not _is_factor(match, c)}
     free = [column for column in columns if column not in stated]
     missing: list[TableQuantity] = []
-    scores = {q: {c: score(q, c) for c in free} for q in quantities if q.name not in options}
+    standins = [q for q in quantities if q in FORCE_STANDINS and q.name not in options]
+    is_set = any(match.quantity in FORCE_STANDINS for match in matches)
+    scores = {
+        q: {c: score(q, c) for c in free}
+        for q in quantities
+        if q.name not in options and q not in standins and not (is_set and q.name == FORCE_N)
+    }
     order = sorted(scores, key=lambda quantity: -max(scores[quantity].values(), default=0.0))
     for quantity in order:
         candidates = _candidates(quantity, scores[quantity], free)
@@ -87,6 +96,7 @@ def matched(
             matches.append(Match(quantity, ((column, column.unit),), reason))
         elif quantity.needed:
             missing.append(quantity)
+    missing = _without_standin(missing, standins, matches, questions, free)
     nameless = [column.head == f"column {column.place}" for column in columns]
     if missing and all(nameless):
         questions.append(_ask_for_names(missing, columns))
@@ -96,6 +106,60 @@ def matched(
         matches, spread_questions = with_spread(matches, free, options)
         questions += [*spread_questions, *uncounted_means(matches, options)]
     return Matching(tuple(matches), tuple(questions))
+
+
+def _force_standin(
+    standins: Sequence[TableQuantity], free: Sequence[Column]
+) -> tuple[TableQuantity | None, list[Column]]:
+    """Find the set value or channel of an actuator with columns of its unit, and these columns.
+
+    A pressure is known by its unit alone; voltage and current need a name too.
+    """
+    for quantity in standins:
+        scores = {
+            column: score(quantity, column)
+            for column in free
+            if _dimension_of(column) == quantity.dimension and not column.hidden
+        }
+        candidates = [column for column, value in scores.items() if value >= WORD]
+        if not candidates and quantity.dimension == PRESSURE:
+            candidates = [*scores]
+        if candidates:
+            return quantity, candidates
+    return None, []
+
+
+def _dimension_of(column: Column) -> str | None:
+    """Return the dimension of the unit in the head of a column or in its cells; None for none."""
+    units = [column.unit, *(split_quantity(cell)[1] for cell in column.cells)]
+    return next((unit.dimension for unit in units if unit is not None), None)
+
+
+def _without_standin(
+    missing: list[TableQuantity],
+    standins: Sequence[TableQuantity],
+    matches: list[Match],
+    questions: list[str],
+    free: list[Column],
+) -> list[TableQuantity]:
+    """Match a column that stands for a missing force, or ask which does.
+
+    Adds to ``matches`` or ``questions``, takes the column from ``free``, and returns the quantities
+    that are missing still.
+    """
+    quantity: TableQuantity | None = None
+    columns: list[Column] = []
+    if any(q.name == FORCE_N for q in missing):
+        quantity, columns = _force_standin(standins, free)
+    if quantity is None:
+        return missing
+    question = _open_question(quantity.name, columns)
+    if question:
+        questions.append(question)
+    else:
+        matches.append(Match(quantity, ((columns[0], columns[0].unit),), "unit"))
+        free.remove(columns[0])
+    return [q for q in missing if q.name != FORCE_N]
 
 
 def _stated_matches(
@@ -243,12 +307,6 @@ def _missing_force(free: Sequence[Column]) -> str:
     column = next((column for column in free if is_force_by_area(column)), None)
     if column is None or column.unit is None:
         return ""
-    if column.unit.dimension == PRESSURE:
-        product = column_argument("force_N", f"{column.head} * 4.9 cm2")
-        return (
-            f"'{column.head}' is a pressure and no force_N; say the area of the piston, such as "
-            f"{product}, or add the force"
-        )
     weight = column_argument("force_N", f"{column.head}:kgf")
     return (
         f"'{column.head}' is in {column.unit.text}, a mass and no force_N; say {weight} where it "

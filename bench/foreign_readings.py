@@ -15,11 +15,14 @@ import numpy as np
 
 from dogshape.bench.cell_values import (
     ANSWERS,
+    CURRENT,
     FORCE,
     NAMES,
+    PRESSURE,
     SPEED,
     TIME,
     UNITS,
+    VOLTAGE,
     Column,
     Unit,
     answer_of,
@@ -59,7 +62,7 @@ from dogshape.sim.interface import argument
 MAX_CELL_CHARACTERS = 40  #: characters of a cell that a sentence shows
 MAX_LISTED = 12  #: faults of one kind that are listed one by one
 #: Factor between values of one column from which two units are likely.
-MIXED_UNITS = {"force_N": 100.0, "shift_time_s": 300.0}
+MIXED_UNITS = {"force_N": 100.0, "supply_bar": 100.0, "shift_time_s": 300.0}
 #: Quantities of which a merged cell would repeat a result, not a set value.
 RESULTS = ("shift_time_s", "shift_time_sd_s", "n_shifts")
 SENTENCES = {
@@ -514,6 +517,9 @@ def _usual_unit(quantity: TableQuantity, values: Array) -> str:
         TIME: "ms" if middle > 5.0 else "s",
         FORCE: "kN" if middle < 5.0 else "N",
         SPEED: "1/min",
+        PRESSURE: "bar",
+        VOLTAGE: "V",
+        CURRENT: "A",
     }.get(str(quantity.dimension), "mm")
 
 

@@ -13,7 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.bench.cell_values import FORCE, LENGTH, PRESSURE, SPEED, TIME, UNITS, Column
+from dogshape.bench.cell_values import (
+    CURRENT,
+    FORCE,
+    LENGTH,
+    PRESSURE,
+    SPEED,
+    TIME,
+    UNITS,
+    VOLTAGE,
+    Column,
+)
 
 #: Scores of a column: its unit alone, a loose word, one of its words, its name; a unit beside them.
 UNIT, LOOSE, WORD, NAME, FITS = 1.0, 2.0, 3.0, 4.0, 0.5
@@ -73,6 +83,30 @@ SHIFT_FORCE = TableQuantity(
     r"|preload|brems|rueckstell|rast|detent)\w*",
     needed=True,
     filled=True,
+)
+BACK_SIDE = r"back|gegen\w*|rueck\w*|return|ambient|umgebung\w*|tank|exhaust"
+_PRESSURE = (
+    r"p|p \w+|\w*(pressure|druck)|(supply|shift|actuator) pressure|(schalt|versorgungs|stell)druck"
+    r"|pression|pressione|presion|tlak|cisnienie|tryck|luftdruck|oeldruck"
+)
+#: Set values of an actuator in place of the shift force (``Actuator.set_keys``).
+_CURRENT = r"i|i \w+|\w*current|\w*strom|courant|corrente|corriente|proud|prad"
+_NO_LEVEL = rf"{_RISE}|{_SPREAD}|{_EXTREME}|{BACK_SIDE}"
+SET_VALUES = (
+    TableQuantity("supply_bar", PRESSURE, _PRESSURE, against=_NO_LEVEL, filled=True),
+    TableQuantity(
+        "voltage_V",
+        VOLTAGE,
+        r"u|u \w+|\w*voltage|\w*spannung|tension|tensione|napeti|napiecie",
+        against=_NO_LEVEL,
+        filled=True,
+    ),
+    TableQuantity("current_A", CURRENT, _CURRENT, against=_NO_LEVEL, filled=True),
+)
+#: Channels of an actuator in place of the force of a trace (``Actuator.logged_key``).
+LOGGED_VALUES = (
+    TableQuantity("pressure_bar", PRESSURE, _PRESSURE, against=_NO_LEVEL),
+    TableQuantity("current_A", CURRENT, _CURRENT, against=_NO_LEVEL),
 )
 SHIFT_COUNT = TableQuantity(
     "n_shifts",
@@ -151,6 +185,7 @@ SHIFTS = (
         "time ?stamp|zeitstempel|(datum|date|date time|datum uhrzeit)",
         against=r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
     ),
+    *SET_VALUES,
 )
 SHIFT_QUANTITIES = {quantity.name: quantity for quantity in SHIFTS}
 TRACE = (
@@ -179,7 +214,10 @@ TRACE = (
         "n out",
         needed=True,
     ),
+    *LOGGED_VALUES,
 )
+#: Quantities that may stand for the force where a table has none.
+FORCE_STANDINS = {*SET_VALUES, *LOGGED_VALUES}
 #: Words of means and of their spread.
 MEAN = (
     r"mittel\w*|mean|average|avg|durchschnitt\w*|moyenne?|media|promedio|gemiddeld\w*|medel\w*"

@@ -20,7 +20,7 @@ import numpy as np
 
 from dogshape.bench.corrections import GIVEN, Finding, Findings, contradict, corrected
 from dogshape.bench.stand_file import Stand
-from dogshape.bench.table import NEAR, Row, Sheet, near_groups
+from dogshape.bench.table import FORCE, NEAR, Row, Sheet, near_groups
 from dogshape.bench.trace_slips import TRACED, median, recording_faults, trace_notes, trace_rate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError, number
@@ -157,6 +157,8 @@ def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
     Half of the rows have to be impossible; single cells are refused one by one.
     """
     for name, correction, off, looks, template in SIZES:
+        if name == "force" and sheet.set_key != FORCE:
+            continue  # the actuator bounds a set value
         if off(stand, sheet) and _share_impossible(stand, sheet) >= 0.5:
             text = template.format(_span(_column(sheet, name)), number(stand.clutch.timeout))
             quantity = correction.partition("=")[0]

@@ -1,5 +1,8 @@
 """Content of ``bench.toml``: the clutch as the bench knows it, its sensors and its actuator.
 
+A stand with ``[actuation]`` has a kind of actuator (``sim.shift.actuators``); without it the shift
+force is that over time of each row.
+
 ``[record]`` states conventions that no table of times shows, and each decides what the times may
 mean. Of the uncertainties in ``[errors]`` *systematic* ones are the same for the whole series, as
 that of a load cell's gain; those of *each point* are drawn again with each setting, as what a valve
@@ -17,6 +20,7 @@ from pydantic import Field
 
 from dogshape.bench.texts import read_toml
 from dogshape.sim.clutch_tables import (
+    ActuatorSection,
     DogSection,
     DriveSection,
     Keys,
@@ -152,6 +156,7 @@ class _BenchFile(Section):
     output: OutputSection
     drive: DriveSection = DriveSection()
     contact: _Contact
+    actuation: ActuatorSection | None = None
     record: BenchRecord = BenchRecord()
     sensor: Sensor = Sensor()
     actuator_calibration: list[Calibration] = Field(default_factory=list)
@@ -235,5 +240,17 @@ def _clutch(file: _BenchFile) -> Clutch:
         raise DataError(Refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
     require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
     ring_inertias, drive = rings(file.sliding, file.output), file.drive.value
-    solver = solver_for(contact, drive=drive)
-    return Clutch(dog, ring_inertias, contact, solver, file.timeout_s, shift_travel, drive=drive)
+    actuator = None if file.actuation is None else file.actuation.actuator
+    clutch = Clutch(
+        dog,
+        ring_inertias,
+        contact,
+        solver_for(contact, drive=drive, actuator=actuator),
+        file.timeout_s,
+        shift_travel,
+        drive=drive,
+        actuator=actuator,
+    )
+    if actuator is not None and clutch.solver.scheme == "cenic":
+        return clutch.with_engine("planar")  # Drake's scheme takes a thousand times as long
+    return clutch

@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.bench.raw_sheet import file_of
-from dogshape.bench.texts import is_plain, read_table
+from dogshape.bench.texts import TextTable, is_plain, read_table
 from dogshape.bench.traces import BenchTrace, bad_cell, read_trace
 from dogshape.sim.elementwise import Array
-from dogshape.sim.errors import DataError, number_rule
+from dogshape.sim.errors import DataError, InputError, number_rule
+from dogshape.sim.shift.actuators import COMMAND_RISE_S, SECTION, SET_KEYS, Actuator, kinds_with
 
 Texts = NDArray[np.str_]
 
@@ -41,6 +42,9 @@ class SheetCells(NamedTuple):
     shift_time_sd_s: Texts
     order: Texts
     timestamp: Texts
+    supply_bar: Texts
+    voltage_V: Texts
+    current_A: Texts
 
     def column(self, name: str) -> Texts:
         """Return the cells of a column by its name."""
@@ -49,8 +53,13 @@ class SheetCells(NamedTuple):
 
 
 COLUMNS = SheetCells._fields
+FORCE = "force_N"
+RISE = "force_rise_s"
 NEEDED = COLUMNS[:5]  #: without the others, a source says nothing of them
+#: The same of a stand with an actuator, beside the column that sets its force.
+NEEDED_OF_ACTUATOR = tuple(name for name in NEEDED if name not in (FORCE, RISE))
 NUMERIC = (*NEEDED, *COLUMNS[7:])
+NUMBERS = tuple(name for name in NUMERIC if name != "timestamp")  #: without dates
 MAX_SHIFTS = 1_000_000  #: shifts that a row may stand for; at one a second they take twelve days
 ENGAGED = {"true": True, "false": False, "": None}
 NEAR = 0.01  #: of a set value, up to which two are those of one operating point
@@ -80,18 +89,24 @@ class Row:
 
 @dataclass(frozen=True)
 class Sheet:
-    """The rows of ``shifts.csv`` with their traces."""
+    """The rows of ``shifts.csv`` with their traces; ``set_key`` is the column of the force."""
 
     path: Path
     rows: tuple[Row, ...]
+    set_key: str = FORCE
 
 
-def load_sheet(path: Path) -> Sheet:
-    """Read the table and its traces; a mistake raises DataError with file, row and column."""
+def load_sheet(path: Path, actuator: Actuator | None = None) -> Sheet:
+    """Read the table and its traces; a mistake raises DataError with file, row and column.
+
+    ``actuator`` of the stand makes the force of a set value, and of logged channels of traces.
+    """
     if not file_of(path).exists():
         raise DataError(f"there is no {path}; a data set needs shifts.csv")
     table = read_table(path, NUMERIC, COLUMNS)
-    table.require(NEEDED, COLUMNS)
+    set_key = _set_key(table, actuator)
+    needed = NEEDED if actuator is None else (*NEEDED_OF_ACTUATOR, set_key)
+    table.require(needed, COLUMNS)
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
     rows, nothing = [row for row, _ in table.rows], [""] * len(table.rows)
@@ -103,43 +118,100 @@ def load_sheet(path: Path) -> Sheet:
         for name in NUMERIC
     }
     values |= {"timestamp": np.array([_seconds(cell) for cell in cells.timestamp])}
-    for column, bad, rule in _faults(cells, values):
+    for column, bad, rule in _faults(cells, values, set_key, actuator):
         if (wrong := np.asarray(bad, dtype=bool)).any():
             at = int(wrong.argmax())
             raise bad_cell(path, rows[at], f"column {column}", cells.column(column)[at], rule)
     sheet_rows = []
     for k, row in enumerate(rows):
-        numbers: list[Any] = [None if np.isnan(v := values[n][k]) else v.item() for n in NUMERIC]
-        mismatch, force, rise, n, time, sd, order, stamp = numbers
-        engaged = True if time is not None else ENGAGED[cells.engaged[k]]
-        place = stamp if order is None else order
-        trace = _trace_of(path, row, cells.trace[k])
+        numbers: dict[str, Any] = {
+            name: None if np.isnan(column[k]) else column[k].item()
+            for name, column in values.items()
+        }
+        time = numbers["shift_time_s"]
+        order = numbers["order"]
+        stamp = numbers["timestamp"]
         sheet_rows.append(
-            Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
+            Row(
+                row,
+                numbers["mismatch_rpm"],
+                _force_of(path, row, set_key, numbers[set_key], actuator),
+                numbers[RISE] if actuator is None else COMMAND_RISE_S,
+                int(numbers["n_shifts"]),
+                time,
+                True if time is not None else ENGAGED[cells.engaged[k]],
+                _trace_of(path, row, cells.trace[k], actuator),
+                numbers["shift_time_sd_s"],
+                stamp if order is None else order,
+                stamp,
+            )
         )
-    return Sheet(path, tuple(sheet_rows))
+    return Sheet(path, tuple(sheet_rows), set_key)
 
 
-def _trace_of(path: Path, row: int, name: str) -> BenchTrace | None:
+def _set_key(table: TextTable, actuator: Actuator | None) -> str:
+    """Choose the column that sets the force; DataError for several, or without such an actuator."""
+    path = table.path
+    columns = [name for name in (*SET_KEYS, FORCE) if name in table.head]
+    set_keys = [name for name in columns if any(table.column(name))]
+    if not set_keys and actuator is not None:
+        set_keys = columns[:1]
+    if len(set_keys) > 1:
+        raise DataError(
+            f"{path} has the columns {' and '.join(set_keys)}, but one sets the force; leave out "
+            "the others"
+        )
+    set_key = set_keys[0] if set_keys else FORCE
+    if set_key == FORCE or (actuator is not None and set_key in actuator.set_keys):
+        return set_key
+    stand = "has no actuator"
+    if actuator is not None:
+        valid_keys = " or ".join((*actuator.set_keys, FORCE))
+        stand = f"has a {actuator.kind} actuator, which {valid_keys} sets"
+    raise DataError(
+        f"{path} has the column {set_key}, but the stand {stand}; state in [{SECTION}] of "
+        f"bench.toml the actuator (kind = {kinds_with(set_key)}), or give {FORCE}"
+    )
+
+
+def _force_of(path: Path, row: int, set_key: str, value: float, actuator: Actuator | None) -> float:
+    """Compute the static force of a set value, N; DataError for one that the actuator lacks."""
+    if actuator is None or set_key == FORCE:
+        return value
+    try:
+        return actuator.set_force(set_key, value)
+    except InputError as error:
+        raise DataError(f"{path}, row {row}: {error}") from error
+
+
+def _trace_of(path: Path, row: int, name: str, actuator: Actuator | None) -> BenchTrace | None:
     """Read the trace that a row names; None without a name."""
     if not name:
         return None
     try:
-        return read_trace(path.parent / name)
+        return read_trace(path.parent / name, actuator)
     except DataError as error:
         raise DataError(f"{path}, row {row}, column trace: {error}") from error
 
 
-def _faults(cells: SheetCells, values: Mapping[str, Array]) -> Iterator[tuple[str, Any, str]]:
+def _faults(
+    cells: SheetCells, values: Mapping[str, Array], set_key: str, actuator: Actuator | None
+) -> Iterator[tuple[str, Any, str]]:
     """Yield columns, marks of their wrong cells, and the rule that these break."""
-    for name in NUMERIC[:-1]:
+    filled_names = ["mismatch_rpm", set_key]
+    if actuator is None:
+        filled_names.append(RISE)
+    else:
+        rule = f"empty, as the {actuator.kind} actuator of the stand has no rise time"
+        yield RISE, cells.column(RISE) != "", rule
+    for name in NUMBERS:
         column = cells.column(name)
-        is_filled = (column != "") | (name in COLUMNS[:3])
+        is_filled = (column != "") | (name in filled_names)
         bad = is_filled & ~np.isfinite(values[name]) & (name != "n_shifts")
         first = column[int(bad.argmax())]
         yield name, bad, "a finite number" if is_plain(first) else number_rule(first)
-    count, time, sd, stamps = (values[name] for name in NUMERIC[3:] if name != "order")
-    count = np.clip(np.nan_to_num(count), 0.0, 1e300)
+    time, sd, stamps = (values[name] for name in ("shift_time_s", "shift_time_sd_s", "timestamp"))
+    count = np.clip(np.nan_to_num(values["n_shifts"]), 0.0, 1e300)
     outcomes = cells.engaged
     trace_names = cells.trace
     stamp_cells = cells.timestamp

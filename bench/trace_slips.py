@@ -18,11 +18,11 @@ from dogshape.bench.force_start import FIRST, ForceStart, displacement_at_rest, 
 from dogshape.bench.samples import scatter, smoothed, step_of
 from dogshape.bench.stand_file import Stand
 from dogshape.bench.table import Row, Sheet
-from dogshape.bench.traces import LEAD, BenchTrace
+from dogshape.bench.traces import FORCE_CHANNEL, LEAD, BenchTrace
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.units import MM, MS, RPM, short
+from dogshape.sim.units import MM, MS, RPM, from_si, short, unit_of
 
 SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
 KILO = 0.01  #: ratio of forces below which those of traces are kilonewtons
@@ -32,6 +32,8 @@ REST = 0.02  #: of axial gap or nominal force, least reading at rest that is sai
 MOVED = 0.005  #: of the travel, least way of the first samples of a record that begins in motion
 CLEAR = 5.0  #: scatters of a median that a value at rest exceeds, four times 1.25 standard errors
 FALLING = 0.5  #: of the fall, rise of a channel above which it does not only fall
+LOW_LEVEL, HIGH_LEVEL = 0.5, 1.5  #: range of a logged channel's end over its set value
+LEAST_LEVEL = 0.1  #: below which, or beyond whose inverse, it is another unit
 MIN_SAMPLES_PER_SHIFT = 20  #: samples that marks of a flight need within a shift, judged
 LOCKED = 0.05  #: share by which the last speeds of a shift differ from one unit to the other
 MAX_SPEED = 1.5  #: times the speed from the work of the force: for a force of twice the nominal
@@ -79,6 +81,12 @@ class TracedRow:
             return None
 
     @property
+    def full_level(self) -> float:
+        """Final value of the channel that rises first: N, or the SI unit of a logged channel."""
+        logged = self.trace.logged
+        return self.row.force if logged is None else logged.actuator.logged_level(self.row.force)
+
+    @property
     def short(self) -> bool:
         """Whether the trace ends before its shift."""
         trace, time = self.trace, self.row.time
@@ -121,10 +129,11 @@ def time_ratio(one: TracedRow) -> float:
 def force_ratio(one: TracedRow) -> float:
     """Compute the last force over the nominal one at that time, once any delay is over.
 
-    A ratio below ``KILO`` counts at any time: no delay makes it so small.
+    A ratio below ``KILO`` counts at any time: no delay makes it so small. NaN for an actuator,
+    whose force follows the motion.
     """
     profile = one.profile
-    if profile is None:
+    if profile is None or one.stand.clutch.actuator is not None:
         return np.nan
     if not one.start or not (nominal := profile.at(float(one.trace.time[-1]) - one.start.time)):
         return np.nan
@@ -181,6 +190,8 @@ def trace_signs(stand: Stand, sheet: Sheet) -> Findings:
         ("displacement", "displacement", "mm", MM),
     ):
         ends = [end for row in rows if (end := _fall(getattr(row.trace, name)))]
+        if quantity == "trace_force" and stand.clutch.actuator is not None:
+            continue  # a spring's falls, and a logged channel makes no negative one
         if 2 * len(ends) <= len(rows):
             continue
         first, last = (number(float(f"{value / scale:.3g}")) for value in ends[0])
@@ -190,6 +201,31 @@ def trace_signs(stand: Stand, sheet: Sheet) -> Findings:
         )
         cause = "a sensor of the opposite sign"
         yield Finding(quantity, text, cause, f"{quantity}=turned", certain=True)
+
+
+def trace_level(stand: Stand, sheet: Sheet) -> Findings:
+    """Find logged channels that end far from what the set value makes them.
+
+    A ratio above ``HIGH_LEVEL`` counts at any time: no valve gives more than its supply.
+    """
+    ratios = []
+    key = ""
+    for row in traced(stand, sheet):
+        logged = row.trace.logged
+        if logged is None or not row.start:
+            continue
+        key = logged.key
+        level = float(np.median(logged.values[-5:])) - row.start.force
+        ratio = level / row.full_level
+        if ratio > HIGH_LEVEL or row.trace.time[-1] > SETTLED + row.start.time:
+            ratios.append(ratio)
+    ratio = median(ratios, 1.0)
+    if LOW_LEVEL <= ratio <= HIGH_LEVEL:
+        return
+    text = f"{key} of the traces ends at {short(ratio, 3)} times the value that the table sets"
+    looks = "another unit, a sensor with a wrong scale, or a supply that the valve does not reach"
+    certain = not LEAST_LEVEL < ratio < 1.0 / LEAST_LEVEL
+    yield Finding("trace_force", text, looks, certain=certain)
 
 
 def _fall(values: Array) -> tuple[float, float] | None:
@@ -352,20 +388,25 @@ def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
         for row in rows
         if abs(row.rest) > max(gap, noise * scatter(row.trace.displacement))
     ]
-    force = [
-        row.start.force
-        for row in rows
-        if row.start
-        and row.start.time >= row.trace.time[0]
-        and abs(row.start.force) > max(REST * row.row.force, noise * scatter(row.trace.force))
-    ]
+    force = []
+    for row in rows:
+        start = row.start
+        if start is None or start.time < row.trace.time[0]:
+            continue
+        if abs(start.force) > max(REST * row.full_level, noise * scatter(row.trace.signal)):
+            force.append(start.force)
     looks, when = "a sensor that is not set to zero", "(median) before the force begins"
     of_all = f"of {len(rows)} traces is"
     if way:
         text = f"displacement_mm of {len(way)} {of_all} {short(median(way), 3)} mm {when}"
         yield Finding("displacement", text, looks, "displacement=zeroed")
     if 2 * len(force) > len(rows):
-        text = f"force_N of {len(force)} {of_all} {short(median(force), 3)} N {when}"
+        logged = rows[0].trace.logged
+        key = FORCE_CHANNEL if logged is None else logged.key
+        amount = f"{short(from_si(key, median(force)), 3)} {unit_of(key)}"
+        text = f"{key} of {len(force)} {of_all} {amount} {when}"
+        if key == "pressure_bar":
+            looks = "an absolute pressure, or a sensor that is not set to zero"
         yield Finding("trace_force", text, looks, "trace_force=zeroed")
 
 
@@ -475,6 +516,7 @@ TRACED: tuple[Callable[[Stand, Sheet], Findings], ...] = (
            ("force=arm", "the force at the robot arm in the table"),
            ("trace_force=arm", "the force at the robot arm in the traces")),
           "a sensor with a wrong scale"),
+    trace_level,
     trace_rest,
     trace_jumps,
 )  # fmt: skip

@@ -1,5 +1,8 @@
 """Time series of bench shifts: their files, and one time axis for all channels.
 
+A stand with an actuator may log its pressure or current in place of the force, which the static law
+of the actuator then makes of it (``Actuator.logged_force``).
+
 *Files* are CSV, LabVIEW's TDMS and ASAM's MDF (``docs/bench.md``); time zero is the start of the
 force. All channels are brought to the times of the displacement by linear interpolation where every
 channel has samples. Samples that are none (dropouts, invalid, repeated ones) are left out. What was
@@ -21,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.bench.cell_values import FORCE, LENGTH, SPEED, unit_named
+from dogshape.bench.cell_values import CURRENT, FORCE, LENGTH, PRESSURE, SPEED, unit_named
 from dogshape.bench.cell_values import TIME as DURATION
 from dogshape.bench.samples import (
     Channel,
@@ -43,7 +46,25 @@ from dogshape.sim.errors import (
     number,
     number_rule,
 )
+from dogshape.sim.shift.actuators import LOGGED_KEYS, SECTION, Actuator, kinds_with
 from dogshape.sim.units import MS, short, to_si
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedChannel:
+    """Pressure or current of an actuator over time, from which the force of a trace follows."""
+
+    actuator: Actuator
+    values: Array  #: Pa or A, (n,)
+
+    @property
+    def key(self) -> str:
+        """Key of the channel."""
+        return self.actuator.logged_key
+
+    def force(self, displacement: Array) -> Array:
+        """Compute the force at a displacement in m, N, (n,)."""
+        return self.actuator.logged_force(self.values, displacement)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +73,8 @@ class BenchTrace:
 
     ``notes`` say what was interpolated or cut, ``faults`` what is wrong with the recording and was
     left out; ``start_error`` is the standard error of time zero where it was found from the force,
-    s; ``steps`` are the sample steps of channels that were interpolated, s.
+    s; ``steps`` are the sample steps of channels that were interpolated, s. ``logged`` is the
+    channel that made the force, None for a measured one.
     """
 
     path: Path
@@ -65,32 +87,63 @@ class BenchTrace:
     faults: tuple[Fault, ...] = field(default=(), kw_only=True)
     steps: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     start_error: float = field(default=0.0, kw_only=True)
+    logged: LoggedChannel | None = field(default=None, kw_only=True)
+
+    @property
+    def signal(self) -> Array:
+        """Channel that rises first in a shift: what is logged of an actuator, or the force."""
+        return self.force if self.logged is None else self.logged.values
+
+    def with_logged_force(self) -> BenchTrace:
+        """Compute the force of a logged channel anew; a measured one stays."""
+        if self.logged is None:
+            return self
+        return replace(self, force=self.logged.force(self.displacement))
 
 
 TIME = "t_s"
 LEAD = "displacement_mm"  #: the channel whose times all others get
-COLUMNS = (TIME, LEAD, "force_N", "sliding_speed_rpm", "output_speed_rpm")
+FORCE_CHANNEL = "force_N"
+COLUMNS = (TIME, LEAD, FORCE_CHANNEL, "sliding_speed_rpm", "output_speed_rpm")
 MIN_SAMPLES = 10  #: samples that a trace must have
 MAX_DROPOUT = 1.0 / 3.0  #: share of a channel's samples at most that dropouts may take
 #: Share of the sample step within which times are equal: float32 masters differ by less.
 CLOCK_TOLERANCE = 0.1
 HOLE = 5.0  #: sample steps without a sample from which samples count as lost
-DIMENSIONS = {TIME: DURATION, LEAD: LENGTH, COLUMNS[2]: FORCE, COLUMNS[3]: SPEED, COLUMNS[4]: SPEED}
-OWN_UNITS = {DURATION: "s", LENGTH: "mm", FORCE: "N", SPEED: "1/min"}  #: of the project's files
+DIMENSIONS = {
+    TIME: DURATION,
+    LEAD: LENGTH,
+    FORCE_CHANNEL: FORCE,
+    COLUMNS[3]: SPEED,
+    COLUMNS[4]: SPEED,
+    "pressure_bar": PRESSURE,
+    "current_A": CURRENT,
+}
+#: Units of the project's files.
+OWN_UNITS = {
+    DURATION: "s",
+    LENGTH: "mm",
+    FORCE: "N",
+    SPEED: "1/min",
+    PRESSURE: "bar",
+    CURRENT: "A",
+}
 #: Properties of a TDMS channel that name its unit, in lower case.
 UNIT_PROPERTIES = ("unit_string", "unit", "units", "ni_unitdescription", "unit_description")
 TIME_MASTER = 1  #: kind of an MDF master that counts time; others count angle, distance or samples
+Reader = Callable[[Path, Actuator | None], dict[str, Channel]]  #: of the channels of a file
 MAGIC = {"TDMS": (b"TDSm",), "MDF": (b"MDF ", b"UnFinMF")}  #: first bytes of the files
 
 
-def read_trace(path: Path) -> BenchTrace:
+def read_trace(path: Path, actuator: Actuator | None = None) -> BenchTrace:
     """Read a trace; every mistake raises DataError with file, row or channel, and remedy.
 
-    InputError where the extra that reads the file is not installed.
+    ``actuator`` of the stand makes the force of a logged channel. InputError where the extra that
+    reads the file is not installed.
     """
     if not path.is_file():
         raise DataError(f"there is no trace {path}; add the file, or leave the cell trace empty")
-    read = READERS.get(path.suffix.lower(), _read_csv)(path)
+    read = READERS.get(path.suffix.lower(), _read_csv)(path, actuator)
     channels = {name: _examined(path, name, channel) for name, channel in read.items()}
     lead = channels[LEAD]
     margin = CLOCK_TOLERANCE * lead.step
@@ -111,6 +164,11 @@ def read_trace(path: Path) -> BenchTrace:
         name: np.interp(time, channel.time, channel.values) for name, channel in channels.items()
     }
     table[TIME] = time
+    logged = None
+    if actuator is not None and FORCE_CHANNEL not in table:
+        key = actuator.logged_key
+        logged = LoggedChannel(actuator, to_si(key, 1.0) * table[key])
+        table[FORCE_CHANNEL] = logged.force(to_si(LEAD, 1.0) * table[LEAD])
     coarse = [name for name, channel in channels.items() if channel.step > lead.step + margin]
     return BenchTrace(
         path,
@@ -118,7 +176,27 @@ def read_trace(path: Path) -> BenchTrace:
         notes=tuple(_notes(channels, time, margin)),
         faults=tuple(dict.fromkeys(f for channel in channels.values() for f in channel.faults)),
         steps={name: channels[name].step for name in coarse},
+        logged=logged,
     )
+
+
+def _columns_of(path: Path, names: Iterable[str], actuator: Actuator | None) -> tuple[str, ...]:
+    """List the columns of a trace with these names, the logged one where the force is not there.
+
+    Raises DataError for a logged channel of another actuator.
+    """
+    present = set(names)
+    logged = [name for name in LOGGED_KEYS if name in present]
+    if FORCE_CHANNEL in present or not logged:
+        return COLUMNS
+    if actuator is None or actuator.logged_key not in logged:
+        stand = "has none" if actuator is None else f"has a {actuator.kind} one"
+        raise DataError(
+            f"{path} has {logged[0]} in place of {FORCE_CHANNEL}, whose force follows from an "
+            f"actuator (kind = {kinds_with(logged[0])}), but the stand {stand}; state [{SECTION}] "
+            f"of bench.toml, or give {FORCE_CHANNEL}"
+        )
+    return tuple(actuator.logged_key if name == FORCE_CHANNEL else name for name in COLUMNS)
 
 
 def _notes(channels: Mapping[str, Channel], time: Array, margin: float) -> list[str]:
@@ -257,11 +335,13 @@ def bad_cell(path: Path, row: int, place: str, value: object, rule: str) -> Data
     )
 
 
-def _read_csv(path: Path) -> dict[str, Channel]:
+def _read_csv(path: Path, actuator: Actuator | None) -> dict[str, Channel]:
     """Read the columns of a CSV trace; a row without a value is no sample of that channel."""
-    table = read_table(path, COLUMNS, COLUMNS)
-    table.require(COLUMNS)
-    lines, columns = [row for row, _ in table.rows], {name: table.column(name) for name in COLUMNS}
+    known = (*COLUMNS, *LOGGED_KEYS)
+    table = read_table(path, known, known)
+    names = _columns_of(path, table.head, actuator)
+    table.require(names)
+    lines, columns = [row for row, _ in table.rows], {name: table.column(name) for name in names}
     for name, cells in columns.items():
         for row, cell in zip(lines, cells, strict=True):
             if not is_plain(cell) and (cell or name == TIME):
@@ -285,11 +365,11 @@ def _reader(library: str, name: str, kind: str, extra: str) -> Any:
         ) from error
 
 
-def _undamaged(path: Path, kind: str, read: Callable[[Path], dict[str, Channel]]) -> Any:
+def _undamaged(path: Path, kind: str, read: Reader, actuator: Actuator | None) -> Any:
     """Read a file; raise DataError for any error of its library."""
     hook = sys.unraisablehook
     try:
-        return read(path)
+        return read(path, actuator)
     except DogshapeError:
         raise
     except Exception as error:
@@ -352,12 +432,12 @@ def _require_unit(path: Path, name: str, text: str) -> None:
     )
 
 
-def _read_mdf(path: Path) -> dict[str, Channel]:
+def _read_mdf(path: Path, actuator: Actuator | None) -> dict[str, Channel]:
     """Read the channels of an MDF file with the times of their masters."""
     open_file = _reader("asammdf", "MDF", "an MDF", "mdf")
     channels = {}
     with open_file(str(path)) as file:
-        for name in COLUMNS[1:]:
+        for name in _columns_of(path, file.channels_db, actuator)[1:]:
             group, index = _only(path, name, file.channels_db.get(name, ()), file.channels_db)
             recorded = file.get(name, group=group, index=index, ignore_invalidation_bits=True)
             signal = file.get(name, group=group, index=index).validate()
@@ -409,7 +489,7 @@ def _collected_warnings(library: str) -> Iterator[list[str]]:
             logger.handlers, logger.propagate = handlers, propagate
 
 
-def _read_tdms(path: Path) -> dict[str, Channel]:
+def _read_tdms(path: Path, actuator: Actuator | None) -> dict[str, Channel]:
     """Read the channels of a TDMS file with the times of their groups or waveforms."""
     read = _reader("npTDMS", "TdmsFile.read", "a TDMS", "tdms")
     with _collected_warnings("nptdms") as texts:
@@ -419,7 +499,7 @@ def _read_tdms(path: Path) -> dict[str, Channel]:
             raise DataError(f"{path} has no channel: it is empty or cut short; copy the file again")
         groups = {
             name: _only(path, name, [g for g in file.groups() if name in g], channel_names)
-            for name in COLUMNS[1:]
+            for name in _columns_of(path, channel_names, actuator)[1:]
         }
         sizes = {name: len(group[name]) for name, group in groups.items()}
         faults = _cut_short(path, sizes) if any("less data" in text for text in texts) else ()
@@ -498,7 +578,10 @@ def _waveform(path: Path, channel: Any, lead: Any) -> Array:
 
 
 #: Readers of the files that are no CSV, by their suffixes.
-READERS: dict[str, Callable[[Path], dict[str, Channel]]] = {
-    ".tdms": lambda path: _undamaged(path, "TDMS", _read_tdms),
-    **dict.fromkeys((".mf4", ".mdf", ".dat"), lambda path: _undamaged(path, "MDF", _read_mdf)),
+READERS: dict[str, Reader] = {
+    ".tdms": lambda path, actuator: _undamaged(path, "TDMS", _read_tdms, actuator),
+    **dict.fromkeys(
+        (".mf4", ".mdf", ".dat"),
+        lambda path, actuator: _undamaged(path, "MDF", _read_mdf, actuator),
+    ),
 }

@@ -14,7 +14,7 @@ import pandas as pd
 
 from dogshape.bench.bench_data import Bench, load_bench, require_shifts
 from dogshape.bench.bench_draft import BenchDraft, DraftTables, is_table, read_tables
-from dogshape.bench.table import COLUMNS
+from dogshape.bench.table import COLUMNS, RISE
 from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.outcome import (
     DISTINCT_LOG_ODDS,
@@ -591,4 +591,6 @@ def _shift_sheet(bench: Bench, plan: ShiftPlan) -> pd.DataFrame:
         row = (rounded(point.mismatch / RPM), rounded(profile.force), profile.rise, 1)
         rows += [row] * count
     sheet = pd.DataFrame(rows, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS[:7]])
+    if bench.clutch.actuator is not None:
+        sheet = sheet.drop(columns=RISE)
     return sheet.assign(order=range(1, len(rows) + 1))

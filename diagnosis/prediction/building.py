@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dogshape.bench.bench_data import Bench
+from dogshape.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.prediction.baseline import Baseline
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.prediction.readings import reading_effects_of
@@ -16,14 +16,46 @@ from dogshape.diagnosis.prediction.simulations import (
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import DELAY, REVERSED
 from dogshape.sim.effect import Effect
+from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Sensor, Setting
 from dogshape.sim.statistics.blocks import Runner
+
+PROBE_SHARES = (0.2, 0.4, 0.6, 0.8)  #: of the parameters' ranges, at which an effect is tried
+
+
+def untried_effects(bench: Bench, effects: Mapping[str, Effect]) -> dict[str, str]:
+    """Name the effects that the actuator of a stand has no use for, each with the reason."""
+    reasons = {name: _reason(effect, setting_of(bench)) for name, effect in effects.items()}
+    return {name: reason for name, reason in reasons.items() if reason}
+
+
+def _reason(effect: Effect, setting: Setting) -> str:
+    """Give the reason why an actuator refuses an effect; empty for one that acts or without one."""
+    actuator = setting.clutch.actuator
+    if actuator is None:
+        return ""
+    reason = ""
+    for share in PROBE_SHARES:
+        values = {parameter.name: parameter.at(share) for parameter in effect.parameters}
+        try:
+            profile = effect.apply(setting, values).point.profile
+            actuator.require_course(profile.lag, profile.rise / setting.point.profile.rise)
+        except InputError as error:
+            reason = error.refusal.rule if error.refusal else str(error)
+        else:
+            return ""
+    return reason
 
 
 def build_models(
     bench: Bench, effects: Mapping[str, Effect], settings: Settings, runner: Runner
 ) -> dict[str, Model]:
-    """Build the models of a data set, by the place where the displacement may be read."""
+    """Build the models of a data set, by the place where the displacement may be read.
+
+    Effects that the actuator of the stand has no use for are left out.
+    """
+    untried = untried_effects(bench, effects)
+    effects = {name: effect for name, effect in effects.items() if name not in untried}
     place = bench.record.displacement_at
     if place == "unknown":
         sensors: tuple[Sensor, ...] = ("sleeve", "actuator")

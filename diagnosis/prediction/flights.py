@@ -11,6 +11,9 @@ each mark, margins and creep are interpolated by cubic splines over flights with
 
 A power of the time nears 0 without a jump where the ring no longer arrives.
 
+Of an actuator the marks of the force are those of its logged channel, pressure or current, with a
+fork at rest: the travel changes it little, a contact not at all.
+
 The *k* marks of a force profile count once, by a Student distribution of few degrees of freedom:
 
 .. math:: \ln L = c_k - \tfrac12 \ln |\Sigma| - \tfrac{\nu + k}2 \ln(1 + d^2/\nu), \qquad
@@ -55,8 +58,9 @@ from dogshape.sim.kernel_layout import (
 )
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.actuators import Actuator
 from dogshape.sim.shift.mechanism import SMOOTH_SPEED_M_S
-from dogshape.sim.shift.planar import FIRST_STEP, free_flight
+from dogshape.sim.shift.planar import FIRST_STEP, channel_course, free_flight
 
 #: Numbers of a clutch that act along the shaft without contact.
 AXIAL_NUMBERS = (
@@ -145,8 +149,12 @@ def fly(
             way = states[:, ACTUATOR_DISPLACEMENT]
             speed = states[:, ACTUATOR_SPEED]
         marks = [kernel.crossing(time, way, speed, level) for level in ways]
-        knots = profile.knots
-        marks += [kernel.crossing(knots[0], knots[1], knots[2], level) for level in forces]
+        if clutch.actuator is None:
+            knots = profile.knots
+            marks += [kernel.crossing(knots[0], knots[1], knots[2], level) for level in forces]
+        else:
+            course = channel_course(clutch.actuator, profile.force, clutch.timeout)
+            marks += [_channel_crossing(course, share, clutch.actuator, force) for share in FORCES]
         times[k] = np.fmin(marks, clutch.timeout)  # NaN for never
         way_times = times[k, : ways.size]
         mark_speed = np.interp(way_times, time, speed)
@@ -155,6 +163,15 @@ def fly(
             creep_error * SMOOTH_SPEED_M_S * stiction_ratio / np.fmax(mark_speed, SMOOTH_SPEED_M_S)
         )
     return times, creep, rings
+
+
+def _channel_crossing(
+    course: tuple[Array, Array, Array], share: float, actuator: Actuator, force: float
+) -> float:
+    """Compute when a channel passes a share of its value at a static force, s; NaN for never."""
+    if not actuator.logged_key:
+        return np.nan
+    return float(kernel.crossing(*course, share * actuator.logged_level(force)))
 
 
 class _Grid(NamedTuple):
@@ -323,7 +340,7 @@ class Flights:
                 clutch = setting.clutch
                 force = setting.point.profile
                 axial = tuple(clutch.numbers[name] for name in AXIAL_NUMBERS)
-                keys[k] = (profile, force, axial, setting.sensor, clutch.timeout)
+                keys[k] = (profile, force, axial, clutch.actuator, setting.sensor, clutch.timeout)
                 settings[keys[k]] = setting
                 rows[k, MARGIN_COLUMNS] = clutch.dog.axial_gap
                 rows[k, DELAY_COLUMN] = setting.delay + force.delay

@@ -11,7 +11,9 @@ from dogshape.diagnosis.diagnosis import Inference, RecordMeaning
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import gap_decrease
 from dogshape.diagnosis.inference.verdict import CauseVerdict
+from dogshape.diagnosis.prediction.building import untried_effects
 from dogshape.diagnosis.terms import NONE, UNKNOWN, hypothesis_name, join_words
+from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.units import short, suffix_of, unit_of
 
@@ -183,6 +185,7 @@ def remarks(diagnosis: Inference) -> list[str]:
         *_ordinary_sentences(diagnosis),
         _arm_sentence(diagnosis),
         _refutation(diagnosis),
+        *_untried_sentences(diagnosis),
     ]
     answer = (diagnosis.verdict.kind, diagnosis.verdict.causes)
     for meaning in diagnosis.record_meanings:
@@ -194,6 +197,15 @@ def remarks(diagnosis: Inference) -> list[str]:
             verdict = headline_of(meaning.verdict, diagnosis.effects)
             sentences.append(f"If {clause}, the answer is '{verdict}'.")
     return [sentence for sentence in sentences if sentence]
+
+
+def _untried_sentences(diagnosis: Inference) -> list[str]:
+    """Write which effects the actuator of the stand has no use for, a sentence each."""
+    effects = {**registry.load(), **diagnosis.effects}
+    return [
+        f"Not tried is {effects[name].plain}: {reason}."
+        for name, reason in untried_effects(diagnosis.bench, effects).items()
+    ]
 
 
 def answered_meanings(diagnosis: Inference) -> list[RecordMeaning]:

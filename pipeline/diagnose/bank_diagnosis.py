@@ -32,7 +32,7 @@ from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import rank_tests, require_terms
-from dogshape.diagnosis.prediction.building import build_models
+from dogshape.diagnosis.prediction.building import build_models, untried_effects
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
@@ -91,6 +91,8 @@ def models_of(
     bench: Bench, effects: Mapping[str, Effect], options: BankOptions
 ) -> dict[str, Model]:
     """Build the predictions of a data set, by the place where displacement may be read."""
+    for name, reason in untried_effects(bench, effects).items():
+        options.progress.say(f"the effect {name} is not tried: {reason}")
     bank = Bank((BUNDLED_BANK, options.bank / TIMES))
     run = partial(shifts_of, options=options, messages=[], bank=bank)
     return build_models(bench, effects, options.settings, run)

@@ -15,6 +15,7 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.quantity import quantities_of, record_quantities
 from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuators import Actuator, optional_values
 from dogshape.sim.shift.clutch import Clutch, contact_set
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.units import MM, RPM, from_si
@@ -89,8 +90,21 @@ def study_of(bench: Bench, name: str) -> Data:
     }
 
 
+def actuator_table(actuator: Actuator) -> Data:
+    """Return ``[actuation]`` of an actuator: its kind and numbers, without optional defaults."""
+    optional = optional_values(actuator.kind)
+    numbers = {
+        key: rounded(value)
+        for key, value in record_quantities(actuator).items()
+        if optional.get(key) != value
+    }
+    return {"kind": actuator.kind, **numbers}
+
+
 def actuation_table(bench: Bench) -> Data:
-    """Return ``[actuation]`` with the mean rise time of each force of a data set."""
+    """Return ``[actuation]``: the actuator, or the mean rise time of each force of a data set."""
+    if bench.clutch.actuator is not None:
+        return actuator_table(bench.clutch.actuator)
     rises_by_force: dict[float, set[float]] = {}
     for cell in bench.cells:
         profile = cell.point.profile

@@ -29,23 +29,28 @@ from dogshape.bench.bench_draft import (
     read_tables,
     row_numbers,
 )
+from dogshape.bench.draft_arguments import column_argument
 from dogshape.bench.raw_sheet import file_of
 from dogshape.bench.reading_report import ReadingReport
-from dogshape.bench.table import COLUMNS
+from dogshape.bench.table import COLUMNS, FORCE, RISE
 from dogshape.bench.texts import text_of
+from dogshape.pipeline.config.operating import KIND
 from dogshape.pipeline.config.toml_text import with_values
-from dogshape.pipeline.diagnose.study_keys import Data, rounded
+from dogshape.pipeline.diagnose.study_keys import Data, actuator_table, rounded
 from dogshape.pipeline.drafts.draft_source import Source, source_of
 from dogshape.pipeline.drafts.reading_table import BenchFolder, BenchReading
 from dogshape.pipeline.drafts.study_folder import draft_folder
 from dogshape.sim.errors import DogshapeError, InputError, number
 from dogshape.sim.interface import argument, key_argument, listed_argument
+from dogshape.sim.shift.actuators import KINDS, PROFILE, SECTION, SET_KEYS, required_keys
 from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.mechanism import NO_MECHANISM
 from dogshape.sim.units import MM
 from dogshape.sim.versions import bundled_root
 
 SCATTER = 0.2  #: of a set value, up to which measured values lie off it
+#: Set values of an actuator in words.
+SET_WORDS = {"supply_bar": "pressure", "voltage_V": "voltage", "current_A": "current"}
 TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
 
 
@@ -133,6 +138,7 @@ def _fill_folder(
     rows = tables.rows.copy()
     report = deepcopy(tables.report)
     source = source_of(draft.origin)
+    actuation = _actuation_values(draft, source)
     where = ", ".join(map(str, draft.paths)) or str(out)
     if not draft.paths:
         points = [
@@ -143,15 +149,20 @@ def _fill_folder(
             "shifts.csv has the operating points of the origin, to be filled in: one row for "
             "each shift or mean"
         )
+    else:
+        _require_actuator(rows, actuation, report)
     traces: Traces = {}
     for place in rows.index[rows.trace.notna()]:
         rows.loc[place, "trace"] = copy_trace(rows.loc[place], draft, report, folder, traces)
     report.require(where)
-    values = _values(draft, source, rows, out, report)
+    values = _values(draft, source, rows, out, report, actuation=actuation)
     report.require(where)
     text = with_values(text_of(bundled_root() / TEMPLATE), values)
     (folder / "bench.toml").write_text(text, encoding="utf-8")
-    empty = [name for name in COLUMNS[7:] if rows[name].isna().all()]
+    absent_names = [*COLUMNS[7:]]
+    if actuation:
+        absent_names += [FORCE, RISE]
+    empty = [name for name in absent_names if rows[name].isna().all()]
     outcomes = rows.engaged.map({True: "true", False: "false"})
     table = rows[[*COLUMNS]].assign(engaged=outcomes).drop(columns=empty)
     table.to_csv(folder / "shifts.csv", index=False, lineterminator="\n", float_format="%.9g")
@@ -170,6 +181,51 @@ def _fill_folder(
         warnings=[finding.sentence for finding in bench.warnings],
     )
     return reading, bench
+
+
+def _actuation_values(draft: BenchDraft, source: Source) -> Data:
+    """Collect ``[actuation]`` of the stand by dotted key: the user's, over that of the origin.
+
+    Empty for a force over time.
+    """
+    stated = {key: value for key, value in draft.values.items() if key.startswith(f"{SECTION}.")}
+    kind = stated.get(KIND)
+    if kind == PROFILE:
+        return {}
+    actuator = source.clutch.actuator
+    values: Data = {}
+    if actuator is not None and kind in (None, actuator.kind):
+        values = {f"{SECTION}.{key}": v for key, v in actuator_table(actuator).items()}
+    return values | stated
+
+
+def _require_actuator(rows: DataFrame, actuation: Data, report: ReadingReport) -> None:
+    """Add a fault for set values without an actuator; leave out rise times where there is one."""
+    kind = actuation.get(KIND)
+    for name in SET_KEYS:
+        if name not in rows or rows[name].isna().all():
+            continue
+        if kind in KINDS and name in KINDS[kind].set_keys:
+            continue
+        readings = [r for r in report.readings if r.quantity == name]
+        head = readings[0].column if readings else name
+        kinds = [key for key, value in KINDS.items() if name in value.set_keys]
+        ways = " or ".join(key_argument("values", KIND, key) for key in kinds)
+        number_keys = " ".join(
+            key_argument("values", f"{SECTION}.{key}", "...") for key in required_keys(kinds[0])
+        )
+        stand = f"the {kind} actuator takes no {name}" if kind else "the stand has no actuator"
+        product = ""
+        if name == "supply_bar":
+            area = column_argument(FORCE, f"{head} * 4.9 cm2")
+            product = f" or say the area of the piston, such as {area},"
+        report.faults.append(
+            f"'{head}' is a {SET_WORDS[name]} and no {FORCE}, and {stand}; say the actuator, "
+            f"{ways} with its numbers ({number_keys}),{product} or add the force"
+        )
+    if kind and rows[RISE].notna().any():
+        rows[RISE] = np.nan
+        report.assumed.append(f"{RISE} is left out: the {kind} actuator has a course of its own")
 
 
 def _with_given_traces(text: str, folder: Path, traces: Traces) -> str:
@@ -227,6 +283,8 @@ def _group_set_points(
         ("force_N", source.forces, "force_percent"),
     ):
         values = rows[name].to_numpy()
+        if np.isnan(values).any():  # another column sets the force
+            continue
         levels = np.array(set_values)[abs(values[:, None] - np.array(set_values)).argmin(axis=1)]
         distinct, sets = set(values.tolist()), sorted(set(levels.tolist()))
         deviation = values / levels - 1.0
@@ -300,12 +358,19 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Read
 
 
 def _values(
-    draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: ReadingReport
+    draft: BenchDraft,
+    source: Source,
+    rows: DataFrame,
+    out: Path,
+    report: ReadingReport,
+    *,
+    actuation: Data,
 ) -> Data:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
     clutch = source.clutch
-    settings = dict(draft.values)
+    settings = {key: v for key, v in draft.values.items() if not key.startswith(f"{SECTION}.")}
     values: Data = {
+        **actuation,
         "name": out.resolve().name,
         "timeout_s": clutch.timeout,
         "shift_travel_mm": rounded(clutch.shift_travel / MM),
@@ -316,7 +381,8 @@ def _values(
     }
     if draft.paths:
         values |= _group_set_points(rows, draft, source, report)
-        _fill_rises(rows, draft, source, report)
+        if not actuation:
+            _fill_rises(rows, draft, source, report)
         _mark_time_outs(rows, draft, source, report)
         digests = [hashlib.sha256(file_of(path).read_bytes()) for path in draft.paths]
         files = ", ".join(

@@ -17,6 +17,7 @@ from dogshape.pipeline.diagnose.study_keys import (
 from dogshape.pipeline.drafts.draft_keys import MASS, SPEED
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import RiseTable
+from dogshape.sim.shift.actuators import COMMAND_RISES
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.units import RPM
 
@@ -100,7 +101,7 @@ def _bench_source(bench: Bench) -> Source:
     return Source(
         bench.name,
         bench.clutch,
-        RiseTable(*map(tuple, actuation.values())),
+        COMMAND_RISES if bench.clutch.actuator else RiseTable(*map(tuple, actuation.values())),
         points=tuple(cell.point for cell in bench.cells),
         file=find_study(COMMENTED),
         bench_values=values,

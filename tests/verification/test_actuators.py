@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from dogshape.bench.bench_data import Bench, Reading, gather
+from dogshape.diagnosis.prediction.building import untried_effects
 from dogshape.sim import kernel
+from dogshape.sim.effects import load
 from dogshape.sim.elementwise import Array
+from dogshape.sim.errors import InputError
 from dogshape.sim.kernel_layout import (
     ACTUATOR_LEVEL,
     ACTUATOR_NUMBERS,
@@ -19,6 +23,7 @@ from dogshape.sim.kernel_layout import (
     REFERENCE_PA,
     empty_record,
 )
+from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.actuators import (
     COMMAND_RISE_S,
@@ -34,12 +39,14 @@ from dogshape.sim.shift.actuators import (
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, HeldActuator, Outcome
 from dogshape.sim.shift.mechanism import Mechanism
+from dogshape.sim.shift.planar import touch_time
 from dogshape.sim.statistics.blocks import engage
-from dogshape.sim.units import DEG, RPM
+from dogshape.sim.units import DEG, RPM, from_si
 
 FAR_GAP = 90e-3  #: axial gap that no ring here closes, m
 HEAVY = 1000.0  #: mass of a ring that stays where it is, kg
 LIGHT = 0.01  #: mass of a ring that an actuator does not feel, kg
+EFFECTS = load()
 
 
 @pytest.fixture(params=ENGINES)
@@ -272,6 +279,118 @@ def test_delay_shifts_and_loss_scales(clutch: Clutch, kind: str) -> None:
     place = (1.0, 1e-3, 0.0, 1.1e-3, 0.9)
     whole = kernel.actuator_force(*place, _numbers(actuator, profile.force))
     assert kernel.actuator_force(*place, lossy) == pytest.approx(0.75 * whole)
+
+
+#: Values of the effects of an actuator, all of which make a shift later.
+LATER = {
+    "actuation_delay": {"delay_s": 0.03},
+    "actuation_lag": {"lag_s": 0.02},
+    "force_loss": {"loss_N": 90.0},
+    "force_scale": {"force_factor": 0.7},
+    "force_rise": {"rise_factor": 2.0},
+    "sleeve_friction": {"friction_N": 150.0},
+    "viscous_damping": {"damping_Ns_m": 400.0},
+}
+
+
+def _travel_time(setting: Setting) -> float:
+    """Time from the command until a ring that meets no dog has made the travel, s."""
+    clutch = setting.clutch
+    free = replace(clutch, dog=replace(clutch.dog, axial_gap=clutch.shift_travel))
+    return touch_time(free, setting.point.profile) + setting.delay
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_effects_make_shifts_of_each_kind_later_or_are_refused(clutch: Clutch, kind: str) -> None:
+    """A delay by itself; a lag where the kind has no course of its own; no kind has a rise.
+
+    Contact hides the sense: a later ring may meet a slot in place of a dog. So the ring flies free,
+    against friction and oil, as cam, spindle and oil move a ring without resistance at any force.
+    """
+    actuator = EXAMPLES[kind]
+    if isinstance(actuator, Cam):
+        actuator = replace(actuator, drum_speed=1000 * RPM)  # so that the limit of its force acts
+    loaded = Mechanism(friction=100.0, damping=200.0)
+    own = replace(clutch.with_engine("planar"), actuator=actuator, mechanism=loaded)
+    setting = Setting(own, OperatingPoint(50 * RPM, _profile(actuator)))
+    reading = Reading(2, setting.point, 1, 0.1, engaged=True)
+    bench = Bench(name=kind, source="", clutch=own, cells=gather([reading]))
+    untried = untried_effects(bench, EFFECTS)
+    expected = {"force_rise"}
+    if actuator.own_course:
+        expected.add("actuation_lag")
+        assert untried["actuation_lag"] == (
+            f"the {kind} actuator has a course of its own, {actuator.own_course}"
+        )
+        with pytest.raises(InputError, match=r"mechanism\.lag_s is 0\.02 s, but the"):
+            EFFECTS["actuation_lag"].apply(setting, LATER["actuation_lag"])
+    assert set(untried) == expected
+    assert untried["force_rise"] == f"the {kind} actuator has no rise time that it could scale"
+    plain = _travel_time(setting)
+    assert plain < 0.2
+    for name, values in LATER.items():
+        if name in untried:
+            continue
+        later = _travel_time(EFFECTS[name].apply(setting, values))
+        if name == "actuation_delay":
+            assert later == pytest.approx(plain + 0.03, abs=1e-12)
+        else:
+            assert later > plain + 2e-5, name
+
+
+def test_a_wide_valve_gives_pressure_times_area_at_once(clutch: Clutch) -> None:
+    cylinder = Pneumatic(supply=6e5, area=8e-4, dead_volume=1e-4, conductance=1e-6)
+    at_once = _profile(cylinder)
+    assert at_once.force == pytest.approx(480.0)
+    point = OperatingPoint(50 * RPM, at_once)
+    times = []
+    for actuator in (None, cylinder):
+        own = replace(clutch.with_engine("planar"), actuator=actuator)
+        times.append(engage(own, point, 3 * DEG).shift_time)
+    assert times[0] is not None
+    assert times[1] == pytest.approx(times[0], rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["pneumatic", "hydraulic", "solenoid"])
+def test_a_logged_channel_gives_the_force_of_the_shift(clutch: Clutch, kind: str) -> None:
+    """Pressure or current of a simulated shift, over its travel."""
+    actuator = EXAMPLES[kind]
+    own = replace(clutch.with_engine("planar"), actuator=actuator)
+    share = 0.8
+    force = share * actuator.full_force
+    result = engage(own, OperatingPoint(50 * RPM, ForceProfile(force, COMMAND_RISE_S)), 3 * DEG)
+    level = result.run.states[:, ACTUATOR_LEVEL]
+    values = level * 12.0 / 2.1  # A
+    if kind == "pneumatic":
+        values = level * (AMBIENT_PA + actuator.logged_level(force)) - AMBIENT_PA
+    elif kind == "hydraulic":
+        values = level * actuator.logged_level(force)
+    logged = actuator.logged_force(values, result.trace.displacement)
+    pushing = result.trace.shift_force > 1.0
+    assert pushing.any()
+    _close(logged[pushing], result.trace.shift_force[pushing], 0.01 * force)
+
+
+@pytest.mark.parametrize(
+    ("kind", "key", "value", "force"),
+    [
+        ("pneumatic", "supply_bar", 6.0, 6e5 * 12.5e-4 - 50.0),
+        ("hydraulic", "supply_bar", 15.0, 15e5 * 2.5e-4 - 50.0),
+        ("solenoid", "voltage_V", 9.0, 450.0 * (9.0 / 12.0) ** 2 - 25.0),
+        ("solenoid", "current_A", 4.0, 450.0 * (4.0 * 2.1 / 12.0) ** 2 - 25.0),
+    ],
+)
+def test_a_set_value_gives_its_static_force(
+    kind: str, key: str, value: float, force: float
+) -> None:
+    actuator = EXAMPLES[kind]
+    assert actuator.set_force(key, value) == pytest.approx(force)
+    if key != "voltage_V":
+        assert from_si(actuator.logged_key, actuator.logged_level(force)) == pytest.approx(value)
+    with pytest.raises(InputError, match=f"{key} is {10.0 * value:g} .* exceed the"):
+        actuator.set_force(key, 10.0 * value)
+    with pytest.raises(InputError, match=f"{key} is 0.01 .* it leaves"):
+        actuator.set_force(key, 0.01)
 
 
 def test_a_lag_of_first_order_delays_a_spring(clutch: Clutch, engine: str) -> None:
