@@ -15,6 +15,7 @@ from dogshape.bench.bench_data import Bench, load_bench
 from dogshape.bench.flight_marks import WAYS, flights_of, trace_marks
 from dogshape.bench.traces import BenchTrace, read_trace
 from dogshape.diagnosis.prediction.flights import fly
+from dogshape.diagnosis.report.wording import remarks
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.diagnose.study_keys import study_of
@@ -28,6 +29,7 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM, RPM
+from tests.diagnoses import POSTERIOR, STAND, diagnosis_of
 
 HEAD = "Differenzdrehzahl [1/min];{};Schaltzeit [ms]"
 DELAY_S = 0.03  #: of the traces
@@ -306,3 +308,13 @@ def test_the_time_of_a_pressure_goes_with_the_inverse_of_the_conductance(
         marks = fly([setting], clutch.dog.axial_gap, shift.point.profile.force, 0.0)[0][0]
         times.append(marks[len(WAYS) :])
     assert times[1] == pytest.approx(2.0 * times[0], rel=1e-3)
+
+
+def test_a_report_says_which_effects_are_not_tried() -> None:
+    cylinder = replace(STAND.clutch, actuator=EXAMPLES["pneumatic"])
+    sentences = remarks(diagnosis_of(POSTERIOR, replace(STAND, clutch=cylinder)))
+    assert (
+        "Not tried is slow rise of the shift force: the pneumatic actuator has a course of its "
+        "own, the filling of its cylinder."
+    ) in sentences
+    assert not any("Not tried" in sentence for sentence in remarks(diagnosis_of(POSTERIOR)))

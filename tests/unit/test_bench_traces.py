@@ -31,6 +31,7 @@ from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.actuators import EXAMPLES
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM, RPM
@@ -140,6 +141,7 @@ def curve(name: str, time: Array) -> Array:
     shapes = {
         "displacement_mm": 4.0 * (time / 0.06) ** 4,
         "force_N": 2e4 * time**2,
+        "pressure_bar": 2e3 * time**2,
         "sliding_speed_rpm": 40.0 * time,
         "output_speed_rpm": 100.0 - 30.0 * time,
     }
@@ -240,6 +242,22 @@ def test_all_channels_get_the_times_of_the_displacement(
     words = "interpolated on the times of displacement_mm (every 1 ms)"
     assert (words in said and "output_speed_rpm" in said) == kind.startswith("at ")
     assert (f"{cut} of 61 samples of displacement_mm cut" in said) == (cut > 0)
+
+
+@pytest.mark.parametrize("how", ["wf_start_offset", ""])
+def test_a_recorder_logs_the_pressure_of_an_actuator(tmp_path: Path, how: str) -> None:
+    """In place of the force, which is piston area times pressure less the spring."""
+    name, write, library = WRITERS[how]
+    require_program(find_spec(library) is not None, library)
+    times = some()
+    times["pressure_bar"] = times.pop("force_N")
+    write(tmp_path / name, times, how)
+    trace = read_trace(tmp_path / name, EXAMPLES["pneumatic"])
+    pressed = 12.5e-4 * 1e5 * curve("pressure_bar", trace.time) - 50.0
+    assert trace.force == pytest.approx(np.maximum(pressed, 0.0))
+    assert trace.signal == pytest.approx(1e5 * curve("pressure_bar", trace.time))
+    with pytest.raises(DataError, match="pressure_bar in place of force_N"):
+        read_trace(tmp_path / name)
 
 
 @pytest.mark.parametrize("late", [-4.36e-9, 9e-5])
