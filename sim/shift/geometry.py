@@ -26,13 +26,15 @@ by :math:`\varrho` takes :math:`a = \varrho \cos\beta \cot(\psi/2)` from it alon
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, reduce
 from operator import and_
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from dogshape.sim.elementwise import cos, hypot, largest, smallest, tan, where
+import numpy as np
+
+from dogshape.sim.elementwise import Mask, cos, hypot, largest, smallest, tan, where
 from dogshape.sim.errors import GeometryError, InputError, Refusal
 from dogshape.sim.quantity import quantities_of, quantity
 from dogshape.sim.units import DEG, MM, from_si, to_si, unit_of
@@ -368,6 +370,30 @@ class Dogs(Dog):
     def possible(self) -> bool:
         """Whether all rules of a shape are kept, (n,) of bool."""
         return reduce(and_, (rule.satisfied for rule in _rules(self)))
+
+    @cached_property
+    def size(self) -> int:
+        """Number of dogs."""
+        return np.broadcast(*(getattr(self, field.name) for field in fields(self))).size
+
+    def select(self, mask: Mask) -> Dogs:
+        """Select the dogs of a mask (n,)."""
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(
+            self, **{n: values[mask] for n, values in columns.items() if np.ndim(values)}
+        )
+
+    @classmethod
+    def join(cls, groups: Sequence[Dogs]) -> Dogs:
+        """Join groups of as many dogs each; a number that all share stays one."""
+        size = groups[0].size
+        columns: dict[str, Any] = {}
+        for field in fields(cls):
+            values = [getattr(dogs, field.name) for dogs in groups]
+            columns[field.name] = values[0]
+            if any(map(np.ndim, values)) or len(set(values)) > 1:
+                columns[field.name] = np.concatenate([np.broadcast_to(v, size) for v in values])
+        return cls(**columns)
 
 
 class _Rule(NamedTuple):

@@ -19,13 +19,14 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial, reduce
-from typing import NamedTuple
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dogshape.sim.elementwise import hypot, largest, log, map_elements, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
-from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
+from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs, Flank, flank_contact, side_angle
 from dogshape.sim.shift.pair import ALIKE, OutputDog
 from dogshape.sim.strength.checks import (
     LimitCheck,
@@ -398,16 +399,23 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
     Contact ratio and clearance include the tolerances and are left out.
     """
 
-    def margins(shape: Dog, root_radius: float) -> dict[str, float]:
-        margins_by_name: dict[str, float] = {}
-        for radius in np.unique(root_radius).tolist():  # one for limits, a few for ``Dogs``
-            case = limits.with_root_radius(radius)
-            has_radius = root_radius == radius
-            for group in _GROUPS[:-1]:
-                for check in _checks_of(group, shape, case, dog):
-                    margin = margins_by_name.get(check.name, math.inf)
-                    margins_by_name[check.name] = where(has_radius, check.margin, margin)
+    def margins(shape: Dog, root_radius: float, nominal: Dog) -> dict[str, float]:
+        radii = np.unique(root_radius).tolist()
+        if len(radii) == 1 or not (isinstance(shape, Dogs) and isinstance(nominal, Dogs)):
+            return margins_of_radius(shape, radii[0], nominal)
+        margins_by_name: dict[str, Any] = {}
+        for radius in radii:
+            has_radius: Any = root_radius == radius
+            part = margins_of_radius(shape.select(has_radius), radius, nominal.select(has_radius))
+            for name, margin in part.items():
+                column = margins_by_name.setdefault(name, np.full(len(has_radius), math.inf))
+                column[has_radius] = margin
         return margins_by_name
+
+    def margins_of_radius(shape: Dog, root_radius: float, nominal: Dog) -> dict[str, float]:
+        case = limits.with_root_radius(root_radius)
+        checks = [_checks_of(group, shape, case, nominal) for group in _GROUPS[:-1]]
+        return {check.name: check.margin for check in chain(*checks)}
 
     return losses(dog, limits.root_radius, limits.tolerances, margins)
 

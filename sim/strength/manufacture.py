@@ -11,7 +11,7 @@ whole tolerance have :math:`C = 1/\sqrt 3`. No more is lost than in the worst ca
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial, reduce
 from statistics import NormalDist
@@ -22,7 +22,14 @@ import numpy as np
 from dogshape.sim.elementwise import hashable, hypot, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, Refusal
 from dogshape.sim.quantity import quantity, require_ranges
-from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
+from dogshape.sim.shift.geometry import (
+    FLANKS,
+    SHARPEST,
+    Dog,
+    Dogs,
+    flank_contact,
+    root_radius_room,
+)
 from dogshape.sim.shift.pair import ALIKE, OutputDog
 from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
 from dogshape.sim.units import DEG, MM
@@ -163,8 +170,9 @@ class Spread:
 
 
 SIGNS = (-1.0, 1.0)  #: of a deviation
-#: Function of a dog and its root radius in m.
-Values = Callable[[Dog, float], dict[str, float]]
+#: Function of a dog, its root radius in m, and the nominal dog that it deviates from.
+Values = Callable[[Dog, float, Dog], dict[str, float]]
+Signs = Mapping[str, float]  #: of the deviations of dimensions
 
 
 def add_deviations(
@@ -202,40 +210,77 @@ def losses(
     possible dog makes every loss infinite.
     """
     sizes = {n: size for n, size in tolerances.dimensions.items() if np.any(_has_dimension(dog, n))}
-    nominal = values(dog, root_radius)
+    nominal = values(dog, root_radius, dog)
 
-    def loss(signs: Mapping[str, float]) -> dict[str, float]:
+    def deviate(signs: Signs) -> tuple[Dog, float]:
         deviations = {dimension: sign * sizes[dimension] for dimension, sign in signs.items()}
+        return add_deviations(dog, root_radius, deviations)
+
+    def loss(signs: Signs) -> dict[str, float]:
         try:
-            shape, radius = add_deviations(dog, root_radius, deviations)
-            off_nominal = values(shape, radius)
-            is_possible = shape.possible
+            shape, radius = deviate(signs)
+            off_nominal = values(shape, radius, dog)
         except DogshapeError:
             return dict.fromkeys(nominal, math.inf)
-        return {
-            name: where(is_possible, value - off_nominal[name], math.inf)
-            for name, value in nominal.items()
-        }
+        return {name: value - off_nominal[name] for name, value in nominal.items()}
 
-    losses_by_sign = {dimension: [loss({dimension: sign}) for sign in SIGNS] for dimension in sizes}
-    corner_losses: dict[tuple[Hashable, ...], dict[str, float]] = {}
-    spreads = {}
+    def losses_at(corners: Sequence[Signs]) -> list[dict[str, float]]:
+        if isinstance(dog, Dogs):
+            return _losses_of_dogs(dog, list(map(deviate, corners)), nominal, values)
+        return list(map(loss, corners))
+
+    deviations = [{dimension: sign} for dimension in sizes for sign in SIGNS]
+    losses_by_deviation = iter(losses_at(deviations))
+    losses_by_sign = {n: (next(losses_by_deviation), next(losses_by_deviation)) for n in sizes}
+    corners: dict[tuple[Hashable, ...], Signs] = {}
+    corner_keys = {}
+    losses_by_dimension: dict[str, dict[str, float]] = {}
     for name in nominal:
         signs = {}
-        by_dimension = {}
+        losses_by_dimension[name] = {}
         for dimension, (negative, positive) in losses_by_sign.items():
             signs[dimension] = where(negative[name] >= positive[name], *SIGNS)
-            by_dimension[dimension] = largest(negative[name], positive[name], 0.0)
-        corner = tuple(map(hashable, signs.values()))
-        if corner not in corner_losses:
-            corner_losses[corner] = loss(signs)
-        worst = largest(corner_losses[corner][name], *by_dimension.values())
+            largest_loss = largest(negative[name], positive[name], 0.0)
+            losses_by_dimension[name][dimension] = largest_loss
+        corner_keys[name] = tuple(map(hashable, signs.values()))
+        corners[corner_keys[name]] = signs
+    corner_losses = dict(zip(corners, losses_at(list(corners.values())), strict=True))
+    spreads = {}
+    for name, by_dimension in losses_by_dimension.items():
+        worst = largest(corner_losses[corner_keys[name]][name], *by_dimension.values())
         spreads[name] = Spread(by_dimension, worst, tolerances.statistical_share)
     return spreads
 
 
+def _losses_of_dogs(
+    dogs: Dogs,
+    deviated: Sequence[tuple[Dog, float]],
+    nominal: Mapping[str, float],
+    values: Values,
+) -> list[dict[str, float]]:
+    """Compute the losses of ``values`` of dogs at several deviations of each, all in one call.
+
+    ``deviated`` are dogs and root radius at each deviation, ``nominal`` are the values without.
+    """
+    if not deviated:
+        return []
+    shape = (len(deviated), dogs.size)
+    joined = Dogs.join([group for group, _ in deviated if isinstance(group, Dogs)])
+    radius: Any = np.concatenate([np.broadcast_to(radius, dogs.size) for _, radius in deviated])
+    off_nominal = values(joined, radius, Dogs.join([dogs] * len(deviated)))
+    is_possible = np.broadcast_to(joined.possible, radius.shape).reshape(shape)
+    losses_by_name = {}
+    for name, value in nominal.items():
+        off_nominal_values = np.broadcast_to(off_nominal[name], radius.shape).reshape(shape)
+        losses_by_name[name] = np.where(is_possible, value - off_nominal_values, math.inf)
+    return [
+        {name: rows[place] for name, rows in losses_by_name.items()}
+        for place in range(len(deviated))
+    ]
+
+
 def _contact_ratios(
-    dog: Dog, root_radius: float, output_dog: OutputDog, nominal: Dog
+    dog: Dog, root_radius: float, nominal: Dog, output_dog: OutputDog
 ) -> dict[str, float]:
     """Compute the share of the lower dog's height that touches, by flank.
 
@@ -259,9 +304,9 @@ def tolerance_checks(
 
     ``root_radius`` and the ``seated`` tolerance of a shift in m.
     """
-    ratios_of = partial(_contact_ratios, output_dog=output_dog, nominal=dog)
+    ratios_of = partial(_contact_ratios, output_dog=output_dog)
     spreads = losses(dog, root_radius, tolerances, ratios_of)
-    nominal = ratios_of(dog, root_radius)
+    nominal = ratios_of(dog, root_radius, dog)
     seated_share = seated / smallest(dog.height, output_dog.beside(dog).height)
     ratios = [
         nominal[flank] - seated_share - getattr(spread, kind) for flank, spread in spreads.items()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.shift.geometry import Dog, Dogs, flank_contact, section
+from dogshape.sim.shift.pair import OutputDog
 from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import Wear, wear_crests
 from dogshape.sim.strength.load_case import LoadCase
@@ -147,8 +148,29 @@ def test_no_tolerance_loses_nothing(prototype: Dog) -> None:
 def test_a_deviation_that_leaves_no_dog_loses_everything(prototype: Dog) -> None:
     """The chamfer may eat up to half the height; five degrees more do."""
     dog = dog_of(prototype, (16, 10, 20, 3.0, 15))
-    found = losses(dog, 0.3e-3, Tolerances(chamfer=5 * DEG), lambda d, _: {"height": d.height})
+    found = losses(dog, 0.3e-3, Tolerances(chamfer=5 * DEG), lambda d, *_: {"height": d.height})
     assert found["height"].worst_case == float("inf")
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        Limits(tolerances=Tolerances(chamfer=5 * DEG)),  # leaves no dog of the last design
+        Limits(output_dog=OutputDog(height=2.4 * MM, chamfer=6 * DEG)),
+    ],
+)
+def test_losses_of_many_dogs_are_those_of_each(prototype: Dog, limits: Limits) -> None:
+    """All deviations of many dogs are computed together."""
+    dogs = [dog_of(prototype, values) for values in (*DESIGNS, (16, 10, 20, 3.0, 15))]
+    shape = {field.name: getattr(prototype, field.name) for field in fields(Dog)}
+    for name in ("chamfer", "traction", "braking", "height", "count"):
+        shape[name] = np.array([getattr(dog, name) for dog in dogs])
+    spreads_of_many = margin_losses(Dogs(**shape), limits)
+    for place, dog in enumerate(dogs):
+        for name, spread in margin_losses(dog, limits).items():
+            for kind in ("worst_case", "root_sum_square"):
+                loss = np.broadcast_to(getattr(spreads_of_many[name], kind), len(dogs))[place]
+                assert loss == pytest.approx(getattr(spread, kind), rel=1e-9, abs=1e-12), name
 
 
 def test_clearance_in_neutral_by_hand(prototype: Dog) -> None:
