@@ -28,7 +28,7 @@ from dogshape.surrogate.process import draw_jointly
 RANGES = {"height_mm": (2.0, 4.0), "count": (6, 36)}
 
 
-class Told:
+class ExactGuide:
     """A guide and prediction that know a line of designs exactly: quick ones are long.
 
     ``b`` puts a design behind the front, in both objectives.
@@ -43,11 +43,11 @@ class Told:
     def allowed(self, params: Sequence[Params]) -> Array:
         return np.ones(len(params))
 
-    def predict(self, trials: Sequence[FrozenTrial]) -> Told:
+    def predict(self, trials: Sequence[FrozenTrial]) -> ExactGuide:
         return self
 
     def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
-        values = np.array([self.of(one) for one in params]).reshape(1, len(params), 2)
+        values = np.array([self.objectives_of(one) for one in params]).reshape(1, len(params), 2)
         return np.repeat(values, count, axis=0)
 
     def constraints(self, trials: Sequence[FrozenTrial]) -> dict[int, dict[str, float]]:
@@ -59,15 +59,17 @@ class Told:
     def chances(self, params: Sequence[Params]) -> Array:
         return np.ones(len(params))
 
-    def of(self, params: Params) -> tuple[float, float]:
+    def objectives_of(self, params: Params) -> tuple[float, float]:
         behind = 0.2 * round(5.0 * params["b"])
         return params["a"] + behind, 1.0 - params["a"] + behind
 
 
-class Asked:
+class DesignLoop:
     """A search that is asked and told one design after the other."""
 
-    def __init__(self, guide: Told, startup: int = 3, polish_start: int | None = None) -> None:
+    def __init__(
+        self, guide: ExactGuide, startup: int = 3, polish_start: int | None = None
+    ) -> None:
         self.guide = guide
         self.sampler = SurrogateSampler(cast(Any, guide), 1, startup, polish_start)
         self.trials: list[FrozenTrial] = []
@@ -84,7 +86,7 @@ class Asked:
         """Propose a design and tell its values, unless it is to be running."""
         params = self.sampler.propose(self.trials)
         if params is not None:
-            self.tell(params, None if running else self.guide.of(params))
+            self.tell(params, None if running else self.guide.objectives_of(params))
         return params
 
 
@@ -144,9 +146,9 @@ def test_a_chance_from_few_values_is_unsure() -> None:
 @pytest.mark.parametrize("startup", [1, 100])
 def test_every_design_of_a_small_space_is_proposed_once(startup: int) -> None:
     """While it fills, and while it improves."""
-    guide = Told(count=(1, 12))
-    guide.of = lambda params: (params["count"], -params["count"])  # type: ignore[method-assign]
-    search = Asked(guide, startup)
+    guide = ExactGuide(count=(1, 12))
+    guide.objectives_of = lambda params: (params["count"], -params["count"])  # type: ignore[method-assign]
+    search = DesignLoop(guide, startup)
     told = [search.ask() for _ in range(13)]
     assert told[12] is None
     assert len({params["count"] for params in told[:12] if params}) == 12
@@ -158,15 +160,15 @@ def test_a_front_that_is_narrow_does_not_stay_so(outliers: list[tuple[float, flo
 
     Beside a design a thousand times as slow, slow ones would gain all and quick ones nothing.
     """
-    guide = Told()
-    search = Asked(guide)
+    guide = ExactGuide()
+    search = DesignLoop(guide)
     front = [{"a": a, "b": 0.0} for a in (0.48, 0.5, 0.52)]
     behind = [{"a": 0.1, "b": 0.6}, {"a": 0.9, "b": 0.6}, {"a": 0.5, "b": 0.4}]
     for params in front + behind:
-        search.tell(params, guide.of(params))
+        search.tell(params, guide.objectives_of(params))
     for values in outliers:
         search.tell({"a": 0.5, "b": 1.0}, values)
-    proposed = [guide.of(search.ask() or {}) for _ in range(4)]
+    proposed = [guide.objectives_of(search.ask() or {}) for _ in range(4)]
     assert min(one for one, _ in proposed) < 0.25
     assert min(other for _, other in proposed) < 0.25
     batch = [search.ask(running=True) or {} for _ in range(4)]
@@ -205,17 +207,17 @@ def test_a_polish_ends_nearer_to_the_best() -> None:
     designs = [{"a": a, "b": b} for a, b in ((0.3, 0.0), (0.5, 0.2), (0.9, 0.0), (0.4, 0.9))]
     ends = {}
     for polish_start in (None, len(designs)):
-        search = Asked(Told(), polish_start=polish_start)
+        search = DesignLoop(ExactGuide(), polish_start=polish_start)
         for params in designs:
-            search.tell(params, search.guide.of(params))
+            search.tell(params, search.guide.objectives_of(params))
         before = search.sampler.draw_remaining_gain(search.trials, designs[0])
         proposed = [search.ask() or {} for _ in range(4)]
-        best = min(proposed, key=lambda params: search.guide.of(params)[0])
-        ends[polish_start] = search.guide.of(best)[0]
+        best = min(proposed, key=lambda params: search.guide.objectives_of(params)[0])
+        ends[polish_start] = search.guide.objectives_of(best)[0]
         after = search.sampler.draw_remaining_gain(search.trials, best)
         assert before.mean() == pytest.approx(0.3, abs=0.02)
         assert 0.0 <= after.mean() <= ends[polish_start]
     assert ends[len(designs)] < 0.01
     assert ends[len(designs)] < ends[None]
-    early = Asked(Told())
+    early = DesignLoop(ExactGuide())
     assert not len(early.sampler.draw_remaining_gain(early.trials, designs[0]))
