@@ -7,6 +7,10 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
+#: Version of the simulated physics, a part of the key of each shift. It is raised with a change
+#: that moves shift times, not with the package: simulations that a user has kept stay valid.
+PHYSICS_VERSION = "0.1.0"
+
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
@@ -17,6 +21,11 @@ def versions() -> dict[str, str]:
 
 def engine_versions() -> dict[str, str]:
     """Return the versions that a simulated shift depends on; shifts of others must not mix."""
+    return {"dogshape": PHYSICS_VERSION, "drake": versions()["drake"]}
+
+
+def program_versions() -> dict[str, str]:
+    """Return the versions of Dogshape and Drake that are installed."""
     return {name: versions()[name] for name in ("dogshape", "drake")}
 
 

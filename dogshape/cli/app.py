@@ -14,7 +14,7 @@ from dogshape.cli.renamed import current_words
 from dogshape.cli.verbs import diagnosis, init, study
 from dogshape.sim.errors import DogshapeError, EngineError
 from dogshape.sim.interface import command_line
-from dogshape.sim.versions import engine_versions
+from dogshape.sim.versions import program_versions
 
 SURROGATES = ("\ud800", "\udfff")  #: first and last letter of bytes that are no text, in a path
 #: Verbs but ``init``, in the order of the help, by the names of Python's.
@@ -93,7 +93,7 @@ for _name, _verb in VERBS.items():
 
 def _print_version(requested: bool) -> None:
     if requested:
-        print(", ".join(f"{name} {version}" for name, version in engine_versions().items()))
+        print(", ".join(f"{name} {version}" for name, version in program_versions().items()))
         raise typer.Exit
 
 

@@ -31,7 +31,7 @@ from dogshape.sim.shift.stepped_shift import (
     start_of,
 )
 from dogshape.sim.units import suffix_of
-from dogshape.sim.versions import engine_versions
+from dogshape.sim.versions import program_versions
 
 MODEL = "DogClutch"  #: name of the model and of its library within the FMU
 RESOURCE = "study.json"  #: study file within the FMU
@@ -184,7 +184,7 @@ class ClutchBlock:
             "modelName": MODEL,
             "guid": uuid5(NAMESPACE_URL, (folder / RESOURCE).read_text(encoding="utf-8")),
             "author": "dogshape",
-            "version": engine_versions()["dogshape"],
+            "version": program_versions()["dogshape"],
             "description": f"{DESCRIPTION} Study {study.name}.",
         }
         self.time = 0.0

@@ -43,7 +43,7 @@ from dogshape.pipeline.store.result_records import PlaceRow
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.files import without_formulas, write_whole
 from dogshape.sim.units import RPM
-from dogshape.sim.versions import engine_versions
+from dogshape.sim.versions import program_versions
 
 REPORT = "report.html"
 RECORD = "gap.json"
@@ -380,7 +380,7 @@ def _facts(diagnosis: Inference) -> dict[str, str]:
         "effects considered": ", ".join(effect.plain for effect in diagnosis.effects.values()),
         "negligible": f"a gap below {ms(diagnosis.margin_s)}",
         "simulated by": ENGINES[bench.clutch.solver.engine],
-        "versions": ", ".join(f"{name} {version}" for name, version in engine_versions().items()),
+        "versions": ", ".join(f"{name} {version}" for name, version in program_versions().items()),
     }
     return {name: words for name, words in facts.items() if words}
 

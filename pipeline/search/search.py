@@ -55,7 +55,7 @@ from dogshape.pipeline.store.trial_storage import Sharing, open_storage
 from dogshape.sim.errors import StorageError
 from dogshape.sim.interface import argument
 from dogshape.sim.statistics.shift_records import content_key
-from dogshape.sim.versions import engine_versions
+from dogshape.sim.versions import program_versions
 from dogshape.surrogate.model import MIN_DESIGNS
 
 POLL_TIME_S = 0.5  #: between two readings of the trials of other machines
@@ -276,7 +276,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     if not isinstance(backend, RDBStorage):
         return Search(study, stored_search, sampler)
     # Shifts of different versions differ: all machines of a search need the same.
-    own_versions = engine_versions()
+    own_versions = program_versions()
     stored_versions = stored_search.user_attrs.get("versions")
     if stored_versions is None:
         stored_search.set_user_attr("versions", own_versions)

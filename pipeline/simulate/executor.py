@@ -16,7 +16,7 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -34,7 +34,7 @@ from dogshape.sim.errors import InputError, StorageError, WorkerError
 from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key, key_of
-from dogshape.sim.versions import engine_versions, versions
+from dogshape.sim.versions import engine_versions, program_versions, versions
 
 Advance = Callable[
     [int, int], None
@@ -174,7 +174,7 @@ class Executor:
             try:
                 for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
                     rows = future.result()
-                    _require_same_versions(address, rows[0], "a worker")
+                    _require_same_versions(address, rows[0], engine_versions(), "a worker")
                     append(self.journal.path, *rows)
                     yield rows
             finally:
@@ -259,7 +259,7 @@ def connect(address: str | None) -> Any:
         remedy = "install the same versions of Dogshape, Drake and Dask on all of them"
         raise WorkerError(f"{fault}; {remedy}") from error
     for worker, programs in worker_versions.items():
-        _require_same_versions(address, programs, f"the worker {worker}")
+        _require_same_versions(address, programs, program_versions(), f"the worker {worker}")
     _clients[address] = client
     return client
 
@@ -286,12 +286,13 @@ def _connect_client(address: str) -> Any:
     return client
 
 
-def _require_same_versions(address: str, programs: Any, worker: str) -> None:
+def _require_same_versions(
+    address: str, programs: Any, local_programs: Mapping[str, str], worker: str
+) -> None:
     """Raise WorkerError if a worker has other versions than this process.
 
     ``programs`` are its versions by name, or an exception of a worker without Dogshape.
     """
-    local_programs = engine_versions()
     if not isinstance(programs, dict):
         fault = (
             f"{worker} of the cluster {address} does not have Dogshape ({type(programs).__name__})"

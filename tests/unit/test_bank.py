@@ -27,10 +27,11 @@ from dogshape.diagnosis.prediction.simulations import (
 )
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose import bank_diagnosis
-from dogshape.pipeline.diagnose.bank import TICK, Bank
+from dogshape.pipeline.diagnose.bank import TICK, Bank, series_key
 from dogshape.pipeline.diagnose.bank_diagnosis import BUNDLED_BANK, TIMES, BankOptions, models_of
 from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.pipeline.store.folder_lock import lock_folder
+from dogshape.sim import versions
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
 from dogshape.sim.statistics.blocks import Block, Runner
@@ -70,6 +71,20 @@ def test_a_bank_is_read_back_as_it_was_and_only_for_what_it_is_of(tmp_path: Path
         assert getattr(again, name) == pytest.approx(getattr(first, name), abs=TICK)
     with pytest.raises(AssertionError):
         _simulated(Bank([path]), *names, run=_never)
+
+
+def test_a_new_version_of_the_package_keeps_the_bank(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the physics, or of Drake, it does not."""
+    block = Block(BENCH.clutch, BENCH.cells[0].point, (0.0, 0.1))
+    key = series_key(block)
+    installed = {**versions.versions(), "dogshape": "9.9.9"}
+    monkeypatch.setattr(versions, "versions", lambda: installed)
+    assert series_key(block) == key
+    monkeypatch.setattr(versions, "versions", lambda: {**installed, "drake": "9.9.9"})
+    assert series_key(block) != key
+    monkeypatch.undo()
+    monkeypatch.setattr(versions, "PHYSICS_VERSION", "9.9.9")
+    assert series_key(block) != key
 
 
 def test_a_bank_takes_what_is_there_and_simulates_the_rest(tmp_path: Path) -> None:
