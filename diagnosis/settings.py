@@ -214,9 +214,9 @@ class Settings:
         0.5, "of the gain by such means", "that counts as an error of the log evidence", "judged",
         "hardly any gain is found wholly")
     converged: float = constant(
-        0.002, "probability", "that the error of an evidence may move, without further benches",
-        "measured", "five seeds on the published stand: the inclusion of the mismatch "
-        "spreads by 0.06 with 0.005, by 0.03 with 0.002")
+        0.004, "probability", "that the error of an evidence may move, without further benches",
+        "judged", "between 0.01, with which one seed of five misses a mismatch of 5 % on the "
+        "published stand, and 0.002, which doubles the benches of a foreign clutch")
     simulations_each: int = constant(
         10, "rounds of four benches", "for one hypothesis at most", "judged",
         "24 move no probability of the published stand by more than its stated error")
