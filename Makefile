@@ -7,7 +7,7 @@
 # make bank simulates the bank that the package brings for the published data sets, with the
 # flights of traces (ten minutes).
 # make studies runs all bundled studies and keeps their results in studies/ (half an hour).
-# make samplers compares samplers (a quarter of an hour).
+# make samplers compares samplers on six studies (an hour and a half).
 # make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).
 # make blind makes, diagnoses and scores data whose effect is withheld (half an hour on two cores);
 # stopped, it goes on.
