@@ -135,8 +135,9 @@ USE = {
     HOLDING_FORCE: "force of latch or detent on the engaged ring, N; 0: unknown",
     PULL_OUT_SHARE: "share of the torque at which the ring is pulled out",
     "load.shifts": "shifts over the life",
-    STRIKE_RING: "inertia of the ring that strikes, kg m², one or two ends of a range; 0: unknown",
-    STRIKE_SHAFT: "stiffness of the shaft behind it, N m/rad, one or two ends; 0: unknown",
+    STRIKE_RING: "inertia of the sliding ring alone, a part of that of its side, kg m², "
+    "one or two ends of a range; 0: unknown",
+    STRIKE_SHAFT: "stiffness of the shaft behind the ring, N m/rad, one or two ends; 0: unknown",
     MATERIAL: "material",
 }
 #: Questions of a new study by part; the answers to one decide the defaults of the next.

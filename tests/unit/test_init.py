@@ -47,7 +47,9 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
     said = dogshape("init", "study", "--out", "plain")
     assert said.status == 0
     assert said.out.endswith(
-        "dogshape check plain\n  dogshape expect plain\n  dogshape search plain\n"
+        "  dogshape check plain\n"
+        "  dogshape export plain --sheet sheet.html\n"
+        "  dogshape search plain\n"
     )
     assert load_study("plain").physics_hash == load_study("mq200").physics_hash
 

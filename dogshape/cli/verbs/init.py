@@ -114,8 +114,9 @@ def study(
         lines.append(f"left out {key}" if value is None else f"set {key} = {toml_value(value)}")
     lines += remark_lines(written.assumed, written.warnings)
     lines.append(f"next: look through {written.file}, then")
-    for verb in ("check", "expect", "search"):
-        lines.append(f"  dogshape {verb} {quote(str(written.folder))}")
+    folder = quote(str(written.folder))
+    for command in (f"check {folder}", f"export {folder} --sheet sheet.html", f"search {folder}"):
+        lines.append(f"  dogshape {command}")
     emit(written.to_dict(), json, lambda: lines)
 
 
