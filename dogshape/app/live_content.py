@@ -255,7 +255,7 @@ def verdict_content(check: Checked) -> dict[str, Any]:
     hinges = hinge_lines(verdict)[:SHOWN_HINGES] if verdict.flipping else []
     if hinges:
         keys = [line.partition(" [")[0].removeprefix("the verdict hangs on ") for line in hinges]
-        sentence += f". It hangs on {', '.join(keys)}"
+        sentence += f". The verdict hangs on {', '.join(keys)}"
     return {
         "margins.children": card(MARGIN, percent(weakest.margin), *lines),
         "margins.className": f"card {look}",
