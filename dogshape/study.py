@@ -134,7 +134,8 @@ class Study:
         force_rise_s : rise time of the force at that point, s.
         angles : how many evenly spaced relative angles, or the angles themselves, deg; None for the
             study's number.
-        precision : wanted relative standard error; it determines the number of angles.
+        precision : wanted relative standard error of the mean of engaged shifts; it determines the
+            number of angles. The error of the hangs stays in that of the expected time.
         jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
         journal : folder for the finished shifts, which a stopped run need not simulate again.
         progress : True for a bar, False for none, or a ``Progress`` of your own; None for a bar in

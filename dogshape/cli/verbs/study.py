@@ -132,7 +132,9 @@ def expect(
     force_N: OneForce = None,
     force_rise_s: Rise = None,
     angles: Annotated[str | None, Option(help="how many, or degrees: A,B,C")] = None,
-    precision: Annotated[float | None, Option(help="relative standard error")] = None,
+    precision: Annotated[
+        float | None, Option(help="relative standard error of the mean of engaged shifts")
+    ] = None,
     set_: Sets = None,
     engine: Engine = None,
     jobs: Jobs = 0,
