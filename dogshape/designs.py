@@ -9,9 +9,11 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from dogshape.check import check_design
-from dogshape.pipeline.record import Figure, Frame, Table, frame_of
-from dogshape.pipeline.reports.data_sheet import flat_keys, write_sheet
+from dogshape.pipeline.record import Figure, Frame, Table, frame_of, percent
+from dogshape.pipeline.reports.data_sheet import TIME, flat_keys, words_of, write_sheet
 from dogshape.pipeline.reports.design_record import (
     DesignSheet,
     SimulatedValues,
@@ -22,7 +24,7 @@ from dogshape.pipeline.reports.design_record import (
     time_difference,
 )
 from dogshape.pipeline.reports.named_design import NamedDesign, named_design
-from dogshape.pipeline.reports.text import minus
+from dogshape.pipeline.reports.text import axis, check_name, minus, ms_with_error
 from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
 from dogshape.pipeline.store.folder import comparable, require_targets
 from dogshape.pipeline.store.result_records import hang_keys
@@ -75,6 +77,38 @@ def write_data_sheet(design: NamedDesign, path: str | Path, block: Mapping[str, 
 UNCOMPARED_TABLES = ("name", "format", "dog", "variables", "search", "surrogate", "expectation")
 
 
+@dataclass(frozen=True)
+class ComparedDesign:
+    """A compared design with its values as printed."""
+
+    design: NamedDesign
+    sheet: DesignSheet
+    difference: str  #: ms, time less that of the first design; a dash if unknown
+    settings: Mapping[str, Any]  #: keys of the study files that differ
+
+    def groups(self) -> dict[str, dict[str, str]]:
+        """Print dog, answers, margins and differing settings by name with unit."""
+        sheet = self.sheet
+        words = words_of(sheet)
+        del words["state"]  # the verdict has it
+        answers = {
+            "verdict": words.pop("verdict"),
+            TIME: words.pop(TIME),
+            "less that of the first, ms": self.difference,
+            **words,
+            "engine": sheet.engine,
+            "operating points": str(sheet.operating_points),
+        }
+        return {
+            "dog": {axis(name): _cell(size) for name, size in sheet.dog.items()},
+            "answers": answers,
+            "margins": {check_name(name): _margin(value) for name, value in sheet.margins.items()},
+            "keys of the study files that differ": {
+                key: _cell(value) for key, value in self.settings.items()
+            },
+        }
+
+
 @dataclass(frozen=True, repr=False)
 class SideBySide(Result):
     """Compared items; differences are to the first one.
@@ -84,16 +118,23 @@ class SideBySide(Result):
 
     kind: str
     items: tuple[dict[str, Any], ...]
+    designs: tuple[ComparedDesign, ...] = ()  #: of the kind ``designs``
 
     def to_parts(self) -> list[str | Table]:
         """Tabulate the items, a column each, with the quantities that any of them has."""
-        columns = [flat_keys(item) for item in self.items]
-        rows = []
-        for key in dict.fromkeys(chain.from_iterable(columns)):
-            values = [column.get(key) for column in columns]
-            if key != "label" and any(value is not None for value in values):
-                rows.append([key, *map(_cell, values)])
-        return [Table(("", *(item["label"] for item in self.items)), rows)]
+        heads = ["", *(item["label"] for item in self.items)]
+        text_columns = range(1, len(heads))
+        if not self.designs:
+            return [Table(heads, _rows_of([*map(_contact_cells, self.items)]), words=text_columns)]
+        groups = [design.groups() for design in self.designs]
+        rows: list[list[str]] = []
+        looks = {}
+        for title in groups[0]:
+            group_rows = _rows_of([group[title] for group in groups])
+            if group_rows:
+                looks[len(rows)] = "group"
+                rows += [[title], *group_rows]
+        return [Table(heads, rows, looks, text_columns)]
 
     def to_dict(self) -> dict[str, Any]:
         """Convert kind and items to values of JSON."""
@@ -113,6 +154,26 @@ class SideBySide(Result):
             for item in self.items
         ]
         return result_figures.ratios_figure(dict(zip(labels, numbers, strict=True)))
+
+    def _picture(self) -> Markup | None:
+        """Draw the section of each design over the dashed dogs of the first one."""
+        from dogshape.pipeline.export.drawing import open_section_svg  # noqa: PLC0415
+
+        if not self.designs:
+            return None
+        first = self.designs[0].design
+        figures = []
+        for compared in self.designs:
+            study = compared.design.design_study
+            svg = open_section_svg(
+                study.clutch.pair,
+                first.design_study.clutch.pair,
+                first.label,
+                is_sleeve=study.limits.sleeve is not None,
+            )
+            figure = Markup("<figure>{}<figcaption>{}</figcaption></figure>")
+            figures.append(figure.format(Markup(svg), compared.design.label))
+        return Markup('<div class="pictures">{}</div>').format(Markup("").join(figures))
 
     def to_frame(self) -> Frame:
         """Tabulate the items, a column each; nested quantities have dotted keys."""
@@ -142,7 +203,8 @@ def compare(*names: str) -> SideBySide:
     if sets:
         items = tuple(_contact_record(CONTACT_SETS[name]) for name in sets)
         return SideBySide("contact_sets", items)
-    return SideBySide("designs", tuple(_compare_designs(names)))
+    designs, items = _compare_designs(names)
+    return SideBySide("designs", tuple(items), tuple(designs))
 
 
 def _contact_record(contact: ContactSet) -> dict[str, Any]:
@@ -155,8 +217,8 @@ def _contact_record(contact: ContactSet) -> dict[str, Any]:
     return {"label": values.pop("name"), **values}
 
 
-def _compare_designs(names: Sequence[str]) -> list[dict[str, Any]]:
-    """Record designs with differences to the first one and the settings in which they differ."""
+def _compare_designs(names: Sequence[str]) -> tuple[list[ComparedDesign], list[dict[str, Any]]]:
+    """Compare designs with the first one, and record times, margins and differing settings."""
     designs = [named_design(name) for name in names]
     sheets = [sheet_of(design)[0] for design in designs]
     settings = [_compared_settings(design) for design in designs]
@@ -165,12 +227,16 @@ def _compare_designs(names: Sequence[str]) -> list[dict[str, Any]]:
         for key in dict.fromkeys(chain.from_iterable(settings))
         if len({json.dumps(keys.get(key)) for keys in settings}) > 1
     ]
+    compared = []
     items = []
     for design, sheet, keys in zip(designs, sheets, settings, strict=True):
         change = None
         if design is not designs[0] and design.study.points == designs[0].study.points:
             change = time_difference(sheets[0].simulated, sheet.simulated)
         value, error = change or (None, None)
+        different_keys = {key: keys.get(key) for key in differing}
+        difference = ms_with_error(value, error, "+")
+        compared.append(ComparedDesign(design, sheet, difference, different_keys))
         record = sheet.to_dict()
         margins = record.pop("margins")
         items.append(
@@ -179,11 +245,11 @@ def _compare_designs(names: Sequence[str]) -> list[dict[str, Any]]:
                 **record,
                 "difference_s": value,
                 "difference_standard_error_s": error,
-                "settings": {key: keys.get(key) for key in differing},
+                "settings": different_keys,
                 "margins": margins,
             }
         )
-    return items
+    return compared, items
 
 
 def _compared_settings(design: NamedDesign) -> dict[str, Any]:
@@ -192,7 +258,28 @@ def _compared_settings(design: NamedDesign) -> dict[str, Any]:
     return flat_keys({key: v for key, v in tables.items() if key not in UNCOMPARED_TABLES})
 
 
+def _rows_of(columns: Sequence[Mapping[str, str]]) -> list[list[str]]:
+    """List the quantities that any column has, a cell for each column."""
+    rows = []
+    for name in dict.fromkeys(chain.from_iterable(columns)):
+        cells = [column.get(name, "-") for column in columns]
+        if set(cells) != {"-"}:
+            rows.append([name, *cells])
+    return rows
+
+
+def _contact_cells(item: Mapping[str, Any]) -> dict[str, str]:
+    """Print the values of a contact set by key."""
+    return {key: _cell(value) for key, value in flat_keys(item).items() if key != "label"}
+
+
+def _margin(margin: float | None) -> str:
+    """Print a margin; one without a limit as infinite."""
+    return "infinite" if margin is None else percent(margin)
+
+
 def _cell(value: Any) -> str:
+    """Print a value of a key; None as a dash."""
     if isinstance(value, float):
         return minus(f"{value:.4g}")
     return "-" if value is None else str(value)

@@ -10,6 +10,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from dogshape.argument_types import check_types, check_types_of_verbs
 from dogshape.pipeline.record import Figure, Frame, Table
 from dogshape.pipeline.reports.text import bind_units
@@ -47,9 +49,13 @@ class Result(ABC):
 
         words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(self).__name__)
         page = Report(words.capitalize())
-        page.add("", self.plot(), *self.to_parts())
+        page.add("", self._picture(), self.plot(), *self.to_parts())
         page.save(Path(path))
         return Path(path)
+
+    def _picture(self) -> Markup | None:
+        """Draw what the page shows above the figure, if anything."""
+        return None
 
     def __repr__(self) -> str:
         return "\n".join(line for part in self.to_parts() for line in _text_lines(part))

@@ -11,12 +11,14 @@ import pytest
 import dogshape as ds
 from dogshape.check import check_design
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.record import Table
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Call
 from tests.search_results import bundled_folder, bundled_result
 
+MINUS = "\N{MINUS SIGN}"
 WHY = "shorter, and as fast within the error"
 RESULT = bundled_result()
 TRIAL = RESULT["front"][1]["trial"]
@@ -105,6 +107,20 @@ def test_designs_of_a_kept_result(dogshape: Call) -> None:
     frame, margin = ds.compare(*names).to_frame(), confirmed["best"]["checks"][0]
     assert list(frame.columns) == names
     assert frame.loc[f"margins.{margin['name']}", PAIR[0]] == pytest.approx(margin["margin"])
+
+
+def test_a_comparison_has_names_with_units_and_a_picture_of_each_dog(tmp_path: Path) -> None:
+    found = ds.compare("mq200_paper#0", PAIR[0])
+    (table,) = found.to_parts()
+    assert isinstance(table, Table)
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["outer diameter, mm"][0] == "52"
+    assert rows["less that of the first, ms"][0] == "-"
+    difference, _, _ = rows["less that of the first, ms"][1].replace(MINUS, "-").partition(" ")
+    assert float(difference) == pytest.approx(1e3 * found.items[1]["difference_s"], abs=0.1)
+    assert not any("_deg" in name or name.endswith("_s") for name in rows)
+    page = found.report(tmp_path / "compared.html").read_text()
+    assert page.count("<figure>") == 2
 
 
 def test_margins_at_worst_case_tolerances_have_the_check_behind_them() -> None:
