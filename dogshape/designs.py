@@ -203,8 +203,8 @@ def compare(*names: str) -> SideBySide:
     if sets:
         items = tuple(_contact_record(CONTACT_SETS[name]) for name in sets)
         return SideBySide("contact_sets", items)
-    designs, items = _compare_designs(names)
-    return SideBySide("designs", tuple(items), tuple(designs))
+    designs, records = _compare_designs(names)
+    return SideBySide("designs", tuple(records), tuple(designs))
 
 
 def _contact_record(contact: ContactSet) -> dict[str, Any]:
