@@ -32,6 +32,7 @@ GALLERY = Path(__file__).parents[1] / "docs" / "gallery"
 PLOTLY = "application/vnd.plotly.v1+json"  #: type of a figure among the outputs of a cell
 SIZES = re.compile(r"^([A-Z, ]+) = ([\d, ]+)", re.MULTILINE)  #: sizes, in the first code cell
 PROCESSES = "JOBS"  #: the size that changes no result
+SAMPLED_VERBS = {"diagnose"}  #: whose results have a random error, which differs by processor
 PROGRESS = "simulating: "  #: begin of an output that is not kept
 WIDTH, HEIGHT = 820, 450  #: of a picture, px; figures have their own height
 SCALE = 1.5  #: px of a picture over px of a page
@@ -84,7 +85,10 @@ def run(notebook: NotebookNode, folder: Path) -> None:
 
 
 def sized_cells(notebook: NotebookNode) -> list[bool]:
-    """Decide for each code cell whether its results depend on the sizes, by the names it reads."""
+    """Decide for each code cell whether its results depend on the sizes, by the names it reads.
+
+    Results of ``SAMPLED_VERBS`` count as such.
+    """
     sized_names = set(sizes_of(notebook)) - {PROCESSES}
     decisions = []
     for cell in code_cells(notebook):
@@ -92,7 +96,9 @@ def sized_cells(notebook: NotebookNode) -> list[bool]:
         for statement in ast.parse(cell.source).body:
             nodes = list(ast.walk(statement))
             names_of = [node for node in nodes if isinstance(node, ast.Name)]
-            if sized_names & {node.id for node in names_of if isinstance(node.ctx, ast.Load)}:
+            read_names = {node.id for node in names_of if isinstance(node.ctx, ast.Load)}
+            attributes = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+            if sized_names & read_names or SAMPLED_VERBS & attributes:
                 is_sized = True
                 sized_names |= {node.id for node in names_of if isinstance(node.ctx, ast.Store)}
                 sized_names |= {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
