@@ -13,7 +13,6 @@ an hour.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import random
 import shutil
@@ -26,12 +25,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import psutil
 
-from dogshape.pipeline.store.folder import StudyFolder, read_lines
-from dogshape.sim.statistics.shift_records import key_of
+from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder
+from tests.integration.studies import designs_of, result_of
 
 VICTIMS = ("parent", "worker", "all")
 SETTINGS = (
@@ -46,7 +44,6 @@ SETTINGS = (
 )
 FIRST_KILL_S = 1.0  #: earliest kill after the start of a run
 STOP_S = 30.0  #: for the workers of a killed parent to end
-NUMBERS = ("trial", "time_within_tolerances")  #: of a trial: a killed one takes a number too
 
 
 @dataclass
@@ -101,23 +98,14 @@ def kill_one(process: subprocess.Popen[str], victim: str, generator: random.Rand
 
 
 def finished_keys(folder: Path) -> set[str]:
-    """Return the keys of the shifts that the journal of a running search has."""
-    path = StudyFolder(folder).running
-    if not path.exists():
-        return set()
-    return {key_of(row) for row in read_lines(path, key_of, "a shift")}
+    """List the keys of the shifts that the journal of a running search has."""
+    return set(ShiftJournal(StudyFolder(folder).running).rows)
 
 
 def finished_trials(folder: Path) -> int:
     """Count the simulated trials in the log of a search."""
     log = folder / "trials.log"
     return log.read_text(encoding="utf-8").count("simulation") if log.exists() else 0
-
-
-def designs_of(folder: Path) -> list[dict[str, Any]]:
-    """Return the trials of a finished search without the numbers that a kill moves."""
-    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    return [{k: v for k, v in row.items() if k not in NUMBERS} for row in result["trials"]]
 
 
 def run_once(
@@ -160,7 +148,7 @@ def main() -> None:
         start = time.monotonic()
         run_once(reference, "all", 3600.0, generator, count)
         duration_s = time.monotonic() - start
-        expected = designs_of(reference)
+        expected = designs_of(result_of(reference))
         while sum(count.kills.values()) < arguments.kills:
             folder = Path(place) / "killed"
             has_ended = False
@@ -171,7 +159,7 @@ def main() -> None:
                 number = sum(count.kills.values())
                 print(f"{number} of {arguments.kills} kills", file=sys.stderr, flush=True)
             count.searches += 1
-            count.different_results += designs_of(folder) != expected
+            count.different_results += designs_of(result_of(folder)) != expected
             shutil.rmtree(folder)
     print(f"search without a kill: {duration_s:.0f} s, {len(expected)} designs")
     kills = ", ".join(f"{name} {number}" for name, number in count.kills.items())
