@@ -278,27 +278,25 @@ def _predicted_content(
 
 
 def _sides(live_page: LivePage, question: Question, design: LiveDesign) -> tuple[Side, Side | None]:
-    """Return the answers so far on a design, and on the own dog unless it is the same or none."""
-    side = _side(live_page, question, design)
-    own_question, own_design = _own_design(live_page, question)
+    """List the answers so far on a design, and on the own dog; None for the same or no clutch."""
+    side = _side(live_page, design)
+    own_design = _own_design(live_page, question)
     if own_design is None or own_design.key == design.key:
         return side, None
     try:
-        return side, _side(live_page, own_question, own_design)
+        return side, _side(live_page, own_design)
     except DogshapeError:
         return side, None
 
 
-def _own_design(live_page: LivePage, question: Question) -> tuple[Question, LiveDesign | None]:
-    """Ask for the own dog under load and operation of the page; None if there is no such clutch."""
-    own_question = live_page.own_question(question)
-    return own_question, live_page.design(live_page.read(own_question), question.where)
+def _own_design(live_page: LivePage, question: Question) -> LiveDesign | None:
+    """Build the own dog under load and operation of the page; None if there is no such clutch."""
+    own_answers = live_page.read(live_page.own_question(question))
+    return live_page.design(own_answers, question.where)
 
 
-def _side(live_page: LivePage, question: Question, design: LiveDesign) -> Side:
-    return Side(
-        live_page.read(question).answers, live_page.predict(design), live_page.simulated(design)
-    )
+def _side(live_page: LivePage, design: LiveDesign) -> Side:
+    return Side(design.values, live_page.predict(design), live_page.simulated(design))
 
 
 def _compared_content(live_page: LivePage, side: Side, own: Side | None) -> Answer:
@@ -352,7 +350,7 @@ def answer_by_simulation(live_page: LivePage, question: Question, is_wanted: boo
 def answer_on_own_dog(live_page: LivePage, question: Question) -> Answer:
     """Simulate the own dog beside a simulated design; return the content of the comparison."""
     design = live_page.design(live_page.read(question), question.where)
-    _, own_design = _own_design(live_page, question)
+    own_design = _own_design(live_page, question)
     if design is None or own_design is None or own_design.key == design.key:
         return {}
     try:

@@ -9,7 +9,7 @@ from typing import Any
 
 from dash import dcc, html
 
-from dogshape.app.live_fields import GROUPS, Field, field_hints
+from dogshape.app.live_fields import GROUPS, PageField, field_hints
 from dogshape.app.page import Children, answer_field, row_look
 from dogshape.app.time_curve import TimeCurve
 from dogshape.check import Check, Checked, hinge_lines
@@ -34,7 +34,7 @@ RUNNING = "…"  #: in place of a simulated time
 NO_VALUE = "\N{EN DASH}"
 
 
-def _field_row(field: Field, hint: str) -> html.Div:
+def _field_row(field: PageField, hint: str) -> html.Div:
     """Lay out a field: label, field, unit, slider, and room for an error message."""
     parts: Children = [
         html.Label(field.label, title=hint),
@@ -53,7 +53,7 @@ def _field_row(field: Field, hint: str) -> html.Div:
     return html.Div(parts, id={"row": field.key}, className=field_look(field, is_used=True))
 
 
-def _slider(field: Field, low: float, high: float) -> dcc.Slider:
+def _slider(field: PageField, low: float, high: float) -> dcc.Slider:
     return dcc.Slider(
         low,
         high,
@@ -71,7 +71,7 @@ def placeholder(default: Any) -> str:
     return "not given" if default is None else shown_value(default)
 
 
-def field_look(field: Field, fault: str = "", *, is_used: bool) -> str:
+def field_look(field: PageField, fault: str = "", *, is_used: bool) -> str:
     """Return the look of a field's row: wide for texts, wrong, or absent for another actuator."""
     look = "number"
     if field.choices or isinstance(field.default, list):
@@ -80,7 +80,7 @@ def field_look(field: Field, fault: str = "", *, is_used: bool) -> str:
 
 
 def layout(
-    config: Setup, fields: Sequence[Field], front: Figure | None, remarks: Sequence[str] = ()
+    config: Setup, fields: Sequence[PageField], front: Figure | None, remarks: Sequence[str] = ()
 ) -> html.Div:
     """Lay out the live page of a study; ``front`` is None without a search.
 
@@ -104,7 +104,7 @@ def _folded(lines: Sequence[str]) -> html.Details:
     return html.Details([html.Summary(first), *map(html.P, others)], className="note")
 
 
-def _fields(config: Setup, fields: Sequence[Field]) -> html.Aside:
+def _fields(config: Setup, fields: Sequence[PageField]) -> html.Aside:
     """Lay out the fields by group."""
     scopes = {
         "all": f"all {len(config.points)} operating points of the study",
@@ -242,7 +242,7 @@ def simulated_card(check: Check) -> Children:
 
 
 def verdict_content(check: Checked) -> dict[str, Any]:
-    """Show smallest margin and verdict with what it hangs on, as content of the page by place."""
+    """Compose smallest margin and verdict with its decisive assumptions, by place of the page."""
     weakest = smallest_margin(check.design.checks)
     verdict = check.verdict
     lines = (
@@ -264,7 +264,7 @@ def verdict_content(check: Checked) -> dict[str, Any]:
 
 
 def no_answers() -> dict[str, Any]:
-    """Empty the figures of the page, which would be those of another design."""
+    """Compose a page without figures, which would be those of another design."""
     return {
         "predicted.children": card(PREDICTED, NO_VALUE),
         "simulated.children": card(SIMULATED, NO_VALUE),
@@ -334,13 +334,13 @@ class Side:
 
 
 def state_words(check: Checked) -> str:
-    """Say whether a design passes."""
+    """Format the state of a verdict as words."""
     return {"not_judged": "not all checks judged"}.get(
         check.verdict.state, check.verdict.state.replace("_", " ")
     )
 
 
-def beside_table(fields: Sequence[Field], design: Side, own: Side | None) -> Children:
+def beside_table(fields: Sequence[PageField], design: Side, own: Side | None) -> Children:
     """Tabulate values, times and margins of own dog and design.
 
     ``own`` is None where the design is the own dog, or where there is no such clutch.
@@ -368,12 +368,12 @@ def beside_table(fields: Sequence[Field], design: Side, own: Side | None) -> Chi
     return [html.H2(title), table, html.P(note, className="note")]
 
 
-def _dog_fields(fields: Sequence[Field]) -> list[Field]:
+def _dog_fields(fields: Sequence[PageField]) -> list[PageField]:
     """Select the dimensions of the dog."""
     return [field for field in fields if field.group == "dog"]
 
 
-def _other_changes(fields: Sequence[Field], design: Side) -> list[str]:
+def _other_changes(fields: Sequence[PageField], design: Side) -> list[str]:
     """List values that differ from the study's beside the dog, with those of the study."""
     changes = []
     for field in fields:
@@ -411,7 +411,7 @@ def _side_row(name: str, sides: Mapping[str, Side], cells: Sequence[str]) -> htm
 
 
 def curve_content(
-    field: Field, curve: TimeCurve | str, design: Side, own: Side | None
+    field: PageField, curve: TimeCurve | str, design: Side, own: Side | None
 ) -> dict[str, Any]:
     """Draw the time over a slider, or say why not, as content of the page by place."""
     if isinstance(curve, str):

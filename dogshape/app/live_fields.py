@@ -84,7 +84,7 @@ FIELD_WORDS = {
 
 
 @dataclass(frozen=True)
-class Field:
+class PageField:
     """A field of the page: a key of the study file or, without a dot, of a shift.
 
     ``default`` is the study's value; None for a key that the study lacks. ``ends`` are those of the
@@ -130,7 +130,7 @@ def empty_value(key: str) -> Any:
     return 0 if int in kinds else 0.0
 
 
-def fields_of(config: Setup, tables: Data) -> list[Field]:
+def fields_of(config: Setup, tables: Data) -> list[PageField]:
     """List the fields of a study by group; ``tables`` are those of its file."""
     return [
         *_dog_fields(config),
@@ -143,12 +143,12 @@ def fields_of(config: Setup, tables: Data) -> list[Field]:
     ]
 
 
-def _dog_fields(config: Setup) -> list[Field]:
+def _dog_fields(config: Setup) -> list[PageField]:
     """List the dimensions of the dog, variables of the search first, with their ranges."""
     values = config.file.dog.sizes | {key: config.prototype[key] for key in config.shape_keys}
     dog = {key: value for key, value in values.items() if value is not None}
     return [
-        Field(f"dog.{key}", "dog", dog[key], config.variables.get(key) or _reach(dog[key]))
+        PageField(f"dog.{key}", "dog", dog[key], config.variables.get(key) or _reach(dog[key]))
         for key in sorted(dog, key=[*config.variables, *dog].index)
     ]
 
@@ -159,7 +159,7 @@ def _reach(value: float, share: float = DEFAULT_REACH) -> tuple[float, float]:
     return value - reach, value + reach
 
 
-def _point_fields(config: Setup, tables: Data) -> list[Field]:
+def _point_fields(config: Setup, tables: Data) -> list[PageField]:
     """List mismatch and force of the middle point, and those of all points."""
     points = [(point.mismatch / RPM, point.profile.force) for point in config.points]
     middle = sorted(points)[len(points) // 2]
@@ -167,13 +167,13 @@ def _point_fields(config: Setup, tables: Data) -> list[Field]:
     for key, value, column in zip(PLACE, middle, zip(*points, strict=True), strict=True):
         low, high = min(column), max(column)
         ends = (low, high) if low < high else _reach(value)
-        fields.append(Field(key, "point", value, ends))
+        fields.append(PageField(key, "point", value, ends))
     for key, values in operating_lists(partial(value_at, tables)).items():
-        fields.append(Field(key, "point", values))
+        fields.append(PageField(key, "point", values))
     return fields
 
 
-def _load_fields(config: Setup) -> list[Field]:
+def _load_fields(config: Setup) -> list[PageField]:
     """List the numbers of load case, workshop and tolerances."""
     file = config.file
     numbers = _numbers("load", LoadCase, file.load)
@@ -185,13 +185,13 @@ def _load_fields(config: Setup) -> list[Field]:
         "tolerance": _numbers("tolerance", Tolerances, file.tolerance),
     }
     fields = [
-        Field(key, group, value)
+        PageField(key, group, value)
         for group, values in groups.items()
         for key, value in values.items()
         if key != TORQUE
     ]
     torque = numbers[TORQUE]
-    return [Field(TORQUE, "load", torque, _reach(torque, TORQUE_REACH)), *fields]
+    return [PageField(TORQUE, "load", torque, _reach(torque, TORQUE_REACH)), *fields]
 
 
 def _numbers(table: str, kind: Any, section: Any) -> Data:
@@ -200,13 +200,13 @@ def _numbers(table: str, kind: Any, section: Any) -> Data:
     return {f"{table}.{key}": getattr(section, key) for key in keys}
 
 
-def _material_fields(config: Setup) -> list[Field]:
+def _material_fields(config: Setup) -> list[PageField]:
     """List name and numbers of the material."""
     material_set = config.file.material.set
     values = material_defaults(config, material_set)
     return [
-        Field(MATERIAL, "material", material_set, choices=CHOICES[MATERIAL]),
-        *(Field(key, "material", value) for key, value in values.items()),
+        PageField(MATERIAL, "material", material_set, choices=CHOICES[MATERIAL]),
+        *(PageField(key, "material", value) for key, value in values.items()),
     ]
 
 
@@ -219,7 +219,7 @@ def material_defaults(config: Setup, material_set: str) -> Data:
     return {f"material.{key}": value for key, value in values.items()}
 
 
-def _actuator_fields(config: Setup) -> list[Field]:
+def _actuator_fields(config: Setup) -> list[PageField]:
     """List the numbers of every kind of actuator, and the times of the control."""
     file = config.file
     defaults = actuator_defaults(config, file.actuation.kind)
@@ -228,8 +228,8 @@ def _actuator_fields(config: Setup) -> list[Field]:
         "shift.retraction_s": file.shift.retraction_s,
     }
     return [
-        Field(KIND, "actuator", file.actuation.kind, choices=CHOICES[KIND]),
-        *(Field(key, "actuator", defaults.get(key)) for key in ACTUATION),
+        PageField(KIND, "actuator", file.actuation.kind, choices=CHOICES[KIND]),
+        *(PageField(key, "actuator", defaults.get(key)) for key in ACTUATION),
     ]
 
 
@@ -255,24 +255,24 @@ def actuator_defaults(config: Setup, kind: str) -> Data:
     return {f"{SECTION}.{key}": value for key, value in numbers.items()}
 
 
-def _friction_fields(config: Setup) -> list[Field]:
+def _friction_fields(config: Setup) -> list[PageField]:
     """List the coefficients of friction of contact and load."""
     file = config.file
     friction = {f"contact.{key}": value for key, value in vars(file.contact.value).items()}
     friction |= {f"load.{key}": value for key, value in file.load}
     return [
-        Field(key, "friction", friction[key], (0.0, end), text)
+        PageField(key, "friction", friction[key], (0.0, end), text)
         for key, (text, end) in FRICTION_FIELDS.items()
     ]
 
 
-def _angle_field(config: Setup) -> Field:
+def _angle_field(config: Setup) -> PageField:
     """Return the relative angle of a single shift, within a pitch."""
     turn = round(360.0 / config.clutch.dog.count, 2)
-    return Field(ANGLE_KEY, "shift", 0.4 * turn, (0.0, turn), "relative angle")
+    return PageField(ANGLE_KEY, "shift", 0.4 * turn, (0.0, turn), "relative angle")
 
 
-def field_hints(fields: Sequence[Field]) -> dict[str, str]:
+def field_hints(fields: Sequence[PageField]) -> dict[str, str]:
     """Explain the keys of fields: words of the questions, or those of the explained study."""
     comments = meanings_of(text_of(find_study(COMMENTED)))
     hints = {}

@@ -19,7 +19,7 @@ from typing import NamedTuple
 from dogshape.app.live_fields import (
     ACTUATOR_KEYS,
     ANGLE_KEY,
-    Field,
+    PageField,
     actuator_defaults,
     empty_value,
     fields_of,
@@ -74,18 +74,18 @@ class Question(NamedTuple):
 
 @dataclass(frozen=True)
 class LiveDesign:
-    """A design that the page asks for: study, operating point and relative angle.
+    """A design that the page asks for: study, operating point and values of the fields.
 
-    ``place`` are arguments of a verb, empty for all points of the study.
+    ``place`` are arguments of a verb, empty for all points of the study; ``values`` are by key.
     """
 
     study: Study
     place: Json
-    angle_deg: float
+    values: Data
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What a simulation depends on."""
+        """Configuration and operating point, on which a simulation depends."""
         return (self.study.config.config_hash, *self.place.values())
 
 
@@ -119,7 +119,7 @@ class LivePage:
         return tomllib.loads(self.text)
 
     @cached_property
-    def fields(self) -> list[Field]:
+    def fields(self) -> list[PageField]:
         """Fields of the page with their values at the start."""
         return fields_of(self.study.config, self.tables)
 
@@ -208,7 +208,7 @@ class LivePage:
             return None
         values = answers.answers
         place = {key: values[key] for key in PLACE} if where == "one" else {}
-        return LiveDesign(Study.from_config(answers.study), place, values[ANGLE_KEY])
+        return LiveDesign(Study.from_config(answers.study), place, values)
 
     def own_question(self, question: Question) -> Question:
         """Ask for the study's dog under load and operation of the page."""
@@ -284,8 +284,8 @@ class LivePage:
 
         Raises InputError for wrong fields.
         """
-        design = self._valid_design(question)
         answers = self.read(question)
+        design = self._valid_design(answers, question.where)
         settings = self._settings(answers.values)
         changes = [
             f"{key} left out" if value is None else f"{key} = {toml_value(value)}"
@@ -298,10 +298,9 @@ class LivePage:
         ]
         return "\n".join([*comment_lines(sentences), study_text(design.study.config)])
 
-    def _valid_design(self, question: Question) -> LiveDesign:
+    def _valid_design(self, answers: Answers, where: str) -> LiveDesign:
         """Build the design of the fields; InputError with all faults for wrong ones."""
-        answers = self.read(question)
-        design = self.design(answers, question.where)
+        design = self.design(answers, where)
         if design is None:
             faults = [f"{key}: {fault}" for key, fault in answers.faults.items()]
             raise InputError("\n".join(filter(None, [*faults, answers.refusal])))
@@ -313,10 +312,10 @@ class LivePage:
             path.write_text(self.export(Question(texts, texts.get("where", "all"))), "utf-8")
             return
         where = "one" if name == "shift.html" else "all"
-        design = self._valid_design(Question(texts, where))
+        design = self._valid_design(self.read(Question(texts, where)), where)
         config = design.study.config
         if name == "shift.html":
-            design.study.shift(**design.place, angle_deg=design.angle_deg).report(path)
+            design.study.shift(**design.place, angle_deg=design.values[ANGLE_KEY]).report(path)
         elif name == "sheet.html":
             design.study.data_sheet(path, why)
         elif name == "dog.svg":

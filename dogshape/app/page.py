@@ -1,4 +1,4 @@
-"""What both pages share: application, look and types of the exchanged values."""
+"""Application, look and types of exchanged values, common to both pages."""
 
 from __future__ import annotations
 
