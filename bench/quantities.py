@@ -89,9 +89,9 @@ _PRESSURE = (
     r"p|p \w+|\w*(pressure|druck)|(supply|shift|actuator) pressure|(schalt|versorgungs|stell)druck"
     r"|pression|pressione|presion|tlak|cisnienie|tryck|luftdruck|oeldruck"
 )
-#: Set values of an actuator in place of the shift force (``Actuator.set_keys``).
 _CURRENT = r"i|i \w+|\w*current|\w*strom|courant|corrente|corriente|proud|prad"
 _NO_LEVEL = rf"{_RISE}|{_SPREAD}|{_EXTREME}|{BACK_SIDE}"
+#: Set values of an actuator in place of the shift force (``Actuator.set_keys``).
 SET_VALUES = (
     TableQuantity("supply_bar", PRESSURE, _PRESSURE, against=_NO_LEVEL, filled=True),
     TableQuantity(

@@ -95,7 +95,7 @@ class BenchTrace:
         return self.force if self.logged is None else self.logged.values
 
     def with_logged_force(self) -> BenchTrace:
-        """Compute the force of a logged channel anew; a measured one stays."""
+        """Recompute the force from the logged channel; a measured force stays."""
         if self.logged is None:
             return self
         return replace(self, force=self.logged.force(self.displacement))

@@ -103,7 +103,7 @@ def _is_of_member(member: str, value: Any) -> bool:
 
 
 def _refusal(verb: Callable[..., Any], name: str, value: Any, annotation: str) -> str:
-    """Say which argument has which value, what it must be, and the remedy."""
+    """Compose a refusal: argument with its value, the types it takes, and the remedy."""
     words = []
     for member in _members(annotation):
         member_name, _, elements = member.rstrip("]").partition("[")
