@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
+
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from dogshape.sim.errors import InputError
 
@@ -161,6 +163,82 @@ class RexsModel:
         return InputError(f"{self.file}: {name} of {component.text} {fault}; correct the file")
 
 
+class _FileAttribute(BaseModel):
+    """Attribute of the JSON; the key of its value is the value's type."""
+
+    model_config = ConfigDict(extra="allow")
+    id: str
+    unit: str | None = None
+
+    @property
+    def attribute(self) -> RexsAttribute:
+        """Value and unit."""
+        values = list((self.model_extra or {}).values())
+        return RexsAttribute(values[0] if values else None, self.unit or "")
+
+
+class _LoadedComponent(BaseModel):
+    """Component of a load case in the JSON."""
+
+    id: int
+    attributes: list[_FileAttribute]
+
+    @property
+    def attributes_by_id(self) -> dict[str, RexsAttribute]:
+        """Attributes by their id."""
+        return {row.id: row.attribute for row in self.attributes}
+
+
+class _FileComponent(_LoadedComponent):
+    """Component of the gearbox in the JSON."""
+
+    type: str
+    name: str | None = None
+
+
+class _FileLoadCase(BaseModel):
+    """Load case in the JSON."""
+
+    id: int
+    components: list[_LoadedComponent]
+
+
+class _FileSpectrum(BaseModel):
+    """Load spectrum in the JSON."""
+
+    load_cases: list[_FileLoadCase]
+
+
+class _FileMember(BaseModel):
+    """Component of a relation in the JSON."""
+
+    id: int
+    role: str
+
+
+class _FileRelation(BaseModel):
+    """Relation in the JSON."""
+
+    type: str
+    refs: list[_FileMember]
+
+
+class _FileModel(BaseModel):
+    """Model in the JSON."""
+
+    version: str
+    components: list[_FileComponent]
+    relations: list[_FileRelation]
+    load_spectrum: list[_FileSpectrum] | _FileSpectrum | None = None
+
+    @property
+    def spectra(self) -> list[_FileSpectrum]:
+        """Load spectra, one or several as the file has them."""
+        if isinstance(self.load_spectrum, _FileSpectrum):
+            return [self.load_spectrum]
+        return self.load_spectrum or []
+
+
 def read_rexs(path: Path) -> RexsModel:
     """Read a REXS file, XML or JSON by its first sign.
 
@@ -181,10 +259,19 @@ def read_rexs(path: Path) -> RexsModel:
         raise InputError(f"{path} is no {syntax} ({error}); export the model again") from error
     try:
         return _model_of(path, document["model"] if is_json else _xml_tables(document))
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        fault = f"{path} is no REXS model ({type(error).__name__}: {error})"
+    except (KeyError, TypeError, ValueError) as error:
+        fault = f"{path} is no REXS model ({_reason_of(error)})"
         remedy = "its model must have components, relations and ids as REXS 1.7 defines them"
         raise InputError(f"{fault}; {remedy}") from error
+
+
+def _reason_of(error: Exception) -> str:
+    """Word what a file lacks: the first wrong place, or the error."""
+    if not isinstance(error, ValidationError):
+        return f"{type(error).__name__}: {error}"
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    return f"{place}: {first['msg']}"
 
 
 def _model_of(path: Path, tables: Mapping[str, Any]) -> RexsModel:
@@ -195,43 +282,25 @@ def _model_of(path: Path, tables: Mapping[str, Any]) -> RexsModel:
             f"{path} has REXS version {version}, but versions 1 and 2 are read; export it in one "
             "of these"
         )
-    spectra = tables.get("load_spectrum") or []
-    if isinstance(spectra, Mapping):
-        spectra = [spectra]
-    if len(spectra) > 1:
-        raise InputError(f"{path} has {len(spectra)} load spectra; export the model with one")
+    model = _FileModel.model_validate({**tables, "version": version})
+    if len(model.spectra) > 1:
+        raise InputError(f"{path} has {len(model.spectra)} load spectra; export the model with one")
     load_cases = [
-        RexsLoadCase(
-            int(case["id"]),
-            {int(part["id"]): _attributes(part["attributes"]) for part in case["components"]},
-        )
-        for spectrum in spectra
-        for case in spectrum["load_cases"]
+        RexsLoadCase(case.id, {part.id: part.attributes_by_id for part in case.components})
+        for spectrum in model.spectra
+        for case in spectrum.load_cases
     ]
-    components = {}
-    for part in tables["components"]:
-        number = int(part["id"])
-        components[number] = RexsComponent(
-            number, part["type"], part.get("name") or "", _attributes(part["attributes"])
-        )
+    components = {
+        part.id: RexsComponent(part.id, part.type, part.name or "", part.attributes_by_id)
+        for part in model.components
+    }
     relations = [
-        RexsRelation(
-            relation["type"], {member["role"]: int(member["id"]) for member in relation["refs"]}
-        )
-        for relation in tables["relations"]
+        RexsRelation(relation.type, {member.role: member.id for member in relation.refs})
+        for relation in model.relations
     ]
     return RexsModel(
         path, version, components, tuple(relations), tuple(load_cases) or (SINGLE_LOAD,)
     )
-
-
-def _attributes(rows: Sequence[Mapping[str, Any]]) -> dict[str, RexsAttribute]:
-    """Map attributes by their id; the key of the value is its type."""
-    attributes = {}
-    for row in rows:
-        values = [value for key, value in row.items() if key not in ("id", "unit")]
-        attributes[row["id"]] = RexsAttribute(values[0] if values else None, row.get("unit") or "")
-    return attributes
 
 
 def _xml_tables(root: ElementTree.Element) -> dict[str, Any]:
