@@ -109,7 +109,7 @@ def _connect_fields(app: Dash, live_page: LivePage) -> None:
             marker = click["points"][0] if click else {}
             texts = live_page.shape(str(marker.get("customdata")))
         return [
-            [texts.get(output["id"]["number"], no_update) for output in outputs]
+            [texts.get(_key_of(output, "number"), no_update) for output in outputs]
             for outputs in ctx.outputs_list
         ]
 
@@ -154,10 +154,10 @@ def _connect_answers(app: Dash, live_page: LivePage) -> None:
             question._asdict() if is_answered else None,
             touched,
             *_contents(PLACES, answer),
-            [_row_look(fields[row["id"]["row"]], answers) for row in rows],
-            [answers.faults.get(fault["id"]["fault"], "") for fault in faults],
+            [_row_look(fields[_key_of(row, "row")], answers) for row in rows],
+            [answers.faults.get(_key_of(fault, "fault"), "") for fault in faults],
             *(
-                [_placeholder(fields[text["id"]["number"]], answers) for text in group]
+                [_placeholder(fields[_key_of(text, "number")], answers) for text in group]
                 for group in (texts_beside_sliders, texts)
             ),
         ]
@@ -201,8 +201,15 @@ def _connect_answers(app: Dash, live_page: LivePage) -> None:
 def _texts_of(groups: Sequence[Sequence[Json]]) -> dict[str, str]:
     """Return the texts of fields by key."""
     return {
-        field["id"]["number"]: str(field.get("value") or "") for group in groups for field in group
+        _key_of(field, "number"): str(field.get("value") or "")
+        for group in groups
+        for field in group
     }
+
+
+def _key_of(part: Json, role: str) -> str:
+    """Return the key of the question that a part of the page serves in a role, such as ``row``."""
+    return str(part["id"][role])
 
 
 def _touched_key(live_page: LivePage, triggered: Any, touched: str | None) -> str:
