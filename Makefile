@@ -23,6 +23,7 @@
 # make golden writes the JSON of the main verbs into GOLDEN, for diff -r before and after a change.
 # make picture draws docs/report.png again; it needs Chromium and a study.
 # make moving draws docs/shift.webp, docs/live.webp and docs/shift.png again (minutes); it needs Chromium.
+# make plotly fetches the code of Plotly that the pages have, of the version of plotly; it needs npm.
 # make gallery runs the notebooks of docs/gallery and keeps their outputs (minutes); it needs Chromium.
 # make tutorial runs the commands of docs/tutorial.md and draws its pictures again; it needs Chromium.
 PYTHON ?= python3.11
@@ -36,7 +37,7 @@ EXTRAS := dev,blind,cad,docs,dxf,fem,fmu,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs docs-versions evidence blind surrogate bank studies samplers gaps processors figures golden release picture moving gallery tutorial constraints system clean
+.PHONY: study test test-fast lint docs docs-versions evidence blind surrogate bank studies samplers gaps processors figures golden release picture moving plotly gallery tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape search studies/mq200 --out $(OUT) --resume
@@ -161,6 +162,15 @@ picture: $(VENV)/ready $(OUT)/report.html
 # The moving pictures of the README, and the page that its Python block writes.
 moving: $(VENV)/complete
 	$(BIN)/python -m benchmarks.moving_pictures docs
+
+# Plotly of lines, bars and maps: a third of the whole, so that pages stay small.
+PLOTLY := pipeline/reports/templates/plotly-cartesian.min.js.gz
+plotly: $(VENV)/ready
+	mkdir -p build
+	version=$$($(BIN)/python -c 'from plotly.offline import get_plotlyjs_version as v; print(v())'); \
+	archive=$$(cd build && npm pack --silent plotly.js-cartesian-dist-min@$$version) && \
+	tar xzOf build/$$archive package/plotly-cartesian.min.js | gzip -9n > build/plotly.gz
+	mv build/plotly.gz $(PLOTLY)
 
 # The notebooks of the gallery; NOTEBOOKS names some of them, such as "mq200 amt".
 gallery: $(VENV)/complete

@@ -155,9 +155,13 @@ class Diagnosis(Result):
         """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
         return gap_page.cells_figure(gap_page.cells_of(self.inference))
 
-    def report(self, path: str | Path) -> Path:
-        """Write the page of the diagnosis, as ``out`` of ``diagnose`` does; returns its path."""
-        gap_page.compose_page(self.inference, self.consequence).save(Path(path))
+    def report(self, path: str | Path, **block: str) -> Path:
+        """Write the page of the diagnosis, as ``out`` of ``diagnose`` does; returns its path.
+
+        ``block`` has values of the title block, as in ``StudyResult.report``.
+        """
+        page = gap_page.compose_page(self.inference, self.consequence, block=block)
+        page.save(Path(path))
         return Path(path)
 
     def calibrated(

@@ -119,13 +119,18 @@ class StudyResult(Result):
         return write_data_sheet(searched_design, path, {"why": why, **block})
 
     def report(
-        self, path: str | Path | None = None, progress: Progress | bool | None = None
+        self,
+        path: str | Path | None = None,
+        progress: Progress | bool | None = None,
+        **block: str,
     ) -> Path:
         """Write the report into the folder of the study, or to ``path``; returns its path.
 
-        ``progress`` as in ``Study.expect``. Example: ``result.report()``
+        ``progress`` as in ``Study.expect``. ``block`` has values of the title block: number,
+        revision, date, author, checker and decided_by. InputError for other keys.
+        Example: ``result.report(number="4711", author="E. Fiala")``
         """
-        page = publish(StudyFolder(self.folder), receiver(progress).say)
+        page = publish(StudyFolder(self.folder), receiver(progress).say, block)
         if path is None:
             return page
         with name_file_in_errors(Path(path)):

@@ -20,6 +20,7 @@ from plotly.subplots import make_subplots
 from dogshape.pipeline.reports.designs import (
     FAILS,
     MARGIN,
+    OWN_DOG,
     UNCLEAR,
     Goal,
     confirmation_of,
@@ -74,7 +75,7 @@ MARKS: dict[str, Look] = {
         "symbol": "diamond",
         "line": MARK_BORDER | {"width": 1.5},
     },
-    "prototype": {
+    OWN_DOG: {
         "color": ORANGE,
         "size": 18,
         "symbol": "star",
@@ -146,7 +147,7 @@ def front_figure(
     for kind, designs in of_kinds(result).items():
         rows = [row for row in designs if row.expected_shift_time_s is not None]
         bars = {}
-        if kind in ("front", "chosen", "prototype"):
+        if kind in ("front", "chosen", OWN_DOG):
             numbered += rows
             bars = {"error_x": _error_bars(lead, rows), "error_y": _error_bars(second, rows)}
         if rows:

@@ -17,7 +17,7 @@ from dogshape.pipeline.export.drawing import ring_drawings
 from dogshape.pipeline.record import Bad, Table, percent
 from dogshape.pipeline.reports.design_record import DesignSheet, PointDifference, PointTime
 from dogshape.pipeline.reports.named_design import NamedDesign
-from dogshape.pipeline.reports.report import Report
+from dogshape.pipeline.reports.report import Report, title_table, title_values
 from dogshape.pipeline.reports.text import (
     ENGINES,
     check_name,
@@ -39,7 +39,7 @@ from dogshape.pipeline.store.check_records import (
 )
 from dogshape.pipeline.store.folder import write_json
 from dogshape.pipeline.store.result_records import HangKeys
-from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
+from dogshape.sim.errors import DogshapeError
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import ContactSet
 from dogshape.sim.shift.geometry import Dog
@@ -55,15 +55,6 @@ TIME = "expected shift time, ms"
 ENGAGED = "mean of engaged shifts, ms"
 HANGS = "shifts that hang, % (95 %)"
 MAX_ASSUMPTIONS = 2  #: assumptions that fit on a sheet, the strongest
-#: Keys of the title block of a data sheet with their words; the reason of a decision stands above.
-TITLE_BLOCK = {
-    "number": "drawing number",
-    "revision": "revision",
-    "date": "date",
-    "author": "author",
-    "checker": "checked by",
-    "decided_by": "decided by",
-}
 #: Words for the smallest margins within the tolerances.
 STATISTICAL_MARGIN = "at statistical tolerances, landing nominal"
 WORST_MARGIN = "at worst-case tolerances, landing nominal"
@@ -90,8 +81,8 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
         TIME: _time_words(sheet),
         ENGAGED: ms_with_error(simulated.engaged_mean_s, simulated.engaged_standard_error_s),
         HANGS: hang_share(simulated),
-        "gain over the prototype, ms": gain,
-        "worst point minus prototype, ms": worst_words,
+        "gain over the own dog, ms": gain,
+        "worst point minus own dog, ms": worst_words,
         "slowest point, ms": slowest_words,
         "engage at the first try, least": engaged_words,
         "smallest margin, nominal size": margin_cell(sheet.weakest_check, sheet.smallest_margin),
@@ -147,14 +138,13 @@ def write_sheet(
 ) -> None:
     """Write the data sheet of a design as JSON to a path that ends in .json, else as a page.
 
-    ``sheet`` and ``checks`` are those of the design; ``block`` has values of ``TITLE_BLOCK`` and
+    ``sheet`` and ``checks`` are those of the design; ``block`` has values of the title block and
     ``why``, the reason of a decision for it. InputError for other keys.
     """
     time = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
-    title = {"why": "", **dict.fromkeys(TITLE_BLOCK, ""), "date": time[:10]}
-    for name in block.keys() - title.keys():
-        raise InputError(f"'{name}' is no key of a data sheet; {did_you_mean(name, title)}")
-    title |= {name: text.strip() for name, text in block.items()}
+    texts = dict(block)
+    why = texts.pop("why", "").strip()
+    title = title_values(texts)
     single = [check for check in checks if check.name not in SUMMARIES]
     groups: list[str] = list(GROUPS)
     single.sort(key=lambda check: groups.index(check.group))
@@ -164,11 +154,10 @@ def write_sheet(
         command = f"dogshape export {shlex.quote(design.label)} --sheet sheet.html"
         provenance = {"command": command, "searched by": provenance.pop("command"), **provenance}
     if path.suffix.lower() == ".json":
-        texts = {key: text or None for key, text in title.items()}
         content = {
             "name": design.title,
             "time": time,
-            **texts,
+            **{key: text or None for key, text in {"why": why, **title}.items()},
             **sheet.to_dict(),
             "dimensions": [dimension._asdict() for dimension in dimensions],
             "checks": [check.to_dict() for check in single],
@@ -180,8 +169,8 @@ def write_sheet(
     verdict = sheet.verdict
     rows = _check_rows(single, verdict)
     judged, *facts = _sheet_facts(sheet, rows)
-    page = Report(f"{design.title}: data sheet", title.pop("why"), compact=True)
-    page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))
+    page = Report(f"{design.title}: data sheet", why, compact=True)
+    page.add("", title_table(title))
     page.add("", Table(("", ""), [judged]))
     drawings = ring_drawings(study.clutch.pair, study.limits, design.title)
     page.add("", *map(Markup, drawings))

@@ -32,7 +32,8 @@ PRINTED_UNITS = {
     "smallest_margin_statistical": "%",
 }
 UNIT_FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}  #: printed value over the stored one
-#: Kinds of designs.
+#: Kinds of designs; the own dog is the ``prototype`` of files.
+OWN_DOG = "own dog"
 FAILS = "fails when simulated"
 UNCLEAR = WORDS["not_clear"]
 
@@ -112,8 +113,13 @@ def goals_of(result: StudyRecord, *extra_names: str) -> list[Goal]:
 
 
 def design_name(design: DesignRow) -> str:
-    """Name a design by its number, or as the prototype."""
-    return "prototype" if design.prototype else f"design {design.trial}"
+    """Name a design by its number, or as the own dog."""
+    return OWN_DOG if design.prototype else f"design {design.trial}"
+
+
+def design_head(design: DesignRow) -> str:
+    """Return the head of a design's column: its number, or the own dog."""
+    return OWN_DOG if design.prototype else str(design.trial)
 
 
 def confirmed_designs(result: StudyRecord) -> dict[int, ConfirmedDesign]:
@@ -223,7 +229,7 @@ def of_kinds(result: StudyRecord) -> dict[str, list[DesignRow]]:
     objections = out_at_new_angles(result)
     for trial, confirmed in nearest_records(result).items():
         objections[trial] = objections.get(trial) or objection(confirmed)
-    kinds = ("dominated", FAILS, UNCLEAR, "front", "chosen", "prototype")
+    kinds = ("dominated", FAILS, UNCLEAR, "front", "chosen", OWN_DOG)
     designs: dict[str, list[DesignRow]] = {name: [] for name in kinds}
     for searched in result.trials:
         design = _estimated_design(result, front.get(searched.trial, searched))
@@ -255,7 +261,7 @@ def _kind_of(result: StudyRecord, design: DesignRow, words: str) -> str:
     if result.best and design.trial == result.best.trial:
         return "chosen"
     if design.prototype:
-        return "prototype"
+        return OWN_DOG
     if words.startswith(UNCLEAR):
         return UNCLEAR
     if words or not design.feasible:

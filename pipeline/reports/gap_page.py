@@ -37,7 +37,7 @@ from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Table, frame_of, number_or_none
 from dogshape.pipeline.reports.charts import TimeMark, times_by_point
 from dogshape.pipeline.reports.gap_charts import effects_picture, map_picture, steps_picture
-from dogshape.pipeline.reports.report import Report
+from dogshape.pipeline.reports.report import Report, title_table, title_values
 from dogshape.pipeline.reports.text import ENGINES, axis, bind_units, minus, place_name
 from dogshape.pipeline.store.result_records import PlaceRow
 from dogshape.sim.clutch_tables import key
@@ -148,11 +148,13 @@ def compose_page(
     diagnosis: Inference,
     consequence: Consequence | None,
     history: Mapping[str, str] | None = None,
+    *,
+    block: Mapping[str, str] | None = None,
 ) -> Report:
     """Compose the page of a diagnosis.
 
     ``consequence`` is the effect of the cause on the choice between designs, ``history`` has
-    sentences on updates, by name.
+    sentences on updates, by name, ``block`` values of the title block.
     """
     title = f"{diagnosis.bench.name}: difference between bench and simulation"
     page = Report(title, headline(diagnosis))
@@ -164,7 +166,9 @@ def compose_page(
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
     facts = _facts(diagnosis) | dict(history or {})
-    page.add("Data and settings", _meaning_table(diagnosis), Table(("", ""), list(facts.items())))
+    fact_table = Table(("", ""), list(facts.items()))
+    block_table = title_table(title_values(block or {}))
+    page.add("Data and settings", block_table, _meaning_table(diagnosis), fact_table)
     return page
 
 

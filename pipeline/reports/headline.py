@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dogshape.pipeline.reports.designs import (
+    OWN_DOG,
     Goal,
     confirmed_verdict,
     design_name,
@@ -19,8 +20,8 @@ Pair = tuple[float, float]  #: a value and its standard error
 
 
 def sides_of(confirmation: Confirmation) -> dict[str, ConfirmedDesign]:
-    """Return prototype and chosen design of a confirmation by their names."""
-    return {"prototype": confirmation.prototype, "chosen": confirmation.best}
+    """Return own dog and chosen design of a confirmation by their names."""
+    return {OWN_DOG: confirmation.prototype, "chosen": confirmation.best}
 
 
 def headline(result: StudyRecord) -> str:

@@ -157,7 +157,7 @@ def _select_design(source: str, study: Setup, result: StudyRecord, number: str) 
         selected = result.best or prototype
     if selected is None:
         last = max(rows, default=0)
-        raise InputError(f"'{source}' has no {design}; it has the designs 0 (prototype) to {last}")
+        raise InputError(f"'{source}' has no {design}; it has the designs 0 (own dog) to {last}")
     row = rows[selected.trial]
     name = f"{source}#{row.trial}"
     if row.expected_shift_time_s is None and confirmation_of(result, row) is None:

@@ -5,20 +5,40 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import plotly.graph_objects as go
+import plotly.io as pio
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports.text import bind_units
+from dogshape.pipeline.reports.workbook import workbook_of
+from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.files import name_file_in_errors
 
+#: Plotly without maps and solids, ``make plotly``; of the version that the package ``plotly`` has.
+PLOTLY_FILE = "plotly-cartesian.min.js.gz"
+#: Keys of the title block of a page with their words.
+TITLE_BLOCK = {
+    "number": "drawing number",
+    "revision": "revision",
+    "date": "date",
+    "author": "author",
+    "checker": "checked by",
+    "decided_by": "decided by",
+}
+DEFAULT_HEIGHT_PX = 450  #: of a figure that states none
 #: Captions are text, HTML is ``Markup``; None adds nothing.
 Part: TypeAlias = "go.Figure | Table | Markup | str | None"
 
@@ -51,8 +71,34 @@ class Report:
         """Write the page, with the code of Plotly if it has a figure."""
         parts = [part for *_, body in self.sections for part in body]
         has_figure = any("plotly-graph-div" in str(part) for part in parts)
-        plotly = script(get_plotlyjs()) if has_figure else ""
-        write_page(path, "report.html.j2", report=self, plotly=plotly)
+        plotly = packed_script(plotly_code()) if has_figure else ""
+        tables = [
+            (title, part) for title, _, body in self.sections for part in body if is_data(part)
+        ]
+        workbook = base64.b64encode(workbook_of(tables)).decode() if tables else ""
+        write_page(path, "report.html.j2", report=self, plotly=plotly, workbook=workbook)
+
+
+def is_data(part: Part) -> TypeGuard[Table]:
+    """Check whether a part is a table with heads; one without lists facts."""
+    return isinstance(part, Table) and any(part.heads)
+
+
+def title_values(block: Mapping[str, str]) -> dict[str, str]:
+    """Complete the values of a title block: today's date, the others empty where not given.
+
+    InputError for keys that ``TITLE_BLOCK`` lacks.
+    """
+    for name in block.keys() - TITLE_BLOCK.keys():
+        raise InputError(f"'{name}' is no key of a title block; {did_you_mean(name, TITLE_BLOCK)}")
+    values = {**dict.fromkeys(TITLE_BLOCK, ""), "date": f"{datetime.now(UTC):%Y-%m-%d}"}
+    return values | {name: text.strip() for name, text in block.items()}
+
+
+def title_table(values: Mapping[str, str]) -> Table:
+    """Tabulate a complete title block; what is empty is filled in by hand."""
+    heads = list(TITLE_BLOCK.values())
+    return Table(heads, [[values[name] for name in TITLE_BLOCK]], {}, range(len(heads)))
 
 
 def write_page(path: Path, template: str, **content: Any) -> None:
@@ -73,12 +119,23 @@ def write_page(path: Path, template: str, **content: Any) -> None:
 
 
 def figure_html(figure: go.Figure, name: str) -> Markup:
-    """Write a figure as HTML without the code of Plotly."""
-    settings = {"displayModeBar": False, "responsive": True}
-    html = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=settings)
-    return Markup(html)
+    """Write a figure as an empty element and its JSON, which ``unpack.js`` draws."""
+    # A script ends at the first tag that ends it, in a text too.
+    content = Markup(pio.to_json(figure, validate=False).replace("<", "\\u003c"))
+    element = '<div id="{}" class="plotly-graph-div" style="height:{}px"></div>'
+    json = '<script type="application/json">{}</script>'
+    return Markup(element + json).format(name, figure.layout.height or DEFAULT_HEIGHT_PX, content)
 
 
-def script(code: str) -> Markup:
-    """Write a script element that contains its code."""
-    return Markup(f"<script>{code}</script>")
+@cache
+def plotly_code() -> str:
+    """Read the code of Plotly that the pages have."""
+    packed = files("dogshape.pipeline.reports").joinpath("templates", PLOTLY_FILE).read_bytes()
+    return gzip.decompress(packed).decode()
+
+
+@cache
+def packed_script(code: str) -> Markup:
+    """Write a script as compressed text, which ``unpack.js`` runs: a third of its size."""
+    text = base64.b64encode(gzip.compress(code.encode(), mtime=0)).decode()
+    return Markup('<script type="text/plain" class="packed">{}</script>').format(text)

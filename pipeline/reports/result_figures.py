@@ -8,6 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from dogshape.pipeline.reports.charts import BLUE, GREY, INK, MARKS, ORANGE, styled
+from dogshape.pipeline.reports.designs import OWN_DOG
 from dogshape.pipeline.reports.text import check_name
 from dogshape.surrogate.model import NORMAL_95
 
@@ -213,7 +214,7 @@ def slider_figure(
             showlegend=bool(name) and not passing.all(),
             hovertemplate="%{x:.4g}: %{y:.1f} ms<extra></extra>",
         )
-    looks = {"own dog": MARKS["prototype"], "this design": MARKS["chosen"]}
+    looks = {OWN_DOG: MARKS[OWN_DOG], "this design": MARKS["chosen"]}
     for name, (value, time) in marks.items():
         figure.add_scatter(
             x=[value],

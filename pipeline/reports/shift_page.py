@@ -15,14 +15,13 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 from pydrake.common import FindResourceOrThrow
 
 from dogshape.pipeline.export.drawing import outline
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.charts import BLUE, GREEN, GREY, INK, ORANGE, styled
-from dogshape.pipeline.reports.report import figure_html, script, write_page
+from dogshape.pipeline.reports.report import figure_html, packed_script, plotly_code, write_page
 from dogshape.pipeline.reports.text import ENGINES, check_name, in_ms, minus, value
 from dogshape.sim import kernel
 from dogshape.sim.files import write_whole
@@ -103,13 +102,13 @@ def write_animation(
 
     ``torque_peak`` is the peak torque of the driveline, N m, None if its stiffness is unknown;
     ``limits`` have the strike of the study. With ``shared`` the pages of a folder share the code
-    of their figures, megabytes each.
+    of their figures.
     """
     viewer = Path(FindResourceOrThrow("drake/geometry/meshcat.js")).read_text(encoding="utf-8")
-    scripts = {"plotly": get_plotlyjs(), "meshcat": viewer}
+    scripts = {"plotly": plotly_code(), "meshcat": viewer}
     for name, code in scripts.items():
         if not shared:
-            scripts[name] = script(code)
+            scripts[name] = packed_script(code)
             continue
         shared_path = path.with_name(f"{name}.js")
         if not (shared_path.is_file() and shared_path.read_text("utf-8") == code):

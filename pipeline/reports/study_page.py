@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,7 +27,10 @@ from dogshape.pipeline.reports.charts import (
 from dogshape.pipeline.reports.data_sheet import TIME, provenance_of
 from dogshape.pipeline.reports.designs import (
     MARGIN,
+    OWN_DOG,
     confirmation_of,
+    confirmed_verdict,
+    design_head,
     design_name,
     designs_frame,
     designs_shown,
@@ -36,8 +39,8 @@ from dogshape.pipeline.reports.designs import (
     margins_of,
     of_kinds,
 )
-from dogshape.pipeline.reports.headline import headline, sides_of
-from dogshape.pipeline.reports.report import Part, Report
+from dogshape.pipeline.reports.headline import compare_objectives, headline, sides_of
+from dogshape.pipeline.reports.report import Part, Report, title_table, title_values
 from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
 from dogshape.pipeline.reports.study_summary import (
     MAX_DESIGNS,
@@ -54,7 +57,14 @@ from dogshape.pipeline.reports.surrogate_findings import (
     prices_table,
     stored_effects,
 )
-from dogshape.pipeline.reports.text import axis, check_name, margin_cell, ms_with_error, time_text
+from dogshape.pipeline.reports.text import (
+    axis,
+    bind_units,
+    check_name,
+    margin_cell,
+    ms_with_error,
+    time_text,
+)
 from dogshape.pipeline.search.study_record import (
     Confirmation,
     DesignRow,
@@ -68,26 +78,30 @@ from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_records import LimitRow, TorqueLimitRow
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import name_file_in_errors, without_formulas
+from dogshape.sim.strength.verdict import WORDS
 from dogshape.surrogate.store import Validation
 
+NO_BLOCK: Mapping[str, str] = {}
 HINGES_TITLE = "Assumptions that decide the smallest margin"
 
 
-def publish(folder: StudyFolder, say: Say) -> Path:
+def publish(folder: StudyFolder, say: Say, block: Mapping[str, str] = NO_BLOCK) -> Path:
     """Complete effects and shift pages of a study, then write its report; return the path.
 
-    Effects from the surrogate take some ten seconds, the page of a shift half a second.
+    ``block`` has values of the title block; InputError for other keys. Effects from the surrogate
+    take some ten seconds, the page of a shift half a second.
     """
+    title = title_values(block)
     study = folder.stored_study()
     result = read_study_record(folder)
     require_targets({"the report": folder.report})
     learn_effects(folder, say)
     designs = designs_shown(result) if result.best else []
     write_replays(folder, study, replays_of(folder, study, designs), say)
-    return write_report(folder)
+    return write_report(folder, title)
 
 
-def write_report(folder: StudyFolder) -> Path:
+def write_report(folder: StudyFolder, block: Mapping[str, str] = NO_BLOCK) -> Path:
     """Write ``report.html`` and ``designs.csv`` of a stored study; return the report's path."""
     study = folder.stored_study()
     result = read_study_record(folder)
@@ -102,7 +116,8 @@ def write_report(folder: StudyFolder) -> Path:
         _add_nearest_designs(page, folder, study, result)
     file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
     run = json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
-    page.add("Provenance", provenance_table(folder, study, result), file.format(run))
+    provenance = provenance_table(folder, study, result)
+    page.add("Provenance", title_table(title_values(block)), provenance, file.format(run))
     page.save(folder.report)
     return folder.report
 
@@ -115,8 +130,11 @@ def _add_chosen_design(
     confirmation = result.confirmation
     is_sleeve = study.limits.sleeve is not None
     pair = pair_with(study, dog)
-    section = Markup(open_section_svg(pair, study.clutch.pair, "prototype", is_sleeve=is_sleeve))
-    page.add("", *summary_tables(study, result), section)
+    section = Markup(open_section_svg(pair, study.clutch.pair, OWN_DOG, is_sleeve=is_sleeve))
+    alternatives, *rest = summary_tables(study, result)
+    first_screen = Markup('<div class="answer">{}{}</div>')
+    page.add("", first_screen.format(_answer_cards(result, best), section), alternatives)
+    page.add("Chosen design", *rest)
     page.add("Front", *front_parts(study, result))
     _add_effects(page, folder)
     if confirmation is not None:
@@ -129,6 +147,27 @@ def _add_chosen_design(
     title = f"{design_name(best).capitalize()}, dimensioned section"
     drawings = ring_drawings(pair_with(study, dog), study.limits, title)
     page.add("Drawing", *map(Markup, drawings))
+
+
+def _answer_cards(result: StudyRecord, best: DesignRow) -> Markup:
+    """Show the leading objective of chosen design and own dog as numbers, with their verdicts.
+
+    Empty before the confirmation, or where the own dog is chosen.
+    """
+    comparisons = compare_objectives(result)
+    if result.confirmation is None or not comparisons:
+        return Markup("")
+    goal, before, after, _ = comparisons[0]
+    card = '<div class="card{}"><span>{}</span><b>{}</b><span>{}</span></div>'
+    cards = []
+    for name, confirmed, value, look in (
+        (design_name(best), result.confirmation.best, after, " chosen"),
+        (OWN_DOG, result.confirmation.prototype, before, ""),
+    ):
+        state = WORDS[confirmed_verdict(confirmed).state]
+        label = f"{name.capitalize()}, {goal.label}"
+        cards.append(Markup(card).format(look, label, bind_units(goal.words(*value)), state))
+    return Markup('<div class="cards">{}</div>').format(Markup("").join(cards))
 
 
 def _add_nearest_designs(
@@ -192,7 +231,7 @@ def front_parts(study: Setup, result: StudyRecord) -> list[Part]:
 
 
 def margin_table(result: StudyRecord, designs: Sequence[DesignRow] = ()) -> Table:
-    """Tabulate all margins of designs, by default of the prototype and the first of the front.
+    """Tabulate all margins of designs, by default of the own dog and the first of the front.
 
     Margins are those at new angles if a design was simulated there.
     """
@@ -210,7 +249,7 @@ def margin_table(result: StudyRecord, designs: Sequence[DesignRow] = ()) -> Tabl
             for design_margins, design_intervals in zip(margins, intervals, strict=True)
         ]
         rows.append([check_name(name), *cells])
-    heads = ["prototype" if design.prototype else str(design.trial) for design in designs]
+    heads = [design_head(design) for design in designs]
     note = (
         "Distance to the limit over the limit, at nominal size; at the new angles where a design "
         f"was simulated there, with the 95 % interval of a landing. {MAX_DESIGNS} designs at "
@@ -232,9 +271,9 @@ def effect_parts(effects: Effects) -> list[Part]:
 
 
 def point_parts(study: Setup, best: DesignRow, confirmation: Confirmation) -> list[Part]:
-    """Build figures and tables of the operating points; empty where the prototype is chosen.
+    """Build figures and tables of the operating points; empty where the own dog is chosen.
 
-    Points that the chosen design moves by set-point or force are named as the prototype's.
+    Points that the chosen design moves by set-point or force are named as the own dog's.
     """
     if best.prototype:
         return []
@@ -243,7 +282,7 @@ def point_parts(study: Setup, best: DesignRow, confirmation: Confirmation) -> li
     chosen_times = [
         TimeMark(point, chosen.mean_s, chosen.standard_error_s) for point, chosen in pairs
     ]
-    figure = times_by_point({"prototype": prototype_times, "chosen": chosen_times})
+    figure = times_by_point({OWN_DOG: prototype_times, "chosen": chosen_times})
     caption = "At the new angles, retries included; bars are 95 % intervals."
     parts: list[Part] = [figure, caption]
     sides = sides_of(confirmation)
@@ -251,7 +290,7 @@ def point_parts(study: Setup, best: DesignRow, confirmation: Confirmation) -> li
     if all(point.shiftability for point in points):
         prototype_count = study.clutch.dog.count
         chosen_count = int(best.value("count") or prototype_count)
-        counts = {"prototype": prototype_count, "chosen": chosen_count}
+        counts = {OWN_DOG: prototype_count, "chosen": chosen_count}
         entries = {name: (sides[name].points, count) for name, count in counts.items()}
         parts += [shiftability_figure(entries), ENTRY_NOTE, *_entry_tables(confirmation)]
     return parts

@@ -27,10 +27,12 @@ from dogshape.pipeline.reports.design_record import (
 )
 from dogshape.pipeline.reports.designs import (
     MARGIN,
+    OWN_DOG,
     UNCLEAR,
     Goal,
     confirmation_of,
     confirmed_designs,
+    design_head,
     design_name,
     engaged_shifts,
     goals_of,
@@ -74,8 +76,7 @@ MAX_DESIGNS = 10  #: columns of designs in a table of margins
 RANGE_END = 0.01  #: share of a search range within which a value lies at its end
 LANDING = "_impact"  #: end of the names of the checks of a landing
 VERDICT = "verdict"
-#: Columns of verdict and margins in the table of alternatives, labels of ``words_of``.
-VERDICT_COLUMNS = ("state", STATISTICAL_MARGIN, WORST_MARGIN)
+VERDICT_COLUMNS = (3, 4)  #: columns of text in the table of alternatives
 UNCLEAR_NOTE = " (within two standard errors)"
 
 
@@ -85,7 +86,7 @@ def summary_tables(study: Setup, result: StudyRecord) -> list[Table]:
     If no design passes: the nearest designs, the checks that they fail, and facts.
     """
     if result.best is not None:
-        tables = [alternatives_table(study, result, result.best)]
+        tables = alternatives_tables(study, result, result.best)
         facts = list(facts_of(study, result)) if result.confirmation else []
     elif result.trials:
         tables = [nearest_table(study, result), barriers_table(result)]
@@ -97,15 +98,17 @@ def summary_tables(study: Setup, result: StudyRecord) -> list[Table]:
     return tables
 
 
-def alternatives_table(study: Setup, result: StudyRecord, best: DesignRow) -> Table:
-    """Tabulate the chosen design, others of the front that pass every check, and the prototype.
+def alternatives_tables(study: Setup, result: StudyRecord, best: DesignRow) -> list[Table]:
+    """Tabulate the chosen design, others of the front that pass every check, and the own dog.
 
-    ``best`` is the chosen design. Costs are differences to it, ± one standard error.
+    ``best`` is the chosen design. The first table has a row for each design with the five answers
+    of a choice, the second a column for each with all the rest. Costs are differences to the chosen
+    design, ± one standard error.
     """
     columns = {SIMULATED, MARGIN, *study.variables}
     goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in columns]
-    prototypes = [design for design in result.trials if design.prototype]
-    designs = {design.trial: design for design in (best, *result.front, *prototypes)}
+    own_dogs = [design for design in result.trials if design.prototype]
+    designs = {design.trial: design for design in (best, *result.front, *own_dogs)}
     sheets = {trial: searched_sheet(study, result, design) for trial, design in designs.items()}
     chosen = sheets[best.trial]
 
@@ -114,7 +117,8 @@ def alternatives_table(study: Setup, result: StudyRecord, best: DesignRow) -> Ta
         time = sheet.simulated.expected_shift_time_s or math.inf
         return sheet is not chosen, sheet.prototype, time
 
-    cells = []
+    answers = []
+    columns_of_rest = {}
     for trial in sorted(sheets, key=rank):
         sheet = sheets[trial]
         if sheet is not chosen and not sheet.prototype and not _is_alternative(result, sheet):
@@ -124,52 +128,40 @@ def alternatives_table(study: Setup, result: StudyRecord, best: DesignRow) -> Ta
             cost = _difference_words(time_difference(chosen.simulated, sheet.simulated))
         design = designs[trial]
         words = words_of(sheet)
-        cells.append(
-            [
-                "prototype" if sheet.prototype else str(trial),
-                *_param_cells(study, design),
-                words[TIME],
-                words[ENGAGED],
-                words[HANGS],
-                *(_goal_cell(goal, result, design) for goal in goals),
-                _loss_cell(sheet),
-                *(words[column] for column in VERDICT_COLUMNS),
-                cost,
-            ]
-        )
-    heads = (
-        "design",
-        *map(axis, study.variables),
-        TIME,
-        ENGAGED,
-        HANGS,
-        *(goal.title for goal in goals),
-        "worst point minus prototype, ms",
-        "verdict",
-        "margin at statistical tolerances",
-        "margin at worst-case tolerances",
-        "minus chosen, ms",
-    )
+        head = design_head(design)
+        answers.append([head, words[TIME], cost, words["state"], words[WORST_MARGIN]])
+        goal_words = {goal.title: _goal_cell(goal, result, design) for goal in goals}
+        columns_of_rest[head] = {
+            **_param_words(study, design),
+            ENGAGED: words[ENGAGED],
+            HANGS: words[HANGS],
+            **goal_words,
+            "worst point minus own dog, ms": _loss_cell(sheet),
+            "margin at statistical tolerances": words[STATISTICAL_MARGIN],
+        }
     looks = {0: "best"}
-    if cells[-1][0] == "prototype":
-        looks[len(cells) - 1] = "prototype"
-    first = heads.index("verdict")
-    text_columns = (heads.index(HANGS), *range(first, first + len(VERDICT_COLUMNS)))
+    if answers[-1][0] == OWN_DOG:
+        looks[len(answers) - 1] = "prototype"
+    heads = ("design", TIME, "minus chosen, ms", "verdict", "margin at worst-case tolerances")
     note = (
-        "Designs of the front without a negative margin at the new angles, and your own dog, the "
-        "prototype; ± one standard error, that of the expected time with the error of hangs. "
-        "Smallest margins, that of the landing at nominal size."
+        "Designs of the front without a negative margin at the new angles, and your own dog; ± one "
+        "standard error, that of the expected time with the error of hangs. Smallest margins, that "
+        "of the landing at nominal size."
     )
-    return Table(heads, cells, looks, text_columns, note)
+    alternatives = Table(heads, answers, looks, VERDICT_COLUMNS, note)
+    labels = next(iter(columns_of_rest.values()))
+    rest = [[label, *(words[label] for words in columns_of_rest.values())] for label in labels]
+    return [alternatives, Table(("", *columns_of_rest), rest)]
 
 
-def _param_cells(study: Setup, design: DesignRow) -> list[str]:
-    """Print the searched keys of a design."""
-    return [minus(f"{param:.4g}") for param in design.params(study.variables).values()]
+def _param_words(study: Setup, design: DesignRow) -> dict[str, str]:
+    """Print the searched keys of a design by their label with unit."""
+    params = design.params(study.variables)
+    return {axis(name): minus(f"{param:.4g}") for name, param in params.items()}
 
 
 def _loss_cell(sheet: DesignSheet) -> str:
-    """Print the largest loss of a design on the prototype at an operating point, ms."""
+    """Print the largest loss of a design on the own dog at an operating point, ms."""
     worst = sheet.simulated.worst_against_prototype
     if worst is None:
         return "-"
@@ -217,7 +209,7 @@ def _confirmed_row(result: StudyRecord, design: DesignRow) -> DesignRow:
 
 
 def nearest_designs(result: StudyRecord) -> list[DesignRow]:
-    """List the designs with the largest margin of their worst check, the prototype last."""
+    """List the designs with the largest margin of their worst check, the own dog last."""
     rows = [row for row in result.trials if row.margins]
     rows.sort(key=lambda row: (-min(row.margins.values()), row.trial))
     designs = [row for row in rows if not row.prototype]
@@ -237,8 +229,8 @@ def nearest_table(study: Setup, result: StudyRecord) -> Table:
         simulated = confirmed or row
         cells.append(
             [
-                "your own dog" if row.prototype else str(row.trial),
-                *_param_cells(study, row),
+                design_head(row),
+                *_param_words(study, row).values(),
                 ms_with_error(simulated.expected_shift_time_s, simulated.standard_error_s),
                 ms_with_error(simulated.engaged_mean_s, simulated.engaged_standard_error_s),
                 hang_share(simulated),
@@ -329,14 +321,13 @@ def nearest_verdict(study: Setup, result: StudyRecord) -> VerdictRow | None:
 
 
 def nearest_facts(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
-    """List the hangs of prototype and nearest designs, shafts and actuator, as name and words."""
+    """List the hangs of own dog and nearest designs, shafts and actuator, as name and words."""
     records = nearest_records(result)
     for row in nearest_designs(result):
         confirmed = records.get(row.trial)
         if confirmed is None:
             continue
-        name = "your own dog, the prototype" if row.prototype else design_name(row)
-        yield f"hangs, {name}", hang_words(confirmed)
+        yield f"hangs, {design_name(row)}", hang_words(confirmed)
     yield "shafts", study.clutch.drive.text
     if study.clutch.actuator is not None:
         yield "actuator", study.clutch.actuator.text
@@ -349,7 +340,7 @@ def facts_of(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]]:
     assert confirmation is not None
     assert best is not None
     verdict = searched_verdict(study, study.prototype, {}, confirmation.prototype)
-    yield "verdict on your own dog, the prototype", _bad_unless(verdict.passes, verdict.line)
+    yield "verdict on your own dog", _bad_unless(verdict.passes, verdict.line)
     if not best.prototype:
         verdict = chosen_verdict(study, best, confirmation)
         yield f"verdict on {design_name(best)}", _bad_unless(verdict.passes, verdict.line)
@@ -445,13 +436,13 @@ def _confirmation_facts(
 def _gain_facts(
     study: Setup, result: StudyRecord, best: DesignRow, confirmation: Confirmation
 ) -> Iterator[tuple[str, str]]:
-    """List the facts that compare the chosen design with the prototype."""
+    """List the facts that compare the chosen design with the own dog."""
     yield from _objective_facts(result)
     if time_difference(confirmation.prototype, confirmation.best):
-        yield "operating points slower than the prototype", _slower_points(confirmation)
+        yield "operating points slower than the own dog", _slower_points(confirmation)
     yield from _hang_facts(confirmation)
     engaged, shifts = engaged_shifts(confirmation.best)
-    words = "{} of {} shifts; prototype {} of {}".format(
+    words = "{} of {} shifts; own dog {} of {}".format(
         engaged, shifts, *engaged_shifts(confirmation.prototype)
     )
     yield "engaged at the first try", _bad_unless(engaged >= shifts, words)
@@ -531,7 +522,7 @@ def _shape_state(shape: OtherShape) -> str:
 
 
 def _hang_facts(confirmation: Confirmation) -> Iterator[tuple[str, str]]:
-    """List engaged means and hangs of prototype and chosen design; old results have none."""
+    """List engaged means and hangs of own dog and chosen design; old results have none."""
     for name, confirmed in sides_of(confirmation).items():
         if confirmed.hang_probability is not None:
             yield f"mean of engaged shifts, {name}", engaged_text(confirmed)

@@ -20,6 +20,7 @@ from dogshape.surrogate.store import load
 
 ROOT = Path(__file__).parents[2]
 SURROGATE = ROOT / "studies" / "mq200_paper" / "surrogate.json"
+MAX_PAGE_SIZE = 2_000_000  #: bytes
 POINT = {"mismatch_rpm": 100, "force_N": 469}
 
 
@@ -64,6 +65,7 @@ def test_a_result_has_all_of_its_forms(name: str, tmp_path: Path) -> None:
     page = result.report(tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Plotly.newPlot" in page
     assert 'src="http' not in page
+    assert len(page) < MAX_PAGE_SIZE
 
 
 def test_a_notebook_shows_tables_with_escaped_cells() -> None:

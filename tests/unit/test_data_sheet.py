@@ -80,7 +80,7 @@ def test_the_title_block_says_who_decided_and_why(dogshape: Call, folder: StudyF
     assert said.status == 0
     page = Path("a.html").read_text()
     assert all(word in page for word in (*block.values(), "2026-11-30", "checked by", "<th>S</th>"))
-    with pytest.raises(ds.InputError, match="'autor' is no key of a data sheet; did you mean"):
+    with pytest.raises(ds.InputError, match="'autor' is no key of a title block; did you mean"):
         result.data_sheet(TRIAL, "sheet.json", autor="A. Novak")
 
 

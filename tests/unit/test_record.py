@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import base64
 import io
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+from openpyxl import load_workbook
+from plotly.offline import get_plotlyjs_version
 from rich.console import Console
 
 from benchmarks.figures import key_table
 from dogshape.cli.options import emit
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Bad, FileRecord, Record, Table, frame_of, tabulate
-from dogshape.pipeline.reports.report import Report
+from dogshape.pipeline.reports.report import Report, plotly_code
 from dogshape.pipeline.store.check_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import key, validate
 from dogshape.sim.errors import InputError
@@ -112,8 +116,28 @@ def test_a_report_is_built_of_sections(tmp_path: Path) -> None:
     ):  # fmt: skip
         assert words in text
     assert "caption of nothing" not in text
-    assert "Plotly" not in text.partition("<script>")[0]
+    assert "packed" not in text.partition("<script>")[0]
     assert text.index("wrong") < text.index("<nav>") < text.index("a caption")
+
+
+def test_a_page_has_its_tables_as_a_workbook(tmp_path: Path) -> None:
+    page = Report("rig: 7")
+    facts = Table(("", ""), [("fact", "1")])
+    margins = Table(("check", "margin"), [("a", "\N{MINUS SIGN}2.5"), ("=1+1", "50 %"), ("group",)])
+    page.add("Margins [1]", margins, facts).add("Margins [1]", margins)
+    page.save(tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    found = re.search(r'download="rig 7.xlsx" href="data:[^,]*;base64,([^"]*)"', text)
+    assert found
+    workbook = load_workbook(io.BytesIO(base64.b64decode(found[1])))
+    assert workbook.sheetnames == ["Margins  1", "Margins  1 2"]
+    rows = [*workbook.worksheets[0].values]
+    assert rows == [("check", "margin"), ("a", -2.5), ("'=1+1", "50 %"), ("group", None)]
+    assert text.count('class="copy"') == 2
+
+
+def test_the_pages_have_the_version_of_plotly_that_draws_their_figures() -> None:
+    assert f"plotly.js (cartesian - minified) v{get_plotlyjs_version()}\n" in plotly_code()[:200]
 
 
 @pytest.mark.parametrize("name", ["stand [v2] :smile:", "a[red]b", "[/red] x"])

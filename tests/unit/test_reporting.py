@@ -21,7 +21,7 @@ from dogshape.pipeline.reports.designs import designs_frame, goals_of
 from dogshape.pipeline.reports.headline import headline
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study_page import point_parts
-from dogshape.pipeline.reports.study_summary import alternatives_table, facts_of, summary_tables
+from dogshape.pipeline.reports.study_summary import alternatives_tables, facts_of, summary_tables
 from dogshape.pipeline.reports.surrogate_findings import (
     FACTORS,
     TOLERANCES,
@@ -93,11 +93,11 @@ def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: 
     c["designs"][0] |= {"agrees": False, "errors_apart": 8.6}
     found = _facts(few, result)
     assert found["gain in the expected shift time"] == "20.0 ± 1.0 ms (20 %)"
-    assert found["engaged at the first try"] == "32 of 32 shifts; prototype 24 of 32"
-    assert found["operating points slower than the prototype"].startswith("1 of 2 (1 clearly)")
+    assert found["engaged at the first try"] == "32 of 32 shifts; own dog 24 of 32"
+    assert found["operating points slower than the own dog"].startswith("1 of 2 (1 clearly)")
     assert [name for name, words in found.items() if isinstance(words, Bad)] == [
-        "verdict on your own dog, the prototype", "verdict on design 2",
-        "operating points slower than the prototype",
+        "verdict on your own dog", "verdict on design 2",
+        "operating points slower than the own dog",
         "search and new angles of design 2",
     ]  # fmt: skip
     result["best"] |= {"chamfer_deg": 0.0}
@@ -199,7 +199,7 @@ def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
     result |= {"best": None, "front": [], "confirmation": None, "nearest": [{"trial": 2, **again}]}
     nearest, barriers, facts = summary_tables(few, record_of(result))
     verdict = nearest.heads.index("verdict")
-    assert [row[0] for row in nearest.rows][-1] == "your own dog"
+    assert [row[0] for row in nearest.rows][-1] == "own dog"
     assert nearest.rows[0][verdict] == "fails root stress (\N{MINUS SIGN}20 %)"
     words = minus("not clear: root stress (-2.0 %, 95 %: -8 % to 4.0 %)")
     assert {row[0]: row[verdict] for row in nearest.rows}["2"] == words
@@ -255,7 +255,7 @@ def test_fastest_and_slowest_shift_of_a_design(
     rows = [DesignRow(**design(0, 0.1, 8.0, **own))]
     fast, slow = replays_of(folder, study, rows)
     assert (fast.words, slow.words) == ("50.0 ms at 50 1/min, 469 N", "blocked at 50 1/min, 469 N")
-    assert fast.path.startswith("shifts/prototype-fastest-")
+    assert fast.path.startswith("shifts/own-dog-fastest-")
     assert replays_of(StudyFolder(tmp_path / "none"), study, rows) == []
 
     def fails(*_: Any) -> None:
@@ -263,7 +263,7 @@ def test_fastest_and_slowest_shift_of_a_design(
 
     monkeypatch.setattr(single_shifts, "_write_page", fails)
     write_replays(folder, study, [fast, slow], said.append)
-    assert said[0].startswith("animation 1 of 2: prototype, fastest shift, 50.0 ms")
+    assert said[0].startswith("animation 1 of 2: own dog, fastest shift, 50.0 ms")
     assert said.count("no page of this shift: no solution") == 2
 
 
@@ -332,9 +332,9 @@ def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) ->
     found = {trace.name: trace for trace in figure.data}
     places = {k: list(zip(found[k].x, found[k].y, strict=True)) for k in found if k}
     assert places["chosen"] == [(pytest.approx(70.0), 7.0)]
-    assert places["prototype"] == [(pytest.approx(101.0), 8.0)]
+    assert places["own dog"] == [(pytest.approx(101.0), 8.0)]
     assert places["fails when simulated"] == [(pytest.approx(60.0), 6.5)]
-    bars = [found[kind].error_x.array[0] for kind in ("prototype", "chosen")]
+    bars = [found[kind].error_x.array[0] for kind in ("own dog", "chosen")]
     assert bars == pytest.approx([3.92, 1.96])
     # What lies right of and above a design is beaten by it: first right, then down.
     (border,) = [trace for trace in figure.data if trace.line.shape == "hv"]
@@ -378,31 +378,33 @@ def _by_trial(result: Row) -> dict[int, Row]:
     return {one["trial"]: one for one in result["confirmation"]["designs"]}
 
 
-def _alternatives(study: Setup, result: Row) -> Table:
+def _alternatives(study: Setup, result: Row) -> list[Table]:
     record = record_of(result)
     assert record.best is not None
-    return alternatives_table(study, record, record.best)
+    return alternatives_tables(study, record, record.best)
 
 
 def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
     result = bundled_result()
-    table, confirmed = _alternatives(study, result), result["confirmation"]
+    (table, rest), confirmed = _alternatives(study, result), result["confirmation"]
     first, *others = sorted(
         (row["trial"] for row in result["front"]),
         key=lambda trial: (trial != confirmed["chosen"], _by_trial(result)[trial][TIME]),
     )
-    assert [row[0] for row in table.rows] == [*map(str, (first, *others)), "prototype"]
-    chosen, *_, prototype = table.rows
-    row = dict(zip(table.heads, chosen, strict=True))
+    assert [row[0] for row in table.rows] == [*map(str, (first, *others)), "own dog"]
+    assert len(table.heads) == 5
+    assert list(rest.heads) == ["", *(row[0] for row in table.rows)]
+    *_, prototype = table.rows
+    row = {label: chosen for label, chosen, *_ in rest.rows}
     record = record_of(result)
     assert record.best is not None
     sheet = searched_sheet(study, record, record.best)
     worst = sheet.simulated.worst_against_prototype
     assert worst is not None
-    assert row["worst point minus prototype, ms"].startswith(f"{1e3 * worst.difference_s:+.1f} ± ")
+    assert row["worst point minus own dog, ms"].startswith(f"{1e3 * worst.difference_s:+.1f} ± ")
     words = words_of(sheet)
     assert words["locks above friction"].startswith(f"{sheet.locking_friction:.3f} (")
-    assert prototype[-1].startswith(f"+{1e3 * confirmed['gain_s']:.1f} ± ")
+    assert prototype[2].startswith(f"+{1e3 * confirmed['gain_s']:.1f} ± ")
     assert (table.looks[0], table.looks[len(others) + 1]) == ("best", "prototype")
 
 
@@ -414,12 +416,12 @@ def test_what_fails_or_does_not_engage_is_no_alternative(study: Setup) -> None:
     points = _by_trial(record)[stuck]["points"]
     points[0]["engaged"] = 0.0
     _by_trial(record)[stuck][TIME] = None
-    rows = {row[0]: row for row in _alternatives(study, record).rows}
+    rows = {row[0]: row for row in _alternatives(study, record)[0].rows}
     assert str(fails) not in rows
     count = sum(p["n"] for p in points)
     engaged = sum(round(p["engaged"] * p["n"]) for p in points)
     assert f"engages in {engaged} of {count}" in rows[str(stuck)]
-    assert rows[str(stuck)][-1] == "-"
+    assert rows[str(stuck)][2] == "-"
 
 
 def test_worst_points_are_those_of_the_record(study: Setup) -> None:

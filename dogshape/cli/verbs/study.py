@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 Ring = Literal["sliding", "output"]
 TABLES = (".csv", ".xlsx")
+TITLE_HELP = "value of the title block"
 ENDINGS = {
     "--stl": (".stl",),
     "--step": (".step", ".stp"),
@@ -354,16 +355,18 @@ def search(
 
 def report(
     directory: Annotated[Path, Argument(metavar="DIR", help="folder of a study")],
+    title: Annotated[list[str] | None, Option(metavar="KEY=TEXT", help=TITLE_HELP)] = None,
     json: Json = False,
 ) -> None:
     """Write the report again from the stored results of a study.
 
     Missing animations of the fastest and slowest shifts are simulated, and missing effects of the
-    variables are computed.
+    variables are computed. The title block has number, revision, date, author, checker and
+    decided_by.
 
-    Example: dogshape report results/mq200
+    Example: dogshape report results/mq200 --title number=4711 --title author="E. Fiala"
     """
-    path = ds.load_result(directory).report(progress=True)
+    path = ds.load_result(directory).report(progress=True, **_title_block(title))
     emit({"report": str(path)}, json, lambda: [f"report: {path}"])
 
 
@@ -480,8 +483,7 @@ def export(
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
-        block = dict(text.partition("=")[::2] for text in title or ())
-        write_data_sheet(dog_design, sheet, {"why": why, **block})
+        write_data_sheet(dog_design, sheet, {"why": why, **_title_block(title)})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     labels = {kind: FILE_LABELS[kind].format(fmi=fmi) for kind in written}
     if not pair.alike:
@@ -494,6 +496,11 @@ def export(
         lines.append(f"volume of {ring_name} {volume:.1f} mm3")
         sizes = {"ring_volume_mm3": volume, **sizes, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
+
+
+def _title_block(texts: list[str] | None) -> dict[str, str]:
+    """Read the values of a title block from ``KEY=TEXT``."""
+    return dict(text.partition("=")[::2] for text in texts or ())
 
 
 def _require_files(files: dict[str, Path | None]) -> None:
