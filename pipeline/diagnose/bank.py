@@ -33,21 +33,12 @@ class Bank:
 
     paths: Sequence[Path]
     series: dict[str, Record] = field(default_factory=dict)
-    _sizes: dict[Path, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.read()
-
-    def read(self) -> None:
-        """Read the files that have changed; StorageError for a line that is no series."""
+        """Read the files; StorageError for a line that is no series."""
         for path in self.paths:
-            if not path.exists():
-                continue
-            size = path.stat().st_size
-            if size != self._sizes.get(path):
-                rows = read_lines(path, _require_series, "a series of shifts")
-                self.series.update((key_of(row), row) for row in rows)
-                self._sizes[path] = size
+            rows = read_lines(path, _require_series, "a series of shifts")
+            self.series.update((key_of(row), row) for row in rows)
 
     def missing(self, blocks: Iterable[Block]) -> list[Block]:
         """List the blocks that no file has, one for each series."""
@@ -74,7 +65,6 @@ class Bank:
             path = self.paths[-1]
             append(path, *finished_series)
             sync(path)  # before the shifts leave their journal
-            self._sizes[path] = path.stat().st_size
         return [_shift_records(self.series[key]) for key in keys]
 
 

@@ -39,8 +39,7 @@ from dogshape.pipeline.config.study_file import bundled_studies, load_study
 from dogshape.pipeline.diagnose.bank import Bank
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.folder import ShiftJournal
-from dogshape.pipeline.store.folder_lock import lock_folder
+from dogshape.pipeline.store.folder import ShiftJournal, create_folder
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import effect_files, load
 from dogshape.sim.errors import EffectError, InputError, StorageError
@@ -53,7 +52,6 @@ from dogshape.sim.versions import bundled_root
 BANK = Path(user_cache_dir("dogshape", appauthor=False)) / "bank"  #: default folder of banks
 TIMES = "bank.jsonl"  #: file of a bank
 SHIFTS = "shifts.jsonl"  #: file of finished shifts of an unfinished bank
-LOCK_TIMEOUT_S = 3600.0  #: time to wait for another diagnosis that simulates, s
 BUNDLED_BANK = bundled_root() / "bench" / TIMES  #: bank of the published benches, in a clone
 
 
@@ -103,35 +101,35 @@ def shifts_of(
 ) -> list[list[Record]]:
     """Return the shifts of blocks from a bank; simulate and store missing series.
 
-    ``messages`` collects the first message on missing shifts, so that it appears once.
+    ``messages`` collects the first message on missing shifts, so that it appears once. Several runs
+    may write to a bank at once; a series that two of them lack is simulated by both.
     """
-    if not bank.missing(blocks):
+    missing = bank.missing(blocks)
+    if not missing:
         return bank.times(blocks, lambda _: [])
     progress = options.progress
-    with lock_folder(options.bank, LOCK_TIMEOUT_S, progress.say):
-        bank.read()  # another run may have written since
-        missing = bank.missing(blocks)
-        journal = ShiftJournal(options.bank / SHIFTS)
-        count = sum(len(block.angles) for block in missing)
-        if not messages:
-            messages.append(
-                f"the bank of this clutch lacks {count} shifts; they are simulated once "
-                f"and kept in {options.bank} for this and later diagnoses"
+    create_folder(options.bank)
+    journal = ShiftJournal(options.bank / SHIFTS)
+    count = sum(len(block.angles) for block in missing)
+    if not messages:
+        messages.append(
+            f"the bank of this clutch lacks {count} shifts; they are simulated once "
+            f"and kept in {options.bank} for this and later diagnoses"
+        )
+        if not BUNDLED_BANK.is_file():  # the package is a wheel
+            messages[0] += (
+                "; the folder studies/bench of a clone of the repository has those of the "
+                f"published benches, for {argument('bank')}"
             )
-            if not BUNDLED_BANK.is_file():  # the package is a wheel
-                messages[0] += (
-                    "; the folder studies/bench of a clone of the repository has those of the "
-                    f"published benches, for {argument('bank')}"
-                )
-            progress.say(messages[0])
-        resumption = f"{options.bank}; the same command goes on from there"
-        with WorkCounter(progress, count, resumption=resumption) as counter:
-            executor = Executor(journal, options.jobs, counter.advance)
-            rows = bank.times(blocks, executor.run)
-        journal.say_unfinished(progress.say)
-        with suppress(StorageError):  # the file of banks has them
-            journal.drop({key for block in missing for key in block.keys})
-        return rows
+        progress.say(messages[0])
+    resumption = f"{options.bank}; the same command goes on from there"
+    with WorkCounter(progress, count, resumption=resumption) as counter:
+        executor = Executor(journal, options.jobs, counter.advance)
+        rows = bank.times(blocks, executor.run)
+    journal.say_unfinished(progress.say)
+    with suppress(StorageError):  # the file of banks has them
+        journal.drop({key for block in missing for key in block.keys})
+    return rows
 
 
 def _require_working(effects: Mapping[str, Effect], bench: Bench, options: BankOptions) -> None:

@@ -147,6 +147,16 @@ def sync(path: Path) -> None:
         sync_folder(path.parent)
 
 
+def create_folder(root: Path) -> None:
+    """Create a folder if missing; StorageError where that is not possible."""
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(
+            f"{root} cannot be written ({error.strerror}); choose another folder"
+        ) from error
+
+
 @contextmanager
 def _locked_file(path: Path) -> Iterator[int]:
     """Open a file for appending and hold its lock, which ends with the process.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import shutil
@@ -16,7 +17,6 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import pair_of
-from dogshape.pipeline.store.folder_lock import lock_folder
 from tests.conftest import SMALL
 
 #: Keys of the study file that make a study small, with their values; None takes a key out.
@@ -75,7 +75,9 @@ def make_once(
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     folder = base / "shared" / name
     end_mark = folder.with_suffix(".ended")
-    with lock_folder(folder.with_suffix(".lock"), patience=3600.0):
+    folder.parent.mkdir(exist_ok=True)
+    with folder.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
         if not end_mark.exists():
             shutil.rmtree(folder, ignore_errors=True)
             make(folder)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,11 +24,9 @@ from dogshape.diagnosis.prediction.simulations import (
     simulate,
 )
 from dogshape.diagnosis.settings import USUAL
-from dogshape.pipeline.diagnose import bank_diagnosis
 from dogshape.pipeline.diagnose.bank import TICK, Bank, series_key
 from dogshape.pipeline.diagnose.bank_diagnosis import BUNDLED_BANK, TIMES, BankOptions, models_of
 from dogshape.pipeline.store.folder import ShiftJournal
-from dogshape.pipeline.store.folder_lock import lock_folder
 from dogshape.sim import versions
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
@@ -200,18 +196,12 @@ def test_a_kill_after_the_file_of_banks_loses_nothing(
     assert quick.done == done
 
 
-def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_again(
-    tmp_path: Path, quick: AnalyticShifts, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    @contextmanager
-    def late(folder: Path, *waiting: Any) -> Iterator[None]:
-        monkeypatch.setattr(bank_diagnosis, "lock_folder", lock_folder)
-        _model(tmp_path, _bench())
-        with lock_folder(folder, *waiting):
-            yield
-
-    monkeypatch.setattr(bank_diagnosis, "lock_folder", late)
-    found = _model(tmp_path, _bench())
-    done, quick.done = quick.done, 0
-    assert _same(_model(tmp_path / "alone", _bench()), found)
-    assert quick.done == done
+def test_two_runs_write_to_a_bank_at_once(tmp_path: Path, quick: AnalyticShifts) -> None:
+    """The second run begins before the first has written its series."""
+    first = Bank([tmp_path / TIMES])
+    second = Bank([tmp_path / TIMES])
+    names = ("moving_mass", "sleeve_friction")
+    times = [_simulated(bank, *names).times for bank in (first, second)]
+    read_times = _simulated(Bank([tmp_path / TIMES]), *names, run=_never).times
+    assert np.array_equal(times[0], times[1])
+    assert np.array_equal(read_times, times[0])
