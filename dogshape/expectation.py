@@ -135,7 +135,7 @@ class Expectation(Result):
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
             return [f"{count}: {NO_TIME}", table, hangs, *sources]
-        engaged_mean = f"mean of engaged shifts {engaged_text(record)}"
+        engaged_mean = f"mean of engaged shifts {engaged_text(record)}{self._precision_words()}"
         parts: list[str | Table] = [table, self._time_line(), engaged_mean]
         quantiles = quantile_words(record.quantiles or ())
         if quantiles:
@@ -152,6 +152,13 @@ class Expectation(Result):
         if self.record.numerical_error_s is not None:
             line += f", numerical error {1e3 * self.record.numerical_error_s:.2g} ms"
         return line
+
+    def _precision_words(self) -> str:
+        """Describe the precision that was asked for, which leaves rare hangs out."""
+        if self.precision is None:
+            return ""
+        reached = f"{percent(self.mean.relative_error)} of {percent(self.precision)} wanted"
+        return f" (precision {reached}, hangs left out)"
 
     def _entry_line(self) -> str:
         """Describe the share of direct entries, simulated and in closed form."""

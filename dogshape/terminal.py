@@ -166,7 +166,8 @@ class ProgressBar(Progress):
 
             show: Any = display  # has no types
             self._cell = show({"text/plain": ""}, raw=True, display_id=True)
-        self._print_time = self._console.get_time()
+        # Of several short works one after another a line appears at intervals too.
+        self._print_time = self._print_time or self._console.get_time()
         self._printed_count = 0
         return bar
 
