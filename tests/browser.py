@@ -132,7 +132,8 @@ class Chromium:
         self.call("Page.addScriptToEvaluateOnNewDocument", source=FAULTS)
         self.call("Page.navigate", url=page.as_uri())
         self.wait(f"location.href === '{page.as_uri()}' && document.readyState === 'complete'")
-        self.wait("!document.querySelector('.packed') || document.documentElement.dataset.state")
+        drawn = "document.documentElement.dataset.state === 'drawn'"
+        self.wait(f"!document.querySelector('script[type=module]') || {drawn}")
         return dict(self.ask(STATE))
 
     def look_at_report(self, page: Path) -> None:

@@ -6,10 +6,8 @@ import re
 from collections.abc import Iterable
 from io import BytesIO
 
-import pandas as pd
-
 from dogshape.pipeline.record import MINUS, Table
-from dogshape.sim.files import without_formulas
+from dogshape.sim.files import is_formula
 
 MAX_SHEET_NAME = 31  #: letters that a spreadsheet takes
 NOT_IN_A_SHEET_NAME = re.compile(r"[\[\]:*?/\\]")
@@ -17,16 +15,16 @@ NOT_IN_A_SHEET_NAME = re.compile(r"[\[\]:*?/\\]")
 
 def workbook_of(tables: Iterable[tuple[str, Table]]) -> bytes:
     """Write tables as a workbook, a sheet each by their titles; numbers are numbers there."""
+    from openpyxl import Workbook  # noqa: PLC0415  # half a second that other pages do not need
+
+    workbook = Workbook()
+    workbook.remove(workbook.worksheets[0])
+    for title, table in tables:
+        sheet = workbook.create_sheet(_sheet_name(title, workbook.sheetnames))
+        for row in (table.heads, *table.rows):
+            sheet.append([_cell(text) for text in row])
     buffer = BytesIO()
-    with pd.ExcelWriter(buffer) as writer:
-        for title, table in tables:
-            name = _sheet_name(title, writer.sheets.keys())
-            # A group is a row of one cell.
-            rows = [
-                [*map(_cell, row)] + [None] * (len(table.heads) - len(row)) for row in table.rows
-            ]
-            frame = pd.DataFrame(rows, columns=list(table.heads))
-            without_formulas(frame).to_excel(writer, sheet_name=name, index=False)
+    workbook.save(buffer)
     return buffer.getvalue()
 
 
@@ -43,8 +41,8 @@ def _sheet_name(title: str, taken: Iterable[str]) -> str:
 
 
 def _cell(text: str) -> str | float:
-    """Return a printed number as a number, any other text as it is."""
+    """Return a printed number as a number, any other text as it is but for formulas."""
     try:
         return float(text.replace(MINUS, "-"))
     except ValueError:
-        return str(text)
+        return f"'{text}" if is_formula(text) else str(text)

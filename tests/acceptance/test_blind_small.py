@@ -17,6 +17,7 @@ def test_a_small_sealed_set_is_diagnosed_and_scored(
 ) -> None:
     monkeypatch.setattr(cases, "COUNTS", {"planar": cases.COUNTS["planar"]})
     monkeypatch.setattr(cases, "SMALL_COUNTS", {"none": 1, "single": 1})
+    monkeypatch.setattr(cases, "POINT_COUNTS", (5, 6))  # a diagnosis simulates each point anew
     folder = tmp_path / "blind"
     made = dogshape("blind", "make", folder, "--small", "--seed", 3, "--jobs", 1, "--json")
     assert made.status == 0, made.err

@@ -145,7 +145,7 @@ export amt --map a.csv | a map needs every mismatch with every force
 compare mq200_paper | needs two or more
 compare mq200_paper nowhere | 'nowhere' is no folder of results, no study and no contact set
 compare mq200_paper adams2019 | 'adams2019' is a contact set and 'mq200_paper' is none
-compare mq200_paper#0 mq200_paper#99 | has the designs 0 (prototype) to 47
+compare mq200_paper#0 mq200_paper#99 | has the designs 0 (own dog) to 47
 compare mq200_paper#0 mq200_paper#x | must end in the number of a design
 init study --set dog.cuont=20 | did you mean 'dog.count'?
 init study --set dog.height_mm=-3.0 | dog.height_mm is -3 mm

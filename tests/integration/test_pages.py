@@ -24,7 +24,7 @@ from tests.integration.studies import Finished
 #: What the page of a shift shows.
 SEEN = """(() => {
   const solid = document.getElementById("solid"), pictures = [document.getElementById("section")];
-  if (Solid.viewer) { Solid.viewer.render(); pictures.push(Solid.viewer.renderer.domElement); }
+  if (solid.viewer) { solid.viewer.render(); pictures.push(solid.viewer.renderer.domElement); }
   const hash = text => [...text].reduce((h, c) => (31 * h + c.charCodeAt()) | 0, 0);
   const axis = document.getElementById("curves")._fullLayout.xaxis;
   return {now: document.getElementById("now").textContent, pose: solid.dataset.pose,
@@ -44,7 +44,7 @@ def test_report_in_a_browser_and_on_paper(reported: Finished, tmp_path: Path) ->
             "[...document.querySelectorAll('a[href^=shifts]')].map(a => a.getAttribute('href'))"
         )
         printed = browser.print_pdf()
-    for part in ("prototype", "tip width", "versions", "by angle", "% within", "worst point minus"):
+    for part in ("own dog", "tip width", "versions", "by angle", "% within", "worst point minus"):
         assert part in text
     assert 4 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
     boxes = set(re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed))

@@ -48,7 +48,7 @@ GUARDED = {
     "sqlalchemy": ("pipeline/store/trial_storage.py",),
     "plotly": ("pipeline/reports/",),
     "typer": ("dogshape/cli/", "validation/blind/verbs.py"),
-    "openpyxl": ("bench/workbook.py",),
+    "openpyxl": ("bench/workbook.py", "pipeline/reports/workbook.py"),
     "rich": ("dogshape/terminal.py",),
     "joblib": ("pipeline/simulate/executor.py", "validation/blind/sealed.py"),
     "distributed": ("pipeline/simulate/executor.py",),

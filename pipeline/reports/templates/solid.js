@@ -54,6 +54,7 @@ const Solid = (() => {
     viewer.camera.position.set(3.75, 1.45, 0.5);
     viewer.set_camera_target([0, 0, 0]);
     pane.dataset.state = "drawn";
+    pane.viewer = viewer;  // for a script that takes pictures
     return {viewer, show(now) {
       const turned = -now.relative_angle_deg * Math.PI / 180, height = data.travel - now.displacement_mm;
       carriage.rotation.z = turned; carriage.position.z = height / outer;
