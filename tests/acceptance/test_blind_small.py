@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from dogshape.validation.blind import cases
+from dogshape.diagnosis.settings import USUAL
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions
+from dogshape.validation.blind import advised_test, cases
 from tests.conftest import Call
 
 
@@ -17,7 +21,10 @@ def test_a_small_sealed_set_is_diagnosed_and_scored(
 ) -> None:
     monkeypatch.setattr(cases, "COUNTS", {"planar": cases.COUNTS["planar"]})
     monkeypatch.setattr(cases, "SMALL_COUNTS", {"none": 1, "single": 1})
-    monkeypatch.setattr(cases, "POINT_COUNTS", (5, 6))  # a diagnosis simulates each point anew
+    # Shorter diagnoses: each point and bench is simulated anew.
+    monkeypatch.setattr(cases, "POINT_COUNTS", (5, 6))
+    settings = replace(USUAL, converged=0.05)
+    monkeypatch.setattr(advised_test, "BankOptions", partial(BankOptions, settings=settings))
     folder = tmp_path / "blind"
     made = dogshape("blind", "make", folder, "--small", "--seed", 3, "--jobs", 1, "--json")
     assert made.status == 0, made.err
@@ -26,7 +33,7 @@ def test_a_small_sealed_set_is_diagnosed_and_scored(
     # The diagnosis never sees the key: it lies elsewhere until the score.
     hidden = tmp_path / "sealed.json"
     key.rename(hidden)
-    ran = dogshape("blind", "run", folder, "--jobs", 2, "--json")
+    ran = dogshape("blind", "run", folder, "--jobs", 1, "--json")
     assert ran.status == 0, ran.err
     hidden.rename(key)
     score = dogshape("blind", "score", folder, "--json").json

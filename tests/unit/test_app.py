@@ -329,7 +329,7 @@ def test_the_curve_has_the_predicted_times_over_the_slider(live_page: LivePage) 
                 continue
             expected = (check.expected.time, check.expected.low, check.expected.high)
             found = (curve.times[place], curve.low[place], curve.high[place])
-            assert found == pytest.approx(expected, rel=1e-9)
+            assert found == pytest.approx(expected, rel=1e-6)
     _, answer = answer_at_once(live_page, question, "dog.count")
     marks = {trace.name: trace.x[0] for trace in answer["curve.figure"].data if trace.name}
     first, last = answer["curve.figure"].layout.xaxis.range
