@@ -580,7 +580,7 @@ class Strength(Checked):
             "load": {**load, "force_per_dog_N": force, "blocking_force_N": self.blocking_force_N},
             "material": {
                 "set": limits.material.name,
-                "source": limits.material.source,
+                "source": limits.material.description,
                 "allowable_stress_MPa": limits.allowable_stress / MPA,
                 "fatigue_stress_MPa": limits.endurance(limits.load.shifts) / MPA,
             },

@@ -15,10 +15,12 @@ from dataclasses import replace
 from functools import partial
 from html import escape
 
+import numpy as np
+
 from dogshape.sim.shift.geometry import Dog, crest_loss, section, tip_radius
 from dogshape.sim.shift.pair import Pair
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.units import DEG, MM, from_si
 
 WIDTH = 980.0  #: of the dimensioned section, px
 HEIGHT = 592.0  #: of the dimensioned section with notes of ``NOTE_LINES``, px
@@ -28,6 +30,9 @@ MARGIN = 36.0  #: left and right of title and notes, px
 NOTE_LETTER_WIDTH = 6.4  #: of a character of a note, px; wider than the mean of common fonts
 HEAD_LENGTH = 8.0  #: of an arrow, px
 LETTER_WIDTH = 7.2  #: of a character, px; close enough for a background
+DATUM = "A"  #: letter of the plane that heights are measured from
+DATUM_SIZE = 18.0  #: of the frame of a datum's letter, px
+TEXTURE_HEIGHT = 18.0  #: of a symbol of surface texture, px
 PITCHES_IN_VIEW = (-2, -1, 0, 1, 2)  #: of the dimensioned section, from its dog
 MIN_REACH = 0.775  #: reach of the dimensioned section either side of the dog, in pitches
 STYLE = """
@@ -106,6 +111,45 @@ def _leader(tip: complex, place: complex, content: str, anchor: str = "start") -
     offset = 5.0 if anchor == "start" else -5.0
     words = _text(place + offset + 4.0j, content, anchor)
     return _line(tip, place) + _arrow(tip, place) + words
+
+
+def _datum(foot: complex) -> str:
+    """Draw the symbol of the datum (ISO 5459) below the point ``foot`` of its plane."""
+    frame = foot + 18.0j
+    corners = [
+        frame + 0.5 * DATUM_SIZE * x + DATUM_SIZE * y * 1j
+        for x, y in ((-1, 0), (1, 0), (1, 1), (-1, 1))
+    ]
+    return "".join(
+        [
+            _line(foot - 5.0, foot + 5.0, foot + 8.0j, kind="head", closed=True),
+            _line(foot, frame),
+            _text(frame + 14.0j, DATUM),
+            _line(*corners, closed=True),
+        ]
+    )
+
+
+def _texture(tip: complex, place: complex, content: str) -> str:
+    """Draw a symbol of surface texture (ISO 21920-1) on a leader from ``place`` to ``tip``.
+
+    The line below the symbol begins at ``place`` and leads away from ``tip``.
+    """
+    width = LETTER_WIDTH * len(content) + 14.0
+    begin = place if place.real >= tip.real else place - width
+    foot = begin + 8.0
+    height = TEXTURE_HEIGHT
+    long_end = foot + height * (math.tan(math.pi / 6.0) - 1.0j)
+    short_end = foot - 0.5 * height * (math.tan(math.pi / 6.0) + 1.0j)
+    return "".join(
+        [
+            _text(foot + 9.0 - 4.0j, content, "start"),
+            _line(tip, place),
+            _line(begin, begin + width),
+            _arrow(tip, place),
+            _line(short_end, foot, long_end, begin + width - height * 1.0j),
+        ]
+    )
 
 
 def _dimension(a: complex, b: complex, level: float, content: str, upright: bool = False) -> str:
@@ -352,6 +396,44 @@ def _tooth(drawing: _DogSection, index: int) -> str:
     return _path(f"{_rounded_path(points, radii)} Z", "part")
 
 
+def _datum_plane(drawing: _DogSection) -> str:
+    """Draw the datum: the floor of the slots, of teeth without one the plane of equal widths."""
+    if drawing.limits.sleeve is None:
+        return _datum(complex(drawing.right.real + 34.0, drawing.traction_root.imag))
+    foot = drawing.left - 88.0
+    return _line(drawing.left - 8.0, foot - 10.0, kind="axis") + _datum(foot)
+
+
+def _textures(drawing: _DogSection, level: float) -> list[str]:
+    """Draw the required roughness of flanks and crest, of the crest at height ``level``."""
+    manufacturing = drawing.limits.manufacturing
+    symbols = []
+    if manufacturing.flank_roughness is not None:
+        content = _roughness_text(manufacturing.flank_roughness)
+        traction = _between(drawing.traction_root, drawing.back, 0.3)
+        braking = _between(drawing.braking_root, drawing.edge, 0.3)
+        symbols.append(_texture(traction, traction + 14.0, content))
+        symbols.append(_texture(braking, braking - 14.0, content))
+    if manufacturing.crest_roughness is not None:
+        content = _roughness_text(manufacturing.crest_roughness)
+        # The leader crosses the dimension of the tip between arrow head and number.
+        tip = drawing.traction_tip.real - 0.85 * drawing.dog.tip_width * drawing.scale
+        face = sorted(drawing.corners[1:-1], key=lambda corner: corner.real)
+        height = np.interp(tip, [c.real for c in face], [c.imag for c in face])
+        symbols.append(_texture(complex(tip, float(height)), complex(tip, level), content))
+    return symbols
+
+
+def _between(begin: complex, end: complex, share: float) -> complex:
+    """Place a point between two at a share of the way."""
+    return begin + share * (end - begin)
+
+
+def _roughness_text(roughness: float) -> str:
+    """Write the mean roughness depth in micrometres, as drawings state it."""
+    return f"Rz {from_si('_um', roughness):g}"
+
+
 def _frame(drawing: _DogSection, part: str) -> str:
     """Clip a part to the width of the section."""
     width = (drawing.right - drawing.left).real
@@ -492,11 +574,14 @@ def notes_of(dog: Dog, limits: Limits) -> list[str]:
             f"{ring}: teeth of a sleeve, rooted at Ø{root:.2f}, and of its mate, at "
             f"Ø{mate_root:.2f} mm; pressure angle {limits.sleeve.pressure_angle / DEG:g}°"
         )
+    datum = "floors of the slots, from which the height is measured"
+    if limits.sleeve is not None:
+        datum = f"{_widths_plane(dog)}, for which the widths hold"
     return [
         pair,
-        f"axial gap before the shift {axial_gap} mm, "
-        f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
-        f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
+        f"axial gap before the shift {axial_gap} mm, travel {dog.travel / MM:.2f} mm; "
+        f"datum {DATUM} (ISO 5459): {datum}",
+        f"{material.name}, {material.heat_treatment} (ISO 15787){_texture_note(limits)}",
         "Lengths in mm to the intersection of faces, auxiliary ones in brackets; widths at mean "
         f"radius {dog.mean_radius / MM:.2f} mm (section unrolled). In the median plane {widths}, "
         f"{flanks}; tip {inner_tip_width:.2f}"
@@ -504,12 +589,31 @@ def notes_of(dog: Dog, limits: Limits) -> list[str]:
     ]
 
 
+def _widths_plane(dog: Dog) -> str:
+    """Name the plane that the widths of dog and slot are given for."""
+    return "median plane" if dog.root_depth is None else "pitch plane"
+
+
+def _texture_note(limits: Limits) -> str:
+    """Write the required roughness of flanks and crest, or an empty text."""
+    faces = {
+        "flanks": limits.manufacturing.flank_roughness,
+        "crests": limits.manufacturing.crest_roughness,
+    }
+    words = [
+        f"{face} {_roughness_text(roughness)}"
+        for face, roughness in faces.items()
+        if roughness is not None
+    ]
+    return f"; surface texture {', '.join(words)} µm (ISO 21920-1)" if words else ""
+
+
 def _note_lines(notes: Sequence[str]) -> list[str]:
     """Break notes into lines within the margins; a number keeps its tolerance and unit."""
     letters = int((WIDTH - 2.0 * MARGIN) / NOTE_LETTER_WIDTH)
     lines = []
     for note in notes:
-        joined_note = re.sub(r" (?=±|mm\b|HV\b)", "\N{NO-BREAK SPACE}", note)
+        joined_note = re.sub(r"(?<=ISO) | (?=±|mm\b|HV\b|µm\b)", "\N{NO-BREAK SPACE}", note)
         lines += textwrap.wrap(joined_note, letters, break_on_hyphens=False)
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
@@ -532,11 +636,13 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
     """
     drawing = _DogSection(dog, limits)
     angle_level = drawing.crest.imag - 96.0
-    plane = "median plane" if dog.root_depth is None else "pitch plane"
+    plane = _widths_plane(dog)
     elements = [
         _part(drawing),
         _line(drawing.left - 8.0, drawing.right + 8.0, kind="axis"),
         _text(drawing.right + 60.0 + 4.0j, plane, "start", "small"),
+        _datum_plane(drawing),
+        *_textures(drawing, angle_level),
         *_lengths(drawing),
         *_face_angles(drawing, angle_level),
         *_flank_angles(drawing, angle_level),

@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dogshape.pipeline.export.drawing import notes_of, size_text, slope_text
+from dogshape.pipeline.export.drawing import DATUM, notes_of, size_text, slope_text
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import name_file_in_errors
 from dogshape.sim.shift.geometry import Dog, section, tip_radius
@@ -40,6 +40,7 @@ LAYERS = {
 }
 TEXT_SHARE = 0.1  #: height of a text over that of the lower dog
 NOTE_WIDTH = 70.0  #: of the notes, in heights of their text
+MIDDLE_CENTER = 5  #: attachment point of a text, DXF
 
 
 def load_dxf() -> Any:
@@ -179,6 +180,7 @@ def _draw(document: Any, pair: Pair, limits: Limits, body: float, title: str) ->
     _add_pitch_planes(space, pair, gap)
     text_height = TEXT_SHARE * min(pair.sliding.height, pair.output.height) / MM
     _add_dimensions(space, pair, limits, gap, text_height)
+    _add_datums(space, pair, gap, text_height, has_floors=not has_teeth)
     bottom = -pair.output.height / MM - body / MM
     place = (0.0, bottom - 6.0 * text_height)
     _add_notes(space, pair, limits, title, place=place, text_height=text_height)
@@ -191,6 +193,39 @@ def _add_pitch_planes(space: Any, pair: Pair, gap: float) -> None:
     for y in (-pair.output.addendum / MM, gap + pair.sliding.addendum / MM):
         line = ((-half_pitch, y), (end, y))
         space.add_line(*line, dxfattribs={"layer": AXIS_LAYER})
+
+
+def _add_datums(
+    space: Any, pair: Pair, gap: float, text_height: float, *, has_floors: bool
+) -> None:
+    """Draw the symbol of the datum (ISO 5459) of either ring.
+
+    It stands on the extension line of the floors, of teeth without floors on the pitch plane.
+    """
+    output = pair.output
+    sliding = pair.sliding
+    x = -0.5 * output.pitch / MM - 2.0 * text_height
+    if has_floors:
+        levels = (-output.height / MM, gap + sliding.height / MM)
+    else:
+        levels = (-output.addendum / MM, gap + sliding.addendum / MM)
+        for y in levels:
+            end = (x - text_height, y)
+            space.add_line((0.0, y), end, dxfattribs={"layer": AXIS_LAYER})
+    layer = {"layer": DIMENSION_LAYER}
+    for y, away in zip(levels, (-1.0, 1.0), strict=True):
+        unit = away * text_height
+        triangle = [(x - 0.3 * text_height, y), (x + 0.3 * text_height, y), (x, y + 0.5 * unit)]
+        space.add_solid(triangle, dxfattribs=layer)
+        frame_y = y + 1.2 * unit
+        space.add_line((x, y), (x, frame_y), dxfattribs=layer)
+        left = x - 0.8 * text_height
+        right = x + 0.8 * text_height
+        frame = [(left, frame_y), (right, frame_y), (right, frame_y + 1.6 * unit),
+                 (left, frame_y + 1.6 * unit)]  # fmt: skip
+        space.add_lwpolyline(frame, close=True, dxfattribs=layer)
+        letter = space.add_mtext(DATUM, dxfattribs={**layer, "char_height": text_height})
+        letter.set_location((x, frame_y + 0.8 * unit), attachment_point=MIDDLE_CENTER)
 
 
 def _add_dimensions(space: Any, pair: Pair, limits: Limits, gap: float, text_height: float) -> None:

@@ -34,6 +34,8 @@ from dogshape.sim.shift.pair import ALIKE, OutputDog
 from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
 from dogshape.sim.units import DEG, MM
 
+ROUGHNESS_REMEDY = "give Rz in micrometres"
+
 
 @dataclass(frozen=True)
 class ManufacturingLimits:
@@ -50,6 +52,13 @@ class ManufacturingLimits:
     module: float = quantity("module_mm", 0.05, 100.0, 1.25e-3)
     #: thickness of the ring behind the roots; None for a thick ring
     rim: float | None = quantity("rim_mm", 0.1, 1000.0, None, remedy="give the thickness in mm")
+    #: largest Rz (ISO 21920-2), for the drawing alone; None for faces without a requirement
+    flank_roughness: float | None = quantity(
+        "flank_roughness_um", 0.1, 200.0, None, remedy=ROUGHNESS_REMEDY
+    )
+    crest_roughness: float | None = quantity(
+        "crest_roughness_um", 0.1, 200.0, None, remedy=ROUGHNESS_REMEDY
+    )
 
     def __post_init__(self) -> None:
         require_ranges(self, "manufacturing", "correct the limit")

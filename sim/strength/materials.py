@@ -29,6 +29,20 @@ HARDNESS = 9.80665 * MPA  #: Pa of one HV
 YOUNG = 210e9  #: of steel, Pa
 POISSON = 0.3  #: of steel
 DENSITY = 7850.0  #: of steel, kg/m3
+LIMIT_HARDNESS_HV = 550  #: down to which a case depth is measured
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """Heat treatment: its words, and the symbol of its depth in ISO 15787."""
+
+    words: str
+    depth_symbol: str
+
+
+CASE_HARDENED = Treatment("case-hardened", "CHD")
+INDUCTION_HARDENED = Treatment("quenched and tempered, flanks and root induction-hardened", "SHD")
+NITRIDED = Treatment("quenched and tempered, gas-nitrided", "NHD")
 
 
 @dataclass(frozen=True)
@@ -40,7 +54,8 @@ class Material:
     """
 
     name: str
-    source: str
+    treatment: Treatment
+    source: str  #: of the values
     proof_stress: float = quantity("proof_stress_MPa", 10.0, 5000.0)
     bending_endurance: float = quantity("bending_endurance_MPa", 10.0, 2000.0)
     static_factor: float = quantity("static_factor", 1.0, 5.0)
@@ -50,6 +65,20 @@ class Material:
 
     def __post_init__(self) -> None:
         require_ranges(self, "material", "correct the material")
+
+    @property
+    def description(self) -> str:
+        """Heat treatment, and source of the values."""
+        return f"{self.treatment.words}; {self.source}"
+
+    @property
+    def heat_treatment(self) -> str:
+        """Note of a drawing on treatment, hardness and case depth, as ISO 15787 words it."""
+        note = f"{self.treatment.words}, surface hardness {self.surface_hardness:.0f} HV"
+        if self.case_depth == 0.0:
+            return note
+        depth = f"{self.treatment.depth_symbol} {LIMIT_HARDNESS_HV} HV"
+        return f"{note}, {depth} = {self.case_depth / MM:.1f} mm"
 
     def life_factor(self, cycles: float) -> float:
         """Compute the life factor Y_NT: endurance at ``cycles`` over the one at 3e6 cycles."""
@@ -80,58 +109,61 @@ class Material:
 _SETS = (
     Material(
         "16MnCr5",
+        treatment=CASE_HARDENED,
         proof_stress=735.0 * MPA,
         bending_endurance=430.0 * MPA,
         static_factor=2.5,
         allowable_pressure=200.0 * MPA,
         surface_hardness=700.0,
         case_depth=0.4 * MM,
-        source="case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
+        source="core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
         "ISO 6336-5 MQ, lowest core hardness",
     ),
     Material(
         "20MnCr5",
+        treatment=CASE_HARDENED,
         proof_stress=930.0 * MPA,
         bending_endurance=461.0 * MPA,
         static_factor=2.5,
         allowable_pressure=200.0 * MPA,
         surface_hardness=700.0,
         case_depth=0.4 * MM,
-        source="case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
+        source="core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
         "ISO 6336-5 MQ, middle core hardness",
     ),
     Material(
         "18CrNiMo7-6",
+        treatment=CASE_HARDENED,
         proof_stress=835.0 * MPA,
         bending_endurance=500.0 * MPA,
         static_factor=2.5,
         allowable_pressure=200.0 * MPA,
         surface_hardness=720.0,
         case_depth=0.4 * MM,
-        source="case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
+        source="core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
         "MPa; ISO 6336-5 MQ, core of 30 HRC and more",
     ),
     Material(
         "42CrMo4",
+        treatment=INDUCTION_HARDENED,
         proof_stress=900.0 * MPA,
         bending_endurance=369.0 * MPA,
         static_factor=2.5,
         allowable_pressure=160.0 * MPA,
         surface_hardness=600.0,
         case_depth=1.0 * MM,
-        source="quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
-        "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root",
+        source="ISO 683-2 up to 16 mm, Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root",
     ),
     Material(
         "31CrMoV9",
+        treatment=NITRIDED,
         proof_stress=900.0 * MPA,
         bending_endurance=420.0 * MPA,
         static_factor=1.6,
         allowable_pressure=140.0 * MPA,
         surface_hardness=750.0,
         case_depth=0.3 * MM,
-        source="quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
-        "ISO 6336-5 MQ, nitriding steel",
+        source="ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; ISO 6336-5 MQ, nitriding steel",
     ),
 )
 MATERIALS: dict[str, Material] = {material.name: material for material in _SETS}

@@ -18,7 +18,9 @@ from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.reports.named_design import named_design
 from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.sim.errors import InputError
 from dogshape.sim.strength.checks import GROUPS
+from dogshape.sim.strength.materials import material_of
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Call, set_options
 
@@ -92,7 +94,7 @@ def test_drawing_carries_every_dimension() -> None:
     words = dimensioned_svg(study.clutch.dog, study.limits)
     for text in (
         "tip (3.89)", "root (6.17)", "pitch (10.053)", "h 3.70 ±0.05", "flank (3.12)",
-        "drop (0.58)", "3.66 over", "700 HV, case 0.4 mm", "8.00° ±0.25°", "12.00° ±0.25°",
+        "drop (0.58)", "3.66 over", "700 HV, CHD 550 HV = 0.4 mm", "8.00° ±0.25°", "12.00° ±0.25°",
         "22.00° ±0.25°", "R 0.30 ±0.05", "15 dogs on Ø52.00 ±0.15 / Ø44.00 ±0.15 mm",
         "travel 4.70 mm", "16MnCr5",
     ):  # fmt: skip
@@ -100,6 +102,44 @@ def test_drawing_carries_every_dimension() -> None:
     # The leader of the chamfer ends beside the dimension of the tip.
     paths = [re.findall(r"[ML]([\d.]+),", words.partition(w)[0]) for w in ("chamfer", "tip (")]
     assert max(map(float, paths[0][-5:-3])) < min(map(float, paths[1][-8:-6]))
+
+
+def test_drawing_carries_roughness_only_where_the_study_gives_it() -> None:
+    settings = ["manufacturing.flank_roughness_um=10", "manufacturing.crest_roughness_um=6.3"]
+    given = load_study("mq200_paper", settings)
+    drawing = dimensioned_svg(given.clutch.dog, given.limits)
+    assert drawing.count(">Rz 10<") == 2  # either flank
+    assert drawing.count(">Rz 6.3<") == 1
+    assert "flanks Rz 10, crests Rz 6.3 µm" in drawing
+    plain = load_study("mq200_paper")
+    assert "Rz" not in dimensioned_svg(plain.clutch.dog, plain.limits)
+    assert given.config_hash != plain.config_hash
+    assert given.physics_hash == plain.physics_hash
+    with pytest.raises(InputError, match=r"manufacturing\.crest_roughness_um is 500"):
+        load_study("mq200_paper", ["manufacturing.crest_roughness_um=500"])
+
+
+@pytest.mark.parametrize(("name", "datum"), [
+    ("mq200_paper", "floors of the slots"), ("amt", "median plane"),
+])  # fmt: skip
+def test_drawing_has_one_datum(name: str, datum: str) -> None:
+    study = load_study(name)
+    drawing = dimensioned_svg(study.clutch.dog, study.limits)
+    assert drawing.count(">A<") == 1
+    assert f"datum A (ISO 5459): {datum}" in drawing
+
+
+@pytest.mark.parametrize(("material", "note"), [
+    ("18CrNiMo7-6", "case-hardened, surface hardness 720 HV, CHD 550 HV = 0.4 mm"),
+    ("42CrMo4", "flanks and root induction-hardened, surface hardness 600 HV, SHD 550 HV = 1.0 mm"),
+    ("31CrMoV9", "gas-nitrided, surface hardness 750 HV, NHD 550 HV = 0.3 mm"),
+])  # fmt: skip
+def test_heat_treatment_is_noted_as_by_its_standard(material: str, note: str) -> None:
+    heat_treatment = material_of(material).heat_treatment
+    assert heat_treatment.endswith(note)
+    soft = replace(material_of(material), case_depth=0.0)
+    assert heat_treatment.startswith(soft.heat_treatment)
+    assert "550 HV" not in soft.heat_treatment
 
 
 @pytest.mark.parametrize("name", ["mq200_paper", "ev_disconnect", "examples/sleeve.toml"])

@@ -132,7 +132,13 @@ def test_a_file_has_units_layers_dimensions_and_notes(dogshape: Call) -> None:
     # A dimension without its text would measure the same.
     measured = [dimension.get_measurement() for dimension in space.query("DIMENSION")]
     assert measured == pytest.approx([3.65, 6.676, 2.6, 0.8, 2.6], abs=5e-3)
-    (note,) = space.query("MTEXT")
+    (note,) = space.query('MTEXT[layer=="NOTES"]')
+    datums = space.query('MTEXT[layer=="DIMENSIONS"]')
+    assert [datum.plain_text() for datum in datums] == ["A", "A"]
+    # Outside the floors of either ring, 2.6 mm deep and 0.8 mm apart.
+    output_y, sliding_y = (datum.dxf.insert.y for datum in datums)
+    assert -3.4 < output_y < -2.6
+    assert 3.4 < sliding_y < 4.2
     for words in ("back chamfer 12.00° ±0.25°", "40 dogs on", "General tolerances ISO 2768-f."):
         assert words in note.plain_text()
     layers = {entity.dxf.layer for entity in space}
