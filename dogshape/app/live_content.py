@@ -452,20 +452,30 @@ def check_table(check: Checked, own: Checked | None) -> html.Table:
         elif own_rows:
             own_row = own_rows.get(row.name)
             own_cell = NO_VALUE if own_row is None else own_row.cell("margin")
-            body.append(_check_line(row, [*cells, own_cell]))
+            body.append(_check_line(row, [*cells, own_cell], table.words))
         else:
-            body.append(_check_line(row, cells))
-    head = html.Tr([html.Th(text) for text in heads])
+            body.append(_check_line(row, cells, table.words))
+    head = html.Tr(
+        [html.Th(text, className=_text_look(k in table.words)) for k, text in enumerate(heads)]
+    )
     return html.Table([html.Thead(head), html.Tbody(body)])
 
 
-def _check_line(row: CheckRow, cells: Sequence[str]) -> html.Tr:
+def _text_look(is_text: bool, is_bad: bool = False) -> str:
+    """Return the look of a cell: of text that wraps, or of one that speaks against a design."""
+    return " ".join(["words"] * is_text + ["bad"] * is_bad)
+
+
+def _check_line(row: CheckRow, cells: Sequence[str], text_columns: Sequence[int]) -> html.Tr:
     """Lay out a check; its margin is stored unrounded for programs."""
     attributes: dict[str, Any] = {}
     if row.passed is not None:
         attributes = {"data-check": row.name, "data-margin": repr(row.margin)}
     hint = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
     texts = [check_name(row.name), *cells[1:]]
-    columns = [html.Td(text, className="bad" if isinstance(text, Bad) else "") for text in texts]
+    columns = [
+        html.Td(text, className=_text_look(k in text_columns, isinstance(text, Bad)))
+        for k, text in enumerate(texts)
+    ]
     look = "failed" if row.passed is False and not row.unclear else ""
     return html.Tr(columns, title=hint, className=look, **attributes)

@@ -180,7 +180,8 @@ def write_sheet(
     columns = ["name", "value", "limit", "unit", "safety", "margin", "margin_root_sum_square"]
     if study.limits.has_unlike_rings:
         columns.append("ring")
-    page.add("Margins to the limits", check_table(rows, *columns))
+    margins = replace(check_table(rows, *columns), note=_references_note(single))
+    page.add("Margins to the limits", margins)
     assumptions = verdict.hangs_on[:MAX_ASSUMPTIONS]
     hinges = hinge_table(assumptions, "assumption", "range", "smallest_margin")
     page.add("Assumptions that decide the smallest margin", replace(hinges, words=(), note=""))
@@ -192,6 +193,19 @@ def _check_rows(checks: Sequence[CheckRow], verdict: VerdictRow) -> list[CheckRo
     """List checks, then those that could not be judged, with printed names."""
     rows = [*checks, *map(not_judged_row, verdict.not_judged)]
     return [row.model_copy(update={"name": check_name(row.name)}) for row in rows]
+
+
+def _references_note(checks: Sequence[CheckRow]) -> str:
+    """List the checks by the standards and authors that they follow, both flanks as one."""
+    names_by_reference = dict[str, list[str]]()
+    for check in checks:
+        name = check_name(check.name.removesuffix("_traction").removesuffix("_braking"))
+        names = names_by_reference.setdefault(check.references, [])
+        if name not in names:
+            names.append(name)
+    names_by_reference.pop("", None)
+    parts = [f"{reference} ({', '.join(names)})" for reference, names in names_by_reference.items()]
+    return f"Checks follow: {'; '.join(parts)}." if parts else ""
 
 
 def _sheet_facts(sheet: DesignSheet, rows: Sequence[CheckRow]) -> list[tuple[str, str]]:

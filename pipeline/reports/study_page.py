@@ -78,6 +78,7 @@ from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_records import LimitRow, TorqueLimitRow
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.files import name_file_in_errors, without_formulas
+from dogshape.sim.strength.checks import RULES
 from dogshape.sim.strength.verdict import WORDS
 from dogshape.surrogate.store import Validation
 
@@ -248,14 +249,15 @@ def margin_table(result: StudyRecord, designs: Sequence[DesignRow] = ()) -> Tabl
             margin_cell("", design_margins.get(name), design_intervals.get(name))
             for design_margins, design_intervals in zip(margins, intervals, strict=True)
         ]
-        rows.append([check_name(name), *cells])
+        references = RULES[name].references if name in RULES else ""
+        rows.append([check_name(name), references, *cells])
     heads = [design_head(design) for design in designs]
     note = (
         "Distance to the limit over the limit, at nominal size; at the new angles where a design "
         f"was simulated there, with the 95 % interval of a landing. {MAX_DESIGNS} designs at "
         "most, the CSV has all, by the search."
     )
-    return Table(("margin", *heads), rows, note=note)
+    return Table(("margin", "follows", *heads), rows, words=[1], note=note)
 
 
 def effect_parts(effects: Effects) -> list[Part]:

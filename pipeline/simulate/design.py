@@ -25,7 +25,7 @@ from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.shift.pair import Pair
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.uncertainty import sobol_shares
-from dogshape.sim.strength.checks import RULES, LimitCheck, Rule
+from dogshape.sim.strength.checks import RULES, STUDY_SOURCE, LimitCheck, Rule
 from dogshape.sim.strength.dog_strength import (
     keeps_limits,
     margin_losses,
@@ -329,7 +329,7 @@ class Objective:
             group="goal",
             meaning=self.label,
             formula=formula,
-            source="the study's own limit",
+            source=STUDY_SOURCE,
             unit=self.unit,
             key=f"search.limits.{self.name}",
             at_most=not self.maximise,

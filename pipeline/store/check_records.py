@@ -16,7 +16,7 @@ from dogshape.pipeline.record import (
     tabulate,
 )
 from dogshape.sim.clutch_tables import key
-from dogshape.sim.strength.checks import GROUPS, RULES, LimitCheck, safety_factor
+from dogshape.sim.strength.checks import GROUPS, RULES, LimitCheck, references_of, safety_factor
 from dogshape.sim.strength.verdict import STANDARD, State, Verdict
 from dogshape.sim.units import short
 
@@ -101,6 +101,13 @@ class CheckRow(FileRecord):
         low, high = self.margin_interval or (0.0, 0.0)
         return low < 0.0 <= high
 
+    @property
+    def references(self) -> str:
+        """Standards and authors of the source, of a check without one those of its rule."""
+        if not self.source and self.name in RULES:
+            return RULES[self.name].references
+        return references_of(self.source or "")
+
     def within(self, worst_case: float | None, root_sum_square: float | None) -> CheckRow:
         """Add the margins within the tolerances."""
         margins: dict[str, Any] = {
@@ -135,18 +142,32 @@ class CheckRow(FileRecord):
 
 
 def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
-    """Tabulate checks by group; by default with value, limit, safety factor and margins."""
+    """Tabulate checks by group.
+
+    By default with value, limit, safety factor, margins and the references of the sources.
+    """
     columns = names or _check_columns(rows)
+    has_references = not names
     cells = list[Sequence[str]]()
     looks = dict[int, str]()
     for group, title in GROUPS.items():
         members = [row for row in rows if row.group == group]
         if members:
             looks[len(cells)] = "group"
-            cells += [[title], *tabulate(CheckRow, members, *columns).rows]
+            cells.append([title])
+            lines = tabulate(CheckRow, members, *columns).rows
+            if has_references:
+                lines = [
+                    [*line, row.references or "-"] for line, row in zip(lines, members, strict=True)
+                ]
+            cells += lines
     text_columns = ("unit", "meaning", "formula", "source")
+    heads = tabulate(CheckRow, (), *columns).heads
     words = _places(columns, text_columns)
-    return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
+    if has_references:
+        words.append(len(heads))
+        heads = [*heads, "follows"]
+    return Table(heads, cells, looks, words)
 
 
 def _places(names: Sequence[str], wanted: Sequence[str]) -> list[int]:

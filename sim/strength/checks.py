@@ -5,6 +5,7 @@ The module with the closed form computes value and limit by the name in ``RULES`
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -25,6 +26,34 @@ GROUPS: dict[Group, str] = {
     "goal": "limits of the study",
 }
 
+STUDY_SOURCE = "the study's own limit"
+#: Short forms of sources that name neither a standard nor an author.
+_SHORT_FORMS = {
+    "geometry": "geometry",
+    "equilibrium": "equilibrium",
+    "parabola over a rectangle": "beam theory",
+    "simulated peak": "simulation",
+    "judged": "judged",
+    "assumption": "assumption",
+    STUDY_SOURCE: "study",
+}
+_STANDARD = r"(?:DIN|ISO) \d[\d-]*\d"
+_AUTHOR = r"[A-Z]\w+ (?:et al\. )?(?:19|20)\d\d|Rao|Timoshenko|von Mises"
+_REFERENCE = re.compile("|".join((_STANDARD, _AUTHOR, *_SHORT_FORMS)))
+
+
+def references_of(source: str) -> str:
+    """Pick standards, authors or short forms from the source of a check, separated by commas."""
+    references = dict.fromkeys(_SHORT_FORMS.get(word, word) for word in _REFERENCE.findall(source))
+    texts = list[str]()
+    standard = ""
+    for reference in references:
+        number, _, part = reference.rpartition("-")
+        # Further parts of the standard before are their numbers alone: ISO 6336-3, -5.
+        texts.append(f"-{part}" if standard and number == standard else reference)
+        standard = number
+    return ", ".join(texts)
+
 
 @dataclass(frozen=True)
 class Rule:
@@ -44,6 +73,11 @@ class Rule:
     def assumed(self) -> bool:
         """Whether the limit has no source."""
         return "assumption" in self.source
+
+    @property
+    def references(self) -> str:
+        """Standards and authors that value and limit follow, or their kind."""
+        return references_of(self.source)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) 
         f"mq200_paper, design {TRIAL}", WHY, f"{RESULT['front'][1]['chamfer_deg']:.2f} deg",
         "± 0.25 deg", f"{1e3 * CONFIRMED['expected_shift_time_s']:.1f} ± ", "traction release",
         content_key(RESULT), "16MnCr5", "drake 1.51", f"#{TRIAL}&#39; --sheet",
-        "not judged: flank strike", "Assumptions that decide",
+        "not judged: flank strike", "Assumptions that decide", "DIN 5466-1 (flank pressure)",
     ):  # fmt: skip
         assert words in page
     path = ds.load_result(folder.root).data_sheet(TRIAL, "sheet.json", WHY)

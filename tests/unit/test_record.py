@@ -103,6 +103,22 @@ def test_checks_stand_in_groups_and_failed_ones_are_marked() -> None:
     assert [isinstance(cell, Bad) for cell in table.rows[3]] == [False, False, True, True]
 
 
+def test_checks_cite_their_sources_in_the_last_column() -> None:
+    shared: dict[str, Any] = {
+        "value": 1.0, "limit": 2.0, "unit": "MPa", "margin": 0.5, "passed": True, "group": "load",
+        "at_most": True, "meaning": "", "formula": "", "limit_key": "",
+    }  # fmt: skip
+    rows = [
+        CheckRow(name="a", source="Heywood 1948; limit: ISO 6336-3", **shared),
+        CheckRow(name="shear_stress", source="", **shared),
+        CheckRow(name="b", source="", **shared),
+    ]
+    table = check_table(rows)
+    assert table.heads[-1] == "follows"
+    assert len(table.heads) - 1 in table.words
+    assert [row[-1] for row in table.rows[1:]] == ["Heywood 1948, ISO 6336-3", "beam theory", "-"]
+
+
 def test_a_report_is_built_of_sections(tmp_path: Path) -> None:
     page = Report("rig <b>7</b>", "Found & named")
     page.add("", Table(("", ""), [("fact", Bad("wrong"))]))

@@ -12,7 +12,7 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import dog_corners, lands
 from dogshape.sim.shift.geometry import FLANKS, LAND, Dog, flank_contact, root_radius_room
-from dogshape.sim.strength.checks import LimitCheck, Rule, safety_factor
+from dogshape.sim.strength.checks import RULES, LimitCheck, Rule, references_of, safety_factor
 from dogshape.sim.strength.dog_strength import (
     Limits,
     Root,
@@ -173,6 +173,23 @@ def test_every_limit_moves_with_the_key_that_its_rule_names(prototype: Dog) -> N
         (moved,) = [c for c in checks(limits) if c.name == check.name]
         assert moved.limit != pytest.approx(check.limit, rel=1e-3), check.name
         assert all((check.rule.meaning, check.rule.formula, check.rule.source))
+
+
+def test_each_check_follows_a_standard_an_author_or_an_assumption() -> None:
+    references = {name: rule.references for name, rule in RULES.items()}
+    assert all(references.values())
+    assert references["root_fatigue"] == "ISO 6336-3, -5, -6"
+    assert references["root_bending_braking"] == "Heywood 1948, ISO 6336-3"
+    assert references["flank_pressure_traction"] == "DIN 5466-1"
+    assert references["edge_pressure_impact"] == "simulation, Johnson 1985"
+    assert references["tip_width"] == "assumption"
+    assert {name for name, words in references.items() if "assumption" in words} == {
+        name for name, rule in RULES.items() if rule.assumed
+    }
+    assert (
+        references_of("ISO 6336-3; DIN 5466-1, ISO 6336-5") == "ISO 6336-3, DIN 5466-1, ISO 6336-5"
+    )
+    assert references_of("handed down") == ""
 
 
 def test_room_for_the_root_radius_agrees_with_the_solid(prototype: Dog) -> None:
