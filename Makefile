@@ -31,7 +31,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/mq200
 CHROMIUM ?= chromium
-EXTRAS := dev,blind,cad,docs,dxf,fem,fmu,machines,mdf,nested,tdms
+EXTRAS := blind,cad,docs,dxf,fem,fmu,machines,mdf,nested,tdms
 
 # What Debian must bring beside Python itself: venv, and a library that Drake loads.
 DEBIAN := python3.11-venv libglib2.0-0
@@ -186,10 +186,16 @@ $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	touch $@
 
+# Requirements of the dependency group dev; pip before 25.1 has no --group.
+DEV := $(VENV)/dev.txt
+LIST_DEV = $(BIN)/python -c 'import tomllib; \
+  print(*tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"]["dev"], sep="\n")' > $(DEV)
+
 # What tests and evidence want besides: linters, the second engine, CAD, finite elements, and
 # what connects machines.
 $(VENV)/complete: $(VENV)/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$(EXTRAS)]"
+	$(LIST_DEV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r $(DEV) -e ".[$(EXTRAS)]"
 	touch $@
 
 # Install what is missing where that is possible, and say what to do where it is not.
@@ -203,7 +209,8 @@ system:
 constraints: system
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$(EXTRAS),gp]"
+	$(LIST_DEV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(DEV) -e ".[$(EXTRAS),gp]"
 	$(BIN)/python -m pip freeze --all --exclude-editable --exclude pip | sed 's/+cpu//' > constraints.txt
 	touch $(VENV)/ready $(VENV)/complete
 

@@ -7,6 +7,7 @@ import inspect
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 import dogshape as ds
@@ -287,6 +289,18 @@ def test_a_pin_allows_debians_python(pin: str) -> None:
     wanted = found.metadata.get("Requires-Python")
     assert wanted is None or SpecifierSet(wanted).contains(DEBIAN)
     assert found.version.partition("+")[0] == version
+
+
+def test_each_requirement_is_declared_once_and_pinned() -> None:
+    """In the dependencies, an extra, or the dependency group of development."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    extras = project["project"]["optional-dependencies"]
+    groups = project["dependency-groups"]
+    lists = [project["project"]["dependencies"], *extras.values(), *groups.values()]
+    names = [Requirement(text).name.lower() for requirements in lists for text in requirements]
+    assert len(names) == len(set(names))
+    pinned = {pin.partition("==")[0].lower() for pin in PINS}
+    assert {Requirement(text).name.lower() for text in groups["dev"]} <= pinned
 
 
 KINDS = (ds.Study, ds.StudyResult)
