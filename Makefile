@@ -16,6 +16,7 @@
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
 # make docs-versions builds the pages of the clone and of the last release, or of TAG, in build/versions, with
 # a menu of both.
+# make history measures the computing times of this version for docs/evidence/history.csv (two minutes).
 # make processors repeats the diagnosis of the stand with the vector instructions, kernels of linear
 # algebra and threads of other processors (a quarter of an hour).
 # make release builds sdist and wheel into dist and tries both in empty environments; OFFLINE=1 takes
@@ -37,7 +38,7 @@ EXTRAS := blind,cad,docs,dxf,fem,fmu,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs docs-versions evidence blind surrogate bank studies samplers gaps processors figures golden release picture moving plotly gallery tutorial constraints system clean
+.PHONY: study test test-fast lint docs docs-versions evidence blind surrogate bank studies samplers gaps history processors figures golden release picture moving plotly gallery tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape search studies/mq200 --out $(OUT) --resume
@@ -105,6 +106,11 @@ studies: $(VENV)/ready
 	  $(BIN)/dogshape search studies/$$name --out results/$$name --resume || exit 1; \
 	  cp results/$$name/result.json results/$$name/designs.csv studies/$$name/ || exit 1; done
 	$(call print_tables,contact_sets gearbox_loads)
+
+# Computing times of this version, beside those of earlier ones (two minutes).
+history: $(VENV)/complete
+	$(BIN)/python -m benchmarks.history
+	$(BIN)/python -m benchmarks.figures
 
 # Samplers compared, with torch, which nothing else wants (a quarter of an hour).
 samplers: $(VENV)/ready

@@ -540,6 +540,38 @@ def engines() -> str:
     return markdown(head, rows)
 
 
+def history() -> str:
+    """Write the CPU times of each version."""
+    with (EVIDENCE / "history.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    head = (
+        "version",
+        "compiled shift",
+        "Drake shift",
+        "ratio",
+        "first use",
+        "`check`",
+        "`expect` to 1 %",
+        "load of a core by others",
+        "processor",
+    )
+    cells = [
+        (
+            f"{row['version']} ({row['date']})",
+            f"{row['compiled_shift_ms']} ms",
+            f"{row['drake_shift_ms']} ms",
+            row["ratio"],
+            f"{row['first_use_s']} s",
+            f"{row['check_s']} s",
+            f"{row['expect_s']} s",
+            row["load_per_core"],
+            row["processor"],
+        )
+        for row in rows
+    ]
+    return markdown(head, cells)
+
+
 def samplers() -> str:
     """Write the share of the front that each sampler finds, by processor time."""
     rows = []
@@ -628,6 +660,7 @@ TABLES: dict[str, Callable[[], str | None]] = {
     "blind field": field_table.passage,
     "adams": adams,
     "engines": engines,
+    "history": history,
     "samplers": samplers,
     "validation": validation,
     "constants": constants.table,
