@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
@@ -28,6 +28,13 @@ def may_ask(yes: bool = False) -> bool:
     return not yes and sys.stdin.isatty()
 
 
+class Answer(NamedTuple):
+    """Answer to a question: its value, and whether the user typed it or took the default."""
+
+    value: Any
+    is_typed: bool
+
+
 def ask(
     question: str,
     default: Any,
@@ -40,22 +47,42 @@ def ask(
     question is repeated after an answer of another type; the end of the input stops the program as
     Ctrl-C does.
     """
+    if not isinstance(default, bool):
+        return ask_value(question, default, choices, read).value
+    try:
+        return typer.confirm(question, default=default, err=True)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+
+
+def ask_value(
+    question: str,
+    default: Any,
+    choices: Sequence[str] = (),
+    read: Callable[[str], Any] | None = None,
+) -> Answer:
+    """Ask for a number, numbers or text as ``ask`` does, with the way in which it was answered."""
     from dogshape.pipeline.drafts.answers import choice_of, number_of, shown_value  # noqa: PLC0415
 
-    def value_of(text: str) -> Any:
+    def answer_of(text: str) -> Answer:
+        if not text:
+            return Answer(default, is_typed=False)
         try:
             if isinstance(default, str):
-                return choice_of(text, choices)
-            return (read or number_of)(text)
+                return Answer(choice_of(text, choices), is_typed=True)
+            return Answer((read or number_of)(text), is_typed=True)
         except InputError as error:
             raise typer.BadParameter(str(error)) from None
 
+    shown = shown_value(default)
+    words = f"{question} [{shown}]" if shown else question
     try:
-        if isinstance(default, bool):
-            return typer.confirm(question, default=default, err=True)
-        return typer.prompt(question, default=shown_value(default), err=True, value_proc=value_of)
+        answer: Answer = typer.prompt(
+            words, default="", show_default=False, err=True, value_proc=answer_of
+        )
     except typer.Abort:
         raise KeyboardInterrupt from None
+    return answer
 
 
 def print_reading(report: ReadingReport) -> None:

@@ -7,8 +7,8 @@ terminal.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.diagnose.study_keys import Data
 from dogshape.pipeline.drafts.draft_keys import PARTS
 from dogshape.pipeline.drafts.study_folder import (
+    Questions,
     draft_study,
     is_void,
     questions_of,
@@ -40,6 +41,7 @@ class Answers:
     faults: dict[str, str]  #: sentences on wrong answers
     refusal: str  #: sentences on mistakes that concern no key alone; empty without one
     study: Setup | None  #: of the answers; None if they make none
+    typed_keys: frozenset[str] = field(default=frozenset(), kw_only=True)  #: see ``user_values``
 
     @property
     def is_valid(self) -> bool:
@@ -49,7 +51,7 @@ class Answers:
     @property
     def values(self) -> Data:
         """Values of the user by dotted key."""
-        return user_values({}, self.answers, self.defaults)
+        return user_values({}, self.answers, self.defaults, self.typed_keys)
 
 
 @dataclass(frozen=True)
@@ -70,17 +72,25 @@ def read_questionnaire(origin: str, texts: Mapping[str, str]) -> Questionnaire:
     questions: dict[str, str] = {}
     answers: Data = {}
     faults: dict[str, str] = {}
+    typed_keys: set[str] = set()
     for part in PARTS.values():
-        values = user_values({}, answers, defaults)
-        part_defaults, part_questions = _part_questions(origin, values, part)
-        for key, default in part_defaults.items():
+        values = user_values({}, answers, defaults, typed_keys)
+        part_questions = _part_questions(origin, values, part)
+        for key, default in part_questions.defaults.items():
             if is_void(key, answers):
                 continue
+            text = texts.get(key, "")
             defaults[key] = default
-            questions[key] = part_questions[key]
-            read_answer(key, texts.get(key, ""), default, answers=answers, faults=faults)
+            questions[key] = part_questions.words[key]
+            read_answer(key, text, default, answers=answers, faults=faults)
+            if text.strip() and key not in faults and key in part_questions.used_keys:
+                typed_keys.add(key)
     study, study_faults, refusal = check_answers(
-        partial(draft_study, origin), answers, defaults, answer_faults=faults
+        partial(draft_study, origin),
+        answers,
+        defaults,
+        answer_faults=faults,
+        typed_keys=typed_keys,
     )
     return Questionnaire(
         defaults=defaults,
@@ -90,6 +100,7 @@ def read_questionnaire(origin: str, texts: Mapping[str, str]) -> Questionnaire:
         study=study,
         origin=origin,
         questions=questions,
+        typed_keys=frozenset(typed_keys),
     )
 
 
@@ -111,9 +122,7 @@ def read_answer(
         faults[key] = str(error)
 
 
-def _part_questions(
-    origin: str, values: Data, part: Mapping[str, str]
-) -> tuple[Data, dict[str, str]]:
+def _part_questions(origin: str, values: Data, part: Mapping[str, str]) -> Questions:
     """Return the questions of a part, those of the origin itself after wrong values."""
     try:
         return questions_of(origin, values, part)
@@ -126,18 +135,19 @@ def check_answers(
     answers: Data,
     defaults: Data,
     answer_faults: Mapping[str, str],
+    typed_keys: Collection[str] = (),
 ) -> tuple[Setup | None, dict[str, str], str]:
     """Build the study; add its mistakes to ``answer_faults``, and join those without a key.
 
     ``build`` makes the study of the values of a user, or raises DogshapeError. A study refuses its
     mistakes in groups, so it is built again with defaults for wrong answers; sentences on these
-    defaults are left out.
+    defaults are left out. ``typed_keys`` are those of ``user_values``.
     """
     faults = dict(answer_faults)
     replaced_keys = set(faults)
     while True:
         checked = {key: defaults[key] if key in replaced_keys else answers[key] for key in answers}
-        values = user_values({}, checked, defaults)
+        values = user_values({}, checked, defaults, set(typed_keys) - replaced_keys)
         try:
             study = build(values)
         except DogshapeError as error:

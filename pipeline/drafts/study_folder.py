@@ -12,12 +12,12 @@ import re
 import shutil
 import tempfile
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.operating import KIND, OperatingSection, dotted_keys
@@ -240,13 +240,19 @@ def draft_study(origin: str, values: Mapping[str, Any]) -> Setup:
     return build_study(validate(StudyFile, tomllib.loads(draft.text), "the draft"))
 
 
-def questions_of(
-    origin: str, values: Mapping[str, Any], part: Mapping[str, str]
-) -> tuple[Data, dict[str, str]]:
-    """Return defaults and questions, both by key, of a draft with ``values``.
+class Questions(NamedTuple):
+    """Questions of a part of a draft by key, with their defaults."""
 
-    ``part`` is one of the tables of words. A question contains the source of its default. Points
-    that are no lists are asked for as lists.
+    defaults: Data
+    words: dict[str, str]  #: with the source of the default
+    #: keys with a default that the study uses; others show a default for a key that it lacks
+    used_keys: frozenset[str]
+
+
+def questions_of(origin: str, values: Mapping[str, Any], part: Mapping[str, str]) -> Questions:
+    """Return the questions of a draft with ``values``.
+
+    ``part`` is one of the tables of words. Points that are no lists are asked for as lists.
     """
     source = source_of(origin)
     text = _draft_of(source, origin, values).text
@@ -254,7 +260,11 @@ def questions_of(
     sources = sources_of(text)
     defaults = {key: look_up(key) for key in WORDS}
     defaults |= operating_lists(look_up)
-    for key, value, reason in (*_defaults(look_up), *_default_answers(look_up)):
+    used_keys = {key for key in WORDS if look_up(key) is not None}
+    used_keys -= {key for key in OPERATION if not isinstance(look_up(key), list)}
+    absent_defaults = _defaults(look_up)
+    used_keys |= {key for key, *_ in absent_defaults}
+    for key, value, reason in (*absent_defaults, *_default_answers(look_up)):
         if defaults[key] is None:
             defaults[key] = value
             sources[key] = reason
@@ -269,7 +279,7 @@ def questions_of(
     for key in answers:
         words = WORDS[key]
         questions[key] = f"{words} ({sources[key]})" if sources.get(key) else words
-    return answers, questions
+    return Questions(answers, questions, frozenset(used_keys & answers.keys()))
 
 
 def operating_lists(look_up: LookUp) -> Data:
@@ -427,11 +437,17 @@ def changed_values(values: Mapping[str, Any], defaults: Mapping[str, Any]) -> Da
     return {key: value for key, value in values.items() if value != defaults[key]}
 
 
-def user_values(values: Mapping[str, Any], answers: Data, defaults: Data) -> Data:
-    """Return given ``values``, then answers other than the default; operating points together."""
+def user_values(
+    values: Mapping[str, Any], answers: Data, defaults: Data, typed_keys: Collection[str] = ()
+) -> Data:
+    """Return given ``values``, then answers other than the default; operating points together.
+
+    Answers to ``typed_keys`` are the user's own where they equal the default too.
+    """
     changes = changed_values(answers, defaults)
     points = OPERATION if changes.keys() & OPERATION else ()
-    return {**values, **changes, **{key: answers[key] for key in points}}
+    user_keys = [key for key in answers if key in changes or key in typed_keys or key in points]
+    return {**values, **{key: answers[key] for key in user_keys}}
 
 
 def is_void(key: str, answers: Mapping[str, Any]) -> bool:

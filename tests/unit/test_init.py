@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 from pathlib import Path
 
@@ -103,6 +105,39 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     )
     assert bench.source.startswith("me, today; m.csv (SHA-256 ")
     assert bench.readings[0].time == pytest.approx(0.19)
+
+
+def test_an_answer_equal_to_the_default_is_the_users_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Number of dogs, gap and coast torque are typed as they are shown, the rest by return."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
+    command = ["init", "study", "--json", "--out"]
+    plain = CliRunner().invoke(app, [*command, "plain"], input=50 * "\n")
+    assert plain.exit_code == 0, plain.stderr
+    typed_questions = ("number of dogs", "axial gap", "largest torque on the braking flank")
+    prompts = re.findall(r"(.*?) \[([^]]*)\]:", plain.stderr)
+    lines = [
+        default if question.startswith(typed_questions) else "" for question, default in prompts
+    ]
+    assert sum(map(bool, lines)) == 3
+    typed = CliRunner().invoke(app, [*command, "typed"], input="\n".join(lines) + "\n")
+    assert typed.exit_code == 0, typed.stderr
+    # A test's terminal echoes the answers before the document.
+    plain_study, typed_study = (
+        json.loads(done.stdout[done.stdout.index("{") :]) for done in (plain, typed)
+    )
+    assert plain_study["set"] == {}
+    set_values = {"dog.count": 15, "dog.axial_gap_mm": 1.0, "load.coast_share": 0.4}
+    assert typed_study["set"] == set_values
+    plain_sentences = " ".join(plain_study["assumed"])
+    typed_sentences = " ".join(typed_study["assumed"])
+    for key in set_values:
+        assert f"{key} = " in plain_sentences
+        assert f"{key} = " not in typed_sentences
+    assert "dog.chamfer_deg = 8" in typed_sentences
+    assert load_study("typed").physics_hash == load_study("plain").physics_hash
 
 
 def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

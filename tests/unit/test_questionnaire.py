@@ -34,6 +34,21 @@ def test_answers_are_read_as_people_write_them() -> None:
     assert state_text(questionnaire).startswith("values of yours: 5; of 'amt' or")
 
 
+def test_typed_defaults_are_the_users_own(tmp_path: Path) -> None:
+    """A typed default of a key that the study lacks, such as a latch, stays absent."""
+    texts = {"dog.count": "15", "load.torque_Nm": "200 N m", "dog.mount": "face"}
+    questionnaire = read_questionnaire("mq200", texts)
+    assert questionnaire.is_valid
+    assert questionnaire.values == {"dog.count": 15, "load.torque_Nm": 200.0}
+    assert state_text(questionnaire).startswith("values of yours: 2; of 'mq200' or")
+    assert "--set dog.count=15 --set load.torque_Nm=200" in command_text(questionnaire, "own")
+    written = write_study(tmp_path / "own", "mq200", questionnaire.values)
+    sentences = " ".join(written.assumed)
+    assert "dog.height_mm = 3.7" in sentences
+    assert "dog.count" not in sentences
+    assert "load.torque_Nm" not in sentences
+
+
 def test_every_wrong_answer_has_its_sentence_at_once() -> None:
     """Unreadable ones, those that the file refuses, and those that a later check refuses."""
     texts = {"dog.count": "0", "load.torque_Nm": "3,200", "dog.outer_diameter_mm": "40"}

@@ -165,9 +165,17 @@ def _ask_study(
     defaults: dict[str, Any] = {}
     answers: dict[str, Any] = {}
     questions: dict[str, str] = {}
+    used_keys: set[str] = set()  # with a default that the study uses
+    typed_keys: set[str] = set()
 
     def user_keys() -> dict[str, Any]:
-        return study_folder.user_values(values, answers, defaults)
+        return study_folder.user_values(values, answers, defaults, typed_keys & used_keys)
+
+    def add_answers(part_defaults: Mapping[str, Any]) -> None:
+        for key, answer in ask_values(part_defaults, questions).items():
+            answers[key] = answer.value
+            if answer.is_typed:
+                typed_keys.add(key)
 
     def repeat_until_valid(make: Callable[[dict[str, Any]], Any]) -> Any:
         while True:
@@ -175,13 +183,14 @@ def _ask_study(
                 return make(user_keys())
             except (InputError, GeometryError) as error:
                 typer.echo(f"{error}\nnothing is written yet; your answers are kept", err=True)
-                answers.update(ask_values(defaults | answers, questions))
+                add_answers(defaults | answers)
 
     for part in draft_keys.PARTS.values():
-        part_defaults, part_questions = study_folder.questions_of(origin, user_keys(), part)
-        defaults |= part_defaults
-        questions |= part_questions
-        answers |= ask_values(part_defaults, part_questions)
+        part_questions = study_folder.questions_of(origin, user_keys(), part)
+        defaults |= part_questions.defaults
+        questions |= part_questions.words
+        used_keys |= part_questions.used_keys
+        add_answers(part_questions.defaults)
         if part is draft_keys.OPERATION:
             repeat_until_valid(partial(study_folder.draft_study, origin))
     write = partial(study_folder.write_study, out, origin, force=force, reading=reading)
@@ -303,7 +312,9 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
     if not dialogue.ask(f"is the clutch exactly that of '{origin}'?", True):
         dog_values = source_of(origin).dog_values
         questions = WORDS | {MASS: "moving mass, with fork and rod, kg"}
-        values = changed_values(ask_values(dog_values, questions), dog_values) | values
+        answers = ask_values(dog_values, questions)
+        dog_answers = {key: answer.value for key, answer in answers.items()}
+        values = changed_values(dog_answers, dog_values) | values
     for key, (question, choices) in RECORD_QUESTIONS.items():
         if key not in values and (key != EMPTY_CELLS or tables.report.empty_rows):
             values[key] = dialogue.ask(f"{question}: {', '.join(choices)}", "unknown", choices)
@@ -312,16 +323,19 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
     return replace(draft, origin=origin, values=values)
 
 
-def ask_values(defaults: Mapping[str, Any], questions: Mapping[str, str]) -> dict[str, Any]:
+def ask_values(
+    defaults: Mapping[str, Any], questions: Mapping[str, str]
+) -> dict[str, dialogue.Answer]:
     """Ask for values by their keys, except for keys that earlier answers make void."""
     from dogshape.pipeline.drafts.draft_keys import CHOICES  # noqa: PLC0415
     from dogshape.pipeline.drafts.study_folder import is_void, value_of  # noqa: PLC0415
 
-    answers: dict[str, Any] = {}
+    answers: dict[str, dialogue.Answer] = {}
     for key, default in defaults.items():
-        if not is_void(key, answers):
-            read = partial(value_of, key, default=default, answers=answers)
-            answers[key] = dialogue.ask(
+        values = {answered_key: answer.value for answered_key, answer in answers.items()}
+        if not is_void(key, values):
+            read = partial(value_of, key, default=default, answers=values)
+            answers[key] = dialogue.ask_value(
                 questions.get(key, key), default, CHOICES.get(key, ()), read
             )
     return answers
