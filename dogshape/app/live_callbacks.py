@@ -264,7 +264,7 @@ def _predicted_content(
         "own dog",
         is_sleeve=config.limits.sleeve is not None,
     )
-    side, own = _sides(live_page, question, design)
+    side, own = _sides(live_page, design, _own_design(live_page, question, design))
     reason = live_page.prediction_refusal(design.study)
     is_beyond = live_page.is_beyond_surrogate(design.study)
     if is_beyond:
@@ -284,11 +284,12 @@ def _predicted_content(
     }
 
 
-def _sides(live_page: LivePage, question: Question, design: LiveDesign) -> tuple[Side, Side | None]:
-    """List the answers so far on a design, and on the own dog; None for the same or no clutch."""
+def _sides(
+    live_page: LivePage, design: LiveDesign, own_design: LiveDesign | None
+) -> tuple[Side, Side | None]:
+    """List the answers so far on a design and on the own dog, None without one."""
     side = _side(live_page, design)
-    own_design = _own_design(live_page, question)
-    if own_design is None or own_design.key == design.key:
+    if own_design is None:
         return side, None
     try:
         return side, _side(live_page, own_design)
@@ -296,10 +297,16 @@ def _sides(live_page: LivePage, question: Question, design: LiveDesign) -> tuple
         return side, None
 
 
-def _own_design(live_page: LivePage, question: Question) -> LiveDesign | None:
-    """Build the own dog under load and operation of the page; None if there is no such clutch."""
+def _own_design(live_page: LivePage, question: Question, design: LiveDesign) -> LiveDesign | None:
+    """Build the own dog under load and operation of the page.
+
+    None if it is the dog of ``design``, or if there is no such clutch.
+    """
     own_answers = live_page.read(live_page.own_question(question))
-    return live_page.design(own_answers, question.where)
+    own_design = live_page.design(own_answers, question.where)
+    if own_design is None or own_design.key == design.key:
+        return None
+    return own_design
 
 
 def _side(live_page: LivePage, design: LiveDesign) -> Side:
@@ -343,7 +350,7 @@ def answer_by_simulation(live_page: LivePage, question: Question, is_wanted: boo
         return {}
     try:
         live_page.simulate(design)
-        side, own = _sides(live_page, question, design)
+        side, own = _sides(live_page, design, _own_design(live_page, question, design))
     except DogshapeError as error:
         card = live_content.card(live_content.SIMULATED, "none", str(error))
         return {"simulated.children": card}
@@ -357,12 +364,14 @@ def answer_by_simulation(live_page: LivePage, question: Question, is_wanted: boo
 def answer_on_own_dog(live_page: LivePage, question: Question) -> Answer:
     """Simulate the own dog beside a simulated design; return the content of the comparison."""
     design = live_page.design(live_page.read(question), question.where)
-    own_design = _own_design(live_page, question)
-    if design is None or own_design is None or own_design.key == design.key:
+    if design is None:
+        return {}
+    own_design = _own_design(live_page, question, design)
+    if own_design is None:
         return {}
     try:
         live_page.simulate(own_design)
-        side, own = _sides(live_page, question, design)
+        side, own = _sides(live_page, design, own_design)
     except DogshapeError:
         return {}
     return _compared_content(live_page, side, own)

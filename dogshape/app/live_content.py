@@ -345,12 +345,12 @@ def beside_table(fields: Sequence[PageField], design: Side, own: Side | None) ->
 
     ``own`` is None where the design is the own dog, or where there is no such clutch.
     """
-    is_own = all(design.values[field.key] == field.default for field in _dog_fields(fields))
+    is_own = all(design.values[field.key] == field.default for field in _dog_dimensions(fields))
     sides = {"own dog" if is_own else "this design": design}
     if own is not None:
         sides = {"own dog": own, **sides}
     body = []
-    for field in _dog_fields(fields):
+    for field in _dog_dimensions(fields):
         values = [side.values[field.key] for side in sides.values()]
         name = f"{field.label}, {field.unit}".removesuffix(", ")
         look = "changed" if values[0] != values[-1] else ""
@@ -368,7 +368,7 @@ def beside_table(fields: Sequence[PageField], design: Side, own: Side | None) ->
     return [html.H2(title), table, html.P(note, className="note")]
 
 
-def _dog_fields(fields: Sequence[PageField]) -> list[PageField]:
+def _dog_dimensions(fields: Sequence[PageField]) -> list[PageField]:
     """Select the dimensions of the dog."""
     return [field for field in fields if field.group == "dog"]
 

@@ -467,13 +467,6 @@ class Solenoid(Actuator):
         return self.rated_current or self.voltage / self.resistance
 
     @property
-    def full_share(self) -> float:
-        """Final current over the rated one."""
-        if self.rated_current == 0.0:
-            return 1.0
-        return self.voltage / (self.resistance * self.rated_current)
-
-    @property
     def end_spring(self) -> float:
         """Force of the return spring at the end of the stroke, N."""
         return self.return_preload + self.return_rate * self.stroke
@@ -481,7 +474,7 @@ class Solenoid(Actuator):
     @property
     def full_force(self) -> float:
         """Force at the end of the stroke, N."""
-        return self.end_force * self.full_share**2 - self.end_spring
+        return self._static_force("voltage_V", self.voltage)
 
     def _static_force(self, key: str, value: float) -> float:
         current = value / self.resistance if key == "voltage_V" else value
