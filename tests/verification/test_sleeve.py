@@ -219,7 +219,7 @@ def test_sheet_console_and_live_page_state_the_mount(dogshape: Call, tmp_path: P
     assert f"mount: {words}\n" in said.out
     assert "mount:" not in dogshape("strength", "mq200", "--no-simulate").out
     page = open_live_page(study)
-    texts = {number.key: number.text for number in page.numbers}
+    texts = page.start_texts()
     page.write("dog.svg", texts, "", tmp_path / "dog.svg")
     assert "teeth of a sleeve" in (tmp_path / "dog.svg").read_text("utf-8")
     with pytest.raises(ds.InputError, match="STL and STEP have dogs on a face"):
