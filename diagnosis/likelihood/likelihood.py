@@ -144,10 +144,9 @@ class SpreadDensity(NamedTuple):
     @classmethod
     def of(cls, observed_freedom: Array, predicted_freedom: Array) -> Self:
         """Build the density for degrees of freedom that broadcast together."""
-        observed, predicted = np.broadcast_arrays(observed_freedom, predicted_freedom)
-        half_sum = 0.5 * (observed + predicted)
-        log = gammaln(half_sum) - gammaln(0.5 * predicted) - gammaln(0.5 * observed)
-        return cls(observed, predicted, np.asarray(log))
+        half_sum = 0.5 * (observed_freedom + predicted_freedom)
+        log = gammaln(half_sum) - gammaln(0.5 * predicted_freedom) - gammaln(0.5 * observed_freedom)
+        return cls(*np.broadcast_arrays(observed_freedom, predicted_freedom, log))
 
     def log(self, ratio: Array) -> Array:
         """Compute the log density of ln ``ratio``."""
@@ -187,12 +186,13 @@ class _ShareTable:
         low = logit(self.low)
         high = logit(self.high)
         odds = logit(np.clip(share, self.low, self.high))
-        position = ((odds - low) * ((TABLE_SIZE - 1) / (high - low)))[:, point]
+        position = (odds - low) * ((TABLE_SIZE - 1) / (high - low))
         row = np.clip(position.astype(int), 0, TABLE_SIZE - 2)
-        columns = np.arange(position.shape[1])
-        lower = self.values[row, columns]
-        upper = self.values[row + 1, columns]
-        return np.asarray(lower + (position - row) * (upper - lower))
+        width = self.values.shape[1]
+        place = (row * width)[:, point] + np.arange(width)
+        lower = self.values.take(place)
+        upper = self.values.take(place + width)
+        return np.asarray(lower + (position - row)[:, point] * (upper - lower))
 
 
 @dataclass(frozen=True)
@@ -213,9 +213,14 @@ class _OptionList:
         """Index of the first option of each point, (c,)."""
         return np.flatnonzero(np.diff(self.point, prepend=-1))
 
+    @cached_property
+    def _mode_column(self) -> np.ndarray:
+        """Column of each option's mode among those of both modes one after the other, (P,)."""
+        return np.where(self.is_main, self.point + self._starts.size, self.point)
+
     def by_mode(self, pair: Array) -> Array:
         """Select for each option the value of its mode (``ModeOptions``) from (2, m, c), (m, P)."""
-        return np.where(self.is_main, pair[1][:, self.point], pair[0][:, self.point])
+        return np.concatenate(pair, axis=1)[:, self._mode_column]
 
     def sum_points(self, values: Array) -> Array:
         """Sum the options (m, P) of each point, (m, c)."""
@@ -670,7 +675,7 @@ def fit_common_errors(residual: Array, variance: Array, columns: Array) -> tuple
     precision = np.eye(columns.shape[2]) + scaled @ columns
     gain = columns @ np.linalg.inv(precision)
     values = gain @ (scaled @ residual[..., None])
-    return values[..., 0], (gain * columns).sum(axis=2)
+    return values[..., 0], np.einsum("mce,mce->mc", gain, columns)
 
 
 def integrate_common_errors(
