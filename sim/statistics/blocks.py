@@ -157,7 +157,7 @@ def even_block(
     angle_list: Sequence[float]
     if isinstance(angles, int):
         seed = draw[0]
-        angle_list = (even_phases(angles, *draw, base) * clutch.dog.pitch_angle).tolist()
+        angle_list = (_draw_phases(angles, *draw, base) * clutch.dog.pitch_angle).tolist()
     else:
         angle_list = angles
     variants: tuple[Variant, ...] = ()
@@ -167,6 +167,7 @@ def even_block(
 
 
 #: All designs share the draws of an operating point.
+_draw_phases = lru_cache(maxsize=256)(even_phases)
 _draw_variants = lru_cache(maxsize=128)(Uncertainty.variants)
 
 

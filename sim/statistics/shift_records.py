@@ -16,6 +16,8 @@ from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
 from dogshape.sim.units import DEG, MM, from_si, suffix_of
 
+_ENCODER = json.JSONEncoder(sort_keys=True)
+
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
 
@@ -115,7 +117,7 @@ def _content_text(record: Record) -> str:
     rounded = {
         key: _rounded(value) if isinstance(value, float) else value for key, value in record.items()
     }
-    return json.dumps(rounded, sort_keys=True)
+    return _ENCODER.encode(rounded)
 
 
 def _rounded(value: float) -> float:
