@@ -181,6 +181,16 @@ class _ShareTable:
     high: float
     values: Array  #: (TABLE_SIZE, P)
 
+    @cached_property
+    def _flat_values(self) -> Array:
+        """Values of one function after the other, (P TABLE_SIZE,)."""
+        return self.values.T.ravel()
+
+    @cached_property
+    def _starts(self) -> np.ndarray:
+        """Index of the first value of each function, (P,)."""
+        return TABLE_SIZE * np.arange(self.values.shape[1])
+
     def interpolate(self, share: Array, point: np.ndarray | slice = slice(None)) -> Array:
         """Interpolate each function at the share (m, c) of its ``point`` (P,), (m, P)."""
         low = logit(self.low)
@@ -188,10 +198,9 @@ class _ShareTable:
         odds = logit(np.clip(share, self.low, self.high))
         position = (odds - low) * ((TABLE_SIZE - 1) / (high - low))
         row = np.clip(position.astype(int), 0, TABLE_SIZE - 2)
-        width = self.values.shape[1]
-        place = (row * width)[:, point] + np.arange(width)
-        lower = self.values.take(place)
-        upper = self.values.take(place + width)
+        place = row[:, point] + self._starts
+        lower = self._flat_values[place]
+        upper = self._flat_values[place + 1]
         return np.asarray(lower + (position - row)[:, point] * (upper - lower))
 
 
