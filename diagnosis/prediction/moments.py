@@ -85,9 +85,9 @@ class AngleErrors(NamedTuple):
 
 
 class _SimulatedAngles(NamedTuple):
-    """Angles of n benches that were simulated at an operating point, by p patterns."""
+    """Angles of n benches that were simulated, by p patterns."""
 
-    patterns: Array  #: 1 for a simulated angle, else 0, (A, p)
+    patterns: Array  #: 1 for a simulated angle, else 0, (C, A, p)
     bench_patterns: Array  #: 1 for the pattern of a bench, else 0, (n, p)
 
 
@@ -123,14 +123,14 @@ class Angles:
         return np.array([self._moments(cell, even_weights) for cell in cells])
 
     @cached_property
-    def _simulated(self) -> list[_SimulatedAngles]:
-        """Simulated angles of each operating point."""
-        simulated = []
-        for values in self._values:
-            patterns, index = np.unique(values[SIMULATED], axis=1, return_inverse=True)
-            bench_patterns = np.eye(patterns.shape[1])[index.ravel()]
-            simulated.append(_SimulatedAngles(patterns, bench_patterns))
-        return simulated
+    def _simulated(self) -> _SimulatedAngles:
+        """Simulated angles, which most benches share."""
+        is_simulated = ~np.isnan(self.times)
+        patterns, index = np.unique(is_simulated, axis=0, return_inverse=True)
+        return _SimulatedAngles(
+            patterns=np.ascontiguousarray(np.moveaxis(patterns, 0, -1), dtype=float),
+            bench_patterns=np.eye(len(patterns))[index.ravel()],
+        )
 
     def changes(self, cell: int, weights: Array, bench_shares: Array) -> Array:
         """Sum the changes of the moments from even angles over the benches, (m, MOMENTS).
@@ -146,10 +146,10 @@ class Angles:
 
     def errors(self, cell: int, weights: Array, bench_shares: Array) -> AngleErrors:
         """Compute the errors of ``changes`` by the number of angles that count."""
-        patterns, bench_patterns = self._simulated[cell]
+        patterns = self._simulated.patterns[cell]
         squares = np.maximum(weights**2 @ patterns, MIN_WEIGHT)
         count = np.maximum(weights @ patterns, MIN_WEIGHT) ** 2 / squares
-        square_shares = bench_shares**2 @ bench_patterns
+        square_shares = bench_shares**2 @ self._simulated.bench_patterns
         error = EVEN_ERROR * count**-EVEN_POWER
         return AngleErrors(
             inverse_square=(square_shares / count**2).sum(axis=1),
