@@ -17,6 +17,7 @@ the sum over all options.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -66,6 +67,17 @@ class PointOptions(NamedTuple):
     scatter: Array  #: variance of the mean by its shifts, s^2
     log_prior: Array  #: log prior probability
     log_weight: Array  #: log prior probability plus log density of the observed spread
+
+
+class _PredictedMeans(NamedTuple):
+    """Predicted means of m predictions at c points, with their errors."""
+
+    q: Prediction
+    options: PointOptions
+    variance: Array  #: of each mean from its independent errors, s^2, (m, c)
+    discrepancy: Array  #: error in common, s, (m, c, r)
+    common: Array  #: other errors in common, s, (m, c, e)
+    log_engaged: Array  #: log probability of the numbers that engaged, (m,)
 
 
 class ModeOptions(NamedTuple):
@@ -388,28 +400,51 @@ class Likelihood:
         relative = simulated * self.relative_errors
         return np.concatenate([relative, absolute, p.common_error[..., None]], axis=2)
 
-    def terms(self, p: Prediction, unlisted: tuple[float, float] | None = None) -> Terms:
-        """Compute the log likelihood of predictions (m, C).
+    def terms(self, p: Prediction) -> Terms:
+        """Compute the log likelihood of predictions (m, C)."""
+        return self._terms(self._predicted_means(p))
 
-        ``unlisted`` are amplitude and length of a gap that no effect explains; None for no gap.
+    def unlisted_terms(self, p: Prediction, gaps: Sequence[tuple[float, float]]) -> Iterator[Terms]:
+        """Yield the log likelihood of predictions (m, C) with each gap that no effect explains.
+
+        ``gaps`` are pairs of amplitude and length.
         """
+        predicted = self._predicted_means(p)
+        simulated = predicted.q.mean - predicted.q.delay
+        roots = {length: self.unlisted_root(length) for _, length in gaps}
+        for size, length in gaps:
+            independent_variance = (1.0 - self.settings.unlisted_smooth) * (size * simulated) ** 2
+            unlisted_errors = size * (simulated[..., None] * roots[length])
+            gapped = predicted._replace(
+                variance=predicted.variance + independent_variance,
+                common=np.concatenate([predicted.common, unlisted_errors], axis=2),
+            )
+            yield self._terms(gapped)
+
+    def _predicted_means(self, p: Prediction) -> _PredictedMeans:
+        """Predict options and errors of each point that has a mean."""
         points = self.measured_points
         q = self.at_measured(p)
-        simulated = q.mean - q.delay
-        variance = self.mean_variance(p)[:, points]
-        common = self.common_errors(p)[:, points]
-        discrepancy = simulated[..., None] * self.discrepancy_root[points]
-        if unlisted is not None:
-            size, length = unlisted
-            independent_share = 1.0 - self.settings.unlisted_smooth
-            variance = variance + independent_share * (size * simulated) ** 2
-            unlisted_errors = simulated[..., None] * self.unlisted_root(length)
-            common = np.concatenate([common, size * unlisted_errors], axis=2)
-        means = self._choose_means(q, variance, discrepancy, common)
-        log, nodes = integrate_common_errors(
-            means.residual, means.variance, discrepancy, common, self.settings.discrepancy
+        return _PredictedMeans(
+            q=q,
+            options=self._point_options(q),
+            variance=self.mean_variance(p)[:, points],
+            discrepancy=(q.mean - q.delay)[..., None] * self.discrepancy_root[points],
+            common=self.common_errors(p)[:, points],
+            log_engaged=self.log_engaged(p),
         )
-        log_options = means.log_probability + self.log_engaged(p)
+
+    def _terms(self, predicted: _PredictedMeans) -> Terms:
+        """Integrate all errors in common of predicted means over their priors."""
+        means = self._choose_means(predicted)
+        log, nodes = integrate_common_errors(
+            means.residual,
+            means.variance,
+            predicted.discrepancy,
+            predicted.common,
+            self.settings.discrepancy,
+        )
+        log_options = means.log_probability + predicted.log_engaged
         return Terms(
             log_likelihood=log + log_options,
             log_by_amplitude=nodes + log_options[:, None],
@@ -425,16 +460,10 @@ class Likelihood:
         root = _covariance_root(np.exp(-0.5 * square / length**2))
         return self.settings.unlisted_smooth**0.5 * root
 
-    def _choose_means(
-        self, q: Prediction, variance: Array, discrepancy: Array, common: Array
-    ) -> ChosenMeans:
-        """Choose the most probable option of each point.
-
-        ``variance`` of each mean from its independent errors is s^2, (m, c); ``discrepancy`` and
-        ``common`` are errors in common, s, (m, c, r) and (m, c, e).
-        """
+    def _choose_means(self, predicted: _PredictedMeans) -> ChosenMeans:
+        """Choose the most probable option of each point."""
         option_list = self._option_list
-        options = self._point_options(q)
+        q, options, variance, discrepancy, common, _ = predicted
         residual = self.observed.mean[self.measured_points] - q.mean
         columns = np.concatenate([self.settings.discrepancy * discrepancy, common], axis=2)
         option_variance = options.scatter + variance
