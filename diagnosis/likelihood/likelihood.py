@@ -165,16 +165,23 @@ class SpreadDensity(NamedTuple):
         return np.asarray(log - half_sum * np.log1p(x))
 
 
-def _log_count(share: Array, count: Array, total: Array, share_shifts: float) -> Array:
-    """Compute the log beta-binomial probability of ``count`` in ``total`` shifts.
+def _log_count(shares: Array, count: Array, total: Array, share_shifts: float) -> Array:
+    """Compute the log beta-binomial probability of ``count`` in ``total`` shifts, (s, ...).
 
-    The share is as certain as one from ``share_shifts`` simulated shifts.
+    ``shares`` (s,) are as certain as those from ``share_shifts`` simulated shifts. Many points have
+    the same numbers, which are computed once.
     """
-    alpha = share_shifts * share
-    beta = share_shifts * (1.0 - share)
-    log = betaln(count + alpha, total - count + beta) - betaln(alpha, beta)
-    log_choose = gammaln(total + 1.0) - gammaln(count + 1.0)
-    return np.asarray(log + log_choose - gammaln(np.maximum(total - count, 0.0) + 1.0))
+    numbers = np.stack(np.broadcast_arrays(count, total))
+    distinct, index = np.unique(numbers.reshape(2, -1), axis=1, return_inverse=True)
+    distinct_count, distinct_total = distinct
+    alpha = share_shifts * shares[:, None]
+    beta = share_shifts * (1.0 - shares[:, None])
+    log = betaln(distinct_count + alpha, distinct_total - distinct_count + beta)
+    log = log - betaln(alpha, beta)
+    log_choose = gammaln(distinct_total + 1.0) - gammaln(distinct_count + 1.0)
+    remainder = np.maximum(distinct_total - distinct_count, 0.0)
+    log = log + log_choose - gammaln(remainder + 1.0)
+    return np.asarray(log[:, index.ravel()].reshape(len(shares), *numbers.shape[1:]))
 
 
 def _table_shares(low: float, high: float) -> Array:
@@ -540,9 +547,8 @@ class Likelihood:
         hidden = np.where(hides_late[:, None], numbers, 0.0)
         is_possible = (numbers <= count[:, None]) & (hides_late[:, None] | (numbers == 0))
         low = self.settings.late_least
-        shares = _table_shares(low, self.settings.late_most)[:, None, None]
         log = _log_count(
-            shares,
+            _table_shares(low, self.settings.late_most),
             count=hidden + late_count[:, None],
             total=(count + late_count)[:, None],
             share_shifts=self.settings.late_known,
@@ -653,7 +659,7 @@ class Likelihood:
         """Log probability of each point's number that engaged, by the share that engages."""
         low, high = self.settings.engaged_range
         log = _log_count(
-            _table_shares(low, high)[:, None],
+            _table_shares(low, high),
             count=self.observed.engaged_count,
             total=self.observed.engaged_count + self.observed.failed_count,
             share_shifts=self.settings.late_known,
