@@ -587,7 +587,7 @@ class Model:
         Modes are the baseline's, the centre moved by the further ``turn`` before the rings touch,
         pitches, (m, C).
         """
-        all_benches = self.baseline.angles
+        baseline_benches = self.baseline.angles
         shape = change.error.shape
         dense_baseline = np.tile([1.0, 0.0], (len(change.error), 1))
         baseline_shares = dense_baseline
@@ -607,8 +607,8 @@ class Model:
         ordered = self.baseline.ordered
         for cell in range(self.cell_count):  # all weights at once do not fit a processor's cache
             weights = angle_weights(self.baseline.turns[cell], angles.concentration, angles.centre)
-            errors = [all_benches.errors(cell, weights, dense_baseline)]
-            change_sum = all_benches.changes(cell, weights, baseline_shares)
+            errors = [baseline_benches.errors(cell, weights, dense_baseline)]
+            change_sum = baseline_benches.changes(cell, weights, baseline_shares)
             for bench_angles, bench_shares in benches:
                 errors.append(bench_angles.errors(cell, weights, bench_shares))
                 change_sum += bench_angles.changes(cell, weights, bench_shares)
