@@ -97,7 +97,12 @@ def angle_weights(turns: Array, concentration: float | Array, centre: float | Ar
     ``concentration`` and ``centre`` are numbers or (..., 1).
     """
     angles = 2.0 * np.pi * turns
-    centre_angle = 2.0 * np.pi * np.asarray(centre)
-    cosine = np.cos(angles) * np.cos(centre_angle) + np.sin(angles) * np.sin(centre_angle)
-    densities = np.exp(concentration * (cosine - 1.0))
-    return densities / densities.mean(axis=-1, keepdims=True)
+    kappa, centre = np.broadcast_arrays(np.atleast_1d(concentration), np.atleast_1d(centre))
+    centre_angle = 2.0 * np.pi * centre
+    # The exponent kappa (cos(angle - centre) - 1) as a product of matrices.
+    factors = [kappa * np.cos(centre_angle), kappa * np.sin(centre_angle), kappa]
+    basis = np.stack([np.cos(angles), np.sin(angles), np.full_like(angles, -1.0)])
+    exponent = np.concatenate(factors, axis=-1) @ basis
+    weights = np.exp(exponent, out=exponent)
+    weights /= weights.mean(axis=-1, keepdims=True)
+    return weights

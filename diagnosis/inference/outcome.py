@@ -141,14 +141,17 @@ class PredictedOutcome:
 
     def log_density(self, outcomes: Array) -> Array:
         """Compute log densities of outcomes (n, d) under each hypothesis, (n, hypotheses)."""
-        inverse = np.linalg.inv(self._roots)
-        scaled = np.einsum("cij,nj->nci", inverse, outcomes)
-        scaled -= np.einsum("cij,cj->ci", inverse, self.mean)
+        count, size = self.mean.shape
+        inverse = np.linalg.inv(self._roots).swapaxes(0, 1)  # rows of all densities, (d, c, d)
+        deviates = (outcomes @ inverse.reshape(-1, size).T).reshape(-1, size, count)
+        deviates -= (inverse * self.mean).sum(axis=2)
         log_root = np.log(np.diagonal(self._roots, axis1=1, axis2=2)).sum(axis=1)
-        log = np.log(self.share) - log_root - 0.5 * (scaled**2).sum(axis=2)
-        log -= 0.5 * self.mean.shape[1] * np.log(2.0 * np.pi)
+        log = np.log(self.share) - log_root - 0.5 * size * np.log(2.0 * np.pi)
+        log = log - 0.5 * (deviates**2).sum(axis=1)
         starts = np.searchsorted(self.hypothesis_index, np.arange(len(self.hypotheses)))
-        return np.asarray(np.logaddexp.reduceat(log, starts, axis=1))
+        max_log = np.maximum.reduceat(log, starts, axis=1)
+        density = np.exp(log - max_log[:, self.hypothesis_index])
+        return np.asarray(max_log + np.log(np.add.reduceat(density, starts, axis=1)))
 
     def draw(self, indices: np.ndarray, generator: np.random.Generator) -> Array:
         """Draw an outcome of each of the hypotheses at indices (n,), (n, d)."""

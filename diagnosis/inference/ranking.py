@@ -373,24 +373,21 @@ class HypothesisSearch:
         pairs = [h for h in self.samples if len(strip_sense(h)) == 2]
         bases = [h for h in self.samples if len(strip_sense(h)) < 2]
         bases += sorted(pairs, key=lambda h: -self.value(h))[:UNLISTED_PAIRS]
-        options = [
-            *itertools.product(
-                settings.unlisted_sizes, settings.unlisted_lengths, settings.unlisted_stretches
-            )
-        ]
+        gaps = [*itertools.product(settings.unlisted_sizes, settings.unlisted_lengths)]
+        option_count = len(gaps) * len(settings.unlisted_stretches)
         logs = []
         for h in bases:
             sample = self.samples[h]
             draws, log_density = _flattened_draws(sample)
             p = sample.predicted.select(draws)
             is_possible = np.isfinite(sample.log_likelihood[draws])
-            for size, length, stretch in options:
+            for stretch in settings.unlisted_stretches:
                 stretched = replace(p, sd=stretch * p.sd)
-                log = self.likelihood.terms(stretched, (size, length)).log_likelihood
-                log = np.where(is_possible, log, -np.inf)
-                logs.append(logsumexp(log - log_density) + self.priors[h])
+                for terms in self.likelihood.unlisted_terms(stretched, gaps):
+                    log = np.where(is_possible, terms.log_likelihood, -np.inf)
+                    logs.append(logsumexp(log - log_density) + self.priors[h])
         log_bases = logsumexp([self.priors[h] for h in bases])
-        return float(logsumexp(logs) - math.log(len(options)) - log_bases)
+        return float(logsumexp(logs) - math.log(option_count) - log_bases)
 
 
 def _flattened_draws(sample: Sample) -> tuple[np.ndarray, Array]:

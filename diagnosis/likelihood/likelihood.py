@@ -17,6 +17,7 @@ the sum over all options.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -43,6 +44,7 @@ MAX_MAIN_PROBABILITY = 0.99  #: that all shifts of a point lie in the main mode
 ODD_SPREAD_VARIANCE = 1.0  #: of ln of a spread that is an outlier, added to the usual variance
 MAX_LATE_COUNTS = 6  #: numbers of late shifts within one mean that are tried beside 0
 MIN_FORCE_SPREAD = 0.1  #: least deviation of ln force that scales the slope of a discrepancy
+IMPOSSIBLE_LOG = -1e6  #: log probability of a number of late shifts that a point cannot have
 TABLE_SIZE = 257  #: shares at which probabilities of numbers of shifts are computed
 DIFFERENCE_STEP = 0.15  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: deviates at which a nuisance is evaluated
@@ -59,16 +61,23 @@ class Terms(NamedTuple):
 
 
 class PointOptions(NamedTuple):
-    """Predicted options for the mean of each point; ``_OptionList`` lists them.
-
-    The P options of all points are concatenated, (m, P) each.
-    """
+    """Predicted options for the mean of each point, (K, m, c) each; ``_OptionList`` lists them."""
 
     shift: Array  #: of the mean, s
     scatter: Array  #: variance of the mean by its shifts, s^2
-    odd_variance: Array  #: variance of the mean that is odd, else 0, s^2
     log_prior: Array  #: log prior probability
     log_weight: Array  #: log prior probability plus log density of the observed spread
+
+
+class _PredictedMeans(NamedTuple):
+    """Predicted means of m predictions at c points, with their errors."""
+
+    q: Prediction
+    options: PointOptions
+    variance: Array  #: of each mean from its independent errors, s^2, (m, c)
+    discrepancy: Array  #: error in common, s, (m, c, r)
+    common: Array  #: other errors in common, s, (m, c, e)
+    log_engaged: Array  #: log probability of the numbers that engaged, (m,)
 
 
 class ModeOptions(NamedTuple):
@@ -144,10 +153,9 @@ class SpreadDensity(NamedTuple):
     @classmethod
     def of(cls, observed_freedom: Array, predicted_freedom: Array) -> Self:
         """Build the density for degrees of freedom that broadcast together."""
-        observed, predicted = np.broadcast_arrays(observed_freedom, predicted_freedom)
-        half_sum = 0.5 * (observed + predicted)
-        log = gammaln(half_sum) - gammaln(0.5 * predicted) - gammaln(0.5 * observed)
-        return cls(observed, predicted, np.asarray(log))
+        half_sum = 0.5 * (observed_freedom + predicted_freedom)
+        log = gammaln(half_sum) - gammaln(0.5 * predicted_freedom) - gammaln(0.5 * observed_freedom)
+        return cls(*np.broadcast_arrays(observed_freedom, predicted_freedom, log))
 
     def log(self, ratio: Array) -> Array:
         """Compute the log density of ln ``ratio``."""
@@ -157,16 +165,23 @@ class SpreadDensity(NamedTuple):
         return np.asarray(log - half_sum * np.log1p(x))
 
 
-def _log_count(share: Array, count: Array, total: Array, share_shifts: float) -> Array:
-    """Compute the log beta-binomial probability of ``count`` in ``total`` shifts.
+def _log_count(shares: Array, count: Array, total: Array, share_shifts: float) -> Array:
+    """Compute the log beta-binomial probability of ``count`` in ``total`` shifts, (s, ...).
 
-    The share is as certain as one from ``share_shifts`` simulated shifts.
+    ``shares`` (s,) are as certain as those from ``share_shifts`` simulated shifts. Many points have
+    the same numbers, which are computed once.
     """
-    alpha = share_shifts * share
-    beta = share_shifts * (1.0 - share)
-    log = betaln(count + alpha, total - count + beta) - betaln(alpha, beta)
-    log_choose = gammaln(total + 1.0) - gammaln(count + 1.0)
-    return np.asarray(log + log_choose - gammaln(np.maximum(total - count, 0.0) + 1.0))
+    numbers = np.stack(np.broadcast_arrays(count, total))
+    distinct, index = np.unique(numbers.reshape(2, -1), axis=1, return_inverse=True)
+    distinct_count, distinct_total = distinct
+    alpha = share_shifts * shares[:, None]
+    beta = share_shifts * (1.0 - shares[:, None])
+    log = betaln(distinct_count + alpha, distinct_total - distinct_count + beta)
+    log = log - betaln(alpha, beta)
+    log_choose = gammaln(distinct_total + 1.0) - gammaln(distinct_count + 1.0)
+    remainder = np.maximum(distinct_total - distinct_count, 0.0)
+    log = log + log_choose - gammaln(remainder + 1.0)
+    return np.asarray(log[:, index.ravel()].reshape(len(shares), *numbers.shape[1:]))
 
 
 def _table_shares(low: float, high: float) -> Array:
@@ -176,50 +191,55 @@ def _table_shares(low: float, high: float) -> Array:
 
 @dataclass(frozen=True)
 class _ShareTable:
-    """P functions of a share, tabulated at ``_table_shares``."""
+    """Functions of a share, tabulated at ``_table_shares``."""
 
     low: float
     high: float
-    values: Array  #: (TABLE_SIZE, P)
+    values: Array  #: (..., TABLE_SIZE)
 
-    def interpolate(self, share: Array, point: np.ndarray | slice = slice(None)) -> Array:
-        """Interpolate each function at the share (m, c) of its ``point`` (P,), (m, P)."""
+    @cached_property
+    def _starts(self) -> np.ndarray:
+        """Index of the first value of each function among all values, (...)."""
+        shape = self.values.shape[:-1]
+        return TABLE_SIZE * np.arange(np.prod(shape, dtype=int)).reshape(shape)
+
+    def interpolate(self, share: Array) -> Array:
+        """Interpolate the functions at shares that broadcast with them."""
         low = logit(self.low)
         high = logit(self.high)
         odds = logit(np.clip(share, self.low, self.high))
-        position = ((odds - low) * ((TABLE_SIZE - 1) / (high - low)))[:, point]
+        position = (odds - low) * ((TABLE_SIZE - 1) / (high - low))
         row = np.clip(position.astype(int), 0, TABLE_SIZE - 2)
-        columns = np.arange(position.shape[1])
-        lower = self.values[row, columns]
-        upper = self.values[row + 1, columns]
-        return np.asarray(lower + (position - row) * (upper - lower))
+        place = row + self._starts
+        values = self.values.ravel()
+        lower = values[place]
+        place += 1
+        return np.asarray(lower + (position - row) * (values[place] - lower))
 
 
 @dataclass(frozen=True)
 class _OptionList:
     """Options for the mean of each point: numbers of late shifts, an odd mean, the main mode.
 
-    The P options of all points are concatenated; they do not depend on the prediction.
+    All points have K options in this order; they do not depend on the prediction.
     """
 
-    point: np.ndarray  #: index of the point among those with a mean, ascending, (P,)
-    late_share: Array  #: of the shifts within the mean, (P,)
-    is_odd: np.ndarray  #: whether the mean is odd, (P,)
-    is_main: np.ndarray  #: whether all shifts lie in the larger mode, (P,)
-    log_count: _ShareTable  #: log probability by the share of late shifts
+    late_share: Array  #: of the shifts within the mean, (K, 1, c)
+    log_count: _ShareTable  #: log probability by the share of late shifts, (K, 1, c)
 
-    @cached_property
-    def _starts(self) -> np.ndarray:
-        """Index of the first option of each point, (c,)."""
-        return np.flatnonzero(np.diff(self.point, prepend=-1))
+    @property
+    def odd(self) -> int:
+        """Index of the odd mean."""
+        return len(self.late_share) - 2
+
+    @property
+    def is_main(self) -> np.ndarray:
+        """Whether all shifts lie in the larger mode, (K, 1, 1)."""
+        return (np.arange(len(self.late_share)) > self.odd)[:, None, None]
 
     def by_mode(self, pair: Array) -> Array:
-        """Select for each option the value of its mode (``ModeOptions``) from (2, m, c), (m, P)."""
-        return np.where(self.is_main, pair[1][:, self.point], pair[0][:, self.point])
-
-    def sum_points(self, values: Array) -> Array:
-        """Sum the options (m, P) of each point, (m, c)."""
-        return np.asarray(np.add.reduceat(values, self._starts, axis=1))
+        """Select for each option the value of its mode (``ModeOptions``) from (2, m, c)."""
+        return np.where(self.is_main, pair[1], pair[0])
 
     def choose(
         self,
@@ -234,28 +254,30 @@ class _OptionList:
         Parameters
         ----------
         options : predicted options
-        variance : of each option without errors in common, s^2, (m, P)
+        variance : of each option without errors in common, s^2, (K, m, c)
         residual : of the means, s, (m, c)
         fitted, fitted_variance : errors in common, s and s^2, (m, c)
         """
-        deviation = (residual - fitted)[:, self.point] - options.shift
-        total_variance = variance + fitted_variance[:, self.point]
-        log_density = deviation**2 / total_variance + np.log(2.0 * np.pi * total_variance)
-        best, log_sum = self._best(options.log_weight - 0.5 * log_density)
-        rows = np.arange(len(residual))[:, None]
-        return ChosenMeans(
-            residual=residual - options.shift[rows, best],
-            variance=variance[rows, best],
-            log_probability=(log_sum + options.log_weight[rows, best]).sum(axis=1),
+        deviation = residual - fitted - options.shift
+        total_variance = variance + fitted_variance
+        deviation *= deviation
+        deviation /= total_variance
+        log = np.log(2.0 * np.pi * total_variance)
+        log += deviation
+        log *= -0.5
+        log += options.log_weight
+        best = len(log) - 1 - log[::-1].argmax(axis=0)[None]  # the last one of several
+        log -= log.max(axis=0)
+        log_sum = np.log(np.exp(log, out=log).sum(axis=0))
+        shift, chosen_variance, log_weight = (
+            np.take_along_axis(values, best, axis=0)[0]
+            for values in (options.shift, variance, options.log_weight)
         )
-
-    def _best(self, log: Array) -> tuple[np.ndarray, Array]:
-        """Find the best option of each point, and the log of the sum of all over it, (m, c)."""
-        max_log = np.maximum.reduceat(log, self._starts, axis=1)[:, self.point]
-        # Indices of the maxima, else 0: the largest index within a point is that of its maximum.
-        indices = np.where(log == max_log, np.arange(self.point.size), 0)
-        best = np.maximum.reduceat(indices, self._starts, axis=1)
-        return best, np.log(self.sum_points(np.exp(log - max_log)))
+        return ChosenMeans(
+            residual=residual - shift,
+            variance=chosen_variance,
+            log_probability=(log_sum + log_weight).sum(axis=1),
+        )
 
 
 @dataclass(frozen=True)
@@ -263,7 +285,7 @@ class Likelihood:
     """Likelihood of the observations of a data set, for predictions of a model.
 
     Of C operating points c have a mean time: ``p`` are m predictions at all points, ``q`` the same
-    at those with a mean. Errors in common have e columns, a discrepancy r. The means have P options
+    at those with a mean. Errors in common have e columns, a discrepancy r. The means have K options
     (``_OptionList``).
     """
 
@@ -385,28 +407,51 @@ class Likelihood:
         relative = simulated * self.relative_errors
         return np.concatenate([relative, absolute, p.common_error[..., None]], axis=2)
 
-    def terms(self, p: Prediction, unlisted: tuple[float, float] | None = None) -> Terms:
-        """Compute the log likelihood of predictions (m, C).
+    def terms(self, p: Prediction) -> Terms:
+        """Compute the log likelihood of predictions (m, C)."""
+        return self._terms(self._predicted_means(p))
 
-        ``unlisted`` are amplitude and length of a gap that no effect explains; None for no gap.
+    def unlisted_terms(self, p: Prediction, gaps: Sequence[tuple[float, float]]) -> Iterator[Terms]:
+        """Yield the log likelihood of predictions (m, C) with each gap that no effect explains.
+
+        ``gaps`` are pairs of amplitude and length.
         """
+        predicted = self._predicted_means(p)
+        simulated = predicted.q.mean - predicted.q.delay
+        roots = {length: self.unlisted_root(length) for _, length in gaps}
+        for size, length in gaps:
+            independent_variance = (1.0 - self.settings.unlisted_smooth) * (size * simulated) ** 2
+            unlisted_errors = size * (simulated[..., None] * roots[length])
+            gapped = predicted._replace(
+                variance=predicted.variance + independent_variance,
+                common=np.concatenate([predicted.common, unlisted_errors], axis=2),
+            )
+            yield self._terms(gapped)
+
+    def _predicted_means(self, p: Prediction) -> _PredictedMeans:
+        """Predict options and errors of each point that has a mean."""
         points = self.measured_points
         q = self.at_measured(p)
-        simulated = q.mean - q.delay
-        variance = self.mean_variance(p)[:, points]
-        common = self.common_errors(p)[:, points]
-        discrepancy = simulated[..., None] * self.discrepancy_root[points]
-        if unlisted is not None:
-            size, length = unlisted
-            independent_share = 1.0 - self.settings.unlisted_smooth
-            variance = variance + independent_share * (size * simulated) ** 2
-            unlisted_errors = simulated[..., None] * self.unlisted_root(length)
-            common = np.concatenate([common, size * unlisted_errors], axis=2)
-        means = self._choose_means(q, variance, discrepancy, common)
-        log, nodes = integrate_common_errors(
-            means.residual, means.variance, discrepancy, common, self.settings.discrepancy
+        return _PredictedMeans(
+            q=q,
+            options=self._point_options(q),
+            variance=self.mean_variance(p)[:, points],
+            discrepancy=(q.mean - q.delay)[..., None] * self.discrepancy_root[points],
+            common=self.common_errors(p)[:, points],
+            log_engaged=self.log_engaged(p),
         )
-        log_options = means.log_probability + self.log_engaged(p)
+
+    def _terms(self, predicted: _PredictedMeans) -> Terms:
+        """Integrate all errors in common of predicted means over their priors."""
+        means = self._choose_means(predicted)
+        log, nodes = integrate_common_errors(
+            means.residual,
+            means.variance,
+            predicted.discrepancy,
+            predicted.common,
+            self.settings.discrepancy,
+        )
+        log_options = means.log_probability + predicted.log_engaged
         return Terms(
             log_likelihood=log + log_options,
             log_by_amplitude=nodes + log_options[:, None],
@@ -422,23 +467,19 @@ class Likelihood:
         root = _covariance_root(np.exp(-0.5 * square / length**2))
         return self.settings.unlisted_smooth**0.5 * root
 
-    def _choose_means(
-        self, q: Prediction, variance: Array, discrepancy: Array, common: Array
-    ) -> ChosenMeans:
-        """Choose the most probable option of each point.
-
-        ``variance`` of each mean from its independent errors is s^2, (m, c); ``discrepancy`` and
-        ``common`` are errors in common, s, (m, c, r) and (m, c, e).
-        """
+    def _choose_means(self, predicted: _PredictedMeans) -> ChosenMeans:
+        """Choose the most probable option of each point."""
         option_list = self._option_list
-        options = self._point_options(q)
+        q, options, variance, discrepancy, common, _ = predicted
         residual = self.observed.mean[self.measured_points] - q.mean
         columns = np.concatenate([self.settings.discrepancy * discrepancy, common], axis=2)
-        option_variance = options.scatter + variance[:, option_list.point] + options.odd_variance
+        option_variance = options.scatter + variance
+        option_variance[option_list.odd] += (self.settings.odd_size * q.mean) ** 2
         # The first fit of the errors in common takes prior mean and variance of a point's options.
-        probability = np.where(option_list.is_odd, 0.0, np.exp(options.log_prior))
-        shift = option_list.sum_points(probability * options.shift)
-        square = option_list.sum_points(probability * (options.shift**2 + options.scatter))
+        probability = np.exp(options.log_prior)
+        probability[option_list.odd] = 0.0
+        shift = (probability * options.shift).sum(axis=0)
+        square = (probability * (options.shift**2 + options.scatter)).sum(axis=0)
         fitted = fit_common_errors(residual - shift, variance + square - shift**2, columns)
         means = option_list.choose(options, option_variance, residual, *fitted)
         # The second fit takes the chosen options, as late shifts distort the first.
@@ -454,9 +495,9 @@ class Likelihood:
         option_list = self._option_list
         late_share = option_list.late_share
         timely_share = 1.0 - late_share
-        count = self.observed.count[self.measured_points][option_list.point]
-        delay = self.model.baseline.late_delay.mean[self.measured_points][option_list.point]
-        delay_sd = self.model.baseline.late_delay.sd[self.measured_points][option_list.point]
+        count = self.observed.count[self.measured_points]
+        delay = self.model.baseline.late_delay.mean[self.measured_points]
+        delay_sd = self.model.baseline.late_delay.sd[self.measured_points]
         modes = self._mode_options(q)
         single_variance = option_list.by_mode(modes.variance)
         updated_variance = option_list.by_mode(self._updated_variance(q, modes.variance))
@@ -464,15 +505,11 @@ class Likelihood:
         scatter = timely_variance * timely_share + late_share * delay_sd**2
         mixed_variance = single_variance * timely_share + late_share * delay_sd**2
         mixed_variance = mixed_variance + late_share * timely_share * delay**2
-        log_prior = option_list.log_count.interpolate(q.late_share, option_list.point)
+        log_prior = option_list.log_count.interpolate(q.late_share)
         log_prior = log_prior + option_list.by_mode(modes.log_probability)
-        odd_sd = np.where(
-            option_list.is_odd, self.settings.odd_size * q.mean[:, option_list.point], 0.0
-        )
         return PointOptions(
             shift=late_share * delay + option_list.by_mode(modes.offset),
             scatter=scatter / count,
-            odd_variance=odd_sd**2,
             log_prior=log_prior,
             log_weight=log_prior + self._log_spread(q, mixed_variance),
         )
@@ -510,30 +547,25 @@ class Likelihood:
         hidden = np.where(hides_late[:, None], numbers, 0.0)
         is_possible = (numbers <= count[:, None]) & (hides_late[:, None] | (numbers == 0))
         low = self.settings.late_least
-        shares = _table_shares(low, self.settings.late_most)[:, None, None]
         log = _log_count(
-            shares,
+            _table_shares(low, self.settings.late_most),
             count=hidden + late_count[:, None],
             total=(count + late_count)[:, None],
             share_shifts=self.settings.late_known,
         )
-        log = np.where(is_possible, log + np.log(widths), -np.inf)
+        log = np.where(is_possible, log + np.log(widths), IMPOSSIBLE_LOG)
         # Probabilities add up to 1 only approximately, as large numbers represent several.
         only_mean = (hides_late & (late_count == 0))[:, None]
         log = log - np.where(only_mean, logsumexp(log, axis=2, keepdims=True), 0.0)
         # Two more options have no late shift: an odd mean, and all shifts in the main mode.
         log_odd = log[..., :1] + np.log(self.settings.odd_share)
         table = np.concatenate([log, log_odd, log[..., :1]], axis=2)
-        is_option = np.hstack([is_possible, np.ones((len(count), 2), dtype=bool)])
         hidden_share = np.minimum(hidden / count[:, None], 1.0)
         late_share = np.hstack([hidden_share, np.zeros((len(count), 2))])
-        point, column = np.nonzero(is_option)
+        values = np.ascontiguousarray(table.T[:, None])
         return _OptionList(
-            point=point,
-            late_share=late_share[is_option],
-            is_odd=column == max_count + 1,
-            is_main=column == max_count + 2,
-            log_count=_ShareTable(low, self.settings.late_most, table[:, is_option]),
+            late_share=late_share.T[:, None],
+            log_count=_ShareTable(low, self.settings.late_most, values),
         )
 
     def _updated_variance(self, q: Prediction, predicted: Array) -> Array:
@@ -552,27 +584,24 @@ class Likelihood:
         return np.asarray(square_sum / divisor)
 
     def _log_spread(self, q: Prediction, variance: Array) -> Array:
-        """Compute the log density of the observed variance with each option, (m, P).
+        """Compute the log density of the observed variance with each option, (K, m, c).
 
-        ``variance`` of single shifts is s^2, (m, P). A small share of the spreads are outliers.
+        ``variance`` of single shifts is s^2, (K, m, c). A small share of the spreads are outliers.
         """
         log = np.zeros_like(variance)
-        option_list = self._option_list
         points = self.measured_points
-        options = np.flatnonzero(self.observed.freedom[points][option_list.point] > 0.0)
-        point = option_list.point[options]
-        ratio = self.observed.variance[points][point] / variance[:, options]
+        has_spread = self.observed.freedom[points] > 0.0
+        ratio = self.observed.variance[points][has_spread] / variance[..., has_spread]
         kurtosis = np.stack(np.broadcast_arrays(q.kurtosis, self.model.baseline.kurtosis[points]))
-        freedom = self._spread_freedom(kurtosis, q.log_sd_error)
-        error = self._spread_variance(q, blur_share=0.5)
+        freedom = self._spread_freedom(kurtosis, q.log_sd_error)[..., has_spread]
+        error = self._spread_variance(q, blur_share=0.5)[..., has_spread]
         logs = []
         for spread_variance in (error, error + ODD_SPREAD_VARIANCE):
-            density = SpreadDensity.of(freedom, freedom_of(spread_variance))
-            of_options = [option_list.by_mode(values)[:, options] for values in density]
-            logs.append(SpreadDensity(*of_options).log(ratio))
+            mixed, main = (SpreadDensity.of(f, freedom_of(spread_variance)) for f in freedom)
+            logs.append(np.concatenate([mixed.log(ratio[:-1]), main.log(ratio[-1:])]))
         log_usual, log_odd = logs
         odd_share = self.settings.odd_spread
-        log[:, options] = np.logaddexp(
+        log[..., has_spread] = np.logaddexp(
             np.log1p(-odd_share) + log_usual, np.log(odd_share) + log_odd
         )
         return log
@@ -630,12 +659,12 @@ class Likelihood:
         """Log probability of each point's number that engaged, by the share that engages."""
         low, high = self.settings.engaged_range
         log = _log_count(
-            _table_shares(low, high)[:, None],
+            _table_shares(low, high),
             count=self.observed.engaged_count,
             total=self.observed.engaged_count + self.observed.failed_count,
             share_shifts=self.settings.late_known,
         )
-        return _ShareTable(low, high, log)
+        return _ShareTable(low, high, np.ascontiguousarray(log.T))
 
     def mean_with_late(self, p: Prediction) -> Array:
         """Compute the mean of all shifts, including late ones, s, (m, C)."""
@@ -670,7 +699,7 @@ def fit_common_errors(residual: Array, variance: Array, columns: Array) -> tuple
     precision = np.eye(columns.shape[2]) + scaled @ columns
     gain = columns @ np.linalg.inv(precision)
     values = gain @ (scaled @ residual[..., None])
-    return values[..., 0], (gain * columns).sum(axis=2)
+    return values[..., 0], np.einsum("mce,mce->mc", gain, columns)
 
 
 def integrate_common_errors(

@@ -174,7 +174,8 @@ class Emulator:
         has_error = np.arange(len(self.amplitude)) % moments < 2
         correlation = self.kernel.covariance(x, self.x)
         amplitude = self.amplitude[has_error]
-        explained = ((correlation @ self.inverse_root[has_error]) ** 2).sum(axis=2).T
+        roots = correlation @ self.inverse_root[has_error]
+        explained = np.einsum("kmn,kmn->mk", roots, roots)
         variance = self.kernel.variance(x)[:, None] * amplitude - explained * amplitude**2
         nearest = np.linalg.norm(x[:, None] - self.x[None], axis=2).argmin(axis=1)
         misfit = self.misfit[has_error][:, nearest].T

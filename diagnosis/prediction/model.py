@@ -587,34 +587,45 @@ class Model:
         Modes are the baseline's, the centre moved by the further ``turn`` before the rings touch,
         pitches, (m, C).
         """
-        concentration = angles.concentration[..., None]
-        centre = angles.centre[..., None]
-        weights = angle_weights(self.baseline.turns, concentration, centre)
-        base = self.baseline.angles.changes(weights, np.tile([1.0, 0.0], (len(weights), 1)))
-        moments = base.moments
-        angle_variance = base.angle_variance
-        inverse_squares = base.inverse_squares
+        baseline_benches = self.baseline.angles
+        shape = change.error.shape
+        dense_baseline = np.tile([1.0, 0.0], (len(change.error), 1))
+        baseline_shares = dense_baseline
+        benches = []
         for name, effect_x in x.items():
             curve = self._curve(name)
             noise = np.where(curve.is_dense, DENSE_NOISE, SPARSE_NOISE)
             bench_shares = curve.emulator.weights(effect_x, noise)
             dense_share = bench_shares @ curve.is_dense
-            base_shares = np.stack([dense_share, bench_shares.sum(axis=1) - dense_share], axis=1)
-            change_of_benches = curve.angles.changes(weights, bench_shares)
-            moments = moments + change_of_benches.moments
-            moments = moments - self.baseline.angles.changes(weights, base_shares).moments
-            angle_variance = angle_variance + change_of_benches.angle_variance
-            inverse_squares = inverse_squares + change_of_benches.inverse_squares
+            shares = np.stack([dense_share, bench_shares.sum(axis=1) - dense_share], axis=1)
+            baseline_shares = baseline_shares - shares
+            benches.append((curve.angles, bench_shares))
+        moments = np.empty((*shape, MOMENTS))
+        angle_variance = np.empty(shape)
+        inverse_squares = np.empty(shape)
+        modes = []
+        ordered = self.baseline.ordered
+        for cell in range(self.cell_count):  # all weights at once do not fit a processor's cache
+            weights = angle_weights(self.baseline.turns[cell], angles.concentration, angles.centre)
+            errors = [baseline_benches.errors(cell, weights, dense_baseline)]
+            change_sum = baseline_benches.changes(cell, weights, baseline_shares)
+            for bench_angles, bench_shares in benches:
+                errors.append(bench_angles.errors(cell, weights, bench_shares))
+                change_sum += bench_angles.changes(cell, weights, bench_shares)
+            moments[:, cell] = change_sum
+            angle_variance[:, cell] = sum(error.variance for error in errors)
+            inverse_squares[:, cell] = sum(error.inverse_square for error in errors)
+            centre = angles.centre + turn[..., [cell]]
+            weights = angle_weights(ordered.turns[cell], angles.concentration, centre)
+            modes.append(modes_of(ordered.times[cell], ordered.is_timely[cell], weights))
         log_sd = self.baseline.moments[:, LOG_SD] - self.baseline.moments[:, LOG_MEAN]
         variation = np.exp(log_sd + moments[..., LOG_SD] - moments[..., LOG_MEAN])
         variance = angle_variance * variation**2 + UNEVEN_MEAN_ERROR**2 * inverse_squares
-        baseline = self.baseline.ordered
-        weights = angle_weights(baseline.turns, concentration, centre + turn[..., None])
         return change._replace(
             moments=moments,
             error=np.sqrt(variance),
             inverse_squared_count=inverse_squares,
-            modes=modes_of(baseline.times, baseline.is_timely, weights),
+            modes=Modes(*np.stack(modes, axis=2)),
         )
 
 

@@ -8,7 +8,6 @@ Trans. Syst. Man Cybern. 9). That is compiled: a diagnosis parts the angles of a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dogshape.diagnosis.terms import Array
-from dogshape.sim.kernel.compiler import compiled, inlined, making
+from dogshape.sim.kernel.compiler import compiled
 
 #: Places of the moments in the last axis of an array of moments, (..., MOMENTS).
 LOG_MEAN = 0  #: ln mean of the timely shifts, ln s
@@ -34,7 +33,6 @@ SIMULATED = 2  #: 1 for shifts that were simulated, else 0
 DEVIATION = 3  #: of a timely shift from their mean, 0 for others, s
 SQUARED_DEVIATION = 4  #: s^2
 VALUES = 5
-SQUARED_WEIGHT = 5  #: place of the sum of squared weights of simulated shifts
 
 EVEN_ERROR = 0.8  #: of the mean of one angle over the deviation (measured)
 EVEN_POWER = 0.8  #: of the number of even angles, with which that error falls (measured)
@@ -79,13 +77,18 @@ def mask_late(times: Array, min_delay: Array) -> Array:
     return np.where(np.isfinite(times) & ~mark_late(times, min_delay), times, np.nan)
 
 
-class WeightedChanges(NamedTuple):
-    """Changes of the moments by weights of the angles, at m rows of weights and C points."""
+class AngleErrors(NamedTuple):
+    """Errors by weights of the angles at m rows of weights, (m,) each."""
 
-    moments: Array  #: sum over the benches, (m, C, MOMENTS)
-    inverse_squares: Array  #: 1 / squared number of angles that count, (m, C)
-    #: Squared error of the mean by angles, over the deviation, (m, C).
-    angle_variance: Array
+    inverse_square: Array  #: 1 / squared number of angles that count
+    variance: Array  #: squared error of the mean, over the variance of the shifts
+
+
+class _SimulatedAngles(NamedTuple):
+    """Angles of n benches that were simulated, by p patterns."""
+
+    patterns: Array  #: 1 for a simulated angle, else 0, (C, A, p)
+    bench_patterns: Array  #: 1 for the pattern of a bench, else 0, (n, p)
 
 
 @dataclass(frozen=True)
@@ -97,13 +100,13 @@ class Angles:
 
     @cached_property
     def _values(self) -> Array:
-        """Values that are summed over the angles, (C, A, VALUES, n); deviations are from means."""
+        """Values that are summed over the angles, (C, VALUES, A, n); deviations are from means."""
         is_engaged = np.isfinite(self.times)
         is_timely = is_engaged & ~self.is_late
         deviation = np.where(is_timely, self.times - self._mean[..., None], 0.0)
         is_simulated = ~np.isnan(self.times)
         values = [is_timely, is_engaged, is_simulated, deviation, deviation**2]
-        return np.ascontiguousarray(np.moveaxis(np.array(values, dtype=float), (0, 1), (2, 3)))
+        return np.ascontiguousarray(np.moveaxis(np.array(values, dtype=float), (0, 1), (1, 3)))
 
     @cached_property
     def _mean(self) -> Array:
@@ -114,98 +117,66 @@ class Angles:
 
     @cached_property
     def _even_moments(self) -> Array:
-        """Moments at even angles, (C, n, MOMENTS)."""
-        bench_count, cell_count, angle_count = self.times.shape
-        weights = np.ones((1, cell_count, angle_count))
-        no_moments = np.zeros((cell_count, bench_count, MOMENTS))
-        rows = [
-            self._sum(weights, share[None], no_moments).moments[0] for share in np.eye(bench_count)
-        ]
-        return np.ascontiguousarray(np.moveaxis(np.array(rows), 0, 1))
+        """Moments at even angles, (C, MOMENTS, 1, n)."""
+        even_weights = np.ones((1, self.times.shape[2]))
+        cells = range(self.times.shape[1])
+        return np.array([self._moments(cell, even_weights) for cell in cells])
 
-    def changes(self, weights: Array, bench_shares: Array) -> WeightedChanges:
-        """Sum the changes of the moments from even angles over the benches.
+    @cached_property
+    def _simulated(self) -> _SimulatedAngles:
+        """Simulated angles, which most benches share."""
+        is_simulated = ~np.isnan(self.times)
+        patterns, index = np.unique(is_simulated, axis=0, return_inverse=True)
+        return _SimulatedAngles(
+            patterns=np.ascontiguousarray(np.moveaxis(patterns, 0, -1), dtype=float),
+            bench_patterns=np.eye(len(patterns))[index.ravel()],
+        )
+
+    def changes(self, cell: int, weights: Array, bench_shares: Array) -> Array:
+        """Sum the changes of the moments from even angles over the benches, (m, MOMENTS).
 
         Parameters
         ----------
-        weights : (m, C, A), of the angles
+        cell : index of the operating point
+        weights : (m, A), of the angles
         bench_shares : (m, n), of the changes of each bench
         """
-        return self._sum(weights, bench_shares, self._even_moments)
+        change = self._moments(cell, weights) - self._even_moments[cell]
+        return np.einsum("kmn,mn->mk", change, bench_shares)
 
-    def _sum(self, weights: Array, bench_shares: Array, even_moments: Array) -> WeightedChanges:
-        """Sum the moments less ``even_moments`` (C, n, MOMENTS) over the benches."""
-        shape = weights.shape[:2]
-        changes = WeightedChanges(
-            moments=np.zeros((*shape, MOMENTS)),  # kurtosis is that of the modes
-            inverse_squares=np.zeros(shape),
-            angle_variance=np.zeros(shape),
-        )
-        benches = _Benches(self._values, np.ascontiguousarray(self._mean.T), even_moments)
-        _sum_changes(
-            np.ascontiguousarray(weights), np.ascontiguousarray(bench_shares), benches, changes
-        )
-        return changes
-
-
-class _Benches(NamedTuple):
-    """Values of n benches that weights of the angles sum."""
-
-    values: Array  #: (C, A, VALUES, n)
-    means: Array  #: of the timely shifts at even angles, s, (C, n)
-    even_moments: Array  #: from which changes count, (C, n, MOMENTS)
-
-
-@making
-def _sum_changes(weights, bench_shares, benches, changes):
-    """Fill the changes by weights (m, C, A) and shares (m, n) of the benches."""
-    sums = np.empty((VALUES + 1, bench_shares.shape[1]))
-    for row in range(weights.shape[0]):
-        for cell in range(weights.shape[1]):
-            _sum_angles(weights[row, cell], benches.values[cell], sums)
-            _add_changes((row, cell), bench_shares[row], sums, benches, changes)
-
-
-@compiled
-def _sum_angles(weights, values, sums):
-    """Sum the values (A, VALUES, n) of one operating point by weights (A,) over the angles."""
-    sums[:] = 0.0
-    for k in range(len(weights)):
-        weight = weights[k]
-        for value in range(VALUES):
-            for bench in range(sums.shape[1]):
-                sums[value, bench] += weight * values[k, value, bench]
-        for bench in range(sums.shape[1]):
-            sums[SQUARED_WEIGHT, bench] += weight * weight * values[k, SIMULATED, bench]
-
-
-@inlined
-def _add_changes(place, shares, sums, benches, changes):
-    """Add the changes of all benches, by shares (n,), at a row and operating point."""
-    cell = place[1]
-    moments = changes.moments[place]
-    for bench in range(len(shares)):
-        even = benches.even_moments[cell, bench]
-        timely = max(sums[TIMELY, bench], MIN_WEIGHT)
-        engaged = max(sums[ENGAGED, bench], MIN_WEIGHT)
-        simulated = max(sums[SIMULATED, bench], MIN_WEIGHT)
-        first = sums[DEVIATION, bench] / timely
-        variance = max(sums[SQUARED_DEVIATION, bench] / timely - first**2, MIN_SD_S**2)
-        engaged_share = min(max(engaged / simulated, 0.01), 0.99)
-        engaged_logit = math.log(engaged_share / (1.0 - engaged_share))
-        log_mean = math.log(max(benches.means[cell, bench] + first, MIN_SD_S))
-        moments[LOG_MEAN] += shares[bench] * (log_mean - even[LOG_MEAN])
-        moments[LOG_SD] += shares[bench] * (0.5 * math.log(variance) - even[LOG_SD])
-        moments[LATE_SHARE] += shares[bench] * (1.0 - timely / engaged - even[LATE_SHARE])
-        moments[ENGAGED_LOGIT] += shares[bench] * (engaged_logit - even[ENGAGED_LOGIT])
-        count = sums[SIMULATED, bench] ** 2 / max(sums[SQUARED_WEIGHT, bench], MIN_WEIGHT)
+    def errors(self, cell: int, weights: Array, bench_shares: Array) -> AngleErrors:
+        """Compute the errors of ``changes`` by the number of angles that count."""
+        patterns = self._simulated.patterns[cell]
+        squares = np.maximum(weights**2 @ patterns, MIN_WEIGHT)
+        count = np.maximum(weights @ patterns, MIN_WEIGHT) ** 2 / squares
+        square_shares = bench_shares**2 @ self._simulated.bench_patterns
         error = EVEN_ERROR * count**-EVEN_POWER
-        changes.inverse_squares[place] += (shares[bench] / count) ** 2
-        changes.angle_variance[place] += (shares[bench] * error) ** 2
+        return AngleErrors(
+            inverse_square=(square_shares / count**2).sum(axis=1),
+            variance=(square_shares * error**2).sum(axis=1),
+        )
+
+    def _moments(self, cell: int, weights: Array) -> Array:
+        """Compute the moments of all benches at an operating point, (MOMENTS, m, n).
+
+        ``weights`` are (m, A); the kurtosis is that of the modes and stays 0 here.
+        """
+        sums = weights @ self._values[cell]
+        timely, engaged, simulated = np.maximum(sums[: SIMULATED + 1], MIN_WEIGHT)
+        deviation = sums[DEVIATION] / timely
+        variance = np.maximum(sums[SQUARED_DEVIATION] / timely - deviation**2, MIN_SD_S**2)
+        engaged_share = np.clip(engaged / simulated, 0.01, 0.99)
+        moments = np.empty((MOMENTS, *deviation.shape))
+        moments[LOG_MEAN] = np.log(np.maximum(self._mean[:, cell] + deviation, MIN_SD_S))
+        moments[LOG_SD] = 0.5 * np.log(variance)
+        moments[LATE_SHARE] = 1.0 - timely / engaged
+        moments[ENGAGED_LOGIT] = np.log(engaged_share / (1.0 - engaged_share))
+        moments[LOG_KURTOSIS] = 0.0
+        return moments
 
 
 class Modes(NamedTuple):
-    """Two modes of timely shifts at m rows of weights and C operating points, (m, C) each."""
+    """Two modes of timely shifts, an array each."""
 
     minor_share: Array  #: share of the smaller mode, 1 where there are no modes
     main_mean: Array  #: mean of the larger mode over that of all
@@ -214,23 +185,22 @@ class Modes(NamedTuple):
 
 
 def modes_of(times: Array, is_timely: np.ndarray, weights: Array) -> Modes:
-    """Part ascending times (C, A) into two modes by weights (m, C, A) of their angles."""
-    modes = np.empty((*weights.shape[:2], 4))
-    _fill_modes(times, is_timely, np.ascontiguousarray(weights), modes)
-    return Modes(*np.moveaxis(modes, -1, 0))
+    """Part ascending times (A,) into two modes by weights (m, A) of their angles, (m,) each."""
+    modes = np.empty((len(weights), 4))
+    _fill_modes(times, is_timely, weights, modes)
+    return Modes(*modes.T)
 
 
 @compiled
 def _fill_modes(times, is_timely, weights, modes):
-    """Fill the modes (m, C, 4) of all rows and operating points."""
+    """Fill the modes (m, 4) of all rows of weights."""
     for row in range(weights.shape[0]):
-        for cell in range(weights.shape[1]):
-            _split_modes(weights[row, cell], times[cell], is_timely[cell], modes[row, cell])
+        _split_modes(weights[row], times, is_timely, modes[row])
 
 
 @compiled
 def _split_modes(weights, times, is_timely, modes):
-    """Fill the four fields of ``Modes`` for one row and operating point."""
+    """Fill the four fields of ``Modes`` for one row of weights."""
     total_weight = 0.0
     time_sum = 0.0
     for k in range(len(times)):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from dogshape.diagnosis.prediction.moments import LATE_DISTANCES, quantiles
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Sensor, Setting
+from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block, Runner, even_block
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.units import RPM
@@ -269,7 +270,12 @@ def passing_time(setting: Setting) -> float:
 
 def _block(setting: Setting, baseline: Setting, density: int = 1) -> Block:
     """Build the block of a setting at the even angles of its baseline's operating point."""
-    point = baseline.point
-    record = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record}
-    draw = (ANGLE_SEED, int(content_key(record), 16))
+    draw = (ANGLE_SEED, _angle_index(baseline.point))
     return even_block(setting.clutch, setting.point, density * ANGLES, draw, ANGLES)
+
+
+@lru_cache(maxsize=128)
+def _angle_index(point: OperatingPoint) -> int:
+    """Return the index of the draw of an operating point's angles; all levels share it."""
+    record = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record}
+    return int(content_key(record), 16)

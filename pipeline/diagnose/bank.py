@@ -6,7 +6,7 @@ shift and the programs' versions, so a clutch takes the series that another one 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,11 +39,6 @@ class Bank:
         for path in self.paths:
             rows = read_lines(path, _require_series, "a series of shifts")
             self.series.update((key_of(row), row) for row in rows)
-
-    def missing(self, blocks: Iterable[Block]) -> list[Block]:
-        """List the blocks that no file has, one for each series."""
-        blocks_by_key = {series_key(block): block for block in blocks}
-        return [block for key, block in blocks_by_key.items() if key not in self.series]
 
     def times(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
         """Return the shifts of blocks; simulate missing series by ``run`` and write them.

@@ -104,12 +104,29 @@ def shifts_of(
     ``messages`` collects the first message on missing shifts, so that it appears once. Several runs
     may write to a bank at once; a series that two of them lack is simulated by both.
     """
-    missing = bank.missing(blocks)
-    if not missing:
-        return bank.times(blocks, lambda _: [])
-    progress = options.progress
-    create_folder(options.bank)
-    journal = ShiftJournal(options.bank / SHIFTS)
+    journal: ShiftJournal | None = None
+    missing_keys = set[str]()
+
+    def simulate(missing: Sequence[Block]) -> list[list[Record]]:
+        """Simulate missing series; a journal keeps finished shifts until the bank has them."""
+        nonlocal journal
+        create_folder(options.bank)
+        journal = ShiftJournal(options.bank / SHIFTS)
+        missing_keys.update(key for block in missing for key in block.keys)
+        return _simulate_missing(missing, options, messages, journal)
+
+    rows = bank.times(blocks, simulate)
+    if journal is not None:
+        journal.say_unfinished(options.progress.say)
+        with suppress(StorageError):  # the file of banks has them
+            journal.drop(missing_keys)
+    return rows
+
+
+def _simulate_missing(
+    missing: Sequence[Block], options: BankOptions, messages: list[str], journal: ShiftJournal
+) -> list[list[Record]]:
+    """Simulate series that no bank has, by the finished shifts of a journal."""
     count = sum(len(block.angles) for block in missing)
     if not messages:
         messages.append(
@@ -121,15 +138,10 @@ def shifts_of(
                 "; the folder studies/bench of a clone of the repository has those of the "
                 f"published benches, for {argument('bank')}"
             )
-        progress.say(messages[0])
+        options.progress.say(messages[0])
     resumption = f"{options.bank}; the same command goes on from there"
-    with WorkCounter(progress, count, resumption=resumption) as counter:
-        executor = Executor(journal, options.jobs, counter.advance)
-        rows = bank.times(blocks, executor.run)
-    journal.say_unfinished(progress.say)
-    with suppress(StorageError):  # the file of banks has them
-        journal.drop({key for block in missing for key in block.keys})
-    return rows
+    with WorkCounter(options.progress, count, resumption=resumption) as counter:
+        return Executor(journal, options.jobs, counter.advance).run(missing)
 
 
 def _require_working(effects: Mapping[str, Effect], bench: Bench, options: BankOptions) -> None:

@@ -14,7 +14,7 @@ import fcntl
 import json
 import os
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -43,6 +43,14 @@ FREE_SETTINGS = {
 RESULT_KEYS = ("objectives", "best", "front", "confirmation", "surrogate", "versions")
 
 _KEY_PATTERN = re.compile(rb'"key": "([^"]*)"')
+
+
+def _intern_keys(pairs: Sequence[tuple[str, Any]]) -> Record:
+    """Build a row whose keys are in memory once for all rows."""
+    return {intern(key): value for key, value in pairs}
+
+
+_DECODER = json.JSONDecoder(object_pairs_hook=_intern_keys)
 
 
 class ShiftJournal:
@@ -110,8 +118,7 @@ def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Itera
             if not line.endswith(b"\n"):
                 return
             try:
-                # Keys are in memory once for all rows.
-                row = json.loads(line, object_pairs_hook=lambda p: {intern(k): v for k, v in p})
+                row = _DECODER.decode(line.decode())
                 require(row)
             except (ValueError, KeyError, TypeError, RecursionError) as error:
                 raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error

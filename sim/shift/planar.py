@@ -300,7 +300,7 @@ def channel_course(actuator: Actuator, force: float, end: float) -> tuple[Array,
     return course.t, values, rate_values
 
 
-@lru_cache(maxsize=512)  # operating points share forces
+@lru_cache(maxsize=4096)  # operating points share forces; a diagnosis has hundreds of levels
 def touch_time(clutch: Clutch, profile: ForceProfile) -> float:
     """Compute the time until the axial gap is closed, s; the time-out if it stays open."""
     gap = clutch.dog.axial_gap

@@ -20,6 +20,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.statistics.shift_records import (
+    OpenKey,
     Record,
     clutch_record,
     content_key,
@@ -29,6 +30,8 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import DEG, MM, RPM
 from dogshape.sim.versions import engine_versions
+
+ANGLE_KEY = "relative_angle_deg"  #: key of the relative angle in a record of inputs
 
 
 @lru_cache(maxsize=2)
@@ -48,6 +51,28 @@ def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Enga
     return conclusion.engage(_engine_of(clutch), point, relative_angle)
 
 
+#: All operating points share the record of a clutch.
+_record_of = lru_cache(maxsize=64)(clutch_record)
+
+
+def _nominal_record(clutch: Clutch, point: OperatingPoint) -> Record:
+    """Return the inputs that all shifts of a clutch at an operating point have in common."""
+    return {
+        **_record_of(clutch),
+        "mismatch_rpm": point.mismatch / RPM,
+        **point.profile.record,
+    }
+
+
+@lru_cache(maxsize=256)
+def _angle_key(clutch: Clutch, point: OperatingPoint) -> OpenKey:
+    """Return the content key of a certain shift without its relative angle; cached.
+
+    Blocks of one clutch at one operating point differ by their angles alone.
+    """
+    return OpenKey.of(_nominal_record(clutch, point), ANGLE_KEY)
+
+
 @dataclass(frozen=True)
 class Block:
     """Shifts of one clutch at one operating point over relative angles."""
@@ -62,11 +87,10 @@ class Block:
     def inputs(self) -> list[Record]:
         """Inputs of the shifts by angle as flat records: nominal ones and drawn factors."""
         clutch, point = self.clutch, self.point
-        common = clutch_record(clutch) | {"mismatch_rpm": point.mismatch / RPM}
-        common |= point.profile.record
+        common = _nominal_record(clutch, point)
         records = []
         for angle, variant in zip(self.angles, self.each_variant, strict=True):
-            record = {**common, "relative_angle_deg": angle / DEG}
+            record = {**common, ANGLE_KEY: angle / DEG}
             if variant is not None:
                 record |= variant_record(clutch, point, variant)
             records.append(record)
@@ -75,7 +99,10 @@ class Block:
     @cached_property
     def keys(self) -> list[str]:
         """Content keys of the block's shifts, in the order of the angles."""
-        return [content_key(record) for record in self.inputs]
+        if self.variants:
+            return [content_key(record) for record in self.inputs]
+        angle_key = _angle_key(self.clutch, self.point)
+        return [angle_key.fill(angle / DEG) for angle in self.angles]
 
     @cached_property
     def first_key(self) -> str:
@@ -130,7 +157,7 @@ def even_block(
     angle_list: Sequence[float]
     if isinstance(angles, int):
         seed = draw[0]
-        angle_list = (even_phases(angles, *draw, base) * clutch.dog.pitch_angle).tolist()
+        angle_list = (_draw_phases(angles, *draw, base) * clutch.dog.pitch_angle).tolist()
     else:
         angle_list = angles
     variants: tuple[Variant, ...] = ()
@@ -140,6 +167,7 @@ def even_block(
 
 
 #: All designs share the draws of an operating point.
+_draw_phases = lru_cache(maxsize=256)(even_phases)
 _draw_variants = lru_cache(maxsize=128)(Uncertainty.variants)
 
 

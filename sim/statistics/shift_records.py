@@ -16,6 +16,8 @@ from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
 from dogshape.sim.units import DEG, MM, from_si, suffix_of
 
+_ENCODER = json.JSONEncoder(sort_keys=True)
+
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
 
@@ -107,11 +109,43 @@ def content_key(record: Record) -> str:
 
     Floats are rounded to twelve digits, more than a change of unit preserves.
     """
+    return _hash(_content_text(record))
+
+
+def _content_text(record: Record) -> str:
+    """Write the text of a record that its content key hashes."""
     rounded = {
-        key: float(f"{value:.12g}") if isinstance(value, float) else value
-        for key, value in record.items()
+        key: _rounded(value) if isinstance(value, float) else value for key, value in record.items()
     }
-    return hashlib.sha256(json.dumps(rounded, sort_keys=True).encode()).hexdigest()[:20]
+    return _ENCODER.encode(rounded)
+
+
+def _rounded(value: float) -> float:
+    """Round a number of a record to twelve digits."""
+    return float(f"{value:.12g}")
+
+
+def _hash(text: str) -> str:
+    """Return a short hash of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+class OpenKey(NamedTuple):
+    """Content key of records that differ by the number of one field, without that number."""
+
+    before: str  #: text of the record before the number
+    after: str
+
+    @classmethod
+    def of(cls, record: Record, field: str) -> OpenKey:
+        """Build the key of a record without the number of a further ``field``."""
+        name = json.dumps(field)
+        before, after = _content_text({**record, field: None}).split(f"{name}: null")
+        return cls(f"{before}{name}: ", after)
+
+    def fill(self, number: float) -> str:
+        """Return the ``content_key`` of the record with a number."""
+        return _hash(f"{self.before}{json.dumps(_rounded(number))}{self.after}")
 
 
 def key_of(record: Record) -> str:

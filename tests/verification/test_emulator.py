@@ -205,18 +205,20 @@ def test_two_modes_have_the_moments_of_all_times() -> None:
     """Times around 50 and 150 ms, a late one and one that did not engage, by hand."""
     times = np.array([[0.049, 0.050, 0.051, 0.150, 0.400, np.inf]])
     kept, late = np.array([[1, 1, 1, 1, 0, 0]], dtype=bool), np.array([[0, 0, 0, 0, 1, 0]], bool)
-    weights = np.array([[[2.0, 5.0, 2.0, 1.0, 3.0, 7.0]]])
-    apart, share = times[0, :4] - 0.06, weights[0, 0, :4] / 10.0
+    weights = np.array([[2.0, 5.0, 2.0, 1.0, 3.0, 7.0]])
+    apart, share = times[0, :4] - 0.06, weights[0, :4] / 10.0
     variance, fourth = (share @ apart**k for k in (2, 4))
     narrow = (0.4 / 0.9 * 1e-6 / variance) ** 0.5
     expected = 0.1, 0.05 / 0.06, narrow, fourth / variance**2 - 3.0
-    assert np.ravel(modes_of(times, kept, weights)) == pytest.approx(expected)
+    assert np.ravel(modes_of(times[0], kept[0], weights)) == pytest.approx(expected)
     even = np.array([0.075, np.var(times[0, :4]) ** 0.5])
-    changes = Angles(times[None], late[None]).changes(weights, np.ones((1, 1)))
+    angles, shares = Angles(times[None], late[None]), np.ones((1, 1))
+    changes = angles.changes(0, weights, shares)
     given = np.log([0.06, variance**0.5] / even), [3.0 / 13.0 - 0.2, logit(0.65) - logit(5.0 / 6.0)]
     expected = [*np.concatenate(given), 0.0]  # kurtosis: the modes'
-    assert changes.moments.ravel() == pytest.approx(expected)
-    assert changes.inverse_squares.item() == pytest.approx((92.0 / 400.0) ** 2)
+    assert changes.ravel() == pytest.approx(expected)
+    errors = angles.errors(0, weights, shares)
+    assert errors.inverse_square.item() == pytest.approx((92.0 / 400.0) ** 2)
 
 
 def test_shifts_with_and_without_the_rare_mode_have_the_moments_of_all() -> None:

@@ -112,9 +112,8 @@ def test_an_error_of_interpolation_makes_a_spread_as_likely_too_large_as_too_sma
         one = replace(p, log_sd_error=np.full_like(p.log_sd_error, blur)).select(
             (slice(None), of.measured_points)
         )
-        log[blur, factor] = of._log_spread(one, np.tile(one.sd**2, len(of._option_list.point)))[
-            0, 0
-        ]
+        options = len(of._option_list.late_share)
+        log[blur, factor] = of._log_spread(one, np.tile(one.sd**2, (options, 1, 1)))[0, 0, 0]
     exact = stats.norm(0.0, 2.8).logpdf(2.0 * np.log(10.0))  # of the logarithm
     assert [log[1.4, 0.1], log[1.4, 10.0]] == pytest.approx([exact, exact], abs=0.9)
     assert exact > max(log[0.0, 0.1], log[0.0, 10.0]) + 2.0

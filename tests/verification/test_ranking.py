@@ -182,10 +182,11 @@ def test_evidence_of_something_unlisted_is_that_of_quadrature() -> None:
         search.samples[h] = sample_of(likelihood, h)
         search.priors[h] = log_prior(h, likelihood.model, USUAL, 0.0)
         p = likelihood.model.predict(h, grid(len(h), 300))
-        options = itertools.product(USUAL.unlisted_sizes, USUAL.unlisted_lengths, (1.0, 2.0))
+        gaps = [*itertools.product(USUAL.unlisted_sizes, USUAL.unlisted_lengths)]
         found = [
-            likelihood.terms(replace(p, sd=stretch * p.sd), (size, length)).log_likelihood
-            for size, length, stretch in options
+            terms.log_likelihood
+            for stretch in (1.0, 2.0)
+            for terms in likelihood.unlisted_terms(replace(p, sd=stretch * p.sd), gaps)
         ]
         logs.append(search.priors[h] + logsumexp(found) - math.log(np.size(found)))
     exact = logsumexp(logs) - logsumexp(list(search.priors.values()))
