@@ -15,6 +15,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 DOWNLOADS = "notebooks"  #: folder of the copies beside the pages
+BEHIND_PAGES = "---\nsearch:\n  boost: 0.3\n---"  #: a search shows guides and reference before
 
 
 class NotebookPage(File):
@@ -30,7 +31,7 @@ class NotebookPage(File):
         path = Path(str(self.abs_src_path))
         notebook = json.loads(path.read_text(encoding="utf-8"))
         download = f"[This page as a notebook]({DOWNLOADS}/{path.name})"
-        return "\n\n".join([*map(_cell, notebook["cells"]), download])
+        return "\n\n".join([BEHIND_PAGES, *map(_cell, notebook["cells"]), download])
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
