@@ -13,9 +13,10 @@ from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 DOWNLOADS = "notebooks"  #: folder of the copies beside the pages
-BEHIND_PAGES = "---\nsearch:\n  boost: 0.3\n---"  #: a search shows guides and reference before
+SEARCH_BOOST = 0.3  #: of notebooks, so that a search shows guides and reference first
 
 
 class NotebookPage(File):
@@ -31,7 +32,7 @@ class NotebookPage(File):
         path = Path(str(self.abs_src_path))
         notebook = json.loads(path.read_text(encoding="utf-8"))
         download = f"[This page as a notebook]({DOWNLOADS}/{path.name})"
-        return "\n\n".join([BEHIND_PAGES, *map(_cell, notebook["cells"]), download])
+        return "\n\n".join([*map(_cell, notebook["cells"]), download])
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
@@ -46,6 +47,13 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
             files.append(NotebookPage(file.src_uri, *places))
             files.append(copy)
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """Give a notebook its rank in a search."""
+    if isinstance(page.file, NotebookPage):
+        page.meta["search"] = {"boost": SEARCH_BOOST}
+    return markdown
 
 
 def _cell(cell: dict[str, Any]) -> str:
