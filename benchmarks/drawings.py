@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from html import escape
 from statistics import fmean
 
-from benchmarks.figures import ROOT, effect_title, gap, measured_points
+from benchmarks.figures import ROOT, effect_title, gap, measured_points, numbers
 
 Point = tuple[float, float]
 
@@ -179,6 +179,78 @@ def _bars(title: str, rows: Sequence[tuple[str, float, str]]) -> str:
             text((end + 8, y + 16), value, "start"),
         ]
     return "".join(elements)
+
+
+# Deviations, from the equations to the bench
+
+MIN_DEVIATION = 0.01  #: left end of the axis, %
+DECADES = 4  #: of the axis
+DECADE_WIDTH = 100.0  #: px
+
+
+def deviations() -> str:
+    """Draw how far mean shift times deviate, from the equations to the bench, on a log axis."""
+    points = measured_points()
+    measured_ms = 1e3 * fmean(point.measured for point in points)
+    stand = gap("stand")["gap"]
+    rows = [
+        (
+            "1. solution of the equations",
+            "accuracy 30 times tighter, largest",
+            numbers("convergence", "largest error of a mean, %")[3],
+        ),
+        (
+            "2. another program, same model",
+            "compiled engine against Drake, median",
+            numbers("engines", "all ")[6],
+        ),
+        (
+            "another contact search and law",
+            "MuJoCo against Drake, mean",
+            numbers("second_engine", "all: means")[0],
+        ),
+        (
+            "3. published model, its contact law",
+            "all relative angles, root mean square",
+            numbers("adams", "adams_impact, all")[0],
+        ),
+        (
+            "the same, contact of the engines",
+            "all relative angles, root mean square",
+            numbers("adams", "adams2019, all")[0],
+        ),
+        (
+            "published bench, with probable causes",
+            "held-out points, root mean square",
+            1e5 * stand["heldout_rmse_s"] / measured_ms,
+        ),
+        (
+            "published bench, as simulated",
+            "root mean square over the mean time",
+            1e5 * stand["baseline_rmse_s"] / measured_ms,
+        ),
+    ]
+    start = 560.0
+    bottom = 50.0 + ROW_HEIGHT * len(rows)
+    elements = [text((16, 30), "Deviation of mean shift times", "start", "title")]
+    for decade in range(DECADES + 1):
+        x = start + DECADE_WIDTH * decade
+        elements += [
+            line([(x, 44), (x, bottom)], "grid"),
+            text((x, bottom + 18), f"{MIN_DEVIATION * 10**decade:g} %", kind="small"),
+        ]
+    for index, (question, measure, percents) in enumerate(rows):
+        y = 50 + ROW_HEIGHT * index
+        end = start + DECADE_WIDTH * math.log10(percents / MIN_DEVIATION)
+        corners = [(start, y), (end, y), (end, y + BAR_HEIGHT), (start, y + BAR_HEIGHT)]
+        elements += [
+            text((268, y + 16), question, "end"),
+            text((280, y + 16), measure, "start", "small"),
+            line(corners, "bar", closed=True),
+            text((end + 6, y + 16), f"{percents:.2g} %", "start"),
+        ]
+    height = 80 + ROW_HEIGHT * len(rows)
+    return document(1040, height, "Deviations from the equations to the bench", elements)
 
 
 # Sketches of a dog
@@ -392,6 +464,7 @@ DRAWINGS: dict[str, Callable[[], str]] = {
     "pipeline/reports/templates/symbols.svg": symbols,
     "docs/measured.svg": measured_times,
     "docs/inference.svg": cause_steps,
+    "docs/proof.svg": deviations,
     "docs/sketches.svg": sketches,
 }
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import inspect
 import json
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -26,7 +27,9 @@ from benchmarks import constants, field_table
 from dogshape.pipeline.record import Record
 from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.sim.clutch_tables import declared_key
+from dogshape.sim.effect import Ordinary
 from dogshape.sim.effects import EFFECTS
+from dogshape.sim.units import unit_of
 
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"
@@ -607,6 +610,57 @@ def validation() -> str:
     return markdown(head, [row])
 
 
+def effects() -> str:
+    """Write name, meaning, priors and sources of each effect."""
+    rows = []
+    for effect in EFFECTS.values():
+        priors = [
+            f"`{parameter.name}` {parameter.low:g} to {parameter.high:g}, {parameter.scale}"
+            for parameter in effect.parameters
+        ]
+        rows.append(
+            (
+                f"`{effect.name}`",
+                f"**{effect.title}**: {effect.meaning}",
+                "<br>".join(priors) or "none",
+                "<br>".join(parameter.source for parameter in effect.parameters),
+            )
+        )
+    head = ("effect", "name in reports, meaning", "parameters and prior", "source of the range")
+    return markdown(head, sorted(rows))
+
+
+def effect_parameters() -> str:
+    """Write ordinary range and direct test of each parameter of the effects."""
+    rows = []
+    for effect in EFFECTS.values():
+        errors = {error.parameter: error for error in effect.test.errors}
+        for parameter in effect.parameters:
+            ordinary = parameter.ordinary
+            error = errors[parameter.name]
+            parts = [f"{100.0 * error.relative:g} %"] if error.relative else []
+            parts.append(f"{error.absolute:g} {unit_of(error.parameter)}".rstrip())
+            rows.append(
+                (
+                    f"`{parameter.name}`",
+                    ordinary_range(ordinary) if ordinary else "",
+                    ordinary.source if ordinary else "",
+                    effect.test.name,
+                    " and ".join(parts),
+                    error.source,
+                )
+            )
+    head = ("parameter", "ordinary", "ordinary source", "direct test", "standard error", "source")
+    return markdown(head, sorted(rows))
+
+
+def ordinary_range(ordinary: Ordinary) -> str:
+    """Write an ordinary range."""
+    if math.isinf(ordinary.low):
+        return f"up to {ordinary.high:g}"
+    return f"{ordinary.low:g} to {ordinary.high:g}"
+
+
 def public_names() -> str:
     """Write the public names of the package with the arguments of functions and methods."""
     inherited = method_calls(dogshape.Result)
@@ -664,6 +718,8 @@ TABLES: dict[str, Callable[[], str | None]] = {
     "samplers": samplers,
     "validation": validation,
     "constants": constants.table,
+    "effects": effects,
+    "effect parameters": effect_parameters,
     "public names": public_names,
     "keys": lambda: key_table(StudyRecord, "result.json"),
 }

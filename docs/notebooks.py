@@ -13,8 +13,10 @@ from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 DOWNLOADS = "notebooks"  #: folder of the copies beside the pages
+SEARCH_BOOST = 0.3  #: of notebooks, so that a search shows guides and reference first
 
 
 class NotebookPage(File):
@@ -45,6 +47,13 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
             files.append(NotebookPage(file.src_uri, *places))
             files.append(copy)
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """Give a notebook its rank in a search."""
+    if isinstance(page.file, NotebookPage):
+        page.meta["search"] = {"boost": SEARCH_BOOST}
+    return markdown
 
 
 def _cell(cell: dict[str, Any]) -> str:

@@ -1,10 +1,10 @@
 """Effects that may explain why a bench differs from the simulation: of the package and of a user.
 
 A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. Effects of the package
-concern the dogs, the mechanism or the operating point. ``docs/effects.md`` has the meaning of each
-and the source of each range; all are judged. Masses are referred to the sleeve (times ratio
-squared), on the actuator's side of a linkage, and add up; a force that is scaled or reduced keeps
-its rise time; an offset of the mismatch counts along the nominal one.
+concern the dogs, the mechanism or the operating point; all their ranges are judged. Masses are
+referred to the sleeve (times ratio squared), on the actuator's side of a linkage, and add up; a
+force that is scaled or reduced keeps its rise time; an offset of the mismatch counts along the
+nominal one.
 """
 
 from __future__ import annotations
@@ -112,6 +112,7 @@ _EFFECTS = (
     Effect(
         "contact_friction",
         title="other friction between the dogs",
+        meaning="dogs rub on each other with other coefficients",
         parameters=(
             Parameter(
                 "static_friction",
@@ -119,6 +120,10 @@ _EFFECTS = (
                 low=0.05,
                 high=0.45,
                 scale=LINEAR,
+                source=(
+                    "oiled hardened steel 0.08 to 0.16, dry steel up to 0.4; the dynamic one must "
+                    "not exceed it"
+                ),
                 least=0.01,
                 most=1.0,
                 ordinary=Ordinary("steel, from oiled to dry", low=0.08, high=0.4),
@@ -129,6 +134,7 @@ _EFFECTS = (
                 low=0.03,
                 high=0.35,
                 scale=LINEAR,
+                source="oiled hardened steel 0.05 to 0.12, dry steel up to 0.3",
                 least=0.01,
                 most=1.0,
                 ordinary=Ordinary("steel, from oiled to dry", low=0.05, high=0.3),
@@ -158,6 +164,7 @@ _EFFECTS = (
     Effect(
         "contact_stiffness",
         title="other stiffness of the dogs",
+        meaning="dogs and their bodies give more or less than assumed",
         parameters=(
             Parameter(
                 "stiffness_Pa_m",
@@ -165,6 +172,10 @@ _EFFECTS = (
                 low=1e11,
                 high=2e13,
                 scale=LOG,
+                source=(
+                    "4.5e12 for teeth of steel after ISO 6336-1; bodies, bearings and edge contact"
+                    " make it softer by up to a factor of 30, a full flank stiffer by 4"
+                ),
                 least=1e10,
                 most=1e14,
                 ordinary=Ordinary(
@@ -186,6 +197,7 @@ _EFFECTS = (
     Effect(
         "contact_dissipation",
         title="other rebound of the dogs",
+        meaning="dogs rebound more or less than assumed",
         parameters=(
             Parameter(
                 "dissipation_s_m",
@@ -193,6 +205,10 @@ _EFFECTS = (
                 low=1.0,
                 high=300.0,
                 scale=LOG,
+                source=(
+                    "restitution at 0.2 m/s from 0.88 (dry, elastic) to 0.02 (flooded with oil); "
+                    "dogshape.validation.impact has the law"
+                ),
                 least=0.1,
                 most=3000.0,
                 ordinary=Ordinary("dogs from dry to flooded with oil", low=1.0, high=300.0),
@@ -216,6 +232,7 @@ _EFFECTS = (
     Effect(
         "contact_creep",
         title="other creep of held faces",
+        meaning="faces that friction holds slip faster or slower than assumed",
         parameters=(
             Parameter(
                 "stiction_factor",
@@ -223,6 +240,11 @@ _EFFECTS = (
                 low=0.5,
                 high=2.0,
                 scale=LOG,
+                source=(
+                    "the stiction velocity regularises the law of friction and belongs to the "
+                    "contact set; 0.1 m/s of the published one is no property of steel, which "
+                    "holds"
+                ),
                 least=0.5,
                 most=2.0,
                 ordinary=Ordinary("a stated contact set (assumption)", low=0.87, high=1.15),
@@ -243,6 +265,7 @@ _EFFECTS = (
     Effect(
         "chamfer_angle",
         title="chamfer angle off nominal",
+        meaning="the faces are steeper or flatter than nominal",
         parameters=(
             Parameter(
                 "chamfer_offset_deg",
@@ -250,6 +273,10 @@ _EFFECTS = (
                 low=-4.0,
                 high=4.0,
                 scale=LINEAR,
+                source=(
+                    "made to half a degree; worn or hand-dressed faces are off by two, faces of "
+                    "another drawing by four"
+                ),
                 ordinary=Ordinary("worn or hand-dressed faces", low=-2.0, high=2.0),
             ),
         ),
@@ -270,6 +297,7 @@ _EFFECTS = (
     Effect(
         "axial_gap",
         title="axial gap off nominal",
+        meaning="the gap before the shift is larger or smaller than nominal",
         parameters=(
             Parameter(
                 "gap_offset_mm",
@@ -277,6 +305,10 @@ _EFFECTS = (
                 low=-0.8,
                 high=0.8,
                 scale=LINEAR,
+                source=(
+                    "axial positions of two gears on a shaft add up to some tenths; neutral of a "
+                    "shift mechanism without a stop is off by half a millimetre"
+                ),
                 ordinary=Ordinary("a neutral position without a stop", low=-0.5, high=0.5),
             ),
         ),
@@ -291,6 +323,7 @@ _EFFECTS = (
     Effect(
         "free_play",
         title="free play of the linkage",
+        meaning="the actuator has some way to go before it meets the ring",
         parameters=(
             Parameter(
                 "free_play_mm",
@@ -298,6 +331,10 @@ _EFFECTS = (
                 low=0.05,
                 high=2.0,
                 scale=LOG,
+                source=(
+                    "a new fork has 0.1 to 0.3 mm in its groove; worn joints of a linkage add up "
+                    "to some millimetres"
+                ),
                 most=6.0,
                 ordinary=Ordinary("a new fork in its groove", high=0.3),
             ),
@@ -316,6 +353,9 @@ _EFFECTS = (
     Effect(
         "linkage_compliance",
         title="elastic linkage",
+        meaning=(
+            "the linkage between actuator and ring is elastic, with the actuator's mass behind it"
+        ),
         parameters=(
             Parameter(
                 "compliance_mm_kN",
@@ -323,6 +363,10 @@ _EFFECTS = (
                 low=0.3,
                 high=35.0,
                 scale=LOG,
+                source=(
+                    "a steel fork and rod give 0.3 mm/kN; Bowden cables, the published stand among"
+                    " them, 3.4 to 4.3 at the sleeve; long or worn ones ten times as much"
+                ),
                 most=120.0,
                 ordinary=Ordinary("Bowden cables", high=4.3),
             ),
@@ -332,6 +376,10 @@ _EFFECTS = (
                 low=0.03,
                 high=18.0,
                 scale=LOG,
+                source=(
+                    "fork and rod weigh 0.1 to 1 kg; an arm of 0.5 kg behind a ratio of 3.2 feels "
+                    "like 5 kg, a robot's drive like three times that"
+                ),
                 most=60.0,
                 ordinary=Ordinary("fork and rod", high=1.0),
             ),
@@ -360,6 +408,7 @@ _EFFECTS = (
     Effect(
         "moving_mass",
         title="mass of actuator and linkage",
+        meaning="actuator and linkage move with the ring and add their mass",
         parameters=(
             Parameter(
                 "added_mass_kg",
@@ -367,6 +416,10 @@ _EFFECTS = (
                 low=0.03,
                 high=18.0,
                 scale=LOG,
+                source=(
+                    "fork and rod weigh 0.1 to 1 kg; an arm of 0.5 kg behind a ratio of 3.2 feels "
+                    "like 5 kg, a robot's drive like three times that"
+                ),
                 most=60.0,
                 ordinary=Ordinary("fork and rod", high=1.0),
             ),
@@ -389,6 +442,7 @@ _EFFECTS = (
     Effect(
         "sleeve_friction",
         title="dry friction of the sliding ring",
+        meaning="dry friction of the sliding ring on its shaft",
         parameters=(
             Parameter(
                 "friction_N",
@@ -396,6 +450,10 @@ _EFFECTS = (
                 low=3.0,
                 high=200.0,
                 scale=LOG,
+                source=(
+                    "a ring of 3 N on an oiled spline drags with newtons; seals, a tilted fork or "
+                    "dirt with some ten; above the least shift force nothing would move"
+                ),
                 most=1000.0,
                 ordinary=Ordinary("seals and a tilted fork", high=50.0),
             ),
@@ -411,6 +469,7 @@ _EFFECTS = (
     Effect(
         "viscous_damping",
         title="oil damping of the sliding ring",
+        meaning="oil damps the ring along its shaft",
         parameters=(
             Parameter(
                 "damping_Ns_m",
@@ -418,6 +477,10 @@ _EFFECTS = (
                 low=5.0,
                 high=1600.0,
                 scale=LOG,
+                source=(
+                    "shear in a spline of 10 cm2 with gaps of 20 um at 0.1 Pa s gives 5 N s/m; oil"
+                    " that must leave a closed pocket some hundred, a cold one above 1000"
+                ),
                 most=6000.0,
                 ordinary=Ordinary("shear of oil in a spline", high=5.0),
             ),
@@ -440,6 +503,10 @@ _EFFECTS = (
     Effect(
         "detent_force",
         title="force of a detent",
+        meaning=(
+            "a detent holds the ring over a short part of its way; the pull into the next seat is "
+            "left out"
+        ),
         parameters=(
             Parameter(
                 "detent_N",
@@ -447,11 +514,22 @@ _EFFECTS = (
                 low=10.0,
                 high=200.0,
                 scale=LOG,
+                source=(
+                    "ball detents of passenger cars take 10 to 100 N at the rod; above the least "
+                    "shift force nothing would move"
+                ),
                 most=1000.0,
                 ordinary=Ordinary("ball detents of passenger cars", high=100.0),
             ),
             Parameter(
-                "position_mm", neutral=0.5, low=0.5, high=4.5, scale=LINEAR, least=0.5, most=4.5
+                "position_mm",
+                neutral=0.5,
+                low=0.5,
+                high=4.5,
+                scale=LINEAR,
+                source="anywhere on the travel; most likely where it leaves neutral",
+                least=0.5,
+                most=4.5,
             ),
         ),
         change=_unless_zero(
@@ -474,6 +552,7 @@ _EFFECTS = (
     Effect(
         "spline_friction",
         title="friction in the loaded spline",
+        meaning="the ring's spline rubs along the shaft in proportion to its torque",
         parameters=(
             Parameter(
                 "spline_friction",
@@ -481,6 +560,7 @@ _EFFECTS = (
                 low=0.01,
                 high=0.3,
                 scale=LOG,
+                source="oiled steel 0.05 to 0.15, dry or worn 0.3; rolling elements 0.01",
                 most=1.0,
                 ordinary=Ordinary("oiled steel", high=0.15),
             ),
@@ -503,6 +583,7 @@ _EFFECTS = (
     Effect(
         "drag_torque",
         title="drag torque on the sliding ring",
+        meaning="the sliding ring is held by a torque against its turning",
         parameters=(
             Parameter(
                 "drag_Nm",
@@ -510,6 +591,10 @@ _EFFECTS = (
                 low=0.02,
                 high=8.0,
                 scale=LOG,
+                source=(
+                    "bearings and seals of an input shaft take 0.05 to 0.5 N m, cold oil and a "
+                    "dragging clutch some N m, both together up to 8"
+                ),
                 most=40.0,
                 ordinary=Ordinary("bearings and seals of an input shaft", high=0.5),
             ),
@@ -532,6 +617,7 @@ _EFFECTS = (
     Effect(
         "sliding_inertia",
         title="inertia of the sliding side off nominal",
+        meaning="what turns with the sliding ring has a factor of the nominal inertia",
         parameters=(
             Parameter(
                 "inertia_factor",
@@ -539,6 +625,11 @@ _EFFECTS = (
                 low=1.1,
                 high=8.0,
                 scale=LOG,
+                source=(
+                    "wheels of other gears in mesh add 10 to 100 percent of an input shaft's "
+                    "inertia, a clutch disc of 0.003 to 0.008 kg m2 as much as the published 0.01;"
+                    " a ratio of 2.8 that was left out counts squared, 8"
+                ),
                 least=0.1,
                 most=50.0,
                 ordinary=Ordinary("other wheels in mesh", high=2.0),
@@ -562,6 +653,7 @@ _EFFECTS = (
     Effect(
         "actuation_delay",
         title="dead time of the actuation",
+        meaning="the force starts some time after time zero",
         parameters=(
             Parameter(
                 "delay_s",
@@ -569,6 +661,11 @@ _EFFECTS = (
                 low=0.0,
                 high=0.4,
                 scale=LINEAR,
+                source=(
+                    "valve, pipe and filling of a pneumatic cylinder take 10 to 150 ms; a time "
+                    "zero set by hand or by another clock errs by as much again; uniform, since a "
+                    "shifted zero has no scale"
+                ),
                 least=0.0,
                 most=1.0,
                 ordinary=Ordinary("valve, pipe and filling of a cylinder", high=0.15),
@@ -590,6 +687,7 @@ _EFFECTS = (
     Effect(
         "actuation_lag",
         title="slow rise of the shift force",
+        meaning="the force nears its nominal course with a lag of first order",
         parameters=(
             Parameter(
                 "lag_s",
@@ -597,6 +695,11 @@ _EFFECTS = (
                 low=0.003,
                 high=0.45,
                 scale=LOG,
+                source=(
+                    "a cylinder of 0.1 to 1 litre behind a valve of some hundred litres a minute "
+                    "fills with time constants of 10 to 300 ms; a throttled one up to half a "
+                    "second"
+                ),
                 most=1.0,
                 ordinary=Ordinary("a cylinder behind its valve", high=0.3),
             ),
@@ -619,6 +722,7 @@ _EFFECTS = (
     Effect(
         "force_rise",
         title="rise time of the shift force off nominal",
+        meaning="the force rises to its final value in a factor of the nominal time",
         parameters=(
             Parameter(
                 "rise_factor",
@@ -626,6 +730,11 @@ _EFFECTS = (
                 low=0.4,
                 high=2.5,
                 scale=LOG,
+                source=(
+                    "a rise read from 10 to 90 percent of a cubic step is 0.61 of the whole, up to"
+                    " another threshold down to 0.4; a supply or throttle of half the flow takes "
+                    "twice as long, a longer hose some ten percent more"
+                ),
                 least=0.05,
                 most=20.0,
                 ordinary=Ordinary(
@@ -651,6 +760,7 @@ _EFFECTS = (
     Effect(
         "force_scale",
         title="shift force off nominal",
+        meaning="the force at the sleeve is a factor of the nominal one",
         parameters=(
             Parameter(
                 "force_factor",
@@ -658,6 +768,11 @@ _EFFECTS = (
                 low=0.5,
                 high=1.5,
                 scale=LINEAR,
+                source=(
+                    "an assumed efficiency of 0.8 may be 0.5 to 1 with a bent or dry cable; ratios"
+                    " from a static calibration err by up to 10 percent more, a piston's area by "
+                    "15"
+                ),
                 least=0.05,
                 most=3.0,
                 ordinary=Ordinary("an assumed efficiency of a cable", low=0.63, high=1.25),
@@ -676,6 +791,7 @@ _EFFECTS = (
     Effect(
         "force_loss",
         title="constant loss of shift force",
+        meaning="the force at the sleeve is smaller than nominal by a constant",
         parameters=(
             Parameter(
                 "loss_N",
@@ -683,6 +799,11 @@ _EFFECTS = (
                 low=2.0,
                 high=150.0,
                 scale=LOG,
+                source=(
+                    "a gauge read to 10 mbar on a piston of 20 cm2 errs by 2 N; return springs and"
+                    " preloaded seals of such cylinders hold 10 to 50 N, springs of a fork up to "
+                    "150 N"
+                ),
                 most=1000.0,
                 ordinary=Ordinary("return spring and seals of a cylinder", high=50.0),
             ),
@@ -705,6 +826,7 @@ _EFFECTS = (
     Effect(
         "mismatch_speed",
         title="mismatch off nominal",
+        meaning="the true mismatch is a factor of the nominal one, and an offset",
         parameters=(
             Parameter(
                 "offset_rpm",
@@ -712,6 +834,10 @@ _EFFECTS = (
                 low=-4.0,
                 high=4.0,
                 scale=LINEAR,
+                source=(
+                    "a flywheel with 5 to 20 N m of friction loses 0.5 to 3 1/min within a shift; "
+                    "speeds are set to a few 1/min, below the least nominal one"
+                ),
                 ordinary=Ordinary("run-down of a flywheel within a shift", low=-3.0, high=3.0),
             ),
             Parameter(
@@ -720,6 +846,10 @@ _EFFECTS = (
                 low=0.75,
                 high=1.25,
                 scale=LINEAR,
+                source=(
+                    "a tooth miscounted in a ratio of some ten to twenty gives 5 to 10 percent, a "
+                    "neighbouring ratio of a gearbox or a slipping belt up to 25"
+                ),
                 least=0.05,
                 most=3.0,
                 ordinary=Ordinary("a miscounted tooth", low=0.9, high=1.1),
@@ -749,6 +879,7 @@ _EFFECTS = (
     Effect(
         "reversed_mismatch",
         title="reversed sense of rotation",
+        meaning="the rings turn past each other the other way round than the table says",
         parameters=(),
         change=_with_reversed_sense,
         test=BenchTest(
@@ -760,6 +891,7 @@ _EFFECTS = (
     Effect(
         "relative_angle",
         title="uneven relative angles",
+        meaning="some relative angles come more often than others",
         parameters=(
             Parameter(
                 "concentration",
@@ -767,11 +899,22 @@ _EFFECTS = (
                 low=0.1,
                 high=10.0,
                 scale=LOG,
+                source=(
+                    "from a preference that hardly shows (0.1) to all within a tenth of the pitch "
+                    "(10), as with a stand that stops at one place"
+                ),
                 most=100.0,
                 ordinary=Ordinary("a ring that coasts to rest (assumption)", high=1.0),
             ),
             Parameter(
-                "centre_pitch", neutral=0.0, low=0.0, high=1.0, scale=LINEAR, least=0.0, most=1.0
+                "centre_pitch",
+                neutral=0.0,
+                low=0.0,
+                high=1.0,
+                scale=LINEAR,
+                source="any place in the pitch; 0 is dogs facing dogs",
+                least=0.0,
+                most=1.0,
             ),
         ),
         change=_unless_zero("concentration", _with_angles),
