@@ -65,7 +65,6 @@ TRIPLE_NATS = 8.0  #: below the best, within which a pair is extended to sets of
 MAX_TRIPLES = 192  #: sets of three that are sampled
 LIKELY_DISTANCE = 12.0  #: squared distance beyond the smallest, of draws that are simulated
 OCCAM_NATS = 1.5  #: expected loss of evidence by a parameter, from the best draw
-PROSPECT_ROUNDS = 2  #: of simulations, after which a prospect is settled
 PROSPECT_DRAWS = 128  #: prior draws among which a prospect is sought
 PROSPECT_LIKELIHOODS = 16  #: of these, that get a likelihood
 MIN_TIME_SHARE = 0.1  #: least optimistic time, as a share of the predicted one
@@ -298,14 +297,14 @@ class HypothesisSearch:
         """Estimate the part of ``emulation_error`` that further benches would remove.
 
         At least the largest move by the last ``CONVERGENCE_ROUNDS``. 0 if all effects change only
-        the reading of a shift.
+        the reading of a shift. A prospect counts until it is simulated: after that its move does.
         """
         settings = self.likelihood.settings
         if not self.likelihood.model.contact_effects(h):
             return 0.0
         nats = settings.emulated_nats
         rounds = self.rounds.get(h, 0)
-        if h in self.prospects and rounds < PROSPECT_ROUNDS:
+        if h in self.prospects and rounds == 0:
             nats = max(nats, settings.prospect_share * self.prospects[h].gain)
         mean_error = nats * (1.0 + rounds) ** -settings.emulated_decay
         last_moves = self.moves.get(h, [])[-CONVERGENCE_ROUNDS:]
