@@ -287,17 +287,11 @@ class HypothesisSearch:
         return rounds < self.likelihood.settings.simulations_each and h not in self.exhausted
 
     def emulation_error(self, h: Hypothesis) -> float:
-        """Estimate the standard error of a log evidence that interpolated times cause."""
-        reducible_error = self.reducible_error(h)
-        if reducible_error == 0.0:
-            return 0.0
-        return math.hypot(reducible_error, self.likelihood.settings.emulated_floor)
+        """Estimate the standard error of a log evidence that interpolated times cause.
 
-    def reducible_error(self, h: Hypothesis) -> float:
-        """Estimate the part of ``emulation_error`` that further benches would remove.
-
-        At least the largest move by the last ``CONVERGENCE_ROUNDS``. 0 if all effects change only
-        the reading of a shift. A prospect counts until it is simulated: after that its move does.
+        At least the largest move by the last ``CONVERGENCE_ROUNDS``, and the spread between sets of
+        benches. 0 if all effects change only the reading of a shift. A prospect counts until it is
+        simulated: after that its move does.
         """
         settings = self.likelihood.settings
         if not self.likelihood.model.contact_effects(h):
@@ -308,7 +302,13 @@ class HypothesisSearch:
             nats = max(nats, settings.prospect_share * self.prospects[h].gain)
         mean_error = nats * (1.0 + rounds) ** -settings.emulated_decay
         last_moves = self.moves.get(h, [])[-CONVERGENCE_ROUNDS:]
-        return float(max([mean_error, *last_moves]))
+        return float(max([mean_error, settings.emulated_floor, *last_moves]))
+
+    def reducible_error(self, h: Hypothesis) -> float:
+        """Estimate the part of ``emulation_error`` that further benches would remove."""
+        error = self.emulation_error(h)
+        floor = self.likelihood.settings.emulated_floor
+        return math.sqrt(max(0.0, error**2 - floor**2))
 
     def _replace_model(self, model: Model, simulated: Hypothesis) -> None:
         """Reweight the samples whose predictions new benches change."""

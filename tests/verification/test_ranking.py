@@ -302,7 +302,8 @@ def test_two_equal_hypotheses_are_simulated_until_the_error_of_half_is_small(
         search.likelihood, settings=replace(USUAL, converged=0.03, simulations_each=50)
     )
     simulated_by(search)
-    rounds = (USUAL.emulated_nats / (4.0 * 0.03)) ** (1.0 / USUAL.emulated_decay) - 1.0
+    error = math.hypot(4.0 * 0.03, USUAL.emulated_floor)
+    rounds = (USUAL.emulated_nats / error) ** (1.0 / USUAL.emulated_decay) - 1.0
     for h in (first, second):
         assert search.rounds[h] == pytest.approx(rounds, abs=1.0)
 
@@ -313,9 +314,11 @@ def test_an_evidence_that_still_moves_is_simulated_on(monkeypatch: pytest.Monkey
     search = fake_search(monkeypatch, {still: 0.0, moving: 0.0}, gain=0.0)
     search.rounds = {still: 4, moving: 4}
     search.moves = {still: [3.0, 0.1, 0.1], moving: [0.1, 3.0, 0.1]}
-    assert search.reducible_error(moving) == 3.0
-    expected = USUAL.emulated_nats * 5.0**-USUAL.emulated_decay
-    assert search.reducible_error(still) == pytest.approx(expected)
+    assert search.emulation_error(moving) == 3.0
+    assert search.reducible_error(moving) == pytest.approx(math.sqrt(9.0 - USUAL.emulated_floor**2))
+    # The spread between sets of benches remains.
+    assert search.emulation_error(still) == USUAL.emulated_floor
+    assert search.reducible_error(still) == 0.0
     assert simulated_by(search)[0] == moving
 
 
