@@ -28,7 +28,7 @@ def may_ask(yes: bool = False) -> bool:
     return not yes and sys.stdin.isatty()
 
 
-class Answer(NamedTuple):
+class DialogueAnswer(NamedTuple):
     """Answer to a question: its value, and whether the user typed it or took the default."""
 
     value: Any
@@ -60,24 +60,24 @@ def ask_value(
     default: Any,
     choices: Sequence[str] = (),
     read: Callable[[str], Any] | None = None,
-) -> Answer:
+) -> DialogueAnswer:
     """Ask for a number, numbers or text as ``ask`` does, with the way in which it was answered."""
     from dogshape.pipeline.drafts.answers import choice_of, number_of, shown_value  # noqa: PLC0415
 
-    def answer_of(text: str) -> Answer:
+    def answer_of(text: str) -> DialogueAnswer:
         if not text:
-            return Answer(default, is_typed=False)
+            return DialogueAnswer(default, is_typed=False)
         try:
             if isinstance(default, str):
-                return Answer(choice_of(text, choices), is_typed=True)
-            return Answer((read or number_of)(text), is_typed=True)
+                return DialogueAnswer(choice_of(text, choices), is_typed=True)
+            return DialogueAnswer((read or number_of)(text), is_typed=True)
         except InputError as error:
             raise typer.BadParameter(str(error)) from None
 
     shown = shown_value(default)
     words = f"{question} [{shown}]" if shown else question
     try:
-        answer: Answer = typer.prompt(
+        answer: DialogueAnswer = typer.prompt(
             words, default="", show_default=False, err=True, value_proc=answer_of
         )
     except typer.Abort:

@@ -325,12 +325,12 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
 
 def ask_values(
     defaults: Mapping[str, Any], questions: Mapping[str, str]
-) -> dict[str, dialogue.Answer]:
+) -> dict[str, dialogue.DialogueAnswer]:
     """Ask for values by their keys, except for keys that earlier answers make void."""
     from dogshape.pipeline.drafts.draft_keys import CHOICES  # noqa: PLC0415
     from dogshape.pipeline.drafts.study_folder import is_void, value_of  # noqa: PLC0415
 
-    answers: dict[str, dialogue.Answer] = {}
+    answers: dict[str, dialogue.DialogueAnswer] = {}
     for key, default in defaults.items():
         values = {answered_key: answer.value for answered_key, answer in answers.items()}
         if not is_void(key, values):
