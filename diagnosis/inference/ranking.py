@@ -363,6 +363,16 @@ class HypothesisSearch:
         self.store(widen(self.likelihood, {h: subsets[h] for h in triples}, self.side_likelihood))
         return triples
 
+    @property
+    def log_unknown(self) -> float:
+        """Log evidence of *unknown*, with that of observations beside the shifts."""
+        return self.log_unlisted() + self.log_side_unknown
+
+    @property
+    def unknown_value(self) -> float:
+        """Log evidence plus log prior of *unknown*."""
+        return self.log_unknown + self.prior(UNKNOWN)
+
     def log_unlisted(self) -> float:
         """Compute the log evidence of a discrepancy that no effect explains.
 
@@ -422,11 +432,19 @@ def rank(searches: Sequence[HypothesisSearch]) -> list[Ranking]:
 def _simulate_plausible(searches: Sequence[HypothesisSearch]) -> None:
     """Simulate hypotheses until no error of an evidence moves a probability.
 
-    The hypothesis with the most at stake comes first.
+    The hypothesis with the most at stake comes first. The probability of *unknown* counts as it was
+    before the benches, and is computed again after them.
     """
-    while stakes := _list_stakes(searches):
-        stake = max(stakes, key=lambda stake: stake.change)
-        stake.search.simulate(stake.hypothesis)
+    while stakes := _list_stakes(searches, log_unknown := _log_unknown(searches)):
+        while stakes:
+            stake = max(stakes, key=lambda stake: stake.change)
+            stake.search.simulate(stake.hypothesis)
+            stakes = _list_stakes(searches, log_unknown)
+
+
+def _log_unknown(searches: Sequence[HypothesisSearch]) -> float:
+    """Compute log evidence plus log prior of *unknown* under all meanings of the record."""
+    return float(logsumexp([search.unknown_value + search.log_meaning for search in searches]))
 
 
 class _Stake(NamedTuple):
@@ -437,12 +455,12 @@ class _Stake(NamedTuple):
     change: float
 
 
-def _list_stakes(searches: Sequence[HypothesisSearch]) -> list[_Stake]:
+def _list_stakes(searches: Sequence[HypothesisSearch], log_unknown: float) -> list[_Stake]:
     """List hypotheses whose probability emulation errors move by more than ``converged``."""
     pairs = [(search, h) for search in searches for h in search.samples]
     logs = np.array([search.value(h) + search.log_meaning for search, h in pairs])
     errors = np.array([search.reducible_error(h) for search, h in pairs])
-    log_probability = np.minimum(logs - logsumexp(logs), -1e-9)
+    log_probability = np.minimum(logs - logsumexp([*logs, log_unknown]), -1e-9)
     log_odds = log_probability - np.log(-np.expm1(log_probability))
     probability = expit(log_odds)
     rise = expit(log_odds + errors) - probability
@@ -464,5 +482,5 @@ def _ranking_of(search: HypothesisSearch) -> Ranking:
         samples=search.samples,
         emulation_error={h: search.emulation_error(h) for h in search.samples},
         log_prior={**search.priors, UNKNOWN: search.prior(UNKNOWN)},
-        log_unknown=search.log_unlisted() + search.log_side_unknown,
+        log_unknown=search.log_unknown,
     )

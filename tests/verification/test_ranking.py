@@ -255,7 +255,10 @@ class FakeModel:
 
 
 def fake_search(
-    monkeypatch: pytest.MonkeyPatch, log_evidence: dict[Hypothesis, float], gain: float
+    monkeypatch: pytest.MonkeyPatch,
+    log_evidence: dict[Hypothesis, float],
+    gain: float,
+    unknown_value: float = -np.inf,
 ) -> HypothesisSearch:
     """Begin a search with samples of known evidence, whose first simulation gains some nats."""
     model = FakeModel()
@@ -265,6 +268,7 @@ def fake_search(
         return SimpleNamespace(**{**vars(sample), "log_evidence": sample.log_evidence + rise})
 
     monkeypatch.setattr(ranking, "refine", refined)
+    monkeypatch.setattr(HypothesisSearch, "unknown_value", unknown_value)
     monkeypatch.setattr(HypothesisSearch, "uncertain_draws", lambda *_: np.zeros(1, dtype=int))
     likelihood: Any = replace(likelihood_with(0.3), model=cast(Any, model))
     search = search_of(likelihood)
@@ -290,6 +294,14 @@ def test_what_is_at_stake_is_simulated_first(monkeypatch: pytest.MonkeyPatch) ->
     assert simulated[0] == first
     assert second not in simulated[1:]
     assert far not in simulated
+
+
+def test_nothing_is_simulated_where_an_unlisted_cause_has_all_the_probability(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log_evidence: dict[Hypothesis, float] = {("a",): 0.0, ("b",): 0.0}
+    assert simulated_by(fake_search(monkeypatch, log_evidence, 0.0, unknown_value=0.0))
+    assert not simulated_by(fake_search(monkeypatch, log_evidence, 0.0, unknown_value=12.0))
 
 
 def test_two_equal_hypotheses_are_simulated_until_the_error_of_half_is_small(
