@@ -159,9 +159,12 @@ def create_folder(root: Path) -> None:
     try:
         root.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StorageError(
-            f"{root} cannot be written ({error.strerror}); choose another folder"
-        ) from error
+        raise unwritable_folder(root, error) from error
+
+
+def unwritable_folder(root: Path, error: OSError) -> StorageError:
+    """Build the error of a folder that cannot be written."""
+    return StorageError(f"{root} cannot be written ({error.strerror}); choose another folder")
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dogshape.pipeline.store.folder import create_folder
+from dogshape.pipeline.store.folder import create_folder, unwritable_folder
 from dogshape.sim.errors import StorageError
 
 
@@ -21,9 +21,7 @@ def lock_folder(root: Path) -> Iterator[None]:
     try:
         handle = (root / ".lock").open("w")
     except OSError as error:
-        raise StorageError(
-            f"{root} cannot be written ({error.strerror}); choose another folder"
-        ) from error
+        raise unwritable_folder(root, error) from error
     with handle:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
