@@ -55,7 +55,7 @@ const Solid = (() => {
     viewer.set_camera_target([0, 0, 0]);
     pane.dataset.state = "drawn";
     pane.viewer = viewer;  // for a script that takes pictures
-    return {viewer, show(now) {
+    return {show(now) {
       const turned = -now.relative_angle_deg * Math.PI / 180, height = data.travel - now.displacement_mm;
       carriage.rotation.z = turned; carriage.position.z = height / outer;
       pane.dataset.pose = [turned, height].map(v => v.toFixed(4)).join(" ");
