@@ -365,7 +365,7 @@ class HypothesisSearch:
 
     @property
     def log_unknown(self) -> float:
-        """Log evidence of *unknown*, with that of observations beside the shifts."""
+        """Log evidence of *unknown*, observations beside the shifts included."""
         return self.log_unlisted() + self.log_side_unknown
 
     @property

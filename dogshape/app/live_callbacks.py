@@ -208,7 +208,7 @@ def _texts_of(groups: Sequence[Sequence[Json]]) -> dict[str, str]:
 
 
 def _key_of(part: Json, role: str) -> str:
-    """Return the key of the question that a part of the page serves in a role, such as ``row``."""
+    """Return the question of a component; ``role`` is a field of its id, such as ``row``."""
     return str(part["id"][role])
 
 

@@ -266,7 +266,7 @@ def read_rexs(path: Path) -> RexsModel:
 
 
 def _reason_of(error: Exception) -> str:
-    """Word what a file lacks: the first wrong place, or the error."""
+    """Describe the first wrong place of a file, or the error."""
     if not isinstance(error, ValidationError):
         return f"{type(error).__name__}: {error}"
     first = error.errors()[0]

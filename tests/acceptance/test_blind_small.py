@@ -21,7 +21,7 @@ def test_a_small_sealed_set_is_diagnosed_and_scored(
 ) -> None:
     monkeypatch.setattr(cases, "COUNTS", {"planar": cases.COUNTS["planar"]})
     monkeypatch.setattr(cases, "SMALL_COUNTS", {"none": 1, "single": 1})
-    # Shorter diagnoses: each point and bench is simulated anew.
+    # Few points and an early stop keep the simulations of a diagnosis short.
     monkeypatch.setattr(cases, "POINT_COUNTS", (5, 6))
     settings = replace(USUAL, converged=0.05)
     monkeypatch.setattr(advised_test, "BankOptions", partial(BankOptions, settings=settings))
