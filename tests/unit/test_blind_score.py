@@ -82,13 +82,14 @@ def test_figures_of_made_up_results() -> None:
     figures = {
         name: (interval["value"], interval["n"]) for name, interval in headline(MARKS).items()
     }
-    assert figures["named"] == figures["leads"] == (0.5, 2)
+    assert figures["single_named"] == figures["leads"] == (0.5, 2)
+    assert figures["true_names"] == (pytest.approx(2 / 3), 3)
     assert figures["whole_truth"] == (pytest.approx(1 / 3), 3)
     assert figures["whole_seen"] == (pytest.approx(2 / 3), 3)
     assert figures["wrong_sure"] == (1.0, 1)
     assert figures["false_alarms"] == (1.0, 1)
     assert figures["none_shown"] == (0.0, 1)
-    assert figures["unknown"] == (1.0, 1)
+    assert figures["outside_silent"] == figures["unknown"] == (1.0, 1)
     assert figures["credible"] == (0.5, 4)
     assert figures["sizes"] == (1.0, 1)
     assert figures["pairs_said"] == (pytest.approx(0.7), 1)
@@ -96,8 +97,31 @@ def test_figures_of_made_up_results() -> None:
     assert figures["best_rise"] == (0.6, 1)
     assert figures["test_misleads"] == (0.0, 1)
     assert figures["test_foreseen"] == (pytest.approx(-0.4), 1)
-    assert figures["cpu_s"] == (pytest.approx(2.6), 5)
+    assert figures["cpu_s"] == (3.0, 5)
     assert figures["p_median"] == (0.4, 2)
+
+
+def test_a_pair_is_named_whole_or_in_part() -> None:
+    truth = {**CASES["case_03"], "yardstick": {"noncentrality": 50.0}}
+    results = {
+        "whole": _result({(*DELAY, *MASS): 0.9, DELAY: 0.1}, "effect", [*DELAY, *MASS]),
+        "part": _result({DELAY: 0.6, (*DELAY, *MASS): 0.4}, "ambiguous", [*DELAY]),
+        "wrong": _result({("free_play",): 0.6, (): 0.4}, "ambiguous", ["free_play"]),
+    }
+    marks = [mark_of(Path(n), n, truth, result, _advise) for n, result in results.items()]
+    figures = headline(marks)
+    assert (figures["pair_named"]["value"], figures["pair_named"]["n"]) == (pytest.approx(1 / 3), 3)
+    assert figures["pair_part"]["value"] == figures["true_names"]["value"] == pytest.approx(2 / 3)
+    assert (figures["wrong_sure"]["value"], figures["wrong_sure"]["n"]) == (0.5, 2)
+
+
+def test_aims() -> None:
+    both = score.Headline("p", "p-value", 0.4, 0.6, percent=False)
+    assert both.aim == "0.4 to 0.6"
+    assert [both.meets_aim(value) for value in (0.3, 0.5, 0.7, None)] == [False, True, False, None]
+    assert [score.Headline("n", "named", low, high).aim for low, high in ((0.85, None), (None, 0.0), (None, None))] == [
+        "at least 85 %", "at most 0 %", "",
+    ]  # fmt: skip
 
 
 def test_wilson_interval() -> None:
@@ -186,7 +210,9 @@ def test_verbs_run_and_score_and_results_are_written_from_the_score(
     assert [words for words, *_ in headline_of(path)] == [
         figure.words for figure in score.HEADLINES
     ]
-    assert "| clear cause: named | 50 % (9 to 91) | 2 | at least 72 % | no |" in passage(path)  # type: ignore[operator]
+    assert "| clear single cause: named | 50 % (9 to 91) | 2 | at least 85 % | no |" in passage(
+        path
+    )  # type: ignore[operator]
     monkeypatch.setattr(score, "SCORING_FILES", ("score.py",))
     result = dogshape("blind", "score", folder)
     assert "scored by other code than sealed: advised_test.py, sealed.py" in result.out

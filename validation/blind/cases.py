@@ -71,7 +71,8 @@ SPREADS_SHARE = 0.5  #: of cases with means only that have standard deviations
 UNKNOWN_SHARE = 0.25  #: of records that leave a convention unknown
 STRENGTHS = (0.5, 1.0)  #: range of an effect's strength
 BEYOND_SHARE = 0.25  #: of effects whose size lies beyond the prior
-BEYOND = 1.3  #: greatest strength of these
+BEYOND = 2.0  #: greatest strength of these
+LOG_BEYOND = 1.3  #: greatest strength of these on a logarithmic scale: up to six times the end
 OUTSIDE_STRENGTHS = (0.7, 1.0)  #: range of the strength of a cause outside the list
 DRIFT_SHARE = 0.5  #: of series of single shifts whose force falls
 DRIFTS = (0.02, 0.1)  #: range of the share of the force that is lost
@@ -185,17 +186,18 @@ def _draw_causes(
     effects = sorted({*RANGES} - {*READING_EFFECTS}) if kind == "pair" else sorted(RANGES)
     count = 2 if kind == "pair" else 1
     names = [name] if name else generator.choice(effects, count, replace=False).tolist()
-    strengths = {effect: _draw_strength(generator) for effect in sorted(names)}
+    strengths = {effect: _draw_strength(generator, effect) for effect in sorted(names)}
     parameters = {
         effect: values_of(effect, strength, generator) for effect, strength in strengths.items()
     }
     return parameters, {}
 
 
-def _draw_strength(generator: np.random.Generator) -> float:
+def _draw_strength(generator: np.random.Generator, effect: str) -> float:
     """Draw the strength of an effect, one in four beyond its prior."""
     if generator.random() < BEYOND_SHARE:
-        return float(generator.uniform(1.0, BEYOND))
+        is_log = any(parameter.log for parameter in RANGES[effect])
+        return float(generator.uniform(1.0, LOG_BEYOND if is_log else BEYOND))
     return float(generator.uniform(*STRENGTHS))
 
 

@@ -6,8 +6,9 @@ A case is *clear* where the best refit by a rival leaves a noncentrality of ``CL
 A diagnosis counts invisible effects as absent. So a hypothesis is *as seen* where it is the truth,
 or the part of it that the data can show by the yardstick. Names and leading hypotheses of clear
 cases are compared with the truth itself; for the 90 % set, wrong names above 0.95 and advised tests
-a hypothesis as seen is right too. The stated probability of pairs is that by evidence, before
-effects count as absent. Shares have Wilson's 95 % interval, means a bootstrap's.
+a hypothesis as seen is right too. An open verdict names *parts*: effects whose probability is above
+0.95. The stated probability of pairs is that by evidence, before effects count as absent. Shares
+have Wilson's 95 % interval, means and medians a bootstrap's.
 """
 
 from __future__ import annotations
@@ -54,11 +55,14 @@ class Headline:
     @property
     def aim(self) -> str:
         """Text of the aim, '' for none."""
-        bound = self.high if self.low is None else self.low
-        if bound is None:
-            return ""
-        text = f"{100.0 * bound:.0f} %" if self.percent else f"{bound:g}"
-        return f"at most {text}" if self.low is None else f"at least {text}"
+        if self.low is not None and self.high is not None:
+            return f"{self._text(self.low)} to {self._text(self.high)}"
+        if self.low is not None:
+            return f"at least {self._text(self.low)}"
+        return "" if self.high is None else f"at most {self._text(self.high)}"
+
+    def _text(self, bound: float) -> str:
+        return f"{100.0 * bound:.0f} %" if self.percent else f"{bound:g}"
 
     def meets_aim(self, value: float | None) -> bool | None:
         """Test whether a value meets the aim; None without value or aim."""
@@ -68,26 +72,29 @@ class Headline:
 
 
 HEADLINES = (
-    Headline("named", "clear cause: named", 0.72),
+    Headline("single_named", "clear single cause: named", 0.85),
+    Headline("pair_named", "clear pair: both named", 0.65),
+    Headline("pair_part", "clear pair: at least one named", 0.95),
     Headline("leads", "clear cause: leads", 0.92),
-    Headline("whole_truth", "named: the whole truth", 0.90),
-    Headline("whole_seen", "named: the whole truth that data can show"),
-    Headline("wrong_sure", "named above 0.95: wrong", None, 0.0),
-    Headline("false_alarms", "no effect: one is named", None, 0.01),
-    Headline("none_shown", "no effect, and data can show it: none said", 0.85),
-    Headline("unknown", "clear, outside the list: unknown said", 0.85),
+    Headline("true_names", "named, whole or in part: all of it acts", 0.95),
+    Headline("whole_truth", "named as the whole: the whole truth", 0.90),
+    Headline("whole_seen", "named as the whole: the whole truth that data can show"),
+    Headline("wrong_sure", "named above 0.95, whole or in part: wrong", None, 0.0),
+    Headline("false_alarms", "no effect: one is named", None, 0.0),
+    Headline("none_shown", "no effect, and data can show it: none said", 0.80),
+    Headline("outside_silent", "clear, outside the list: no effect named", 0.90),
+    Headline("unknown", "clear, outside the list: unknown said", 0.60),
     Headline("credible", "90 % set holds the truth", 0.88),
-    Headline("sizes", "90 % intervals hold the sizes", 0.85),
+    Headline("sizes", "90 % intervals hold the sizes", 0.86),
     Headline("pairs_said", "pairs: probability said less share right", None, 0.15, percent=False),
-    Headline("pairs_lead", "a pair leads: probability said less right", percent=False),
     Headline("test_rise", "cause open: the advised test lifts the truth by", 0.20, percent=False),
     Headline("best_rise", "the same by the best test in hindsight", percent=False),
     Headline("test_misleads", "cause open: the advised test misleads", None, 0.05),
     Headline(
         "test_foreseen", "advised test: gain foreseen less realised", None, 0.10, percent=False
     ),
-    Headline("cpu_s", "processor time of a decision, s", None, 5.0, percent=False),
-    Headline("p_median", "p-value of right answers, median", percent=False),
+    Headline("cpu_s", "processor time of a decision, s, median", None, 15.0, percent=False),
+    Headline("p_median", "p-value of right answers, median", 0.4, 0.6, percent=False),
     Headline("p_uniform", "p-values of right answers against uniform", 0.05, percent=False),
 )
 
@@ -128,17 +135,22 @@ def share(flags: Iterable[bool]) -> Interval:
     }
 
 
-def mean(values: Iterable[float | None], seed: int = 0) -> Interval:
-    """Compute the mean of values that are not None with a bootstrap's 95 % interval."""
+def average(
+    values: Iterable[float | None], statistic: Callable[..., Any] = np.mean, seed: int = 0
+) -> Interval:
+    """Compute the mean, or the median, of values that are not None.
+
+    The 95 % interval is a bootstrap's.
+    """
     sample = np.array([v for v in values if v is not None], dtype=float)
     n = len(sample)
     if n == 0:
         return {"value": None, "low": None, "high": None, "n": 0}
     # By hand: scipy's bootstrap refuses a single value, and a set may have no more.
     generator = np.random.default_rng(seed)
-    means = sample[generator.integers(n, size=(BOOTSTRAP_DRAWS, n))].mean(axis=1)
-    low, high = np.quantile(means, (0.025, 0.975))
-    return {"value": float(sample.mean()), "low": float(low), "high": float(high), "n": n}
+    redrawn = statistic(sample[generator.integers(n, size=(BOOTSTRAP_DRAWS, n))], axis=1)
+    low, high = np.quantile(redrawn, (0.025, 0.975))
+    return {"value": float(statistic(sample)), "low": float(low), "high": float(high), "n": n}
 
 
 @dataclass(frozen=True)
@@ -155,7 +167,7 @@ class Mark:
     clear: bool  #: no rival fits the truth
     shown: bool  #: data without any effect can show that
     verdict: str
-    causes: Names
+    causes: Names  #: named as the whole, or as parts of it
     posterior: Mapping[Names, float]
     evidence: Mapping[Names, float]
     credible: tuple[Names, ...]
@@ -193,6 +205,11 @@ class Mark:
         return max(self.evidence, key=lambda h: self.evidence[h], default=())
 
     @property
+    def is_wrong(self) -> bool:
+        """Whether a part that is named does not act, or a whole is not the truth as seen."""
+        return self.causes not in self.seen if self.named else not {*self.causes} <= {*self.truth}
+
+    @property
     def in_credible_set(self) -> bool:
         """Whether the credible set has the truth as seen."""
         return any(hypothesis in self.credible for hypothesis in self.seen)
@@ -220,14 +237,19 @@ class Mark:
 
 
 def score_field(
-    folder: Path, advise: Advise, jobs: int = 1, advance: sealed.Advance = sealed.ignore
+    folder: Path,
+    advise: Advise | None,
+    jobs: int = 1,
+    advance: sealed.Advance = sealed.ignore,
+    results_name: str = sealed.RESULTS,
 ) -> Record:
     """Open the key of a field set whose cases are all diagnosed, and score.
 
-    ``advise`` makes the advised test of a case; it has to be picklable for ``jobs`` above 1.
-    StorageError where the key is not the sealed one, InputError where results are missing.
+    ``advise`` makes the advised test of a case; it has to be picklable for ``jobs`` above 1. With
+    None, as for the results of another method, no advice is scored. StorageError where the key is
+    not the sealed one, InputError where results are missing.
     """
-    results = sealed.results_of(folder)
+    results = sealed.results_of(folder, results_name)
     manifest = sealed.manifest_of(folder)
     truths = sealed.open_key(folder)["cases"]
     calls = [(folder, name, truth, results[name], advise) for name, truth in truths.items()]
@@ -242,21 +264,27 @@ def score_field(
     }
 
 
-def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advise) -> Mark:
-    """Compare the result of a case with its truth, an entry of the key."""
+def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advise | None) -> Mark:
+    """Compare the result of a case with its truth, an entry of the key.
+
+    A result needs verdict, causes, hypotheses with their probabilities, and credible set.
+    """
     diagnosis: Record = result.get("diagnosis", {})
     hypotheses = {tuple(h["effects"]): h for h in diagnosis.get("hypotheses", ())}
     yardstick = truth["yardstick"]
     causes = tuple(truth["causes"])
     visible = visible_parts([tuple(part) for part in yardstick.get("seen_as", ())], causes)
     posterior = {h: float(record["probability"]) for h, record in hypotheses.items()}
-    evidence = {h: float(record["evidence_probability"]) for h, record in hypotheses.items()}
+    evidence = {
+        h: float(record.get("evidence_probability", record["probability"]))
+        for h, record in hypotheses.items()
+    }
     top = max(posterior, key=lambda h: posterior[h], default=UNKNOWN)
     top_record: Record = hypotheses.get(top, {})
     inside = _sizes_inside(truth, top_record) if top == causes else ()
     advised = None
-    ambiguous = diagnosis.get("verdict") == "ambiguous"
-    if ambiguous and posterior[top] <= OPEN_PROBABILITY and diagnosis["next_test"]:
+    is_open = diagnosis.get("verdict") == "ambiguous" and posterior[top] <= OPEN_PROBABILITY
+    if advise is not None and is_open and diagnosis["next_test"]:
         advised = advise(folder / "cases" / name, truth, (causes, *visible))
     return Mark(
         name=name,
@@ -331,32 +359,38 @@ def _headline_by(marks: Sequence[Mark], key: str) -> dict[str, dict[str, Interva
 def headline(marks: Sequence[Mark]) -> dict[str, Interval]:
     """Compute the headline figures of cases, by name."""
     listed = [m for m in marks if m.clear and m.kind != "outside"]
+    singles = [m for m in listed if m.kind == "single"]
+    pairs = [m for m in listed if m.kind == "pair"]
     outside = [m for m in marks if m.clear and m.kind == "outside"]
     none = [m for m in marks if m.kind == "none"]
     named = [m for m in marks if m.named]
-    sure = [m for m in named if m.posterior.get(m.top, 0.0) > SURE_PROBABILITY]
+    in_part = [m for m in marks if m.named or m.causes]
+    sure = [m for m in in_part if not m.named or m.posterior.get(m.top, 0.0) > SURE_PROBABILITY]
     tests = [m.advised for m in marks if m.advised is not None]
     p_values = [m.p for m in marks if m.p is not None and m.top in m.seen]
     p_median = float(np.median(p_values)) if p_values else None
     p_uniform = float(kstest(p_values, "uniform").pvalue) if len(p_values) > 1 else None
     return {
-        "named": share(m.named and m.causes == m.truth for m in listed),
+        "single_named": share(m.named and m.causes == m.truth for m in singles),
+        "pair_named": share(m.named and m.causes == m.truth for m in pairs),
+        "pair_part": share(not {*m.truth}.isdisjoint(m.causes) for m in pairs),
         "leads": share(m.top == m.truth for m in listed),
+        "true_names": share({*m.causes} <= {*m.truth} for m in in_part),
         "whole_truth": share(m.causes == m.truth for m in named),
         "whole_seen": share(m.causes in m.seen for m in named),
-        "wrong_sure": share(m.causes not in m.seen for m in sure),
+        "wrong_sure": share(m.is_wrong for m in sure),
         "false_alarms": share(m.named for m in none),
         "none_shown": share(m.verdict == "none" for m in none if m.shown),
+        "outside_silent": share(not m.causes for m in outside),
         "unknown": share(m.verdict in ("unknown", "refused") for m in outside),
         "credible": share(m.in_credible_set for m in marks if m.posterior),
         "sizes": share(inside for m in marks for inside in m.inside),
-        "pairs_said": mean(m.overconfidence for m in marks if m.kind == "pair"),
-        "pairs_lead": mean(m.overconfidence for m in marks if len(m.evidence_top) == 2),
-        "test_rise": mean(test.rise for test in tests),
-        "best_rise": mean(test.best_rise for test in tests),
+        "pairs_said": average(m.overconfidence for m in marks if m.kind == "pair"),
+        "test_rise": average(test.rise for test in tests),
+        "best_rise": average(test.best_rise for test in tests),
         "test_misleads": share(test.misled for test in tests),
-        "test_foreseen": mean(test.foreseen - test.realised for test in tests),
-        "cpu_s": mean(m.cpu for m in marks),
+        "test_foreseen": average(test.foreseen - test.realised for test in tests),
+        "cpu_s": average((m.cpu for m in marks), np.median),
         "p_median": _without_interval(p_median, len(p_values)),
         "p_uniform": _without_interval(p_uniform, len(p_values)),
     }

@@ -24,6 +24,7 @@ Diagnose = Callable[[Path], Record]
 Advance = Callable[[int], None]
 
 FORMAT = 2
+RESULTS = "results"  #: folder of the results of the diagnosis within a set
 
 
 def ignore(_: int) -> None:
@@ -66,15 +67,20 @@ def manifest_of(folder: Path) -> Record:
 
 
 def run(
-    folder: Path, diagnose: Diagnose, jobs: int = 1, advance: Advance = ignore
+    folder: Path,
+    diagnose: Diagnose,
+    jobs: int = 1,
+    advance: Advance = ignore,
+    results_name: str = RESULTS,
 ) -> dict[str, Record]:
     """Diagnose the cases without a result; return the results of all cases by name.
 
     ``diagnose`` maps the folder of a case to the record of a diagnosis; where it refuses the data,
-    the refusal is the result. It has to be picklable for ``jobs`` above 1.
+    the refusal is the result. It has to be picklable for ``jobs`` above 1. Results lie in the
+    folder ``results_name`` of the set.
     """
     manifest = manifest_of(folder)
-    results = folder / "results"
+    results = folder / results_name
     results.mkdir(exist_ok=True)
     names = list(manifest["cases"])
     open_names = [name for name in names if not _is_done(results / f"{name}.json", manifest)]
@@ -84,23 +90,23 @@ def run(
                 f"{folder / 'cases' / name} is not as it was made; make the cases again"
             )
     advance(len(names) - len(open_names))
-    calls = [(folder, name, diagnose, manifest) for name in open_names]
+    calls = [(results, name, diagnose, manifest) for name in open_names]
     run_all(_diagnose_case, calls, jobs, advance)
     return {name: read(results / f"{name}.json", "run again") for name in names}
 
 
-def _diagnose_case(folder: Path, name: str, diagnose: Diagnose, manifest: Record) -> None:
+def _diagnose_case(results: Path, name: str, diagnose: Diagnose, manifest: Record) -> None:
     """Diagnose a case and write its result with the processor time."""
     start = time.process_time()
     record: Record = {"key_sha256": manifest["key_sha256"]}
     try:
-        record["diagnosis"] = diagnose(folder / "cases" / name)
+        record["diagnosis"] = diagnose(results.parent / "cases" / name)
     except StorageError:
         raise  # the fault of the folder, not of the data
     except DogshapeError as error:
         record["refused"] = str(error)
     record["cpu_s"] = time.process_time() - start
-    write_whole(folder / "results" / f"{name}.json", json.dumps(record, indent=1))
+    write_whole(results / f"{name}.json", json.dumps(record, indent=1))
 
 
 def _is_done(path: Path, manifest: Record) -> bool:
@@ -125,10 +131,10 @@ def open_key(folder: Path) -> Record:
     return json.loads(content)
 
 
-def results_of(folder: Path) -> dict[str, Record]:
+def results_of(folder: Path, results_name: str = RESULTS) -> dict[str, Record]:
     """Read all results; InputError where cases are not diagnosed yet."""
     manifest = manifest_of(folder)
-    paths = {name: folder / "results" / f"{name}.json" for name in manifest["cases"]}
+    paths = {name: folder / results_name / f"{name}.json" for name in manifest["cases"]}
     open_names = [name for name, path in paths.items() if not _is_done(path, manifest)]
     if open_names:
         raise InputError(

@@ -8,6 +8,7 @@ is log-uniform.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -32,6 +33,7 @@ class Range:
     log: bool = False  #: whether the prior is log-uniform
     neutral: float = 0.0  #: value without effect
     by_strength: bool = True  #: False for a position, such as that of a detent
+    least: float = -math.inf  #: smallest value with which every clutch of a set is possible
 
     def value_at(self, strength: float, upwards: bool) -> float:
         """Compute the value at a strength from 0, towards the upper or the lower end."""
@@ -40,7 +42,7 @@ class Range:
             end = self.high if upwards or start == self.low else self.low
             return float(start * (end / start) ** strength)
         end = self.high if upwards or self.neutral <= self.low else self.low
-        return self.neutral + strength * (end - self.neutral)
+        return max(self.least, self.neutral + strength * (end - self.neutral))
 
     def draw(self, generator: np.random.Generator) -> float:
         """Draw a value from the inner four fifths of the prior."""
@@ -54,11 +56,11 @@ class Range:
 RANGES: dict[str, tuple[Range, ...]] = {
     "actuation_delay": (Range("delay_s", "delay", 1.0, 0.0, 0.4),),
     "actuation_lag": (Range("lag_s", "lag", 1.0, 0.003, 0.45, True),),
-    "axial_gap": (Range("gap_offset_mm", "gap_offset", MM, -0.8, 0.8),),
-    "chamfer_angle": (Range("chamfer_offset_deg", "chamfer_offset", DEG, -4.0, 4.0),),
+    "axial_gap": (Range("gap_offset_mm", "gap_offset", MM, -0.8, 0.8, least=-0.7),),
+    "chamfer_angle": (Range("chamfer_offset_deg", "chamfer_offset", DEG, -4.0, 4.0, least=-7.0),),
     "contact_friction": (
-        Range("static_friction", "static_friction", 1.0, 0.05, 0.45, neutral=0.30),
-        Range("dynamic_friction", "dynamic_friction", 1.0, 0.03, 0.35, neutral=0.16),
+        Range("static_friction", "static_friction", 1.0, 0.05, 0.45, neutral=0.30, least=0.03),
+        Range("dynamic_friction", "dynamic_friction", 1.0, 0.03, 0.35, neutral=0.16, least=0.02),
     ),
     "detent_force": (
         Range("detent_N", "detent", 1.0, 10.0, 200.0, True),
@@ -67,7 +69,7 @@ RANGES: dict[str, tuple[Range, ...]] = {
     "drag_torque": (Range("drag_Nm", "drag_torque", 1.0, 0.02, 8.0, True),),
     "force_loss": (Range("loss_N", "force_loss", 1.0, 2.0, 150.0, True),),
     "force_rise": (Range("rise_factor", "rise_factor", 1.0, 0.4, 2.5, True, 1.0),),
-    "force_scale": (Range("force_factor", "force_factor", 1.0, 0.5, 1.5, neutral=1.0),),
+    "force_scale": (Range("force_factor", "force_factor", 1.0, 0.5, 1.5, neutral=1.0, least=0.3),),
     "free_play": (Range("free_play_mm", "free_play", MM, 0.05, 2.0, True),),
     "linkage_compliance": (
         Range("compliance_mm_kN", "compliance", 1e-6, 0.3, 35.0, True),
