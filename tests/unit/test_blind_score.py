@@ -119,9 +119,9 @@ def test_aims() -> None:
     both = score.Headline("p", "p-value", 0.4, 0.6, percent=False)
     assert both.aim == "0.4 to 0.6"
     assert [both.meets_aim(value) for value in (0.3, 0.5, 0.7, None)] == [False, True, False, None]
-    assert [score.Headline("n", "named", low, high).aim for low, high in ((0.85, None), (None, 0.0), (None, None))] == [
-        "at least 85 %", "at most 0 %", "",
-    ]  # fmt: skip
+    bounds = ((0.85, None), (None, 0.0), (None, None))
+    aims = [score.Headline("n", "named", low, high).aim for low, high in bounds]
+    assert aims == ["at least 85 %", "at most 0 %", ""]
 
 
 def test_wilson_interval() -> None:
@@ -213,6 +213,22 @@ def test_verbs_run_and_score_and_results_are_written_from_the_score(
     assert "| clear single cause: named | 50 % (9 to 91) | 2 | at least 85 % | no |" in passage(
         path
     )  # type: ignore[operator]
+    unknown = dogshape("blind", "run", folder, "--method", "guess")
+    assert "--method guess is unknown; give one of: diagnosis, fit" in unknown.err
+    own = tmp_path / "set" / "own"
+    own.mkdir()
+    assert (
+        "5 of 5 cases are not diagnosed yet"
+        in dogshape("blind", "score", folder, "--method", "own").err
+    )
+    for result_path in (folder / "results").glob("*.json"):
+        record = json.loads(result_path.read_text())
+        for key in ("next_test", "confusable"):
+            record.get("diagnosis", {}).pop(key, None)
+        (own / result_path.name).write_text(json.dumps(record))
+    result = dogshape("blind", "score", folder, "--method", "own", "--json").json
+    figures = {row["name"]: row["figure"] for row in result["headline"]}
+    assert (figures["single_named"]["value"], figures["test_rise"]["n"]) == (0.5, 0)
     monkeypatch.setattr(score, "SCORING_FILES", ("score.py",))
     result = dogshape("blind", "score", folder)
     assert "scored by other code than sealed: advised_test.py, sealed.py" in result.out

@@ -137,9 +137,10 @@ def results_of(folder: Path, results_name: str = RESULTS) -> dict[str, Record]:
     paths = {name: folder / results_name / f"{name}.json" for name in manifest["cases"]}
     open_names = [name for name, path in paths.items() if not _is_done(path, manifest)]
     if open_names:
+        method = "" if results_name == RESULTS else f" --method {results_name}"
         raise InputError(
             f"{len(open_names)} of {len(paths)} cases are not diagnosed yet; go on with: "
-            "dogshape blind run DIR"
+            f"dogshape blind run DIR{method}"
         )
     return {name: read(path, "remove it and run again") for name, path in paths.items()}
 

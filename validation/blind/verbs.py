@@ -13,9 +13,10 @@ from dogshape.cli.options import PLAIN, Jobs, Json, emit
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.simulate.executor import workers_of
+from dogshape.sim.errors import InputError
 from dogshape.terminal import ProgressBar
 from dogshape.validation.blind.cases import SEED
-from dogshape.validation.blind.sealed import manifest_of
+from dogshape.validation.blind.sealed import RESULTS, manifest_of
 from dogshape.validation.blind.sealed import run as run_cases
 
 Record = Mapping[str, Any]  #: a score of ``validation.blind.score``, as printed in JSON
@@ -26,6 +27,13 @@ blind = typer.Typer(
     help="Cases whose effect is withheld: make them, diagnose them, open the key and score.",
     **PLAIN,
 )
+
+DIAGNOSIS = "diagnosis"
+#: Functions that diagnose the folder of a case, by method: module and name.
+METHODS = {
+    DIAGNOSIS: ("advised_test", "diagnose_folder"),
+    "fit": ("plain_fit", "diagnose_by_fit"),
+}
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the set of cases")]
 
@@ -57,30 +65,56 @@ def make(
 
 
 @blind.command()
-def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
+def run(
+    folder: Folder,
+    method: Annotated[
+        str, typer.Option(help="diagnosis, or fit: nested least squares beside it")
+    ] = DIAGNOSIS,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
     """Diagnose each case from its data; continue a stopped run.
 
     Example: dogshape blind run results/blind
     """
+    if method not in METHODS:
+        raise InputError(f"--method {method} is unknown; give one of: {', '.join(METHODS)}")
     total = len(manifest_of(folder)["cases"])
-    diagnose = _diagnosis().diagnose_folder
+    module, name = METHODS[method]
+    diagnose = getattr(import_module(f"dogshape.validation.blind.{module}"), name)
+    results_name = results_name_of(method)
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
-        results = run_cases(folder, diagnose, workers_of(jobs), progress.advance)
+        results = run_cases(folder, diagnose, workers_of(jobs), progress.advance, results_name)
     emit({"cases": results}, json, lambda: run_table(results))
 
 
 @blind.command()
-def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
+def score(
+    folder: Folder,
+    method: Annotated[
+        str, typer.Option(help="diagnosis, fit, or a folder of DIR with the results of another")
+    ] = DIAGNOSIS,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
     """Open the key and compute the share of right diagnoses.
 
     Example: dogshape blind score results/blind --json
     """
     scoring = import_module("dogshape.validation.blind.score")
     total = len(manifest_of(folder)["cases"])
-    advise = _diagnosis().make_advised_test
+    advise = _diagnosis().make_advised_test if method == DIAGNOSIS else None
+    results_name = results_name_of(method)
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
-        record = scoring.score_field(folder, advise, workers_of(jobs), progress.advance)
+        record = scoring.score_field(
+            folder, advise, workers_of(jobs), progress.advance, results_name
+        )
     emit(record, json, lambda: score_table(record))
+
+
+def results_name_of(method: str) -> str:
+    """Name the folder of a method's results within a set."""
+    return RESULTS if method == DIAGNOSIS else method
 
 
 def _diagnosis() -> Any:
