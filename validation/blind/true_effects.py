@@ -110,7 +110,7 @@ OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
     #: Friction along the shaft that falls with the speed.
     "stribeck_friction": lambda s: {"static_excess": 180.0 * s},
     #: Dogs on an elastic ring: far softer than a contact, and hardly damped.
-    "elastic_dogs": lambda s: {"stiffness": 5e11 * 0.01**s, "dissipation": 100.0 * 0.1**s},
+    "elastic_dogs": lambda s: {"stiffness": 6e11 * 0.02**s, "dissipation": 100.0 * 0.1**s},
     #: Times stand beside the wrong forces or mismatches, in reverse order: the table's fault.
     "swapped_forces": lambda s: {},
     "swapped_speeds": lambda s: {},
