@@ -223,6 +223,23 @@ class Inference:
         return tuple(range_ends)
 
     @cached_property
+    def contact(self) -> dict[str, Interval]:
+        """Factors on the stated contact, by nuisance, under the leading hypothesis."""
+        deviates = self.fits[self.leading].deviates
+        factors = self.settings.nuisance
+        return {
+            name: Interval.of(factors[name] ** column)
+            for name, column in zip(self.model.nuisances, deviates.T, strict=True)
+        }
+
+    @cached_property
+    def odd_contact(self) -> tuple[str, ...]:
+        """Nuisances whose mean deviate is beyond what is known of the contact."""
+        deviates = abs(self.fits[self.leading].deviates.mean(axis=0))
+        is_odd = deviates > self.settings.odd_contact
+        return tuple(itertools.compress(self.model.nuisances, is_odd))
+
+    @cached_property
     def gap_steps(self) -> tuple[GapStep, ...]:
         """Gaps left by the effects of the leading hypothesis, one more each; the largest first."""
         steps = list[GapStep]()
@@ -263,6 +280,10 @@ class Inference:
             "inclusion_error": self.inclusion_error,
             "sizes": {name: _interval_records(sizes) for name, sizes in self.sizes.items()},
             "at_range_end": [range_end.to_dict() for range_end in self.range_ends],
+            "contact": {
+                name: {"factor": asdict(factor), "odd": name in self.odd_contact}
+                for name, factor in self.contact.items()
+            },
             "gap": self._gap_record(),
             "margin_s": self.margin_s,
             "within_margin": self.within_margin,

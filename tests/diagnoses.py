@@ -129,6 +129,8 @@ def diagnosis_of(
         gaps=gaps,
         where=describe_gaps(gaps),
         range_ends=(),
+        contact={"contact_stiffness": Interval(0.08, 0.04, 0.15)},
+        odd_contact=(),
         gap_steps=tuple(GapStep(name, 0.1 / k) for k, name in enumerate(leading, start=1)),
         settings=USUAL,
         leading=leading,
@@ -144,6 +146,7 @@ def diagnosis_of(
         model=SimpleNamespace(  # no effect moves a time
             setting=setting_of(bench),
             effects=EFFECTS,
+            nuisances={name: EFFECTS[name] for name in USUAL.nuisance},
             predict=lambda h, shares: SimpleNamespace(mean=np.tile(base, (len(shares), 1))),
         ),
         held_out=SimpleNamespace(

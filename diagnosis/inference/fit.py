@@ -324,6 +324,7 @@ class Fit:
     amplitude: Array  #: of the discrepancy, as a share of the predicted time, (K,)
     offset: Array  #: errors in common, discrepancy among them, drawn with each, s, (K, C)
     nuisance: Array  #: the part of ``offset`` by nuisances, s, (K, C)
+    deviates: Array  #: normal deviates of the nuisances, (K, nuisances)
     log_evidence: float
     error: float  #: standard error of ``log_evidence`` by numbers of draws and of benches
     checks: Mapping[str, float]  #: p-value of each part of the check of adequacy
@@ -369,6 +370,7 @@ def fit(likelihood: Likelihood, sample: Sample, flights: Flights, emulation_erro
         amplitude=errors.amplitude,
         offset=errors.offset,
         nuisance=errors.nuisance,
+        deviates=errors.deviates,
         log_evidence=sample.log_evidence,
         error=float(np.hypot(sample.error, emulation_error)),
         checks=checks,

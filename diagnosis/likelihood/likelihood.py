@@ -48,6 +48,9 @@ IMPOSSIBLE_LOG = -1e6  #: log probability of a number of late shifts that a poin
 TABLE_SIZE = 257  #: shares at which probabilities of numbers of shifts are computed
 DIFFERENCE_STEP = 0.15  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: deviates at which a nuisance is evaluated
+MAX_DEVIATE = 4.0  #: of a nuisance, up to which it is read from a coefficient
+DEVIATE_STEPS = 33  #: of these
+MIN_SQUARED_CHANGE = 1e-18  #: of a nuisance without effect, to divide by
 NUISANCE_DIRECTIONS = 2  #: principal components of the errors of each nuisance
 
 
@@ -112,6 +115,19 @@ class CommonErrors(NamedTuple):
     amplitude: Array  #: of the discrepancy, as a share of the predicted time, (m,)
     offset: Array  #: all errors in common, s, (m, C)
     nuisance: Array  #: the part of ``offset`` by nuisances, s, (m, C)
+    deviates: Array  #: normal deviates of the nuisances from their stated values, (m, nuisances)
+
+
+class NuisanceErrors(NamedTuple):
+    """Relative errors in common from one nuisance, as principal components of its changes."""
+
+    columns: Array  #: (C, r)
+    deviates: Array  #: normal deviates within the range of the nuisance, (k,)
+    scores: Array  #: of the first component at these, increasing, (k,)
+
+    def deviate(self, coefficients: Array) -> Array:
+        """Compute the deviate of the nuisance from coefficients (m, r) of the components, (m,)."""
+        return np.interp(coefficients[:, 0], self.scores, self.deviates)
 
 
 def _covariance_root(covariance: Array) -> Array:
@@ -324,18 +340,32 @@ class Likelihood:
     @cached_property
     def nuisance_errors(self) -> Array:
         """Relative errors in common from nuisances, principal components of each, (C, e)."""
-        columns = [np.zeros((self.model.cell_count, 0))]
-        for name, effect in self.model.nuisances.items():
-            (parameter,) = effect.parameters
-            factors = self.settings.nuisance[name] ** QUANTILES
-            neutral = parameter.neutral_of(self.model.setting)
-            values = np.clip(neutral * factors, parameter.low, parameter.high)
-            moments = self.model.changes(name, values[:, None]).moments
-            changes = moments[..., LOG_MEAN] / len(QUANTILES) ** 0.5
-            _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
-            components = sizes[:, None] * directions
-            columns.append(components[:NUISANCE_DIRECTIONS].T)
-        return np.hstack(columns)
+        none = np.zeros((self.model.cell_count, 0))
+        return np.hstack([none, *(errors.columns for errors in self.errors_by_nuisance.values())])
+
+    @cached_property
+    def errors_by_nuisance(self) -> dict[str, NuisanceErrors]:
+        """Relative errors in common from each nuisance."""
+        return {name: self._errors_of(name) for name in self.model.nuisances}
+
+    def _errors_of(self, name: str) -> NuisanceErrors:
+        """Compute the relative errors in common from a nuisance."""
+        (parameter,) = self.model.nuisances[name].parameters
+        neutral = parameter.neutral_of(self.model.setting)
+        factor = self.settings.nuisance[name]
+        values = np.clip(neutral * factor**QUANTILES, parameter.low, parameter.high)
+        moments = self.model.changes(name, values[:, None]).moments
+        changes = moments[..., LOG_MEAN] / len(QUANTILES) ** 0.5
+        _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
+        components = (sizes[:, None] * directions)[:NUISANCE_DIRECTIONS]
+        first = components[0] / max(float(components[0] @ components[0]), MIN_SQUARED_CHANGE)
+        ends = np.log(np.array([parameter.low, parameter.high]) / neutral) / np.log(factor)
+        low, high = np.clip(ends, -MAX_DEVIATE, MAX_DEVIATE).tolist()
+        deviates = np.linspace(low, high, DEVIATE_STEPS)
+        moments = self.model.changes(name, (neutral * factor**deviates)[:, None]).moments
+        scores = moments[..., LOG_MEAN] @ first
+        order = np.argsort(scores)
+        return NuisanceErrors(components.T, deviates[order], scores[order])
 
     @cached_property
     def sensitivity(self) -> Sensitivity:
@@ -690,7 +720,17 @@ class Likelihood:
         parts = columns * coefficients.swapaxes(1, 2)
         start = self.discrepancy_root.shape[1]
         nuisances = parts[..., start : start + self.nuisance_errors.shape[1]]
-        return CommonErrors(amplitude, offset=parts.sum(axis=2), nuisance=nuisances.sum(axis=2))
+        deviates = np.zeros((len(parts), len(self.errors_by_nuisance)))
+        for k, errors in enumerate(self.errors_by_nuisance.values()):
+            end = start + errors.columns.shape[1]
+            deviates[:, k] = errors.deviate(coefficients[:, start:end, 0])
+            start = end
+        return CommonErrors(
+            amplitude,
+            offset=parts.sum(axis=2),
+            nuisance=nuisances.sum(axis=2),
+            deviates=deviates,
+        )
 
 
 def fit_common_errors(residual: Array, variance: Array, columns: Array) -> tuple[Array, Array]:

@@ -182,6 +182,7 @@ def remarks(diagnosis: Inference) -> list[str]:
     """List sentences on sizes, refuted readings, and readings of the record that decide."""
     sentences = [
         *_range_end_sentences(diagnosis),
+        _contact_sentence(diagnosis),
         *_ordinary_sentences(diagnosis),
         _arm_sentence(diagnosis),
         _refutation(diagnosis),
@@ -331,6 +332,25 @@ def _range_end_sentences(diagnosis: Inference) -> list[str]:
             f"{side} than {amount(range_end.parameter, range_end.value)}; the list ends there."
         )
     return sentences
+
+
+def _contact_sentence(diagnosis: Inference) -> str:
+    """State that the contact is far from the stated one; shifts do not tell which property is."""
+    if not diagnosis.odd_contact:
+        return ""
+    clauses = []
+    for name in diagnosis.odd_contact:
+        factor = diagnosis.contact[name]
+        (parameter,) = diagnosis.model.nuisances[name].parameters
+        known = short(diagnosis.settings.nuisance[name], 2)
+        clauses.append(
+            f"{quantity(parameter.name)} {short(factor.mean, 2)} times the stated one "
+            f"({short(factor.low, 2)} to {short(factor.high, 2)}; known within a factor of {known})"
+        )
+    return (
+        f"The contact of the dogs is another one: {join_words(clauses)}. Times of shifts do not "
+        "tell stiffness from rebound; measure them, or look for another effect of the contact."
+    )
 
 
 def _arm_ratio(diagnosis: Inference) -> float | None:

@@ -202,6 +202,17 @@ def test_a_key_of_the_record_that_only_has_its_prior_is_no_answer() -> None:
     assert answered_meanings(shown) == [noted, turned]
 
 
+def test_a_contact_far_from_the_stated_one_is_said() -> None:
+    posterior = {("axial_gap",): 0.98, NONE: 0.02}
+    assert not [remark for remark in remarks(diagnosis_of(posterior)) if "contact" in remark]
+    odd = diagnosis_of(posterior, odd_contact=("contact_stiffness",))
+    assert remarks(odd)[0] == (
+        "The contact of the dogs is another one: stiffness 0.08 times the stated one (0.04 to "
+        "0.15; known within a factor of 3). Times of shifts do not tell stiffness from rebound; "
+        "measure them, or look for another effect of the contact."
+    )
+
+
 def test_a_reading_of_the_record_that_decides_is_stated() -> None:
     same = reading("time_zero", "command", 0.7, stand_diagnosis().verdict.causes)
     other = reading("time_zero", "force", 0.3, ("drag_torque",))
@@ -223,6 +234,7 @@ KEYS = {
         "where",
         "where_sentence",
         "at_range_end",
+        "contact",
         "record",
         "readings",
         "next_test",

@@ -21,6 +21,7 @@ from dogshape.diagnosis.likelihood.likelihood import (
 )
 from dogshape.diagnosis.likelihood.observed import Observations, observe
 from dogshape.diagnosis.prediction.model import Model, Prediction
+from dogshape.diagnosis.prediction.moments import LOG_MEAN
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
 from tests.analytic import small_model
@@ -143,7 +144,9 @@ def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
     settings = replace(USUAL, nuisance={"force_scale": 1.1})
     likelihood = Likelihood(bench, seen, contact, settings)
     p = Prediction.concatenate([plain] * 4000)
-    amplitude, offset, nuisance = likelihood.draw_common_errors(p, np.random.default_rng(4))
+    amplitude, offset, nuisance, deviates = likelihood.draw_common_errors(
+        p, np.random.default_rng(4)
+    )
     found = likelihood.terms(plain)
     weights = np.exp(found.log_by_amplitude[0] - logsumexp(found.log_by_amplitude[0]))
     means, covariances, own = list[Array](), list[Array](), list[Array]()
@@ -173,3 +176,13 @@ def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
     assert abs(part).max() > 1e-4
     assert abs(nuisance.mean(axis=0) - part).max() < 4.0 * (sd / 4000**0.5).max()
     assert amplitude.mean() == pytest.approx(USUAL.discrepancy * weights @ NODES, rel=0.05)
+    # Components are orthogonal, so a projection gives the coefficients back.
+    errors = likelihood.errors_by_nuisance["force_scale"]
+    inverse_columns = np.linalg.pinv(errors.columns).T
+    coefficients = nuisance / plain.mean @ inverse_columns
+    assert deviates[:, 0] == pytest.approx(errors.deviate(coefficients), abs=1e-9)
+    # The changes of the time by known deviates give these deviates.
+    exact = np.linspace(-3.0, 3.0, 13)
+    moments = model.changes("force_scale", 1.1 ** exact[:, None]).moments
+    found_deviates = errors.deviate(moments[..., LOG_MEAN] @ inverse_columns)
+    assert found_deviates == pytest.approx(exact, abs=0.1)

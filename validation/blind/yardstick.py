@@ -187,10 +187,8 @@ def power_of(yardstick: Yardstick, seed: int = 1) -> float:
         drawn_mean = baseline.mean + error * generator.standard_normal(len(error))
         mean = np.where(measured, drawn_mean, 0)
         series = replace(seen, count=np.where(measured, count, 0.0), mean=mean, freedom=0.0 * mean)
-        _, offset, nuisance = replace(likelihood, observed=series).draw_common_errors(
-            predictions, generator
-        )
-        gaps = offset - nuisance
+        errors = replace(likelihood, observed=series).draw_common_errors(predictions, generator)
+        gaps = errors.offset - errors.nuisance
         in_margin = ((gaps[:, measured] / margin) ** 2).mean(axis=1) < 1.0
         probabilities.append(in_margin.mean())
     return float((np.array(probabilities) >= likelihood.settings.named).mean())
