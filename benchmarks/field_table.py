@@ -1,7 +1,8 @@
 """Read the score of a field set, and write its table of docs/results.md.
 
 ``docs/evidence/blind_field.txt`` is what ``dogshape blind score`` prints of a field set, below the
-commands. Until a set is scored nothing is written.
+commands, ``blind_fit.txt`` the same of nested least squares. Until a set is scored nothing is
+written.
 """
 
 from __future__ import annotations
@@ -9,7 +10,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-SCORE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "blind_field.txt"
+EVIDENCE = Path(__file__).resolve().parents[1] / "docs" / "evidence"
+SCORE = EVIDENCE / "blind_field.txt"
+FIT_SCORE = EVIDENCE / "blind_fit.txt"
 HEAD = ("value (95 %)", "n", "aim", "met")
 
 
@@ -48,16 +51,18 @@ def case_count(path: Path) -> int:
     return int(match[1])
 
 
-def passage(path: Path = SCORE) -> str | None:
+def passage(path: Path = SCORE, fit_path: Path = FIT_SCORE) -> str | None:
     """Write the table of a field set for docs/results.md; None before a set is scored."""
     if not path.exists():
         return None
+    fit_values = {words: value for words, value, *_ in headline_of(fit_path)}
     scoring = re.search(r"^scored by .*$", path.read_text("utf-8"), re.MULTILINE)
     lines = [
-        "| figure | value (95 %) | cases | aim | met |",
-        "|---|---|---|---|---|",
+        "| figure | value (95 %) | cases | aim | met | least squares |",
+        "|---|---|---|---|---|---|",
         *(
-            f"| {words} | {value} | {n} | {aim.strip('-')} | {met.strip('-')} |"
+            f"| {words} | {value} | {n} | {aim.strip('-')} | {met.strip('-')} "
+            f"| {fit_values[words].strip('-')} |"
             for words, value, n, aim, met in headline_of(path)
         ),
         "",
