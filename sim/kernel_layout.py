@@ -5,6 +5,8 @@ Declared apart from the engine, which is slow to load.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -263,3 +265,19 @@ def empty_record(dtype: np.dtype[Any]) -> np.record:
     """Make one record of zeros."""
     record: Any = np.zeros((), dtype)[()]
     return record
+
+
+def filled_record(dtype: np.dtype[Any], values: Mapping[str, Any]) -> np.record:
+    """Make one record of values by field, zero for a field without one.
+
+    All fields at once: an attribute of a record takes microseconds.
+    """
+    fields = {**_zeros_of(dtype), **values}
+    record: Any = np.array(tuple(fields.values()), dtype)[()]
+    return record
+
+
+@cache
+def _zeros_of(dtype: np.dtype[Any]) -> dict[str, Any]:
+    """Return the zeros of a record by field."""
+    return dict(zip(dtype.names or (), np.zeros((), dtype).item(), strict=True))

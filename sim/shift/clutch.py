@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from dogshape.sim.kernel_layout import (
     RIGID_STATE_SIZE,
     SHAFTED_STATE_SIZE,
     STATE_SIZE,
-    empty_record,
+    filled_record,
 )
 from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 from dogshape.sim.shift.actuation import ForceProfile
@@ -310,14 +311,14 @@ class Clutch:
     @cached_property
     def numbers(self) -> np.record:
         """Masses, mechanism, drive, stop and faces, a record of ``sim.kernel_layout``."""
-        numbers = empty_record(CLUTCH_NUMBERS)
+        numbers = SimpleNamespace()
         self._set_masses(numbers)
         self._set_resistance(numbers)
         self._set_linkage(numbers)
         self._set_shafts(numbers)
         self._set_dogs(numbers)
         self._set_drive(numbers)
-        return numbers
+        return filled_record(CLUTCH_NUMBERS, vars(numbers))
 
     def shift_numbers(self, profile: ForceProfile) -> np.record:
         """Return the numbers of a shift: those of the clutch, with the command of its actuator."""
@@ -330,7 +331,7 @@ class Clutch:
         self.actuator.write(numbers.actuator, profile, driven_mass)
         return numbers
 
-    def _set_masses(self, numbers: np.record) -> None:
+    def _set_masses(self, numbers: SimpleNamespace) -> None:
         """Write masses, inertias, and the size of the state that moves."""
         mechanism = self.mechanism
         input_shaft, output_shaft = self.shafts
@@ -352,7 +353,7 @@ class Clutch:
             return SHAFTED_STATE_SIZE
         return LINKED_STATE_SIZE if self.mechanism.has_linkage else RIGID_STATE_SIZE
 
-    def _set_resistance(self, numbers: np.record) -> None:
+    def _set_resistance(self, numbers: SimpleNamespace) -> None:
         """Write damping, friction, drag, detent and the stop behind the ring."""
         dog = self.dog
         mechanism = self.mechanism
@@ -385,7 +386,7 @@ class Clutch:
             self.rings.mass, self.dog.mean_radius, input_shaft.ring_inertia
         )
 
-    def _set_linkage(self, numbers: np.record) -> None:
+    def _set_linkage(self, numbers: SimpleNamespace) -> None:
         """Write stiffness, damping and play of the linkage."""
         mechanism = self.mechanism
         numbers.has_linkage = mechanism.has_linkage
@@ -396,7 +397,7 @@ class Clutch:
         numbers.free_play = mechanism.free_play
         numbers.stop_depth = STOP_DEPTH_M
 
-    def _set_shafts(self, numbers: np.record) -> None:
+    def _set_shafts(self, numbers: SimpleNamespace) -> None:
         """Write stiffness, damping and play of the shafts behind the rings."""
         input_shaft, output_shaft = self.shafts
         numbers.input_stiffness = input_shaft.stiffness
@@ -406,7 +407,7 @@ class Clutch:
         numbers.output_stiffness = output_shaft.stiffness
         numbers.output_damping = output_shaft.damping
 
-    def _set_dogs(self, numbers: np.record) -> None:
+    def _set_dogs(self, numbers: SimpleNamespace) -> None:
         """Write count, pitch, faces and travel of the dogs."""
         dog = self.dog
         pair = self.pair
@@ -429,7 +430,7 @@ class Clutch:
         numbers.back_width = backs.flat_width
         numbers.back_slope_rise = backs.slope_rise
 
-    def _set_drive(self, numbers: np.record) -> None:
+    def _set_drive(self, numbers: SimpleNamespace) -> None:
         """Write synchroniser and pack; a run writes torques over time piece by piece."""
         drive = self.drive
         numbers.has_drive = drive.has_torques

@@ -31,6 +31,7 @@ from dogshape.sim.kernel_layout import (
     StepLimits,
     Surfaces,
     empty_record,
+    filled_record,
     shift_model,
 )
 from dogshape.sim.shift.actuation import ForceProfile
@@ -127,21 +128,24 @@ class PlanarClutch:
         impact = contact.impact
         has_static = impact is not None or self.clutch.solver.scheme == "cenic"
         static_friction = contact.static_friction if has_static else contact.dynamic_friction
-        law = empty_record(CONTACT_LAW)
-        law.stiffness = contact.stiffness
-        law.damping = contact.dissipation
-        law.dynamic_friction = contact.dynamic_friction
-        law.stiction_velocity = contact.stiction_velocity
-        law.static_friction = static_friction
-        law.has_face_friction = contact.face_friction is not None
-        law.face_friction = contact.face_dynamic_friction
+        law = {
+            "stiffness": contact.stiffness,
+            "damping": contact.dissipation,
+            "dynamic_friction": contact.dynamic_friction,
+            "stiction_velocity": contact.stiction_velocity,
+            "static_friction": static_friction,
+            "has_face_friction": contact.face_friction is not None,
+            "face_friction": contact.face_dynamic_friction,
+        }
         if impact is not None:
-            law.is_impact = True
-            law.stiffness = impact.stiffness
-            law.damping = impact.damping
-            law.damping_depth = impact.depth
-            law.transition_velocity = impact.transition_velocity
-        return law
+            law |= {
+                "is_impact": True,
+                "stiffness": impact.stiffness,
+                "damping": impact.damping,
+                "damping_depth": impact.depth,
+                "transition_velocity": impact.transition_velocity,
+            }
+        return filled_record(CONTACT_LAW, law)
 
     def run(self, point: OperatingPoint, angle: float) -> Run:
         """Integrate from the release by friction to the end of travel or the time-out."""
