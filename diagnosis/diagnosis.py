@@ -234,9 +234,9 @@ class Inference:
 
     @cached_property
     def odd_contact(self) -> tuple[str, ...]:
-        """Nuisances whose mean deviate is beyond what is known of the contact."""
-        deviates = abs(self.fits[self.leading].deviates.mean(axis=0))
-        is_odd = deviates > self.settings.odd_contact
+        """Nuisances that are surely beyond what is known of the contact."""
+        is_beyond = abs(self.fits[self.leading].deviates) > self.settings.odd_contact
+        is_odd = is_beyond.mean(axis=0) > self.settings.part
         return tuple(itertools.compress(self.model.nuisances, is_odd))
 
     @cached_property

@@ -103,8 +103,9 @@ class Settings:
         "judged", "the stiction velocity is stated with the contact, which leaves a quarter; oil "
         "film damps up to 10 times more, edge contact is up to 30 times softer than a flank")
     odd_contact: float = constant(
-        2.0, "standard deviations of ln factor", "from which stiffness, dissipation or stiction "
-        "velocity of the contact is said to be odd", "judged", "usual level")
+        2.0, "standard deviations of ln factor", "beyond which stiffness, dissipation or stiction "
+        "velocity of the contact is said to be odd, if that is as sure as a part of the cause",
+        "judged", "usual level")
     static_error: float = constant(
         0.05, "of the value", "least error of static readings of the actuator", "judged", "")
     # errors of the marks of traces
