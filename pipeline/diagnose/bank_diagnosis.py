@@ -104,44 +104,56 @@ def shifts_of(
     ``messages`` collects the first message on missing shifts, so that it appears once. Several runs
     may write to a bank at once; a series that two of them lack is simulated by both.
     """
-    journal: ShiftJournal | None = None
-    missing_keys = set[str]()
-
-    def simulate(missing: Sequence[Block]) -> list[list[Record]]:
-        """Simulate missing series; a journal keeps finished shifts until the bank has them."""
-        nonlocal journal
-        create_folder(options.bank)
-        journal = ShiftJournal(options.bank / SHIFTS)
-        missing_keys.update(key for block in missing for key in block.keys)
-        return _simulate_missing(missing, options, messages, journal)
-
-    rows = bank.times(blocks, simulate)
-    if journal is not None:
-        journal.say_unfinished(options.progress.say)
-        with suppress(StorageError):  # the file of banks has them
-            journal.drop(missing_keys)
+    missing_series = _MissingSeries(options, messages)
+    rows = bank.times(blocks, missing_series.simulate)
+    missing_series.drop_journal()
     return rows
 
 
-def _simulate_missing(
-    missing: Sequence[Block], options: BankOptions, messages: list[str], journal: ShiftJournal
-) -> list[list[Record]]:
-    """Simulate series that no bank has, by the finished shifts of a journal."""
-    count = sum(len(block.angles) for block in missing)
-    if not messages:
-        messages.append(
+class _MissingSeries:
+    """Simulation of series that no bank has; a journal keeps shifts until the bank has them."""
+
+    def __init__(self, options: BankOptions, messages: list[str]) -> None:
+        self._options = options
+        self._messages = messages
+        self._journal: ShiftJournal | None = None
+        self._keys = set[str]()
+
+    def simulate(self, missing: Sequence[Block]) -> list[list[Record]]:
+        """Simulate missing series by the finished shifts of the journal."""
+        options = self._options
+        create_folder(options.bank)
+        self._journal = ShiftJournal(options.bank / SHIFTS)
+        self._keys.update(key for block in missing for key in block.keys)
+        count = sum(len(block.angles) for block in missing)
+        self._say_missing(count)
+        resumption = f"{options.bank}; the same command goes on from there"
+        with WorkCounter(options.progress, count, resumption=resumption) as counter:
+            return Executor(self._journal, options.jobs, counter.advance).run(missing)
+
+    def _say_missing(self, count: int) -> None:
+        """Say once that shifts are missing, with their number."""
+        if self._messages:
+            return
+        message = (
             f"the bank of this clutch lacks {count} shifts; they are simulated once "
-            f"and kept in {options.bank} for this and later diagnoses"
+            f"and kept in {self._options.bank} for this and later diagnoses"
         )
         if not BUNDLED_BANK.is_file():  # the package is a wheel
-            messages[0] += (
+            message += (
                 "; the folder studies/bench of a clone of the repository has those of the "
                 f"published benches, for {argument('bank')}"
             )
-        options.progress.say(messages[0])
-    resumption = f"{options.bank}; the same command goes on from there"
-    with WorkCounter(options.progress, count, resumption=resumption) as counter:
-        return Executor(journal, options.jobs, counter.advance).run(missing)
+        self._messages.append(message)
+        self._options.progress.say(message)
+
+    def drop_journal(self) -> None:
+        """Drop the journal's shifts, which the bank has now."""
+        if self._journal is None:
+            return
+        self._journal.say_unfinished(self._options.progress.say)
+        with suppress(StorageError):  # the file of banks has them
+            self._journal.drop(self._keys)
 
 
 def _require_working(effects: Mapping[str, Effect], bench: Bench, options: BankOptions) -> None:
