@@ -244,7 +244,7 @@ def _difference_question(name: str, candidates: Sequence[Column]) -> str:
     opposite = text_value(f"{first} - {second}", quoted=True)
     return (
         f"{name} may be {heads}, or their difference; say {answer} or {opposite}, positive where "
-        "it runs the traction flanks together (docs/mismatch.md), or the column itself"
+        "it runs the traction flanks together (docs/scope.md), or the column itself"
     )
 
 

@@ -37,7 +37,7 @@ from dogshape.sim.shift.clutch import Clutch, ContactSet, contact_set, solver_fo
 from dogshape.sim.units import DEG, MM, MS, RPM
 
 Place = Literal["sleeve", "actuator", "unknown"]
-Sense = Literal["known", "unknown"]  #: of rotation: sign of the mismatch (``docs/mismatch.md``)
+Sense = Literal["known", "unknown"]  #: of rotation: sign of the mismatch (``docs/scope.md``)
 EmptyCells = Literal["not_made", "failed", "unknown"]
 
 #: Uncertainty beyond which a linear law would say nothing.
@@ -49,7 +49,7 @@ class BenchRecord(Section):
 
     ``time_zero`` is the start of shift times and traces (a dead time follows the command, none the
     first force), ``displacement_at`` the place of the sensor, ``empty_cells`` the meaning of rows
-    with neither a time nor ``engaged``, ``sense`` the sign of the mismatch (``docs/mismatch.md``).
+    with neither a time nor ``engaged``, ``sense`` the sign of the mismatch (``docs/scope.md``).
     """
 
     time_zero: Literal["command", "force", "unknown"] = "unknown"

@@ -95,7 +95,7 @@ class Study:
         Parameters
         ----------
         mismatch_rpm : speed of ring against ring before the shift, 1/min; positive runs the
-            traction flanks together (docs/mismatch.md).
+            traction flanks together (docs/scope.md).
         force_N : final shift force, N; with an actuator its largest static force, None for the
             full force.
         angle_deg : relative angle: lead of the output ring over the position dogs facing dogs, deg.

@@ -416,7 +416,7 @@ def _assumptions_of(
     mass, origin_text = mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
     sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
     if signed:
-        sense = "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
+        sense = "the sign of the mismatch is the project's (docs/scope.md), as some are negative"
     return [
         sentence
         for sentence, holds in (

@@ -468,7 +468,7 @@ class OperatingPoint:
     """
 
     #: output less sliding speed about the axis from the output to the sliding ring, rad/s
-    #: (``docs/mismatch.md``)
+    #: (``docs/scope.md``)
     mismatch: float
     profile: ForceProfile
     weight: float = 1.0

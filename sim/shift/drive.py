@@ -1,6 +1,6 @@
 r"""Drive of both shafts: their speed before the shift and torques on them during it.
 
-The ring on the engine's side is the faster one at a positive mismatch (``docs/mismatch.md``), which
+The ring on the engine's side is the faster one at a positive mismatch (``docs/scope.md``), which
 fixes the sense in which both shafts turn about the axis from the output to the sliding ring: with
 the engine at the sliding ring they turn against it, :math:`s = -1`, with the engine at the output
 ring along it, :math:`s = +1`. The ring on the wheels' side turns at :math:`s n`, the other one

@@ -280,7 +280,7 @@ def test_two_speeds_are_a_mismatch_by_formula(bench: Bench) -> None:
     rows = "".join(f"{a:.9g};{b * np.pi / 30.0:.9g};469;{116 - k}\n" for k, (a, b) in
                    enumerate([(1450.0, 1500.0), (1450.0, 1550.0), (1461.0, 1610.0)]))  # fmt: skip
     text = f"n_in [1/min];n-out [rad/s];F [N];t_shift [ms]\n{rows}"
-    bench.refused(text, words=["mismatch_rpm may be", "n-out - n_in", "docs/mismatch.md"])
+    bench.refused(text, words=["mismatch_rpm may be", "n-out - n_in", "docs/scope.md"])
     for formula, factor in (("n-out - n_in", 1.0), ("(n_in - n-out)/2", -0.5)):
         found = bench.numbers(text, "--column", f"mismatch_rpm={formula}")
         known = [factor * one for one in (50.0, 100.0, 149.0)]

@@ -1,4 +1,4 @@
-"""Sign of the mismatch (``docs/mismatch.md``), and how likely dogs enter a slot: closed forms."""
+"""Sign of the mismatch (``docs/scope.md``), and how likely dogs enter a slot: closed forms."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ RECORD_QUESTIONS = {
     "record.displacement_at": ("place of the travel sensor", ("sleeve", "actuator", "unknown")),
     EMPTY_CELLS: ("shifts of rows without a time", ("not_made", "failed", "unknown")),
     "record.sense": (
-        "way in which the rings turned past each other (docs/mismatch.md)",
+        "way in which the rings turned past each other (docs/scope.md)",
         ("known", "unknown"),
     ),
 }
