@@ -52,20 +52,20 @@ def case_count(path: Path) -> int:
 
 
 def passage(path: Path = SCORE, fit_path: Path = FIT_SCORE) -> str | None:
-    """Write the table of a field set for docs/results.md; None before a set is scored."""
+    """Write the table of a field set for docs/results.md; None before a set is scored.
+
+    The last column is the value by least squares, where these are scored.
+    """
     if not path.exists():
         return None
-    fit_values = {words: value for words, value, *_ in headline_of(fit_path)}
+    heads = ["figure", "value (95 %)", "cases", "aim", "met"]
+    rows = [[*row[:3], *(text.strip("-") for text in row[3:])] for row in headline_of(path)]
+    if fit_path.exists():
+        heads.append("least squares")
+        fit_values = {words: value for words, value, *_ in headline_of(fit_path)}
+        rows = [[*row, fit_values[row[0]].strip("-")] for row in rows]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    lines += [f"| {' | '.join(row)} |" for row in rows]
     scoring = re.search(r"^scored by .*$", path.read_text("utf-8"), re.MULTILINE)
-    lines = [
-        "| figure | value (95 %) | cases | aim | met | least squares |",
-        "|---|---|---|---|---|---|",
-        *(
-            f"| {words} | {value} | {n} | {aim.strip('-')} | {met.strip('-')} "
-            f"| {fit_values[words].strip('-')} |"
-            for words, value, n, aim, met in headline_of(path)
-        ),
-        "",
-        *([f"{scoring[0].capitalize()}."] if scoring else []),
-    ]
-    return "\n".join([*lines, ""])
+    closing = [f"{scoring[0].capitalize()}."] if scoring else []
+    return "\n".join([*lines, "", *closing, ""])

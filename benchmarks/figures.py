@@ -316,7 +316,7 @@ def main_findings() -> str:
 
 def diagnosis_row() -> tuple[str, str, str]:
     """Write how often the diagnosis names a cause, and how often it is right."""
-    whole, interval, named = headline("named as the whole: the whole truth")
+    whole, interval, named = headline("named: the whole truth")
     coverage, coverage_interval, sizes = headline("90 % intervals hold the sizes")
     upper_end = float(NUMBER.findall(coverage_interval)[-1])
     width = "too narrow" if upper_end < 90.0 else "wide enough"

@@ -356,7 +356,7 @@ def run_and_keep(problem_name: str, seed: int, folder: Path) -> str:
     problem = PROBLEMS[problem_name]
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     # Neither compilation nor the import of torch and scipy is timed.
-    for module in ("optuna._gp.acqf", "optuna._gp.optim_mixed", "dogshape.surrogate.likelihood"):
+    for module in ("optuna._gp.acqf", "optuna._gp.optim_mixed", "dogshape.surrogate.process"):
         import_module(module)
     evaluate(problem.setup(), [{}], scratch_executor(1), 3, 1)
     texts = []
