@@ -15,6 +15,7 @@ from dogshape.app.live_page import LivePage, open_live_page
 from dogshape.app.page import HOST
 from dogshape.app.questions_page import NewStudy
 from dogshape.pipeline.progress import Progress
+from dogshape.pipeline.simulate.ahead import compile_ahead
 from dogshape.running import receiver
 from dogshape.sim.errors import InputError
 from dogshape.sim.interface import argument
@@ -52,8 +53,11 @@ def serve_app(
     free one, ``browser`` whether to open the page; ``progress`` receives the address.
     Example: ``ds.serve_app(ds.Study("mq200"), port=8050, progress=True)``
     """
-    page: LivePage | NewStudy = NewStudy(surrogate)
-    if study is not None:
+    page: LivePage | NewStudy
+    if study is None:
+        compile_ahead()
+        page = NewStudy(surrogate)
+    else:
         page = open_live_page(study, surrogate, folder, command)
     server = start_server(page, port)
     address = f"http://{HOST}:{server.port}/"

@@ -158,7 +158,9 @@ def _ask_study(
     """Ask for the values of a study, part by part, and write its folder."""
     from dogshape.pipeline.drafts import draft_keys, study_folder  # noqa: PLC0415
     from dogshape.pipeline.drafts.draft_source import bundled_kinds  # noqa: PLC0415
+    from dogshape.pipeline.simulate.ahead import compile_ahead  # noqa: PLC0415
 
+    compile_ahead()
     values = study_folder.values_with(reading, values)
     typer.echo(f"kinds of clutch: {bundled_kinds()}", err=True)
     origin = dialogue.ask("begin from (a kind, a study, or the folder of a bench)", origin)

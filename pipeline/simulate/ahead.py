@@ -1,0 +1,40 @@
+"""Compilation of the engine ahead of its first shift, while a user answers questions.
+
+The compiler takes some twenty seconds, once after an installation. A process of its own simulates
+a check meanwhile; the user's first one reads the compiled functions from the cache.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+COMMAND = ("check", "mq200")  #: a command that compiles what most others need
+COMPILED = "motion.advance-*.nbi"  #: index of the largest compiled function in its cache
+
+
+def compile_ahead() -> subprocess.Popen[bytes] | None:
+    """Start the compilation; None where the engine is compiled already.
+
+    The process outlasts this one.
+    """
+    if _is_compiled():
+        return None
+    return subprocess.Popen(
+        [sys.executable, "-m", "dogshape.pipeline", *COMMAND],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+def _is_compiled() -> bool:
+    """Test whether the cache beside the engine has it; the engine itself is slow to import."""
+    package = find_spec("dogshape.sim")
+    assert package is not None
+    assert package.origin is not None
+    cache = Path(package.origin).parent / "kernel" / "__pycache__"
+    return any(cache.glob(COMPILED))
