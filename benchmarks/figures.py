@@ -34,6 +34,7 @@ from dogshape.sim.units import unit_of
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"
 BLOCK = re.compile(r"(<!-- ([\w ]+): .*-->\n)(.*?)(<!-- end of \2 -->\n)", re.DOTALL)
+SAMPLER_CELLS = 5  #: of a row of ``benchmarks.samplers``: four shares and a time
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 PAPER = "mq200_paper"
 COMPARED_DESIGNS = ("chosen", "gearbox's")  #: designs of contact_sets.txt
@@ -576,12 +577,15 @@ def history() -> str:
 
 
 def samplers() -> str:
-    """Write the share of the front that each sampler finds, by processor time."""
+    """Write the share of the front and the best time of each sampler, by problem."""
     rows = []
-    for name in ("TPE", "NSGA-II", "GPSampler", "quasi-random", "own"):
-        shares = numbers("samplers", "share of", f"{name} ")[:9]
-        rows.append((name, *(f"{share:.3f}" for share in shares[::3]), f"{shares[7]:.3f}"))
-    return markdown(("sampler", "0.2 min", "0.4 min", "0.8 min", "least of five"), rows)
+    for line in (EVIDENCE / "samplers.txt").read_text("utf-8").splitlines():
+        cells = re.findall(r"([\d.]+) \(([\d.]+), ([\d.]+)\)", line)
+        if len(cells) == SAMPLER_CELLS:
+            problem, sampler = line[:26].strip(), line[26:40].strip()
+            _, half, whole, _, best = (f"{median} ({low} to {high})" for median, low, high in cells)
+            rows.append((problem, sampler, half, whole, best))
+    return markdown(("problem", "sampler", "half of the time", "all", "best time, ms"), rows)
 
 
 def validation() -> str:
