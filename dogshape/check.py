@@ -30,7 +30,7 @@ from dogshape.result import Result
 from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.strength.checks import smallest_margin
-from dogshape.sim.strength.dog_strength import strike_force, strike_torque
+from dogshape.sim.strength.dog_strength import bearing_limits, strike_force, strike_torque
 from dogshape.sim.strength.landing import Landings
 from dogshape.sim.strength.locking import Retention, blocking_force, retention
 from dogshape.sim.strength.manufacture import Kind, manufacturing_checks
@@ -521,8 +521,8 @@ class Strength(Checked):
     @property
     def load_sharing(self) -> float | None:
         """Load sharing at the design torque by number and accuracy; None if fixed."""
-        load = self.config.limits.load
         dog = self.config.clutch.dog
+        load = bearing_limits(dog, self.config.limits).load
         if load.scatter(dog) is None:
             return None
         return load.sharing(dog, load.design_torque)
@@ -572,7 +572,8 @@ class Strength(Checked):
         load = self.config.file.load.model_dump()
         if self.load_sharing is not None:
             load["load_sharing"] = self.load_sharing
-        force = limits.load.force_per_dog(self.config.clutch.dog)
+        dog = self.config.clutch.dog
+        force = bearing_limits(dog, limits).load.force_per_dog(dog)
         return {
             "engine": self.config.clutch.solver.engine,
             **super().to_dict(),

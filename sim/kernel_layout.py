@@ -141,7 +141,8 @@ CLUTCH_NUMBERS = np.dtype(
                 ("rebound", "f8"),  # distance of the stop, m
                 ("rebound_stiffness", "f8"),  # of the stop, N/m
                 # Dogs.
-                ("dog_count", "f8"),  # of those that touch at once
+                ("dog_count", "f8"),  # of those that touch at once, high ones
+                ("low_dog_count", "f8"),  # of the output ring
                 ("mean_radius", "f8"),  # m
                 ("pitch_angle", "f8"),  # rad
                 ("axial_gap", "f8"),  # m
@@ -181,7 +182,10 @@ CLUTCH_NUMBERS = np.dtype(
 
 
 class Surfaces(NamedTuple):
-    """Surfaces of the rigid dog of a pair and planes of the compliant one, q and p of them."""
+    """Surfaces of the rigid dog of a pair and planes of the compliant one, q and p of them.
+
+    Those of a low dog of the output ring are parallel to those of a high one.
+    """
 
     corners: Array  #: of the rigid dog's quadrilaterals, m, (q, 4, 3)
     rigid_normals: Array  #: of the quadrilaterals, outward, (q, 3)
@@ -195,6 +199,9 @@ class Surfaces(NamedTuple):
     travel: float  #: m
     is_rigid_face: Mask  #: whether a quadrilateral is a face of the tip, (q,)
     is_face: Mask  #: whether a plane is a face of the tip, (p,)
+    low_corners: Array  #: ``corners`` beside a low dog, m, (q, 4, 3)
+    low_offsets: Array  #: ``offsets`` beside a low dog, m, (p,)
+    low_gap: float  #: ``axial_gap`` beside a low dog, m; infinite without low dogs
 
 
 #: Law of the contact between two dogs: the pressure of a layer with Hunt and Crossley's dissipation

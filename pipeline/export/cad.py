@@ -53,14 +53,14 @@ def load_cad() -> Any:
 
 
 def require_all_dogs(pair: Pair, *, step: bool, ring: str = "output") -> None:
-    """Raise InputError for a solid or surface of a ring whose dogs are missing.
+    """Raise InputError for a solid or surface of a ring whose dogs are missing or low.
 
     ``step`` has both rings, a surface the ``ring`` alone.
     """
     if pair.slots_per_dog > 1 and (step or ring == "output"):
         raise InputError(
-            f"output_dog.slots_per_dog is {pair.slots_per_dog}, but solids and surfaces have all "
-            "dogs of a ring; write the sliding ring as a surface, or the section as DXF"
+            f"output_dog.slots_per_dog is {pair.slots_per_dog}, but solids and surfaces have equal "
+            "dogs at every pitch; write the sliding ring as a surface, or the section as DXF"
         )
 
 
@@ -94,7 +94,7 @@ def write_step(
     Raises
     ------
     InputError
-        Without build123d, or where dogs of a ring are missing.
+        Without build123d, or where dogs of a ring are missing or low.
     GeometryError
         Where fillets or roundings do not fit, or the body has no thickness.
 

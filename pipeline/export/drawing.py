@@ -228,17 +228,21 @@ def _rounded_path(points: Sequence[complex], radii: Sequence[float]) -> str:
     return " ".join([*commands, f"L{_coordinates(points[-1])}"])
 
 
-def outline(dog: Dog, dogs: int, pitches: int = 1) -> list[tuple[float, float]]:
+def outline(
+    dog: Dog, dogs: int, pitches: int = 1, low: Dog | None = None
+) -> list[tuple[float, float]]:
     """Trace the profile of ``dogs`` neighbouring pitches with their slots, mm, (n, 2).
 
-    There is a dog in the middle, and to either side one in so many ``pitches``.
+    There is a dog in the middle, and to either side one in so many ``pitches``; between these are
+    ``low`` ones or none.
     """
     points = []
     for index in range(dogs):
-        if (index - dogs // 2) % pitches:
+        pitch_dog = low if (index - dogs // 2) % pitches else dog
+        if pitch_dog is None:
             continue
         offset = (index - 0.5 * (dogs - 1)) * dog.pitch
-        points += [((x + offset) / MM, z / MM) for x, z in section(dog)]
+        points += [((x + offset) / MM, z / MM) for x, z in section(pitch_dog)]
     return points
 
 
@@ -258,12 +262,13 @@ def open_section_svg(
     scale = min(width / (4.3 * pitch), (height - 70.0) / (heights + gap))  # px/mm
     crest_level = 0.5 * (height + gap * scale)  # of the output ring
 
-    def output_profile(ring: Dog) -> list[complex]:
+    def output_profile(rings: Pair) -> list[complex]:
+        ring = rings.output
         rise = ring.addendum / MM
-        dogs = _dogs_in_view(ring, 0.5 * width / scale, pair.slots_per_dog)
+        dogs = _dogs_in_view(ring, 0.5 * width / scale, rings.slots_per_dog)
         return [
             complex(0.5 * width + x * scale, crest_level + (rise - z) * scale)
-            for x, z in outline(ring, dogs, pair.slots_per_dog)
+            for x, z in outline(ring, dogs, rings.slots_per_dog, rings.low)
         ]
 
     def sliding_profile(ring: Dog) -> list[complex]:
@@ -280,11 +285,8 @@ def open_section_svg(
     corner = width - 16 + 1j * height
     elements = [
         _ring(sliding_profile(pair.sliding), -5.0, "ring-b", corners),
-        _ring(output_profile(pair.output), height + 5.0, "ring-a", corners),
-        *(
-            _line(*part, kind="ghost")
-            for part in _teeth(output_profile(ghost.output), ghost_corners)
-        ),
+        _ring(output_profile(pair), height + 5.0, "ring-a", corners),
+        *(_line(*part, kind="ghost") for part in _teeth(output_profile(ghost), ghost_corners)),
         _line(corner - 5.0 * scale - 14.0j, corner - 14.0j, kind="bar"),
         _text(corner - 8.0 - 5.0 * scale - 10.0j, "5 mm", "end", "small"),
         _text(10.0 + 18.0j, "sliding ring", "start", "small"),
@@ -559,12 +561,18 @@ def notes_of(dog: Dog, limits: Limits) -> list[str]:
     ring = f"{dog.count} dogs on Ø{outer_diameter} / Ø{inner_diameter} mm"
     pair = f"{ring}, both rings alike, one turned over"
     slots_per_dog = limits.load.slots_per_dog
+    low_height = limits.output_dog.low_height
     if slots_per_dog > 1:
         output_count = limits.load.touching(dog)
         pair = (
             f"{ring}; of these the output ring has {output_count}, at every pitch number "
             f"{slots_per_dog}"
         )
+        if low_height is not None:
+            pair = (
+                f"{ring}; on the output ring {output_count} of these, at every pitch number "
+                f"{slots_per_dog}, have full height, the others {low_height / MM:.2f} mm"
+            )
     flanks = "flanks are planes along radial lines"
     if limits.sleeve is not None:
         flanks = "flanks are simulated along radial lines"

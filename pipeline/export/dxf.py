@@ -60,29 +60,39 @@ class _Corner(NamedTuple):
 
 
 def ring_outlines(
-    dog: Dog, limits: Limits, body: float, *, pitches: int = 1, teeth: bool = False
+    dog: Dog,
+    limits: Limits,
+    body: float,
+    *,
+    pitches: int = 1,
+    low: Dog | None = None,
+    teeth: bool = False,
 ) -> list[list[tuple[float, float, float]]]:
     """Trace a ring, dogs up, its crests at 0: corners (x, y, bulge) in mm, by closed polyline.
 
     A bulge is the tangent of a quarter of the arc that follows its corner. The first dog is about
-    x = 0, and there is one in so many ``pitches``. ``teeth`` of a sleeve are polylines of their
-    own; ``body`` is the depth below the floors, m.
+    x = 0, and there is one in so many ``pitches``, with ``low`` ones or none between. ``teeth`` of
+    a sleeve are polylines of their own; ``body`` is the depth below the floors, m.
     """
     rise = dog.addendum / MM
     floor = -(dog.addendum + dog.dedendum) / MM
     back = floor - body / MM
-    profile = [complex(x / MM, z / MM - rise) for x, z in section(dog)]
     tip = tip_radius(dog, limits.root_radius) / MM
     root = 0.0 if teeth else limits.root_radius / MM
-    radii = [root, *(len(profile) - 2) * [tip], root]
     pitch = dog.pitch / MM
-    dogs = [
-        [
-            _Corner(place + index * pitch, radius)
-            for place, radius in zip(profile, radii, strict=True)
-        ]
-        for index in range(0, dog.count, pitches)
-    ]
+    dogs = []
+    for index in range(dog.count):
+        pitch_dog = low if index % pitches else dog
+        if pitch_dog is None:
+            continue
+        profile = [complex(x / MM, z / MM - rise) for x, z in section(pitch_dog)]
+        radii = [root, *(len(profile) - 2) * [tip], root]
+        dogs.append(
+            [
+                _Corner(place + index * pitch, radius)
+                for place, radius in zip(profile, radii, strict=True)
+            ]
+        )
     if teeth:
         return [_polyline(_closed(tooth, floor=back, back=back)) for tooth in dogs]
     ends = [complex(-0.5 * pitch, floor), complex((dog.count - 0.5) * pitch, floor)]
@@ -168,7 +178,12 @@ def _draw(document: Any, pair: Pair, limits: Limits, body: float, title: str) ->
     half_pitch = 0.5 * pair.sliding.pitch / MM
     has_teeth = limits.sleeve is not None
     output_outlines = ring_outlines(
-        pair.output, limits, body, pitches=pair.slots_per_dog, teeth=has_teeth
+        pair.output,
+        limits,
+        body,
+        pitches=pair.slots_per_dog,
+        low=pair.low,
+        teeth=has_teeth,
     )
     for outline in output_outlines:
         space.add_lwpolyline(outline, format="xyb", close=True, dxfattribs={"layer": OUTPUT_LAYER})
@@ -267,6 +282,10 @@ def _add_dimensions(space: Any, pair: Pair, limits: Limits, gap: float, text_hei
     add(roots[1], second_root, (0.0, floor - 5.0 * text_height), f"({way:.3f})")
     height = size_text(limits, "height", output.height)
     add((-0.5 * pitch, floor), (0.0, 0.0), (left, 0.0), height, 90.0)
+    if pair.low is not None:
+        low_crest = (pitch, -pair.shortening / MM)
+        low_height = size_text(limits, "height", pair.low.height)
+        add((0.5 * pitch, floor), low_crest, (0.5 * pitch, 0.0), low_height, 90.0)
     axial_gap = size_text(limits, "axial_gap", sliding.axial_gap)
     add((0.0, 0.0), (0.5 * pitch, gap), (further_left, 0.0), axial_gap, 90.0)
     height = size_text(limits, "height", sliding.height)

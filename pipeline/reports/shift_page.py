@@ -163,20 +163,28 @@ def _animation_data(result: Engagement) -> dict[str, Any]:
         "length": pair.axial_length / MM,
         "radii": [dog.inner_radius / MM, dog.outer_radius / MM],
         "count": dog.count,
-        "sliding": _ring_shape(dog, 1),
-        "output": _ring_shape(pair.output, pair.slots_per_dog),
+        "sliding": _ring_shape(dog, 1, None),
+        "output": _ring_shape(pair.output, pair.slots_per_dog, pair.low),
     }
 
 
-def _ring_shape(dog: Dog, pitches: int) -> dict[str, Any]:
-    """Collect section and surface of a ring's dog in mm; the root is below the pitch plane.
+def _ring_shape(dog: Dog, pitches: int, low: Dog | None) -> dict[str, Any]:
+    """Collect sections and surfaces of a ring's dogs in mm; the root is below the pitch plane.
 
-    ``pitches`` is the number from a dog to the next.
+    ``pitches`` is the number from a high dog to the next, with ``low`` ones or none between.
     """
-    solid = dog_solid(dog)
     return {
         "root": dog.dedendum / MM,
         "pitches": pitches,
+        "low": None if low is None else _dog_shape(low),
+        **_dog_shape(dog),
+    }
+
+
+def _dog_shape(dog: Dog) -> dict[str, Any]:
+    """Collect section and surface of a dog in mm."""
+    solid = dog_solid(dog)
+    return {
         "profile": outline(dog, 1),
         "vertices": np.round(solid.vertices / MM, 4).ravel().tolist(),
         "cells": solid.cells.ravel().tolist(),

@@ -44,6 +44,7 @@ from dogshape.sim.kernel_layout import (
     SPINDLE_TRAVEL,
     STATE_SIZE,
     ShiftModel,
+    Surfaces,
 )
 
 #: Whether a column of a state is an angle or displacement, not a rate, (14,).
@@ -307,9 +308,32 @@ def drive_torques(time, state, numbers):
     return on_sliding, on_output
 
 
+@compiled
+def _low_contact(angle, distance, relative_speed, axial_speed, surfaces, law, workspace):
+    """Compute ``contact`` beside a low dog of the output ring."""
+    low_surfaces = Surfaces(
+        surfaces.low_corners,
+        surfaces.rigid_normals,
+        surfaces.normals,
+        surfaces.low_offsets,
+        surfaces.traction_lean,
+        surfaces.braking_lean,
+        surfaces.half_backlash,
+        surfaces.pitch_angle,
+        surfaces.low_gap,
+        surfaces.travel,
+        surfaces.is_rigid_face,
+        surfaces.is_face,
+        surfaces.low_corners,
+        surfaces.low_offsets,
+        surfaces.low_gap,
+    )
+    return contact(angle, distance, relative_speed, axial_speed, low_surfaces, law, workspace)
+
+
 @inlined
 def _contact_loads(state, model, workspace):
-    """Compute the contact's force along the shaft, N, and torque about it, N m, of all dogs."""
+    """Compute ``contact_loads``; ``model`` has records in place of arrays of one."""
     surfaces = model.surfaces
     if state[DISPLACEMENT] <= surfaces.axial_gap:
         return 0.0, 0.0
@@ -320,7 +344,23 @@ def _contact_loads(state, model, workspace):
         angle, distance, relative_speed, state[AXIAL_SPEED], surfaces, model.law, workspace
     )
     dog_count = model.numbers.dog_count
-    return axial * dog_count, torque * dog_count
+    axial *= dog_count
+    torque *= dog_count
+    if state[DISPLACEMENT] > surfaces.low_gap:
+        low_axial, low_torque = _low_contact(
+            angle, distance, relative_speed, state[AXIAL_SPEED], surfaces, model.law, workspace
+        )
+        low_count = model.numbers.low_dog_count
+        axial += low_axial * low_count
+        torque += low_torque * low_count
+    return axial, torque
+
+
+@compiled
+def contact_loads(state, model, workspace):
+    """Compute the contact's force along the shaft, N, and torque about it, N m, of all dogs."""
+    row = ShiftModel(model.numbers[0], model.knots, model.surfaces, model.law[0])
+    return _contact_loads(state, row, workspace)
 
 
 @inlined

@@ -414,6 +414,7 @@ class Clutch:
         faces = pair.faces
         backs = pair.backs
         numbers.dog_count = pair.touching_count
+        numbers.low_dog_count = pair.low_count
         numbers.mean_radius = dog.mean_radius
         numbers.pitch_angle = dog.pitch_angle
         numbers.axial_gap = dog.axial_gap

@@ -622,18 +622,24 @@ def _flank_losses(dog: Dog, root_radius: float, flank: Flank) -> FlankLosses:
 
 
 def flank_contact(
-    dog: Dog, root_radius: float, flank: Flank, mate: Dog | None = None
+    dog: Dog,
+    root_radius: float,
+    flank: Flank,
+    mate: Dog | None = None,
+    depth: float | None = None,
 ) -> FlankContact:
     """Compute the part of a dog's flank that touches at full depth.
 
-    ``root_radius`` in m; ``mate`` is the dog of the other ring, None for an equal one.
+    ``root_radius`` in m; ``mate`` is the dog of the other ring, None for an equal one. ``depth``
+    is the way from crest on crest to full depth, m, by default the height of the lower dog.
     """
     losses = _flank_losses(dog, root_radius, flank)
     mate_losses = losses
-    depth = dog.height
+    lower_height = dog.height
     if mate is not None:
         mate_losses = _flank_losses(mate, root_radius, flank)
-        depth = smallest(dog.height, mate.height)
+        lower_height = smallest(dog.height, mate.height)
+    depth = lower_height if depth is None else depth
     inner_height = depth - (losses.inner + mate_losses.inner)
     outer_height = depth - (losses.outer + mate_losses.outer)
     # Of a height that falls to zero within the width, the part that is positive.

@@ -508,12 +508,11 @@ def dog_solid(dog: Dog) -> Mesh:
     return Mesh(skin.vertices, np.concatenate([skin.cells, _in_triangles(caps)]))
 
 
-def ring_of(dog: Dog, mesh: Mesh, count: int | None = None, pitches: int = 1) -> Mesh:
-    """Repeat a mesh about the axis, once in so many ``pitches``, ``count`` or all dogs in one."""
-    count = count or dog.count
-    turns = [rotation(index * pitches * dog.pitch_angle) for index in range(count)]
+def ring_of(dog: Dog, mesh: Mesh, places: Sequence[int]) -> Mesh:
+    """Repeat a mesh about the axis at ``places``, in pitches, as a single mesh."""
+    turns = [rotation(place * dog.pitch_angle) for place in places]
     vertices = [mesh.vertices @ turn.T for turn in turns]
-    cells = [mesh.cells + index * len(mesh.vertices) for index in range(count)]
+    cells = [mesh.cells + index * len(mesh.vertices) for index in range(len(places))]
     return Mesh(np.concatenate(vertices), np.concatenate(cells))
 
 

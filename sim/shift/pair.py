@@ -14,8 +14,11 @@ end of its tip, a higher one stands between deeper slots: below the pitch plane 
 .. math:: d_2 = \max\left(\tfrac{h_1}{2}, h_2 - \tfrac{h_1}{2}\right)
 
 deep. With ``slots_per_dog`` of *s* the output ring has a dog at every *s*-th pitch, and its other
-dogs are missing. As the sliding ring has all, the pair repeats after one pitch, at every angle all
-:math:`N/s` dogs of the output ring touch alike, and force and torque are *N/s* times those of one.
+dogs are missing or, with ``low_height``, lower. As the sliding ring has all, the pair repeats after
+one pitch, at every angle all :math:`N/s` high dogs touch alike, and force and torque are *N/s*
+times those of one; the :math:`N - N/s` low ones add theirs. A low dog has the flanks and the root
+of a high one and a tip :math:`h_2 - h_l` below its crest. It lies within the high one: it touches
+deeper by that way, and only where a high dog touches too.
 
 A dog that leaves the play *j* to half a pitch is :math:`(\vartheta r - j)/2` wide in its
 pitch plane, so the play of the pair is :math:`(j_1 + j_2)/2`. The ridges of two dogs that face each
@@ -40,7 +43,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dogshape.sim.elementwise import largest, smallest, tan
-from dogshape.sim.errors import GeometryError, Refusal
+from dogshape.sim.errors import GeometryError, InputError, Refusal
 from dogshape.sim.quantity import quantity, record_quantities, require_ranges
 from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.units import MM
@@ -59,11 +62,18 @@ class OutputDog:
     crest: float | None = quantity("crest", 0.0, 1.0, None)
     chamfer_back: float | None = quantity("chamfer_back_deg", 0.0, 60.0, None)
     backlash: float | None = quantity("backlash_mm", 0.0, 50.0, None)
-    #: slots of the sliding ring for each dog of this ring, whose other dogs are missing
+    #: slots of the sliding ring for each high dog of this ring, whose other dogs are missing or low
     slots_per_dog: int | None = quantity("slots_per_dog", 1, 100, None)
+    #: of the other dogs above the root of all; None: they are missing
+    low_height: float | None = quantity("low_height_mm", 0.2, 100.0, None)
 
     def __post_init__(self) -> None:
         require_ranges(self, "output_dog", "check the value and its unit")
+        if self.low_height is not None and (self.slots_per_dog or 1) == 1:
+            rule = f"low dogs stand between those that output_dog.{SLOTS} leaves high"
+            remedy = f"give output_dog.{SLOTS} = 2 for every second dog"
+            height = self.low_height / MM
+            raise InputError(Refusal("output_dog.low_height_mm", height, "mm", rule, remedy))
 
     @property
     def given(self) -> dict[str, Any]:
@@ -79,8 +89,8 @@ class OutputDog:
 
     @property
     def _shape(self) -> dict[str, Any]:
-        """Given dimensions of a dog, SI units."""
-        return {name: value for name, value in self.given.items() if name != SLOTS}
+        """Given dimensions of a high dog, SI units."""
+        return {name: value for name, value in self.given.items() if name not in RING_NAMES}
 
     @property
     def _deviating(self) -> list[str]:
@@ -114,12 +124,32 @@ class OutputDog:
         except GeometryError as error:
             raise GeometryError(f"output ring: {error}") from error
 
+    def low_beside(self, sliding: Dog, nominal: Dog | None = None) -> Dog | None:
+        """Return the low dog beside a ``sliding`` dog, or beside each of ``Dogs``; None for none.
+
+        Its height deviates as that of the sliding dog does from its ``nominal`` one. Raises
+        GeometryError for an impossible shape.
+        """
+        if self.low_height is None:
+            return None
+        output = self.beside(sliding, nominal)
+        height = self.low_height
+        if nominal is not None:
+            height = largest(0.0, height + (sliding.height - nominal.height))
+        try:
+            return replace(output, height=height, root_depth=output.dedendum)
+        except GeometryError as error:
+            raise GeometryError(f"low dogs of the output ring: {error}") from error
+
     def pair_with(self, sliding: Dog) -> Pair:
         """Build the pair with a ``sliding`` dog, or with each of ``Dogs``."""
-        return Pair(sliding, self.beside(sliding), self.slots_per_dog or 1)
+        output = self.beside(sliding)
+        return Pair(sliding, output, self.slots_per_dog or 1, low=self.low_beside(sliding))
 
 
 SLOTS = "slots_per_dog"
+#: Dimensions of the ring or of its low dogs, not of a high dog.
+RING_NAMES = (SLOTS, "low_height")
 ALIKE = OutputDog()  #: both rings have one dog
 MIN_HEIGHT_SHARE = 0.5  #: of the sliding dog's height; a crest in the pitch plane has no flank
 
@@ -137,13 +167,14 @@ class Slope(NamedTuple):
 class Pair:
     """Dogs of sliding and output ring; of many pairs ``Dogs``.
 
-    Raises GeometryError where the output dog is at most half as high as the sliding one, or
-    undercut dogs do not pass each other.
+    Raises GeometryError where the output dog is at most half as high as the sliding one, low dogs
+    are higher than the high ones, or undercut dogs do not pass each other.
     """
 
     sliding: Dog
     output: Dog
-    slots_per_dog: int = 1  #: slots of the sliding ring for each dog of the output ring
+    slots_per_dog: int = 1  #: slots of the sliding ring for each high dog of the output ring
+    low: Dog | None = None  #: low dog of the output ring between the high ones; None: missing
 
     def __post_init__(self) -> None:
         if isinstance(self.sliding, Dogs):
@@ -162,6 +193,12 @@ class Pair:
             remedy = "use a higher output dog or a lower sliding dog"
             height = self.output.height / MM
             raise GeometryError(Refusal("output_dog.height_mm", height, "mm", rule, remedy))
+        if self.low is not None and self.shortening < 0.0:
+            rule = f"the high dogs of the output ring have {self.output.height / MM:.4g} mm"
+            height = self.low.height / MM
+            raise GeometryError(
+                Refusal("output_dog.low_height_mm", height, "mm", rule, "use a lower height")
+            )
         if self.passing_play < 0.0:
             rule = "undercut flanks must pass each other on the way in (0 mm)"
             remedy = "use more backlash, less undercut or a larger chamfer"
@@ -183,6 +220,8 @@ class Pair:
     def possible(self) -> bool:
         """Whether both dogs and the pair keep all rules of a shape; (n,) of bool for ``Dogs``."""
         dogs = self.sliding.possible & self.output.possible & self._has_even_dogs
+        if self.low is not None:
+            dogs = dogs & self.low.possible & (self.shortening >= 0.0)
         return dogs & self._is_high_enough & (self.passing_play >= 0.0)
 
     @property
@@ -193,8 +232,18 @@ class Pair:
 
     @property
     def touching_count(self) -> int:
-        """Number of dogs that touch at once: those of the output ring."""
+        """Number of dogs that touch at once from the crests on: high dogs of the output ring."""
         return touching_count(self.sliding, self.slots_per_dog)
+
+    @property
+    def low_count(self) -> int:
+        """Number of low dogs of the output ring."""
+        return 0 if self.low is None else self.sliding.count - self.touching_count
+
+    @property
+    def shortening(self) -> float:
+        """Way of a low dog's crest below those of the high ones, m; 0 without low dogs."""
+        return 0.0 if self.low is None else self.output.height - self.low.height
 
     @property
     def rigid(self) -> Dog:

@@ -39,6 +39,7 @@ from dogshape.sim.shift.actuators import COMMAND_RISE_S, Actuator
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import LATEST_RELEASE_SHARE, Run, failure_of, states_held
 from dogshape.sim.shift.drive import TorqueCourse
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import (
     rigid_dog,
     stacked,
@@ -70,6 +71,9 @@ NO_DOGS = Surfaces(
     travel=1e9,
     is_rigid_face=np.zeros(1, dtype=bool),
     is_face=np.zeros(1, dtype=bool),
+    low_corners=np.zeros((1, 4, 3)),
+    low_offsets=np.zeros(1),
+    low_gap=math.inf,
 )
 #: Decimals of a surface, m. The last digits differ between processors; a shift that is balanced
 #: between two slots would end in another slot.
@@ -86,7 +90,13 @@ def surfaces_of(pair: Pair) -> Surfaces:
     rigid = pair.rigid
     normals, offsets = stacked(touching_planes(dog))
     rigid_normals, _ = stacked(touching_planes(rigid))
-    corners = rigid_dog(rigid).vertices[np.array(touching_quads(rigid))]
+    corners = _corners(rigid)
+    low_corners = corners
+    low_offsets = offsets
+    if pair.low is not None and pair.is_sliding_rigid:
+        _, low_offsets = stacked(touching_planes(pair.low))
+    elif pair.low is not None:
+        low_corners = _corners(pair.low)
     tangents = np.array([math.tan(dog.traction), math.tan(dog.braking)])
     # The radius at which the lean of a flank turns the ring least.
     radii = np.where(tangents < 0.0, dog.inner_radius, dog.outer_radius)
@@ -104,7 +114,15 @@ def surfaces_of(pair: Pair) -> Surfaces:
         travel=float(pair.travel),
         is_rigid_face=tip_planes(rigid),
         is_face=tip_planes(dog),
+        low_corners=low_corners.round(SURFACE_DIGITS),
+        low_offsets=low_offsets.round(SURFACE_DIGITS),
+        low_gap=math.inf if pair.low is None else float(dog.axial_gap + pair.shortening),
     )
+
+
+def _corners(rigid: Dog) -> Array:
+    """Compute the corners of a rigid dog's surfaces, m, (q, 4, 3)."""
+    return rigid_dog(rigid).vertices[np.array(touching_quads(rigid))]
 
 
 @dataclass(frozen=True)

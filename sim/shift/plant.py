@@ -3,7 +3,8 @@ r"""The clutch as a Drake multibody plant.
 World frame: z along the shaft, pitch plane of the output ring at z = 0. The sliding ring is turned
 over about x and starts at z = travel. All dogs see the same contact while the rings stay coaxial,
 so one sliding dog with mass, inertia and forces over N moves as N do; it meets the whole output
-ring.
+ring. Of an output ring with low dogs, as many neighbouring sliding dogs as there are slots for each
+high dog have mass, inertia and forces over the number of high dogs: one of them meets a high dog.
 
 An explicit scheme knows the dynamic coefficient alone, ``mu (2/pi) atan(v / stiction_velocity)``.
 In ``cenic`` friction falls from the static to the dynamic coefficient about ten stiction
@@ -58,6 +59,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, require_engine
 from dogshape.sim.shift.conclusion import Run, failure_of, states_held
 from dogshape.sim.shift.drive import TorqueCourse, TorquePiece
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
 # Joints that forces act on.
@@ -265,7 +267,7 @@ class ClutchPlant:
         require_engine(clutch.contact, "drake")
         self.clutch = clutch
         all_dogs = clutch.solver.all_dogs
-        #: number of touching dogs by a modelled one
+        #: number of high dogs that touch by a modelled one
         self.share = 1 if all_dogs else clutch.pair.touching_count
         builder = DiagramBuilder()
         self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
@@ -462,14 +464,24 @@ class ClutchPlant:
         )
         if shaft.side_inertia or clutch.drive.has_torques:
             plant.AddJointActuator("output_torque", joint)
-        # A single sliding dog meets the next dogs of a full ring, whichever they are.
-        pair = clutch.pair
-        pitches = pair.slots_per_dog if clutch.solver.all_dogs else 1
-        count = clutch.dog.count // pitches
-        if pair.is_sliding_rigid:
-            self._add_compliant_dogs(body, RigidTransform(), count, pitches)
-        else:
-            self._add_rigid_dogs(body, RigidTransform(), count, pitches)
+        for dog, places in self._output_dogs():
+            if clutch.pair.is_sliding_rigid:
+                self._add_compliant_dogs(body, RigidTransform(), dog, places)
+            else:
+                self._add_rigid_dogs(body, RigidTransform(), dog, places)
+
+    def _output_dogs(self) -> list[tuple[Dog, list[int]]]:
+        """List the dogs of the output ring with the pitches at which they stand."""
+        pair = self.clutch.pair
+        pitches = range(self.clutch.dog.count)
+        if pair.low is None and not self.clutch.solver.all_dogs:
+            # A single sliding dog meets the next dogs of a full ring, whichever they are.
+            return [(pair.output, list(pitches))]
+        high_places = [pitch for pitch in pitches if pitch % pair.slots_per_dog == 0]
+        dogs = [(pair.output, high_places)]
+        if pair.low is not None:
+            dogs.append((pair.low, [pitch for pitch in pitches if pitch % pair.slots_per_dog]))
+        return dogs
 
     def _add_stop(self, carriage: tree.RigidBody) -> None:
         """Set a stop behind the sliding ring: a plate on its carriage meets a fixed one.
@@ -544,38 +556,42 @@ class ClutchPlant:
             plant.AddJointActuator("drag_torque", turning)
         start = [0.0, 0.0, clutch.pair.travel]
         turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start)
-        count = clutch.dog.count if clutch.solver.all_dogs else 1
-        if clutch.pair.is_sliding_rigid:
-            self._add_rigid_dogs(body, turned_over, count)
+        pair = clutch.pair
+        places = [0]
+        if clutch.solver.all_dogs:
+            places = list(range(clutch.dog.count))
+        elif pair.low is not None:
+            places = list(range(pair.slots_per_dog))
+        if pair.is_sliding_rigid:
+            self._add_rigid_dogs(body, turned_over, pair.sliding, places)
         else:
-            self._add_compliant_dogs(body, turned_over, count)
+            self._add_compliant_dogs(body, turned_over, pair.sliding, places)
         return carriage
 
     def _add_rigid_dogs(
-        self, body: tree.RigidBody, pose: RigidTransform, count: int, pitches: int = 1
+        self, body: tree.RigidBody, pose: RigidTransform, dog: Dog, places: Sequence[int]
     ) -> None:
-        """Add ``count`` rigid dogs of a ring, ``pitches`` apart, to its body as one surface."""
-        dog = self.clutch.pair.rigid
+        """Add rigid dogs of a ring at ``places``, in pitches, to its body as one surface."""
         properties = geo.ProximityProperties()
         geo.AddRigidHydroelasticProperties(properties)
         self._add_contact(properties)
-        shape = _in_memory(to_obj(ring_of(dog, rigid_dog(dog), count, pitches)), ".obj")
-        self.plant.RegisterCollisionGeometry(body, pose, shape, "rigid_dogs", properties)
+        shape = _in_memory(to_obj(ring_of(dog, rigid_dog(dog), places)), ".obj")
+        name = f"rigid_dogs_{places[0]}"
+        self.plant.RegisterCollisionGeometry(body, pose, shape, name, properties)
 
     def _add_compliant_dogs(
-        self, body: tree.RigidBody, pose: RigidTransform, count: int, pitches: int = 1
+        self, body: tree.RigidBody, pose: RigidTransform, dog: Dog, places: Sequence[int]
     ) -> None:
-        """Add ``count`` compliant dogs of a ring, ``pitches`` apart, to its body, a volume each."""
-        dog = self.clutch.pair.compliant
+        """Add compliant dogs of a ring at ``places``, in pitches, to its body, a volume each."""
         properties = geo.ProximityProperties()
         modulus = self.clutch.contact.stiffness * pressure_apex(dog)[1]
         geo.AddCompliantHydroelasticProperties(1.0, modulus, properties)
         self._add_contact(properties)
         shape = _in_memory(to_vtk(compliant_dog(dog)), ".vtk")
-        for index in range(count):
-            turn = RotationMatrix.MakeZRotation(index * pitches * dog.pitch_angle)
+        for place in places:
+            turn = RotationMatrix.MakeZRotation(place * dog.pitch_angle)
             dog_pose = pose @ RigidTransform(turn, [0.0, 0.0, 0.0])
-            self.plant.RegisterCollisionGeometry(body, dog_pose, shape, f"dog_{index}", properties)
+            self.plant.RegisterCollisionGeometry(body, dog_pose, shape, f"dog_{place}", properties)
 
     def _add_contact(self, properties: geo.ProximityProperties) -> None:
         """Add dissipation and friction of the dogs to the properties of a geometry."""

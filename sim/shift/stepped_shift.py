@@ -308,20 +308,8 @@ class SteppedShift:
 
     def _contact_loads(self, state: Array) -> tuple[float, float]:
         """Compute the contact's force along the shaft, N, and torque about it, N m, of all dogs."""
-        surfaces = self._model.surfaces
-        if state[DISPLACEMENT] <= surfaces.axial_gap:
-            return 0.0, 0.0
-        force, torque = kernel.contact(
-            state[OUTPUT_ANGLE] - state[SLIDING_ANGLE],
-            surfaces.travel - state[DISPLACEMENT],
-            state[OUTPUT_SPEED] - state[SLIDING_SPEED],
-            state[AXIAL_SPEED],
-            surfaces,
-            self._model.law[0],
-            self._workspace,
-        )
-        count = self.clutch.pair.touching_count
-        return count * force, count * torque
+        force, torque = kernel.contact_loads(state, self._model, self._workspace)
+        return force, torque
 
     def _follow_phase(self, states: Array, touches: Mask) -> None:
         """Update the phase by the states, (n, 14), and contacts, (n,), at the ends of steps."""

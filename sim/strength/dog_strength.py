@@ -383,14 +383,41 @@ def _checks_of(
     if not limits.has_unlike_rings or group is _tolerance_checks:
         return group(dog, limits)
     output = limits.output_dog.beside(dog, nominal)
+    low = limits.output_dog.low_beside(dog, nominal)
+    limits = bearing_limits(dog, limits, nominal)
     output_material = limits.output_material or limits.material
     sliding_checks = group(dog, replace(limits, mate=output))
     output_limits = replace(limits, mate=dog, material=output_material)
+    output_checks = group(output, output_limits)
+    if low is not None and group is _shape_checks:  # loads are not above those of a high dog
+        low_checks = group(low, output_limits)
+        output_checks = tuple(map(worse_check, output_checks, low_checks))
     checks = {check.name: check for check in sliding_checks}
-    for check in group(output, output_limits):
+    for check in output_checks:
         sliding = checks.get(check.name)
         checks[check.name] = worse_ring(sliding, check) if sliding else check
     return checks.values()
+
+
+def bearing_limits(dog: Dog, limits: Limits, nominal: Dog | None = None) -> Limits:
+    """Return the limits with the load that low dogs of the output ring take, by touching area.
+
+    ``dog`` is that of the sliding ring and ``nominal`` the one from which it deviates.
+    """
+    low = limits.output_dog.low_beside(dog, nominal)
+    if low is None:
+        return limits
+    output = limits.output_dog.beside(dog, nominal)
+    radius = limits.root_radius
+    low_depth = smallest(dog.height, output.height) - (output.height - low.height)
+
+    def low_share(flank: Flank) -> float:
+        high_area = largest(flank_contact(output, radius, flank, dog).area, SMALLEST_AREA)
+        low_area = flank_contact(low, radius, flank, dog, low_depth).area
+        return smallest(low_area / high_area, 1.0)
+
+    low_shares = (low_share("traction"), low_share("braking"))
+    return replace(limits, load=replace(limits.load, low_shares=low_shares))
 
 
 def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:

@@ -9,6 +9,12 @@ approach by *d*, :math:`\sum c (d - g_i)_+ = F`, :math:`K_s = (F/N)/\overline{c 
 :math:`c \delta_0` is :math:`1/\sqrt{K_l}`. *Slow errors*: run-out *t* adds a wave of amplitude
 *t/2* to the gaps of flanks, tilt :math:`\psi` one of :math:`r_m \psi` to faces. *Accuracy*:
 :math:`f_{pT} = (0.001 d + 0.4 d/N + 5) \sqrt 2^{A - 5}` um, *d* in mm (ISO 1328-1), is 3 sd.
+
+*Low dogs* of the output ring share the torque by equal mean pressure, as in the contact of the
+shifts: with :math:`N_h` high dogs and the ratio *a* of the areas that touch, *N* in *F* is
+:math:`N_h + a (N - N_h)`, and :math:`K_s` is that of all dogs that touch. A low dog then has the
+pressure of a high one, less force and a smaller lever. In landings and flank strikes, which may be
+shallow, low dogs take no part.
 """
 
 from __future__ import annotations
@@ -22,7 +28,7 @@ import numpy as np
 from dogshape.sim.elementwise import ARRAY, Array, largest, map_elements, where
 from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.quantity import quantity, require_ranges
-from dogshape.sim.shift.geometry import Dog, Flank
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank
 from dogshape.sim.shift.mechanism import NO_MECHANISM
 from dogshape.sim.shift.pair import touching_count
 from dogshape.sim.units import DEG, MM
@@ -187,7 +193,9 @@ class LoadCase:
     spline_friction_release: float | None = quantity("spline_friction_release", 0.0, 1.5, None)
     spline_friction_hold: float | None = quantity("spline_friction_hold", 0.0, 1.5, None)
     landing_share: float | None = quantity("landing_share", 1e-4, 0.5, None)
-    slots_per_dog: int = 1  #: slots of the sliding ring for each dog of the output ring
+    slots_per_dog: int = 1  #: slots of the sliding ring for each high dog of the output ring
+    #: load of a low dog of the output ring over that of a high one, of traction and braking flank
+    low_shares: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "load", "correct the load case")
@@ -275,11 +283,21 @@ class LoadCase:
         """
         if torque is None:
             torque = self.static_torque(flank)
-        return torque / (dog.mean_radius * self.touching(dog) * self.sharing(dog, torque))
+        bearing = self.bearing(dog, flank)
+        return torque / (dog.mean_radius * bearing * self.sharing(dog, torque, flank))
 
     def touching(self, dog: Dog) -> int:
-        """Count the dogs that bear the load: those of the output ring."""
+        """Count the dogs that touch from the crests on: high ones of the output ring."""
         return touching_count(dog, self.slots_per_dog)
+
+    def bearing(self, dog: Dog, flank: Flank) -> float:
+        """Compute the number of high dogs that would bear the torque as all dogs do."""
+        high_count = self.touching(dog)
+        return high_count + self.low_share(flank) * (dog.count - high_count)
+
+    def low_share(self, flank: Flank) -> float:
+        """Return the load of a low dog over that of a high one on a flank."""
+        return self.low_shares[FLANKS.index(flank)]
 
     def scatter(self, dog: Dog) -> float | None:
         """Compute the standard deviation of the dogs' gaps, m; None for a fixed load sharing."""
@@ -291,24 +309,28 @@ class LoadCase:
         """Compute the stiffness of a pair of dogs, N/m, by the contact and ``FLANK_HEIGHT``."""
         return self.contact_stiffness * FLANK_HEIGHT * dog.radial_width
 
-    def sharing(self, dog: Dog, torque: float) -> float:
+    def sharing(self, dog: Dog, torque: float, flank: Flank = "traction") -> float:
         """Compute the mean load of the dogs under ``torque`` (N m) over the largest load."""
         if torque == 0.0:
             return self.load_sharing
-        mean_force = torque / (dog.mean_radius * self.touching(dog))
-        return self._share(exact_share, dog, mean_force, wave=0.5 * self.run_out)
+        mean_force = torque / (dog.mean_radius * self.bearing(dog, flank))
+        count = where(self.low_share(flank) > 0.0, dog.count, self.touching(dog))
+        return self._share(exact_share, dog, count, mean_force, wave=0.5 * self.run_out)
 
     def landing(self, dog: Dog, line_load: float) -> float:
         """Compute the share of the dogs that lands; ``line_load`` of equal dogs in N/m."""
         force = line_load * dog.radial_width
-        return self._share(tabled_share, dog, force, wave=dog.mean_radius * self.tilt)
+        wave = dog.mean_radius * self.tilt
+        return self._share(tabled_share, dog, self.touching(dog), force, wave=wave)
 
     def blow(self, dog: Dog, force: float) -> float:
         """Compute the share of the dogs that takes a flank strike; ``force`` of equal dogs, N."""
-        return self._share(tabled_share, dog, force, wave=0.5 * self.run_out)
+        return self._share(tabled_share, dog, self.touching(dog), force, wave=0.5 * self.run_out)
 
-    def _share(self, share: Callable[..., float], dog: Dog, force: float, wave: float) -> float:
-        """Compute a share of the dogs; ``load_sharing`` if their errors are unknown."""
+    def _share(
+        self, share: Callable[..., float], dog: Dog, count: float, force: float, wave: float
+    ) -> float:
+        """Compute a share of ``count`` dogs; ``load_sharing`` if their errors are unknown."""
         scatter = self.scatter(dog)
         if scatter is None and wave == 0.0:
             return self.load_sharing
@@ -316,5 +338,5 @@ class LoadCase:
         error = largest(deviation, wave)
         error_size = error * self.stiffness(dog) / (force + (force == 0.0))
         unit = error + (error == 0.0)
-        dog_share = share(self.touching(dog), error_size, deviation / unit, wave / unit)
+        dog_share = share(count, error_size, deviation / unit, wave / unit)
         return where(force == 0.0, self.load_sharing, dog_share)

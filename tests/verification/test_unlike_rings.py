@@ -20,7 +20,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
 from dogshape.sim.shift.conclusion import Engagement, Outcome, engage, section_planes
 from dogshape.sim.shift.geometry import FLANKS, Dog, flank_contact, section
 from dogshape.sim.shift.mesh import dog_planes, rotation
-from dogshape.sim.shift.pair import SLOTS, OutputDog, Pair, dog_pair
+from dogshape.sim.shift.pair import RING_NAMES, OutputDog, Pair, dog_pair
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.strength.checks import RINGS, LimitCheck
@@ -108,7 +108,7 @@ def test_mean_times_follow_drake(clutch: Clutch, point: Point, name: str, mismat
 
 
 def _same_as(dog: Dog) -> OutputDog:
-    names = [entry.name for entry in fields(OutputDog) if entry.name != SLOTS]
+    names = [entry.name for entry in fields(OutputDog) if entry.name not in RING_NAMES]
     return OutputDog(**{name: getattr(dog, name) for name in names})
 
 

@@ -468,7 +468,7 @@ def export(
         require_face(sleeve)
         require_all_dogs(pair, step=step is not None, ring=ring)
     if sleeve is None and (svg or dxf or stl or step):
-        for ring_dog in {pair.sliding, pair.output}:
+        for ring_dog in {pair.sliding, pair.output, pair.low or pair.output}:
             require_fillets(ring_dog, radius)
     _load_extras(dxf, step, fmu, fmi)  # before anything is written
     design = design_of(setup, {})

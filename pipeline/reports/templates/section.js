@@ -20,7 +20,8 @@ const Section = (() => {
   }
 
   // Corner points of dog k of a ring, px; the sliding ring (flip -1) is turned over.
-  const dog = (ring, k) => ring.profile.map(([x, z]) => [
+  const profile = (ring, k) => k % ring.pitches ? ring.low?.profile ?? [] : ring.profile;
+  const dog = (ring, k) => profile(ring, k).map(([x, z]) => [
     0.5 * width + (ring.flip * x + k * data.pitch + ring.shift) * scale,
     level - (ring.flip * z + ring.middle) * scale]);
 
@@ -36,7 +37,7 @@ const Section = (() => {
     const half = 0.5 * width / scale + data.pitch, from = Math.ceil((-half - ring.shift) / data.pitch);
     const beyond = ring.pitches - 1;  // with the next dogs beyond either end of the view
     const range = Array.from({length: Math.floor(2 * half / data.pitch) + 1 + 2 * beyond}, (_, i) => from - beyond + i);
-    const every = range.filter(k => k % ring.pitches === 0);
+    const every = range.filter(k => profile(ring, k).length);
     const points = every.flatMap(k => ring.flip > 0 ? dog(ring, k) : dog(ring, k).reverse());
     const edge = ring.flip > 0 ? height + 4 : -4;
     draw([...points, [points.at(-1)[0], edge], [points[0][0], edge]], ring.line, 2, ring.fill);
@@ -48,8 +49,8 @@ const Section = (() => {
     const turned = -now.relative_angle_deg * Math.PI / 180 * radius, shift = turned - around * Math.round(turned / around);
     const middle = data.travel - now.displacement_mm;
     pen.clearRect(0, 0, width, height);
-    const lower = drawRing({profile: data.output.profile, pitches: data.output.pitches, flip: 1, middle: 0, shift: 0, fill: "#f3ddcb", mark: "#f5b98a", line: "#c8590c"});
-    const upper = drawRing({profile: data.sliding.profile, pitches: 1, flip: -1, middle, shift, fill: "#c9d8ea", mark: "#9cc3ee", line: "#1f5fa8"});
+    const lower = drawRing({profile: data.output.profile, low: data.output.low, pitches: data.output.pitches, flip: 1, middle: 0, shift: 0, fill: "#f3ddcb", mark: "#f5b98a", line: "#c8590c"});
+    const upper = drawRing({profile: data.sliding.profile, low: null, pitches: 1, flip: -1, middle, shift, fill: "#c9d8ea", mark: "#9cc3ee", line: "#1f5fa8"});
     if (now.touching) {  // what lies on both outlines
       ink.globalCompositeOperation = "copy"; draw(lower, "#d1242f", 5, null, ink);
       ink.globalCompositeOperation = "source-in"; draw(upper, "#d1242f", 5, null, ink);

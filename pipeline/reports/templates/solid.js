@@ -17,11 +17,17 @@ const Solid = (() => {
       group.add(mesh);
       return mesh;
     }
-    const dog = new THREE.BufferGeometry();
-    dog.setAttribute("position", new THREE.Float32BufferAttribute(shape.vertices, 3));
-    dog.setIndex(shape.cells);
-    for (let k = 0; k < data.count; k += shape.pitches)
-      solid(dog, k ? colour : mark, 10).rotation.z = 2 * Math.PI * k / data.count;
+    function surface({vertices, cells}) {
+      const dog = new THREE.BufferGeometry();
+      dog.setAttribute("position", new THREE.Float32BufferAttribute(vertices, 3));
+      dog.setIndex(cells);
+      return dog;
+    }
+    const high = surface(shape), low = shape.low && surface(shape.low);
+    for (let k = 0; k < data.count; k++) {
+      const dog = k % shape.pitches ? low : high;
+      if (dog) solid(dog, k ? colour : mark, 10).rotation.z = 2 * Math.PI * k / data.count;
+    }
     // The rim of the body, turned about an axis, which then becomes z.
     const root = -shape.root;
     const rim = [[inner, root - BODY], [outer, root - BODY], [outer, root], [inner, root], [inner, root - BODY]];
