@@ -217,7 +217,7 @@ def test_pressed_flanks_share_the_torque_by_area(clutch: Clutch, name: str, flan
     case = Limits(output_dog=low.output_dog, load=LoadCase(slots_per_dog=pair.slots_per_dog))
     share = bearing_limits(dog, case.with_root_radius(2e-5)).load.low_share(flank)
     assert 0.2 < share < 0.9
-    assert low_torque / high_torque == pytest.approx(share, rel=0.03)
+    assert low_torque / high_torque == pytest.approx(share, abs=0.012)
 
 
 def test_direct_entries_are_those_of_the_high_dogs(clutch: Clutch) -> None:
