@@ -184,7 +184,8 @@ CLUTCH_NUMBERS = np.dtype(
 class Surfaces(NamedTuple):
     """Surfaces of the rigid dog of a pair and planes of the compliant one, q and p of them.
 
-    Those of a low dog of the output ring are parallel to those of a high one.
+    Those of a low dog of the output ring are parallel to those of a high one: with low dogs
+    ``corners`` and ``offsets`` have as many further rows for the pair with a low dog.
     """
 
     corners: Array  #: of the rigid dog's quadrilaterals, m, (q, 4, 3)
@@ -199,9 +200,7 @@ class Surfaces(NamedTuple):
     travel: float  #: m
     is_rigid_face: Mask  #: whether a quadrilateral is a face of the tip, (q,)
     is_face: Mask  #: whether a plane is a face of the tip, (p,)
-    low_corners: Array  #: ``corners`` beside a low dog, m, (q, 4, 3)
-    low_offsets: Array  #: ``offsets`` beside a low dog, m, (p,)
-    low_gap: float  #: ``axial_gap`` beside a low dog, m; infinite without low dogs
+    low_gap: float  #: ``axial_gap`` to the crest of a low dog, m; infinite without low dogs
 
 
 #: Law of the contact between two dogs: the pressure of a layer with Hunt and Crossley's dissipation

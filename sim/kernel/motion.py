@@ -312,10 +312,10 @@ def drive_torques(time, state, numbers):
 def _low_contact(angle, distance, relative_speed, axial_speed, surfaces, law, workspace):
     """Compute ``contact`` beside a low dog of the output ring."""
     low_surfaces = Surfaces(
-        surfaces.low_corners,
+        surfaces.corners[surfaces.rigid_normals.shape[0] :],
         surfaces.rigid_normals,
         surfaces.normals,
-        surfaces.low_offsets,
+        surfaces.offsets[surfaces.normals.shape[0] :],
         surfaces.traction_lean,
         surfaces.braking_lean,
         surfaces.half_backlash,
@@ -324,8 +324,6 @@ def _low_contact(angle, distance, relative_speed, axial_speed, surfaces, law, wo
         surfaces.travel,
         surfaces.is_rigid_face,
         surfaces.is_face,
-        surfaces.low_corners,
-        surfaces.low_offsets,
         surfaces.low_gap,
     )
     return contact(angle, distance, relative_speed, axial_speed, low_surfaces, law, workspace)

@@ -71,8 +71,6 @@ NO_DOGS = Surfaces(
     travel=1e9,
     is_rigid_face=np.zeros(1, dtype=bool),
     is_face=np.zeros(1, dtype=bool),
-    low_corners=np.zeros((1, 4, 3)),
-    low_offsets=np.zeros(1),
     low_gap=math.inf,
 )
 #: Decimals of a surface, m. The last digits differ between processors; a shift that is balanced
@@ -91,12 +89,12 @@ def surfaces_of(pair: Pair) -> Surfaces:
     normals, offsets = stacked(touching_planes(dog))
     rigid_normals, _ = stacked(touching_planes(rigid))
     corners = _corners(rigid)
-    low_corners = corners
-    low_offsets = offsets
-    if pair.low is not None and pair.is_sliding_rigid:
-        _, low_offsets = stacked(touching_planes(pair.low))
-    elif pair.low is not None:
-        low_corners = _corners(pair.low)
+    if pair.low is not None:
+        low_rigid = rigid if pair.is_sliding_rigid else pair.low
+        low_compliant = pair.low if pair.is_sliding_rigid else dog
+        _, low_offsets = stacked(touching_planes(low_compliant))
+        corners = np.concatenate([corners, _corners(low_rigid)])
+        offsets = np.concatenate([offsets, low_offsets])
     tangents = np.array([math.tan(dog.traction), math.tan(dog.braking)])
     # The radius at which the lean of a flank turns the ring least.
     radii = np.where(tangents < 0.0, dog.inner_radius, dog.outer_radius)
@@ -114,8 +112,6 @@ def surfaces_of(pair: Pair) -> Surfaces:
         travel=float(pair.travel),
         is_rigid_face=tip_planes(rigid),
         is_face=tip_planes(dog),
-        low_corners=low_corners.round(SURFACE_DIGITS),
-        low_offsets=low_offsets.round(SURFACE_DIGITS),
         low_gap=math.inf if pair.low is None else float(dog.axial_gap + pair.shortening),
     )
 
