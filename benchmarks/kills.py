@@ -116,11 +116,12 @@ def run_once(
         try:
             _, errors = process.communicate(timeout=delay_s)
         except subprocess.TimeoutExpired:
-            count.kills[kill_one(process, victim, generator)] += 1
+            killed = kill_one(process, victim, generator)
+            count.kills[killed] += 1
             keys = finished_keys(folder)
             trials = finished_trials(folder)
             count.finished_shifts += len(keys)
-            if process.poll() is None and victim == "worker":
+            if process.poll() is None and killed == "worker":
                 _, errors = process.communicate()
                 count.survived += process.returncode == 0
             else:
