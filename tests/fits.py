@@ -72,7 +72,8 @@ def fit_of(
     rows = np.broadcast_to(shares, (count, len(space.parameters)))
     mean = np.full((count, CELLS), time)
     amplitude = np.zeros(count)
-    draws = np.array(rows), prediction_of(mean), amplitude, 0.0 * mean, 0.0 * mean
+    none = 0.0 * mean
+    draws = np.array(rows), prediction_of(mean), amplitude, none, none, np.zeros((count, 0))
     return Fit(hypothesis, space, *draws, log_evidence=0.0, error=0.0, checks={"means": 0.5})
 
 
