@@ -23,9 +23,11 @@ from unittest.mock import patch
 import numpy as np
 
 from dogshape.bench.bench_data import load_bench
+from dogshape.diagnosis.inference.verdict import credible_set, inclusion, is_nameable
 from dogshape.diagnosis.prediction import model
 from dogshape.diagnosis.prediction.moments import Modes, modes_of
 from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.pipeline.diagnose import bank_diagnosis
 from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, diagnose_bench
 from dogshape.sim.effects import load
@@ -96,30 +98,22 @@ def by_evidence(diagnosis: Record) -> Record:
         return diagnosis
     hypotheses = [{**h, "probability": h["evidence_probability"]} for h in diagnosis["hypotheses"]]
     hypotheses.sort(key=lambda h: -h["probability"])
-    top = hypotheses[0]
+    posterior = {tuple(h["effects"]): h["probability"] for h in hypotheses}
     verdict = diagnosis["verdict"]
     causes = diagnosis["causes"]
     if verdict in ("effect", "ambiguous"):
-        inclusion: dict[str, float] = {}
-        for h in hypotheses:
-            for name in h["effects"]:
-                inclusion[name] = inclusion.get(name, 0.0) + h["probability"]
-        is_named = bool(top["effects"]) and top["probability"] > USUAL.named
+        top = next(iter(posterior))
+        is_named = top not in (NONE, UNKNOWN) and is_nameable(top, USUAL)
+        is_named = is_named and posterior[top] > USUAL.named
         verdict = "effect" if is_named else "ambiguous"
-        parts = sorted(name for name, p in inclusion.items() if p > USUAL.part)
-        causes = top["effects"] if is_named else parts
-    credible = []
-    total = 0.0
-    for h in hypotheses:
-        if total < USUAL.credible:
-            credible.append(h["effects"])
-        total += h["probability"]
+        parts = sorted(name for name, p in inclusion(posterior).items() if p > USUAL.part)
+        causes = list(top) if is_named else parts
+    credible = [list(h) for h in credible_set(posterior, USUAL.credible)]
     changes = {"hypotheses": hypotheses, "verdict": verdict, "causes": causes}
     return {**diagnosis, **changes, "credible_set": credible}
 
 
 def result_of(
-    folder: Path,
     results: Mapping[str, Record],
     has_part: Callable[[Record], bool],
     diagnose: Callable[[Path], Record],
@@ -155,7 +149,7 @@ def main() -> None:
     results = sealed.results_of(folder)
     rows = [("all", "-", "-", figures_of(folder, sealed.RESULTS))]
     for name, (words, has_part, diagnose) in PARTS.items():
-        without = partial(result_of, folder, results, has_part, diagnose)
+        without = partial(result_of, results, has_part, diagnose)
         others = sealed.run(folder, without, arguments.jobs, results_name=name)
         tried = sum(has_part(result.get("diagnosis", {})) for result in results.values())
         changed = changed_count(results, others)

@@ -34,7 +34,7 @@ from dogshape.sim.units import unit_of
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"
 BLOCK = re.compile(r"(<!-- ([\w ]+): .*-->\n)(.*?)(<!-- end of \2 -->\n)", re.DOTALL)
-SAMPLER_CELLS = 5  #: of a row of ``benchmarks.samplers``: four shares and a time
+SAMPLER_CELLS = 9  #: of a row of ``benchmarks.samplers``
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 PAPER = "mq200_paper"
 COMPARED_DESIGNS = ("chosen", "gearbox's")  #: designs of contact_sets.txt
@@ -580,11 +580,11 @@ def samplers() -> str:
     """Write the share of the front and the best time of each sampler, by problem."""
     rows = []
     for line in (EVIDENCE / "samplers.txt").read_text("utf-8").splitlines():
-        cells = re.findall(r"([\d.]+) \(([\d.]+), ([\d.]+)\)", line)
-        if len(cells) == SAMPLER_CELLS:
-            problem, sampler = line[:26].strip(), line[26:40].strip()
-            _, half, whole, _, best = (f"{median} ({low} to {high})" for median, low, high in cells)
-            rows.append((problem, sampler, half, whole, best))
+        cells = re.split(r"\s{2,}", line)
+        if len(cells) == SAMPLER_CELLS and cells[-1] != "min":
+            problem, sampler, _, half, whole, _, best, *_ = cells
+            intervals = (cell.replace(", ", " to ") for cell in (half, whole, best))
+            rows.append((problem, sampler, *intervals))
     return markdown(("problem", "sampler", "half of the time", "all", "best time, ms"), rows)
 
 

@@ -234,7 +234,7 @@ class Inference:
 
     @cached_property
     def odd_contact(self) -> tuple[str, ...]:
-        """Nuisances that are surely beyond what is known of the contact."""
+        """Names of the contact's properties that lie beyond what is known of them."""
         is_beyond = abs(self.fits[self.leading].deviates) > self.settings.odd_contact
         is_odd = is_beyond.mean(axis=0) > self.settings.part
         return tuple(itertools.compress(self.model.nuisances, is_odd))

@@ -105,6 +105,13 @@ def _effect_odds(weights: Mapping[Hypothesis, float]) -> float:
     return effects / none if none > 0.0 else math.inf
 
 
+def credible_set(posterior: Probabilities, level: float) -> tuple[Hypothesis, ...]:
+    """List the most probable hypotheses whose probability reaches ``level`` together."""
+    order = sorted(posterior, key=lambda h: -posterior[h])
+    cumulative = np.cumsum([0.0, *(posterior[h] for h in order)])[:-1]
+    return tuple(h for h, p in zip(order, cumulative, strict=True) if p < level)
+
+
 def is_nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
     """Check that a hypothesis may be named as the whole cause, however probable it is."""
     return len(strip_sense(hypothesis)) <= settings.named_at_once
@@ -125,8 +132,7 @@ def decide(
     that are part of the cause under nearly all hypotheses.
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
-    cumulative = np.cumsum([0.0, *(posterior[h] for h in order)])[:-1]
-    credible = tuple(h for h, p in zip(order, cumulative, strict=True) if p < settings.credible)
+    credible = credible_set(posterior, settings.credible)
     inadequate = [h for h in order if not _is_adequate(h, fits, settings)]
     shows_none = none.exclusion > settings.excluded and NONE not in inadequate
     if none.within_margin > settings.named or (shows_none and posterior[NONE] > settings.named):

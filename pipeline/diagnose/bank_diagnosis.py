@@ -132,7 +132,7 @@ class _MissingSeries:
             return Executor(self._journal, options.jobs, counter.advance).run(missing)
 
     def _say_missing(self, count: int) -> None:
-        """Say once that shifts are missing, with their number."""
+        """Report the number of missing shifts, at the first call alone."""
         if self._messages:
             return
         message = (

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
+from dogshape.sim import kernel_layout
+
+#: Cache of the compiled functions; the engine itself is slow to import.
+CACHE = Path(kernel_layout.__file__).with_name("kernel") / "__pycache__"
 COMMAND = ("check", "mq200")  #: a command that compiles what most others need
 COMPILED = "motion.advance-*.nbi"  #: index of the largest compiled function in its cache
 
@@ -20,7 +23,7 @@ def compile_ahead() -> subprocess.Popen[bytes] | None:
 
     The process outlasts this one.
     """
-    if _is_compiled():
+    if any(CACHE.glob(COMPILED)):
         return None
     return subprocess.Popen(
         [sys.executable, "-m", "dogshape.pipeline", *COMMAND],
@@ -29,12 +32,3 @@ def compile_ahead() -> subprocess.Popen[bytes] | None:
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-
-
-def _is_compiled() -> bool:
-    """Test whether the cache beside the engine has it; the engine itself is slow to import."""
-    package = find_spec("dogshape.sim")
-    assert package is not None
-    assert package.origin is not None
-    cache = Path(package.origin).parent / "kernel" / "__pycache__"
-    return any(cache.glob(COMPILED))

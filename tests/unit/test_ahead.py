@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,12 +16,11 @@ def test_the_engine_is_compiled_by_a_process_of_its_own_unless_it_is(
 ) -> None:
     started: list[Any] = []
     monkeypatch.setattr(ahead.subprocess, "Popen", lambda command, **_: started.append(command))
-    package = SimpleNamespace(origin=str(tmp_path / "sim" / "__init__.py"))
-    monkeypatch.setattr(ahead, "find_spec", lambda _: package)
+    cache = tmp_path / "__pycache__"
+    monkeypatch.setattr(ahead, "CACHE", cache)
     ahead.compile_ahead()
     assert started == [[sys.executable, "-m", "dogshape.pipeline", "check", "mq200"]]
-    cache = tmp_path / "sim" / "kernel" / "__pycache__"
-    cache.mkdir(parents=True)
+    cache.mkdir()
     (cache / "motion.advance-639.py311.nbi").touch()
     assert ahead.compile_ahead() is None
     assert len(started) == 1
@@ -34,3 +32,4 @@ def test_the_cache_has_the_file_that_is_looked_for() -> None:
 
     index = Path(advance._cache._cache_file._index_path)
     assert index.match(ahead.COMPILED)
+    assert ahead.CACHE.parent.samefile(Path(advance.py_func.__code__.co_filename).parent)

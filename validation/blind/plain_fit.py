@@ -20,6 +20,7 @@ from scipy.stats import chi2, qmc
 from threadpoolctl import threadpool_limits
 
 from dogshape.bench.bench_data import load_bench
+from dogshape.diagnosis.inference.verdict import credible_set, inclusion
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.terms import NONE, Array, Hypothesis
 from dogshape.validation.blind.advised_test import likelihood_of
@@ -124,6 +125,7 @@ def conclude(fits: Sequence[PlainFit], model: Model, point_count: int) -> dict[s
     relative = np.exp(-0.5 * np.array([fit.criterion - fits[0].criterion for fit in fits]))
     weights = (relative / relative.sum()).tolist()
     weighted = list(zip(fits, weights, strict=True))
+    posterior = {fit.hypothesis: weight for fit, weight in weighted}
     best = fits[0]
     freedom = max(1, point_count - best.shares.size)
     causes: tuple[str, ...] = ()
@@ -134,16 +136,10 @@ def conclude(fits: Sequence[PlainFit], model: Model, point_count: int) -> dict[s
         causes = best.hypothesis
     else:
         verdict = "ambiguous"
-        names = {name for fit in fits for name in fit.hypothesis}
-        weight_of = {n: sum(w for fit, w in weighted if n in fit.hypothesis) for n in names}
-        causes = tuple(sorted(n for n, weight in weight_of.items() if weight > PART_WEIGHT))
+        parts = [name for name, weight in inclusion(posterior).items() if weight > PART_WEIGHT]
+        causes = tuple(sorted(parts))
     hypotheses = []
-    credible = []
-    total = 0.0
     for fit, weight in weighted:
-        if total < CREDIBLE_WEIGHT:
-            credible.append(list(fit.hypothesis))
-        total += weight
         sizes = sizes_of(fit, model) if fit is best else {}
         hypotheses.append(
             {"effects": list(fit.hypothesis), "probability": weight, "parameters": sizes}
@@ -152,7 +148,7 @@ def conclude(fits: Sequence[PlainFit], model: Model, point_count: int) -> dict[s
         "verdict": verdict,
         "causes": list(causes),
         "hypotheses": hypotheses,
-        "credible_set": credible,
+        "credible_set": [list(h) for h in credible_set(posterior, CREDIBLE_WEIGHT)],
     }
 
 
