@@ -172,7 +172,9 @@ def _propose(search: Search) -> int | None:
             params = search.sampler.propose(trials)
         if params is None:
             return None
-        trial = Space(search.study.variables).trial(params, **attributes)
+        # Known constraints are stored with the trial: each one later is a write of its own to disk.
+        constraints = design_of(search.study, params).constraints
+        trial = Space(search.study.variables).trial(params, constraints, **attributes)
         trial_id = study._storage.create_new_trial(study._study_id, trial)
     if search.sharing is not None:
         search.sharing.add(trial_id)
