@@ -26,6 +26,7 @@ import dogshape
 from benchmarks import constants, field_table
 from dogshape.pipeline.record import Record
 from dogshape.pipeline.search.study_record import StudyRecord
+from dogshape.pipeline.simulate.design import OBJECTIVES
 from dogshape.sim.clutch_tables import declared_key
 from dogshape.sim.effect import Ordinary
 from dogshape.sim.effects import EFFECTS
@@ -665,6 +666,19 @@ def ordinary_range(ordinary: Ordinary) -> str:
     return f"{ordinary.low:g} to {ordinary.high:g}"
 
 
+def objectives() -> str:
+    """Write the quantities that a search minimises, maximises or bounds."""
+    rows = [
+        (
+            f"`{objective.name}`",
+            f"{objective.label}; **maximised**" if objective.maximise else objective.label,
+            "shifts" if objective.simulated else "closed form",
+        )
+        for objective in OBJECTIVES.values()
+    ]
+    return markdown(("quantity", "meaning", "from"), rows)
+
+
 def public_names() -> str:
     """Write the public names of the package with the arguments of functions and methods."""
     inherited = method_calls(dogshape.Result)
@@ -724,6 +738,7 @@ TABLES: dict[str, Callable[[], str | None]] = {
     "constants": constants.table,
     "effects": effects,
     "effect parameters": effect_parameters,
+    "objectives": objectives,
     "public names": public_names,
     "keys": lambda: key_table(StudyRecord, "result.json"),
 }
