@@ -12,7 +12,7 @@ shift times in the same way: a test of the effect reads the imitator as it reads
 The *answer* is the named hypothesis, or where none is named the leading one: in both cases the most
 probable. The *gain* of a test is the expected rise of the answer's probability by the outcome,
 
-.. math:: G = \int p(y) [P(a_y | y) - P(a_y)] dy, \quad a_y = \arg\max_h P(h | y).
+.. math:: G = \int p(y) [P(a_y | y) - P(a_y)] dy, \quad a_y = \operatorname{argmax}_h P(h | y).
 
 It is never negative, since :math:`\int p(y) P(a_y | y) dy \ge \max_h P(h) \ge \int p(y) P(a_y) dy`.
 A test that cannot change the answer gains 0; a perfect test gains :math:`1 - \sum P(h)^2`.
