@@ -190,7 +190,6 @@ def verdict_of(
 
     Without ``landings`` the margins of a landing do not depend on any assumption.
     """
-    contact = study.clutch.contact
     limits = study.limits
     variable_names = {check.name for check in strength_checks(dog, limits)} | OBJECTIVES.keys()
     if landings is not None:
@@ -203,7 +202,6 @@ def verdict_of(
         limits,
         landings,
         fixed_margins,
-        contact_stiffness=contact.stiffness if contact.impact is None else None,
         mechanism=study.clutch.mechanism,
         given=keys_given(study),
     )

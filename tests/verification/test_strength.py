@@ -181,7 +181,7 @@ def test_each_check_follows_a_standard_an_author_or_an_assumption() -> None:
     assert references["root_fatigue"] == "ISO 6336-3, -5, -6"
     assert references["root_bending_braking"] == "Heywood 1948, ISO 6336-3"
     assert references["flank_pressure_traction"] == "DIN 5466-1"
-    assert references["edge_pressure_impact"] == "simulation, Johnson 1985"
+    assert references["edge_bedding_impact"] == "simulation, Johnson 1985"
     assert references["tip_width"] == "assumption"
     assert {name for name, words in references.items() if "assumption" in words} == {
         name for name, rule in RULES.items() if rule.assumed
