@@ -31,7 +31,7 @@ from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import bearing_limits, strike_force, strike_torque
-from dogshape.sim.strength.landing import Landings
+from dogshape.sim.strength.landing import Landings, bedding
 from dogshape.sim.strength.locking import Retention, blocking_force, retention
 from dogshape.sim.strength.manufacture import Kind, manufacturing_checks
 from dogshape.sim.strength.verdict import OPTIONAL, SPANS, Hinge, Verdict, landing_by_stiffness
@@ -165,11 +165,11 @@ class Checked(Result):
             f"landing with load.dog_stiffness_factor from {low:.2g} to {high:.2g}: smallest "
             f"margin {soft} to {stiff}"
         ]
-        demand = landings.demand(dog, limits)
-        if demand.bedding > 0.0:
+        edge = bedding(dog, landings.demand(dog, limits), limits)
+        if edge.depth > 0.0:
             lines.append(
-                f"edges bed in by {from_si('_um', demand.bedding):.2g} um, to a radius of "
-                f"{from_si('_mm', demand.bedded_radius):.2g} mm"
+                f"edges bed in by {from_si('_um', edge.depth):.2g} um, to a radius of "
+                f"{from_si('_mm', edge.radius):.2g} mm"
             )
         return lines
 

@@ -503,9 +503,8 @@ _TABLE = (
     Rule(
         "face_pressure_impact",
         "impact",
-        meaning="mean pressure on the flat overlap of the faces, hardest landing",
-        formula="w/((L - 2 c) sqrt(K_l)), w = sqrt(2 u k) of elastic dogs, u energy of the blow, c "
-        "what a rounded crest takes",
+        meaning="mean pressure over the overlap of the faces, hardest landing",
+        formula="w/(L sqrt(K_l)), w = sqrt(2 u k) of elastic dogs, u energy of the blow",
         source="simulated blow on elastic dogs; limit: yield stress of the case, HV/3, over safety",
         unit="MPa",
         key="material.surface_hardness_HV",
@@ -515,7 +514,8 @@ _TABLE = (
         "core_pressure_impact",
         "impact",
         meaning="mean pressure below the case of the faces, hardest landing",
-        formula="w/((L - 2 c + 2 t) sqrt(K_l)), w as on the faces, t case depth",
+        formula="w/((L - 2 c + 2 t) sqrt(K_l)), w as on the faces, c what a rounded crest takes, t "
+        "case depth",
         source="simulated blow on elastic dogs; limit: proof stress of the core over safety",
         unit="MPa",
         key="material.proof_stress_MPa",
@@ -524,7 +524,7 @@ _TABLE = (
     Rule(
         "edge_bedding_impact",
         "impact",
-        meaning="depth by which a new rounded edge beds in on an edge, hardest landing",
+        meaning="depth by which new rounded edges bed in, hardest landing",
         formula="a^2 (1/rho - 1/R')/2, a = 2 w/(pi p), R' = 2 w E*/(pi p^2), p = 0.77 HV; 0 where "
         "the pressure of Hertz is below p",
         source="simulated blow on elastic dogs; shakedown of a line contact (Johnson 1985); limit: "

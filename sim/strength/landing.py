@@ -11,18 +11,22 @@ It is an upper estimate: a stiffer blow is shorter, and in the longer one of the
 force of the actuator and sliding rings add to the energy. Where the share :math:`K_l` of the dogs
 lands (``load_case``), loads grow by :math:`1/\sqrt{K_l}`.
 
-A rounded crest takes *c* from either face. Where :math:`L - 2 c` is flat, the case bears
-:math:`w/(L - 2 c)` up to its yield stress, the core :math:`w/(L - 2 c + 2 t)`, *t* the case depth,
-up to its proof stress. Else two cylinders meet, :math:`p = \sqrt{w E^*/(\pi R)}`, :math:`1/R =
+A rounded crest takes *c* from either face, and :math:`f = L - 2 c` is flat. Below the roundings the
+case bears :math:`w/L` up to its yield stress, as load spreads by *c* to either side: a strip at the
+distance *c* from a corner of a right angle collapses at 2 to :math:`2 + \pi` times the yield stress
+in shear for :math:`c/f` of 0 to 1 (footings beside a cut). The core bears :math:`w/(f + 2 t)`, *t*
+the case depth, up to its proof stress.
+
+*Edges* without a flat are two cylinders, :math:`p = \sqrt{w E^*/(\pi R)}`, :math:`1/R =
 1/\varrho_1 + 1/\varrho_2`, :math:`E^* = E/(2 (1 - \nu^2))`, on a strip of the half width :math:`a =
 2 w/(\pi p)`; an even pressure on :math:`\tfrac12 e^{5/4} a` has the same compliance. Its middle
-lies :math:`L/2` from both sharp crests.
-
-*Bedding*: up to the shakedown limit of a line contact, four times the yield stress in shear or 0.77
-HV (Johnson, *Contact Mechanics*, 1985), an edge stays. A new one that bears more yields until its
-radius has grown so far that the pressure is the limit: :math:`a = 2 w/(\pi p)`, :math:`R' = w
-E^*/(\pi p^2)`. Both edges then approach by :math:`\tfrac12 a^2 (1/R - 1/R')`; each has the share of
-its curvature, the bedding depth. It must stay small against the case.
+lies :math:`L/2` from both sharp crests. Up to the shakedown limit of a line contact, four times the
+yield stress in shear or 0.77 HV (Johnson, *Contact Mechanics*, 1985), edges stay. New ones that
+bear more bed in until their radius has grown so far that the pressure is the limit :math:`p_l`:
+:math:`a = 2 w/(\pi p_l)`, :math:`R' = w E^*/(\pi p_l^2)`. Both approach by :math:`\tfrac12 a^2
+(1/R - 1/R')`; each has the share of its curvature, the bedding depth. It must stay small against
+the case. A flat bears the mean of that pressure, :math:`\pi p_l/4`, and the roundings beside it the
+rest of the load, as an edge does.
 
 *Interval.* A few shifts decide a demand. Beyond the threshold *u* that the share :math:`\zeta` of
 the shifts exceeds, excesses have a generalised Pareto distribution (Coles 2001, ch. 4): the share
@@ -83,24 +87,24 @@ def edge_pressure(line_load: float, curvature: float) -> float:
 
 
 class Bedding(NamedTuple):
-    """Edge that has bedded in under a line load, m."""
+    """Edge that has bedded in, m."""
 
     depth: float
-    radius: float  #: of two like edges, at least that of new ones
+    radius: float  #: of the edge after it
 
 
-def bedding_of(line_load: Any, radius: float, mate_radius: float, limit: float) -> Bedding:
-    """Compute the bedding of the sharper of two edges with radii in m; ``line_load`` in N/m.
+def bedding_of(pressure: float, radius: float, mate_radius: float, limit: float) -> Bedding:
+    """Compute the bedding of the sharper of two edges with radii in m.
 
-    ``limit`` is the pressure in Pa up to which an edge stays; a plane mate has an infinite radius.
+    ``pressure`` is that of Hertz on new edges, ``limit`` the one up to which they stay, Pa. A plane
+    mate has an infinite radius.
     """
+    sharper = min(radius, mate_radius)
     curvature = 1.0 / radius + 1.0 / mate_radius
-    load = np.maximum(line_load, MIN_LINE_LOAD)
-    half_width = 2.0 * load / (math.pi * limit)
-    bedded_curvature = np.minimum(curvature, math.pi * limit**2 / (load * MODULUS))
-    share = 1.0 / (curvature * min(radius, mate_radius))
-    depth = 0.5 * share * half_width**2 * (curvature - bedded_curvature)
-    return Bedding(depth, 2.0 / bedded_curvature)
+    ratio = max(pressure / limit, 1.0) ** 2
+    half_width = 2.0 * limit * ratio / (curvature * MODULUS)
+    approach = 0.5 * half_width**2 * curvature * (1.0 - 1.0 / ratio)
+    return Bedding(approach / (curvature * sharper), radius=sharper * ratio)
 
 
 Landing = tuple[float, ...]  #: hardest load in N/m for each class of ``OVERLAPS``
@@ -116,16 +120,16 @@ LANDING_RULES = tuple(rule for rule in RULES.values() if rule.group == "impact")
 
 
 class Demand(NamedTuple):
-    """Pressures of a landing on face and core below it, Pa, and bedding of the edges, m."""
+    """Pressures of a landing, Pa: on face, core below it and new edges by Hertz."""
 
     face: float = 0.0
     core: float = 0.0
-    bedding: float = 0.0
-    bedded_radius: float = 0.0  #: of edges that land on each other; 0 without such a landing
+    edge: float = 0.0  #: on an edge
+    ridge: float = 0.0  #: of an edge on a face of another slope
 
 
 def demand_quantile(demands: Array, weights: Sequence[float], share: float) -> Demand:
-    """Compute the demand that ``share`` in (0, 1) of all shifts exceeds, for each kind.
+    """Compute the pressure that ``share`` in (0, 1) of all shifts exceeds, for each kind.
 
     ``demands`` (n, 4) as of ``demands_of``; ``weights`` (n,) need not add up to one. The quantile
     is linear between the middles of the weights and constant beyond the largest.
@@ -369,37 +373,43 @@ def elastic_loads(crests: Crests, landings: Array, limits: Limits) -> Array:
 
 
 def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
-    """Compute the fields of ``Demand``, (n, 4), of simulated ``landings`` in N/m, (n, k).
+    """Compute the fields of ``Demand``, Pa, (n, 4), of simulated ``landings`` in N/m, (n, k).
 
     ``dog`` is that of the sliding ring; both rings bear one load. Where slopes are unlike, an edge
     also bears on a plane face.
     """
     crests = crests_of(dog, limits)
     loads = elastic_loads(crests, landings, limits)
-    flat_widths = np.array(OVERLAPS) - crests.cuts
+    overlaps = np.array(OVERLAPS)
+    flat_widths = np.maximum(overlaps - crests.cuts, 0.0)
     has_flat = flat_widths >= LAND
     flat_loads = loads[:, has_flat]
-    flats = flat_widths[has_flat]
     core_spread = 2.0 * min(material.case_depth for material in limits.ring_materials)
-    face = (flat_loads / flats).max(axis=1, initial=0.0)
-    core = (flat_loads / (flats + core_spread)).max(axis=1, initial=0.0)
-    edge_load = loads[:, ~has_flat].max(axis=1, initial=0.0)
-    edge = bedding_of(edge_load, crests.radius, crests.mate_radius, crests.pressure_limit)
-    depth = edge.depth
-    bedded_radius = np.where(edge_load > 0.0, edge.radius, 0.0)
+    face = (flat_loads / overlaps[has_flat]).max(axis=1, initial=0.0)
+    core = (flat_loads / (flat_widths[has_flat] + core_spread)).max(axis=1, initial=0.0)
+    flat_pressure = 0.25 * math.pi * crests.pressure_limit
+    edge_load: Any = (loads - flat_pressure * flat_widths).max(axis=1, initial=0.0)
+    edge = edge_pressure(edge_load, crests.curvature)
+    ridge: Any = np.zeros_like(face)
     pair = dog_pair(dog, limits.output_dog)
     if max(pair.faces.slope_rise, pair.backs.slope_rise) > 0.0:
-        flat_load = flat_loads.max(axis=1, initial=0.0)
-        smaller_radius = min(crests.radius, crests.mate_radius)
-        plane = bedding_of(flat_load, smaller_radius, math.inf, crests.pressure_limit)
-        depth = np.maximum(depth, plane.depth)
-        plane_radius = np.where(flat_load > 0.0, 0.5 * plane.radius, 0.0)
-        bedded_radius = np.maximum(bedded_radius, plane_radius)
-    return np.array([face, core, depth, bedded_radius]).T
+        flat_load: Any = flat_loads.max(axis=1, initial=0.0)
+        ridge = edge_pressure(flat_load, 1.0 / min(crests.radius, crests.mate_radius))
+    return np.array([face, core, edge, ridge]).T
+
+
+def bedding(dog: Dog, demand: Demand, limits: Limits) -> Bedding:
+    """Compute the bedding of the edges of both rings, the deeper of edge and ridge."""
+    crests = crests_of(dog, limits)
+    smaller_radius = min(crests.radius, crests.mate_radius)
+    return max(
+        bedding_of(demand.edge, crests.radius, crests.mate_radius, crests.pressure_limit),
+        bedding_of(demand.ridge, smaller_radius, math.inf, crests.pressure_limit),
+    )
 
 
 def demand_checks(
-    demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
+    dog: Dog, demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
 ) -> tuple[LimitCheck, ...]:
     """Return the checks of a landing, with the ``interval`` of the demand."""
     materials = limits.ring_materials
@@ -409,14 +419,17 @@ def demand_checks(
         min(material.proof_stress for material in materials) / safety,
         limits.load.edge_bedding_share * min(material.case_depth for material in materials),
     )
-    names = [rule.name for rule in LANDING_RULES]
-    checks = checks_of(zip(names, demand, allowables, strict=False))
+
+    def checks(end: Demand) -> tuple[LimitCheck, ...]:
+        values = (end.face, end.core, bedding(dog, end, limits).depth)
+        names = (rule.name for rule in LANDING_RULES)
+        return checks_of(zip(names, values, allowables, strict=True))
+
     if interval is None:
-        return checks
-    ends = (checks_of(zip(names, end, allowables, strict=False)) for end in interval)
+        return checks(demand)
     return tuple(
         replace(check, interval=(low.value, high.value))
-        for check, low, high in zip(checks, *ends, strict=True)
+        for check, low, high in zip(checks(demand), *map(checks, interval), strict=True)
     )
 
 

@@ -376,7 +376,7 @@ def hinges(
     def smallest_margin(case: Limits) -> tuple[float, str]:
         checks = strength_checks(dog, case)
         if landings is not None:
-            checks += demand_checks(landings.demand(dog, case), case)
+            checks += demand_checks(dog, landings.demand(dog, case), case)
         margins = fixed_margins | {check.name: check.margin for check in checks}
         margin, name = min((margin, name) for name, margin in margins.items())
         return max(margin, MIN_MARGIN), name
@@ -507,6 +507,6 @@ def landing_by_stiffness(dog: Dog, limits: Limits, landings: Landings) -> tuple[
     margins = []
     for factor in SPANS.dog_stiffness_factor.ends(limits.load.dog_stiffness_factor):
         case = _with_load(limits, "dog_stiffness_factor", factor)
-        checks = demand_checks(landings.demand(dog, case), case)
+        checks = demand_checks(dog, landings.demand(dog, case), case)
         margins.append(min(check.margin for check in checks))
     return margins[0], margins[1]

@@ -158,17 +158,14 @@ def test_an_even_pressure_of_this_width_is_as_compliant_as_that_of_hertz() -> No
 def test_a_bedded_edge_bears_the_limit() -> None:
     """The pressure of Hertz on the new radius is the limit; below it an edge stays."""
     radius, limit, load = 0.3 * MM, 5.28e9, 5e5
-    bedding = bedding_of(load, radius, radius, limit)
-    assert edge_pressure(load, 2.0 / bedding.radius) == pytest.approx(limit)
-    half_width = math.sqrt(4.0 * load * 0.5 * bedding.radius / (math.pi * MODULUS))
-    sagitta = 0.5 * half_width**2 * (1.0 / radius - 1.0 / bedding.radius)
-    assert bedding.depth == pytest.approx(sagitta)
-    elastic = 0.9 * math.pi * 0.5 * radius * limit**2 / MODULUS
-    assert bedding_of(elastic, radius, radius, limit) == pytest.approx((0.0, radius))
-    plane = bedding_of(load, radius, math.inf, limit)
-    own_radius = 0.5 * plane.radius
-    assert edge_pressure(load, 1.0 / own_radius) == pytest.approx(limit)
-    assert plane.depth == pytest.approx(0.5 * half_width**2 * (1.0 / radius - 1.0 / own_radius))
+    edge = bedding_of(edge_pressure(load, 2.0 / radius), radius, radius, limit)
+    assert edge_pressure(load, 2.0 / edge.radius) == pytest.approx(limit)
+    half_width = math.sqrt(4.0 * load * 0.5 * edge.radius / (math.pi * MODULUS))
+    assert edge.depth == pytest.approx(0.5 * half_width**2 * (1.0 / radius - 1.0 / edge.radius))
+    assert bedding_of(0.99 * limit, radius, radius, limit) == (0.0, radius)
+    plane = bedding_of(edge_pressure(load, 1.0 / radius), radius, math.inf, limit)
+    assert edge_pressure(load, 1.0 / plane.radius) == pytest.approx(limit)
+    assert plane.depth == pytest.approx(0.5 * half_width**2 * (1.0 / radius - 1.0 / plane.radius))
 
 
 def test_a_contact_as_stiff_as_the_dogs_changes_no_load(prototype: Dog) -> None:

@@ -181,7 +181,8 @@ def test_ring_is_thrown_again_as_a_spring_with_a_moving_end_throws_it(backlash: 
 
 def test_dogs_bear_the_strike_as_by_hand(prototype: Dog) -> None:
     limits = Limits(strikes=(CAR,))
-    torque = CAR.torque(SPEED, DOGS)
+    pair_stiffness = limits.load.stiffness(prototype, "traction")
+    torque = CAR.torque(SPEED, 15 * pair_stiffness * 0.024**2)
     assert strike_torque(prototype, limits, CAR, "traction") == pytest.approx(torque)
     force = torque / 0.024 / 15 * math.sqrt(2.0)
     assert strike_force(prototype, limits, CAR, "traction") == pytest.approx(force)
@@ -193,7 +194,7 @@ def test_dogs_bear_the_strike_as_by_hand(prototype: Dog) -> None:
     assert checks["flank_strike_flank"].value == pytest.approx(force / contact.area / MPA)
     assert checks["flank_strike_flank"].limit == pytest.approx(2288 / 1.2, rel=1e-3)
     rough = Limits(load=LoadCase(accuracy=8), strikes=(CAR,))
-    share = rough.load.landing(prototype, torque / 0.024 / 15 / 4e-3)
+    share = rough.load.blow(prototype, torque / 0.024 / 15)
     assert strike_force(prototype, rough, CAR, "traction") == pytest.approx(
         torque / 0.024 / 15 / math.sqrt(share)
     )

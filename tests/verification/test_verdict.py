@@ -191,7 +191,7 @@ def test_checks_follow_the_stiffness_of_the_dogs(prototype: Dog) -> None:
         for end, margin in ((hinge.low, hinge.margin_low), (hinge.high, hinge.margin_high)):
             case = replace(limits, load=replace(load, dog_stiffness_factor=end))
             checks = strength_checks(prototype, case)
-            checks += demand_checks(landings.demand(prototype, case), case)
+            checks += demand_checks(prototype, landings.demand(prototype, case), case)
             assert margin == pytest.approx(min(check.margin for check in checks))
 
 
