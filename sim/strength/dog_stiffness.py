@@ -44,8 +44,9 @@ HALF_PLANE = 2.0 / math.pi  #: W of a half plane
 SHORT_DOG = 1.146  #: compliance in three dimensions over plane strain, as of whole faces
 #: Smallest width and band, m: impossible shapes among ``Dogs`` have a finite stiffness.
 SMALLEST_LENGTH = 1e-5
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 #: Heights of a bar's sections over that of the load, and their weights.
-_HEIGHTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+SECTIONS = tuple(zip((0.5 + 0.5 * _POINTS).tolist(), (0.5 * _WEIGHTS).tolist(), strict=True))
 
 
 class FlankFit(NamedTuple):
@@ -97,7 +98,7 @@ def _bar(dog: Dog, force: _Force) -> _Bar:
     _, traction, braking = dog.tangents
     quarter = 0.25 * (dog.pitch - dog.backlash)
     compression = bending = shear = 0.0
-    for share, weight in zip(0.5 * (1.0 + _HEIGHTS), 0.5 * _WEIGHTS, strict=True):
+    for share, weight in SECTIONS:
         height = share * force.height
         above = height - dog.dedendum
         width = largest(2.0 * quarter - above * (traction + braking), SMALLEST_LENGTH)

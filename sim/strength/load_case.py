@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -103,7 +104,11 @@ def tabled_share(share: Share, count: float, size: float, scatter: float, wave: 
     exact_size = where(is_tabled, MIN_TABLED_ERROR, size)
     tabled_size = where(is_tabled, size, MIN_TABLED_ERROR)
     exact = map_elements(partial(share, int(count)), exact_size * scatter, exact_size * wave)
-    interpolated = np.interp(np.log(tabled_size), *_share_table(share, int(count), scatter, wave))
+    interpolated: Any = np.interp(
+        np.log(tabled_size), *_share_table(share, int(count), scatter, wave)
+    )
+    if not isinstance(size, ARRAY):
+        interpolated = float(interpolated)
     return where(is_tabled, interpolated, exact)
 
 

@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from dogshape.sim.elementwise import bisect, largest, smallest, sqrt
+from dogshape.sim.elementwise import ARRAY, bisect, largest, smallest, sqrt
 from dogshape.sim.errors import require_between, require_parts
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, Flank
@@ -118,8 +119,8 @@ class Strike:
         dog_link = links[int(shaft_inertia > 0.0)]
         strains = (dog_link / roots) @ modes
         swings = np.abs(strains * ((roots * speeds) @ modes) / rates).sum(axis=-1)
-        torque: float = stiffness * swings
-        return torque
+        torque: Any = stiffness * swings
+        return torque if isinstance(stiffness, ARRAY) else float(torque)
 
 
 def two_mass_torque(
