@@ -7,8 +7,8 @@ dogs of the stiffness *k* (``dog_stiffness``; two in series, per length) by
 
 .. math:: w = \sqrt{2 u k(w)}.
 
-It is an upper estimate: a stiffer blow is shorter, and in the longer one of the simulation the
-force of the actuator and sliding rings add to the energy. Where the share :math:`K_l` of the dogs
+It is an upper estimate: the peak :math:`w_0` contains the layer's dissipation, and the force of the
+actuator and slip of the rings in a longer blow. Where the share :math:`K_l` of the dogs
 lands (``load_case``), loads grow by :math:`1/\sqrt{K_l}`.
 
 A rounded crest takes *c* from either face, and :math:`f = L - 2 c` is flat. Below the roundings the
