@@ -4,9 +4,9 @@ A dog is a bar on the ring: with the force's height *l*, thickness *s(z)*, and m
 unit force about the middle of the section, compression :math:`\int n^2/s`, bending :math:`\int 12
 m^2/s^3` and shear :math:`\int 2.4 (1 + \nu)/(1 - \nu^2)\, q^2/s` add up to a compliance in units of
 :math:`(1 - \nu^2)/(E b)`, *b* the length of a dog along the radius. The root rotates with the
-square of its moment over *s*; the sector, *D* pitches deep, adds :math:`D` along the axis and
-:math:`2 D/(1 - \nu)` along the circumference. All of this times the factor of a short dog in three
-dimensions over plane strain.
+square of its moment over *s*; the sector, *D* pitches deep, adds :math:`(1 - 2 \nu)/(1 - \nu)^2 D`
+along the axis, as it does not stretch along the circumference, and :math:`2 D/(1 - \nu)` along
+that. All of this times the factor of a short dog in three dimensions over plane strain.
 
 *Local*: a pressure on a strip beside an edge of the angle :math:`\psi` strains a wedge. Its energy
 over each unit of :math:`\ln r` (Michell 1900, Flamant's wedge)
