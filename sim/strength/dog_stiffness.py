@@ -71,8 +71,22 @@ class FaceFit(NamedTuple):
     setback: float  #: on the distance of the strip from the edge
 
 
-FLANK = FlankFit(shear=0.639, root=3.274, sector=0.922, constant=0.133, spread=0.719, edge=0.532)
-FACE = FaceFit(root=1.19, constant=0.15, lean=0.61, end=0.6, curve=1.0, setback=2.1)
+FLANK = FlankFit(
+    shear=0.653,
+    root=3.212,
+    sector=0.922,
+    constant=0.117,
+    spread=0.726,
+    edge=0.529,
+)
+FACE = FaceFit(
+    root=1.017,
+    constant=0.152,
+    lean=0.605,
+    end=0.593,
+    curve=0.997,
+    setback=1.884,
+)
 
 
 class _Force(NamedTuple):
