@@ -96,7 +96,7 @@ SHEETS = {
         "drive.shaft_speed_rpm": 6000.0, "load.torque_Nm": 1500.0, "mechanism.drag_torque_Nm": 0.3,
         "material.set": "42CrMo4", "mechanism.spline_radius_mm": 52.0,
         "load.pull_out_share": 0.1,
-    }, ("tip_core", "pull_out_force", "root_fatigue"), (STRIKE, RETENTION), pull_out=383.1,
+    }, ("tip_core", "pull_out_force"), (STRIKE, RETENTION), pull_out=383.1,
         flight=7.6e-3),
     "rally gear": Sheet("motorcycle", {
         "dog.count": 6, "dog.chamfer_deg": 0.0, "dog.traction_deg": -2.0, "dog.braking_deg": -2.0,
