@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +45,7 @@ from dogshape.sim.strength.dog_stiffness import (
 )
 from dogshape.sim.units import MM
 from dogshape.validation.finite_elements.face_model import FaceModel
-from dogshape.validation.finite_elements.root_mesh import SIDES
+from dogshape.validation.finite_elements.root_mesh import SIDES, RootShape
 from dogshape.validation.finite_elements.root_stress import BANDS, Band, RootModel
 
 FINENESS = 1  #: of the three-dimensional mesh
@@ -55,6 +55,8 @@ STRIPS_MM = (0.02, 0.05, 0.15, 0.3, 0.6, 1.0, 1.5, 2.5, 4.0)
 FACE_SHARES = (0.5, 0.8, 1.0)
 SOLID_SHARES = (0.5, 1.0)
 PRINTED_STRIPS = tuple(width * MM for width in (0.05, 0.3, 1.0))  #: m
+WIDTHS_MM = (2.0, 8.0, 16.0)
+BACKLASHES = (0.1, 0.2, 0.3)  #: pitches
 RADII_MM = (0.0, 0.1, 0.3)  #: of the crest
 NAMED_DESIGNS = (("prototype", PROTOTYPE), ("fine", FINE), ("six", SIX))
 MICRON_MM = 1e-9  #: N/m a m in N/(um mm)
@@ -211,6 +213,35 @@ def print_designs() -> None:
             print(flush=True)
 
 
+def print_other_rings() -> None:
+    """Print deviations of the prototype with other radial widths, and with backlash."""
+    print(
+        "\nPrototype on other rings: deviation of the stiffness in %, traction flank whole and tip,"
+    )
+    print("braking flank whole and tip, whole face")
+    prototype = shape_of(PROTOTYPE).dog
+    mean_diameter = 2.0 * prototype.mean_radius
+    rings = {f"{width:g} mm along the radius": {"width": width * MM} for width in WIDTHS_MM}
+    rings |= {f"backlash of {share:g} pitches": {"backlash": share} for share in BACKLASHES}
+    for name, change in rings.items():
+        width = change.get("width", prototype.radial_width)
+        dog = replace(
+            prototype,
+            outer_diameter=mean_diameter + width,
+            inner_diameter=mean_diameter - width,
+            backlash=change.get("backlash", 0.0) * prototype.pitch,
+        )
+        model = RootModel(RootShape(dog, PROTOTYPE[-1] * MM, dog.pitch), FINENESS)
+        ratios = []
+        for flank in SIDES:
+            for band in BANDS:
+                compliance, load = model.flank_compliance(flank, band)
+                ratios.append(compliance / flank_compliance(dog, flank, load))
+        face = face_compliance(dog, Strip(0.0, dog.face_width))
+        ratios.append(model.face_compliance() / face)
+        print(f"  {name:<24}" + "".join(f"{100.0 * (r - 1.0):+7.1f}" for r in ratios), flush=True)
+
+
 def print_three_dimensions(designs: list[Design]) -> None:
     """Print the compliance of a face in three dimensions over that in plane strain."""
     print("\nCompliance of the face in three dimensions over plane strain: mean, sd, ends")
@@ -286,6 +317,7 @@ def main() -> None:
     print_narrow_strips()
     print_three_dimensions([PROTOTYPE, FINE, SIX, *test_designs])
     print_designs()
+    print_other_rings()
     flank_fit = [c for depth in FIT_DEPTHS for d in fit_designs for c in flank_cases(d, depth)]
     face_fit = [c for depth in FIT_DEPTHS for d in fit_designs for c in face_cases(d, depth)]
     rounded = [r * MM for r in RADII_MM[1:]]

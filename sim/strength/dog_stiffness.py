@@ -23,7 +23,8 @@ Coefficients are fitted to finite elements of 20 designs by ``python -m benchmar
 with a body of one and half a pitch. On 14 others the stiffness deviates by 4.4 % rms and at most 10
 % at flanks, 1.7 and 6 % at faces, for a body of one pitch; at most 13 and 7 % for half a pitch, 7
 and 4 % for two pitches, which were not fitted. Ranges as of ``dog_strength.root_tension``; dogs of
-4 mm along the radius.
+2 to 16 mm along the radius stay within 4 %, a backlash of 0.3 pitches makes the stiffness 8 % too
+large.
 """
 
 from __future__ import annotations
