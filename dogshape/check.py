@@ -31,11 +31,11 @@ from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import bearing_limits, strike_force, strike_torque
-from dogshape.sim.strength.landing import Landings
+from dogshape.sim.strength.landing import Landings, bedding
 from dogshape.sim.strength.locking import Retention, blocking_force, retention
 from dogshape.sim.strength.manufacture import Kind, manufacturing_checks
 from dogshape.sim.strength.verdict import OPTIONAL, SPANS, Hinge, Verdict, landing_by_stiffness
-from dogshape.sim.units import MPA, RPM
+from dogshape.sim.units import MPA, RPM, from_si
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import NORMAL_95, Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
@@ -155,18 +155,23 @@ class Checked(Result):
         ]
 
     def _landing_stiffness(self, landings: Landings) -> list[str]:
-        """Describe the landing margin over contact stiffness; empty with an impact law."""
-        contact = self.config.clutch.contact
-        if contact.impact is not None:
-            return []
-        span = SPANS.contact_stiffness
+        """Describe the landing margin over the stiffness of the dogs, and the edges after it."""
         dog = self.config.clutch.dog
-        margins = landing_by_stiffness(dog, self.config.limits, landings, contact.stiffness)
-        soft, stiff = map(percent, margins)
-        return [
-            f"landing with {span.low:g} to {span.high:g} times contact.stiffness_Pa_m: smallest "
+        limits = self.config.limits
+        factor = limits.load.dog_stiffness_factor
+        low, high = SPANS.dog_stiffness_factor.ends(factor)
+        soft, stiff = map(percent, landing_by_stiffness(dog, limits, landings))
+        lines = [
+            f"landing with load.dog_stiffness_factor from {low:.2g} to {high:.2g}: smallest "
             f"margin {soft} to {stiff}"
         ]
+        edge = bedding(dog, landings.demand(dog, limits), limits)
+        if edge.depth > 0.0:
+            lines.append(
+                f"edges bed in by {from_si('_um', edge.depth):.2g} um, to a radius of "
+                f"{from_si('_mm', edge.radius):.2g} mm"
+            )
+        return lines
 
     def to_dict(self) -> dict[str, Any]:
         """Convert verdict, checks and retention to values of JSON."""

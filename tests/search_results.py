@@ -138,7 +138,7 @@ def search_result() -> Row:
         design(1, 0.080, 6.0),
         design(2, 0.070, 7.0),
         design(3, 0.090, 7.5),
-        design(4, 0.060, 6.5, feasible=False, failed=["edge_pressure_impact"]),
+        design(4, 0.060, 6.5, feasible=False, failed=["edge_bedding_impact"]),
         design(5, None, 5.0),
     ]
     prototype_points = [point(50, 235.2, 0.110, 0.002), point(100, 235.2, 0.090, 0.003, 0.5)]

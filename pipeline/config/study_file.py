@@ -30,7 +30,7 @@ from dogshape.pipeline.config.operating import (
     replaced_keys,
     with_mechanism,
 )
-from dogshape.pipeline.config.schema import FORMAT, ContactSection, StudyFile
+from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, Refusal, join_faults, require_between
@@ -589,9 +589,11 @@ def _clutch_loads(
     mechanism = clutch.mechanism
     has_spline_friction = mechanism.spline_friction > 0.0
     vibrating_mass = file.sliding.mass_kg + mechanism.added_mass
-    fields: dict[str, Any] = {"vibration_force": file.load.axial_vibration_m_s2 * vibrating_mass}
-    if file.contact.set == ContactSection().set:  # published sets are softer than steel
-        fields["contact_stiffness"] = clutch.contact.stiffness
+    fields: dict[str, Any] = {
+        "vibration_force": file.load.axial_vibration_m_s2 * vibrating_mass,
+        "contact": clutch.contact,
+        "mount": file.dog.mount,
+    }
     if clutch.pair.slots_per_dog > 1:
         fields["slots_per_dog"] = clutch.pair.slots_per_dog
     if clutch.contact.face_friction is not None:

@@ -261,8 +261,9 @@ def _time_design(
     design_study = replace(study, clutch=settings[0].clutch)
     points = [setting.point for setting in settings]
     expectation = expectation_of(design_study, points, timed_rows)
-    demand = landings_over(expectation, rows).demand(design_study.clutch.dog, study.limits)
-    landing = min(demand_checks(demand, study.limits), key=lambda check: check.margin)
+    dog = design_study.clutch.dog
+    demand = landings_over(expectation, rows).demand(dog, study.limits)
+    landing = min(demand_checks(dog, demand, study.limits), key=lambda check: check.margin)
     return expectation, landing
 
 

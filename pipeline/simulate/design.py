@@ -159,7 +159,7 @@ def design_of(
     if check_inputs is None:
         return design
     engagement_check = LimitCheck(ENGAGEMENT, check_inputs.engaged, MIN_ENGAGED_SHARE)
-    landing_checks = demand_checks(check_inputs.demand, study.limits)
+    landing_checks = demand_checks(dog, check_inputs.demand, study.limits)
     checks = (*design.checks, *landing_checks, engagement_check)
     return replace(design, checks=checks, landings=check_inputs.landings)
 
@@ -176,7 +176,7 @@ def judge_design(design: Design) -> tuple[Design, Verdict]:
         demand = landings.demand(dog, study.limits)
         interval = landings.interval(dog, study.limits)
         landing_checks = {
-            check.name: check for check in demand_checks(demand, study.limits, interval)
+            check.name: check for check in demand_checks(dog, demand, study.limits, interval)
         }
         checks = tuple(landing_checks.get(check.name, check) for check in checks)
     verdict = verdict_of(study, dog, [Margin.of(check) for check in checks], landings)
@@ -190,7 +190,6 @@ def verdict_of(
 
     Without ``landings`` the margins of a landing do not depend on any assumption.
     """
-    contact = study.clutch.contact
     limits = study.limits
     variable_names = {check.name for check in strength_checks(dog, limits)} | OBJECTIVES.keys()
     if landings is not None:
@@ -203,7 +202,6 @@ def verdict_of(
         limits,
         landings,
         fixed_margins,
-        contact_stiffness=contact.stiffness if contact.impact is None else None,
         mechanism=study.clutch.mechanism,
         given=keys_given(study),
     )

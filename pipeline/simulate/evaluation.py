@@ -302,7 +302,7 @@ def _evaluation(
     expectation = expectation_of(study, study.points, records, dog=dog)
     landings = landings_over(expectation, records)
     demand = landings.demand(dog, study.limits)
-    checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
+    checks = strength_checks(dog, study.limits) + demand_checks(dog, demand, study.limits)
     design_shifts = DesignShifts(study, dog, checks, expectation, records)
     names = estimated_quantities(study)
     estimates = {name: ESTIMATORS[name](design_shifts) for name in names if name in ESTIMATORS}
@@ -521,7 +521,7 @@ def life_of(
         demand = landings_over(expectation, records).demand(dog, design_study.limits)
         checks = (
             *life_checks(design_study, new_dog, dog),
-            *demand_checks(demand, design_study.limits),
+            *demand_checks(dog, demand, design_study.limits),
         )
         weakest = smallest_margin(checks)
         design_shifts = DesignShifts(design_study, dog, checks, expectation, records)

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial, reduce
+from functools import partial, reduce
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -179,7 +179,7 @@ class Limits:
     A shift may end ``seated_tolerance`` short of full depth, m. ``strikes`` are the ends of the
     range of the flank strike; without one it is not judged. Dogs without a ``sleeve`` stand on the
     face of a ring. Checks are those of the worse ring; ``output_material`` None is the sliding
-    ring's, and ``mate`` the dog of the other ring while one of unlike rings is checked.
+    ring's. While one of unlike rings is checked, ``mate`` of the load case is the other dog.
     """
 
     load: LoadCase = field(default_factory=LoadCase)
@@ -191,7 +191,6 @@ class Limits:
     sleeve: Sleeve | None = None
     output_dog: OutputDog = ALIKE
     output_material: Material | None = None
-    mate: Dog | None = None
 
     @property
     def has_unlike_rings(self) -> bool:
@@ -204,6 +203,10 @@ class Limits:
         if self.output_material is None:
             return (self.material,)
         return self.material, self.output_material
+
+    def beside(self, mate: Dog) -> Limits:
+        """Return the limits of a dog beside the dog of the other ring."""
+        return replace(self, load=replace(self.load, mate=mate))
 
     @property
     def root_radius(self) -> float:
@@ -239,7 +242,7 @@ def root_load(dog: Dog, limits: Limits, flank: Flank, torque: float | None = Non
 
 
 def _at_load_height(dog: Dog, limits: Limits, flank: Flank, force: float) -> Load:
-    contact = flank_contact(dog, limits.root_radius, flank, limits.mate)
+    contact = flank_contact(dog, limits.root_radius, flank, limits.load.mate)
     level = contact.level(limits.load.load_height)
     return Load(force, flank, level)
 
@@ -292,7 +295,7 @@ def engaged_length(dog: Dog, limits: Limits, flank: Flank) -> float:
 
 
 def _contact_area(dog: Dog, limits: Limits, flank: Flank) -> float:
-    contact = flank_contact(dog, limits.root_radius, flank, limits.mate)
+    contact = flank_contact(dog, limits.root_radius, flank, limits.load.mate)
     return largest(contact.area, SMALLEST_AREA)
 
 
@@ -326,15 +329,11 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
     return worst_tension, smallest_factor * worst_tension
 
 
-#: Dogs of equal number and size have equal stiffness: a search has few torques of a strike.
-_torque = lru_cache(maxsize=2**14)(Strike.torque)
-
-
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
     """Compute the torque of a strike on a flank, N m."""
     count = limits.load.touching(dog)
-    stiffness = count * limits.load.stiffness(dog) * dog.mean_radius**2
-    return map_elements(partial(_torque, strike), strike.speed(flank), stiffness)
+    stiffness = count * limits.load.stiffness(dog, flank) * dog.mean_radius**2
+    return strike.torque(strike.speed(flank), stiffness)
 
 
 def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
@@ -344,7 +343,7 @@ def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> floa
     """
     count = limits.load.touching(dog)
     mean_force = strike_torque(dog, limits, strike, flank) / (dog.mean_radius * count)
-    return mean_force / sqrt(limits.load.blow(dog, mean_force))
+    return mean_force / sqrt(limits.load.blow(dog, mean_force, flank))
 
 
 def within_tolerances(dog: Dog, limits: Limits, kind: Kind) -> tuple[LimitCheck, ...]:
@@ -386,8 +385,8 @@ def _checks_of(
     low = limits.output_dog.low_beside(dog, nominal)
     limits = bearing_limits(dog, limits, nominal)
     output_material = limits.output_material or limits.material
-    sliding_checks = group(dog, replace(limits, mate=output))
-    output_limits = replace(limits, mate=dog, material=output_material)
+    sliding_checks = group(dog, limits.beside(output))
+    output_limits = replace(limits.beside(dog), material=output_material)
     output_checks = group(output, output_limits)
     if low is not None and group is _shape_checks:  # loads are not above those of a high dog
         low_checks = group(low, output_limits)

@@ -1,17 +1,32 @@
 r"""Dog on dog: loads of face and edge at the hardest landing, and wear over the life.
 
-The simulation gives the load per length :math:`w = F/(N b)` for each class of overlap *L* (its
-lower end). A rounded crest takes *c* from either face. Where :math:`L - 2 c` is flat, the case
-bears :math:`w/(L - 2 c)` up to its yield stress, the core :math:`w/(L - 2 c + 2 t)` up to its proof
-stress; else two cylinders meet, :math:`p_H = \sqrt{w E^*/(\pi R)}`, :math:`R = \varrho/2`,
-:math:`E^* = E/(2 (1 - \nu^2))`, up to the shakedown limit of a line contact, four times the yield
-stress in shear or 0.77 HV (Johnson, *Contact Mechanics*, 1985). Where the share :math:`K_s` of the
-dogs lands (``sim.strength.load_case``), loads grow by :math:`1/\sqrt{K_s}`.
+The simulation gives the load per length :math:`w_0 = F/(N b)` for each class of overlap *L*. Its
+layer is softer than the dogs. A blow of the same energy :math:`u` (per length; :math:`w_0^2/(2 K
+L)` in a layer of the stiffness *K*, :math:`\tfrac25 F (F/K)^{2/3}/b` under the law IMPACT) loads
+dogs of the stiffness *k* (``dog_stiffness``; two in series, per length) by
 
-Landings are those of rigid rings and no bound, and the hardest of a sample grows with it: with
-``load.landing_share`` the checks take the load that this share of all shifts exceeds. A blow peaks
-near :math:`v \sqrt{k m}`, so loads follow the root of the contact's stiffness *k*; its dissipation
-makes that less.
+.. math:: w = \sqrt{2 u k(w)}.
+
+It is an upper estimate: the peak :math:`w_0` contains the layer's dissipation, and the force of the
+actuator and slip of the rings in a longer blow. Where the share :math:`K_l` of the dogs
+lands (``load_case``), loads grow by :math:`1/\sqrt{K_l}`.
+
+A rounded crest takes *c* from either face, and :math:`f = L - 2 c` is flat. Below the roundings the
+case bears :math:`w/L` up to its yield stress, as load spreads by *c* to either side: a strip at the
+distance *c* from a corner of a right angle collapses at 2 to :math:`2 + \pi` times the yield stress
+in shear for :math:`c/f` of 0 to 1 (footings beside a cut). The core bears :math:`w/(f + 2 t)`, *t*
+the case depth, up to its proof stress.
+
+*Edges* without a flat are two cylinders, :math:`p = \sqrt{w E^*/(\pi R)}`, :math:`1/R =
+1/\varrho_1 + 1/\varrho_2`, :math:`E^* = E/(2 (1 - \nu^2))`, on a strip of the half width :math:`a =
+2 w/(\pi p)`; an even pressure on :math:`\tfrac12 e^{5/4} a` has the same compliance. Its middle
+lies :math:`L/2` from both sharp crests. Up to the shakedown limit of a line contact, four times the
+yield stress in shear or 0.77 HV (Johnson, *Contact Mechanics*, 1985), edges stay. New ones that
+bear more bed in until their radius has grown so far that the pressure is the limit :math:`p_l`:
+:math:`a = 2 w/(\pi p_l)`, :math:`R' = w E^*/(\pi p_l^2)`. Both approach by :math:`\tfrac12 a^2
+(1/R - 1/R')`; each has the share of its curvature, the bedding depth. It must stay small against
+the case. A flat bears the mean of that pressure, :math:`\pi p_l/4`, and the roundings beside it the
+rest of the load, as an edge does.
 
 *Interval.* A few shifts decide a demand. Beyond the threshold *u* that the share :math:`\zeta` of
 the shifts exceeds, excesses have a generalised Pareto distribution (Coles 2001, ch. 4): the share
@@ -42,20 +57,54 @@ import numpy as np
 from dogshape.sim.elementwise import Array, empirical_distribution, sqrt
 from dogshape.sim.errors import InputError, Refusal
 from dogshape.sim.quantity import quantity, require_ranges
+from dogshape.sim.shift.clutch import ContactSet
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.pair import dog_pair
 from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
+from dogshape.sim.strength.dog_stiffness import Strip, face_compliance
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.materials import POISSON, YOUNG
-from dogshape.sim.units import MM, MPA
+from dogshape.sim.units import MM
 
 MODULUS = YOUNG / (2.0 * (1.0 - POISSON**2))  #: Pa, of two like bodies
 
 
-def edge_pressure(line_load: float, radius: float) -> float:
-    """Compute the Hertz pressure of two like edges, Pa; ``line_load`` in N/m, ``radius`` in m."""
-    return sqrt(line_load * MODULUS / (math.pi * 0.5 * radius))
+#: Width of an even pressure that is as compliant as that of Hertz, over the latter's half width.
+EVEN_WIDTH = 0.5 * math.exp(1.25)
+#: Half of the width of all classes of overlap but the last two, m.
+HALF_CLASS = 0.5e-4
+MIN_LINE_LOAD = 1.0  #: N/m, of which a width of contact is computed
+BLOW_ITERATIONS = 3  #: of stiffness and load, which depends on its square root alone
+
+
+def edge_pressure(line_load: float, curvature: float) -> float:
+    """Compute the Hertz pressure of two cylinders, Pa.
+
+    ``line_load`` in N/m, ``curvature`` the sum of both, 1/m.
+    """
+    return sqrt(line_load * curvature * MODULUS / math.pi)
+
+
+class Bedding(NamedTuple):
+    """Edge that has bedded in, m."""
+
+    depth: float
+    radius: float  #: of the edge after it
+
+
+def bedding_of(pressure: float, radius: float, mate_radius: float, limit: float) -> Bedding:
+    """Compute the bedding of the sharper of two edges with radii in m.
+
+    ``pressure`` is that of Hertz on new edges, ``limit`` the one up to which they stay, Pa. A plane
+    mate has an infinite radius.
+    """
+    sharper = min(radius, mate_radius)
+    curvature = 1.0 / radius + 1.0 / mate_radius
+    ratio = max(pressure / limit, 1.0) ** 2
+    half_width = 2.0 * limit * ratio / (curvature * MODULUS)
+    approach = 0.5 * half_width**2 * curvature * (1.0 - 1.0 / ratio)
+    return Bedding(approach / (curvature * sharper), radius=sharper * ratio)
 
 
 Landing = tuple[float, ...]  #: hardest load in N/m for each class of ``OVERLAPS``
@@ -71,17 +120,18 @@ LANDING_RULES = tuple(rule for rule in RULES.values() if rule.group == "impact")
 
 
 class Demand(NamedTuple):
-    """Pressures of a landing on face, core below it and edge, Pa."""
+    """Pressures of a landing, Pa: on face, core below it and new edges by Hertz."""
 
     face: float = 0.0
     core: float = 0.0
-    edge: float = 0.0
+    edge: float = 0.0  #: on an edge
+    ridge: float = 0.0  #: of an edge on a face of another slope
 
 
 def demand_quantile(demands: Array, weights: Sequence[float], share: float) -> Demand:
     """Compute the pressure that ``share`` in (0, 1) of all shifts exceeds, for each kind.
 
-    ``demands`` (n, 3) as of ``demands_of``; ``weights`` (n,) need not add up to one. The quantile
+    ``demands`` (n, 4) as of ``demands_of``; ``weights`` (n,) need not add up to one. The quantile
     is linear between the middles of the weights and constant beyond the largest.
     """
     probabilities = np.array(weights) / sum(weights)
@@ -212,16 +262,15 @@ class Landings:
     loads: Array  #: line load by class of ``OVERLAPS``, N/m, (n, k)
     weights: Array  #: of the shifts, (n,)
 
-    def demand(self, dog: Dog, limits: Limits, scale: float = 1.0) -> Demand:
-        """Compute the demand of landings ``scale`` times as hard.
+    def demand(self, dog: Dog, limits: Limits) -> Demand:
+        """Compute the demand of the hardest landing, or of the one that a share exceeds.
 
-        It is that of the hardest, or with ``load.landing_share`` the one that this share exceeds.
+        ``load.landing_share`` is that share.
         """
-        loads = scale * self.loads
         share = limits.load.landing_share
         if share is None:
-            return demand_of(dog, hardest(map(tuple, loads.tolist())), limits)
-        return demand_quantile(demands_of(dog, loads, limits), self.weights.tolist(), share)
+            return demand_of(dog, hardest(map(tuple, self.loads.tolist())), limits)
+        return demand_quantile(demands_of(dog, self.loads, limits), self.weights.tolist(), share)
 
     def interval(self, dog: Dog, limits: Limits) -> tuple[Demand, Demand]:
         """Compute the 95 % interval of the demand, widened to contain it."""
@@ -236,58 +285,151 @@ class Landings:
 
 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
-    """Compute the pressures of a landing on face, core and edge, Pa."""
+    """Compute the demand of a landing."""
     return Demand(*demands_of(dog, np.array([landing]), limits)[0].tolist())
 
 
-def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
-    """Compute pressures on face, core and edge, Pa, (n, 3), of ``landings`` in N/m, (n, k).
+class Crests(NamedTuple):
+    """Crests of both rings as they land on each other."""
 
-    ``dog`` is that of the sliding ring; both rings bear one load. Where slopes are unlike, an edge
-    also bears on a plane face, as on a like edge of twice its radius.
-    """
-    pair = dog_pair(dog, limits.output_dog)
-    mate = pair.output
+    dog: Dog  #: of the sliding ring
+    mate: Dog
+    radius: float  #: of the sliding dog's crest, m
+    mate_radius: float
+    cuts: float  #: length that both roundings take from an overlap, m
+    pressure_limit: float  #: up to which an edge stays, Pa
+
+    @property
+    def curvature(self) -> float:
+        """Sum of the curvatures of both edges, 1/m."""
+        return 1.0 / self.radius + 1.0 / self.mate_radius
+
+
+def crests_of(dog: Dog, limits: Limits) -> Crests:
+    """Return the crests of the sliding dog and its mate as made."""
+    mate = dog_pair(dog, limits.output_dog).output
     radius = tip_radius(dog, limits.root_radius)
     mate_radius = tip_radius(mate, limits.root_radius)
-    crest_cuts = radius * dog.crest_cut + mate_radius * mate.crest_cut
-    smaller_radius = min(radius, mate_radius)
-    if mate_radius != radius:  # two cylinders bear as two like ones of their harmonic mean
-        radius = 2.0 * radius * mate_radius / (radius + mate_radius)
-    flat_widths = np.array(OVERLAPS) - crest_cuts
-    shares = np.broadcast_to(limits.load.landing(dog, landings.ravel()), landings.size)
-    loads = landings * (1.0 / np.sqrt(shares)).reshape(landings.shape)
+    cuts = radius * dog.crest_cut + mate_radius * mate.crest_cut
+    pressure_limit = min(material.edge_pressure for material in limits.ring_materials)
+    return Crests(dog, mate, radius, mate_radius, cuts, pressure_limit)
+
+
+def class_middles(crests: Crests) -> Array:
+    """Compute the middles of the classes of overlap up to the width of the faces, m, (k,)."""
+    widest = min(max(ring.face_width, ring.back_width) for ring in (crests.dog, crests.mate))
+    lows = np.array(OVERLAPS)
+    middles = lows + HALF_CLASS
+    middles[-2] = 0.5 * (lows[-2] + lows[-1])
+    middles[-1] = 0.5 * (lows[-1] + max(widest, lows[-1]))
+    return np.minimum(middles, widest)
+
+
+def landing_stiffness(crests: Crests, overlaps: Any, line_loads: Any, factor: float = 1.0) -> Array:
+    """Compute the stiffness of a pair of dogs per length as they land, N/m2.
+
+    ``overlaps`` in m and ``line_loads`` in N/m, arrays of one shape; ``factor`` is
+    ``load.dog_stiffness_factor``.
+    """
+    loads = np.maximum(line_loads, MIN_LINE_LOAD)
+    pressure = np.minimum(edge_pressure(loads, crests.curvature), crests.pressure_limit)
+    edge_width = EVEN_WIDTH * 2.0 * loads / (math.pi * pressure)
+    width = np.maximum(overlaps - crests.cuts, edge_width)
+    start = np.maximum(0.5 * (overlaps - width), 0.0)
+    dogs = (crests.dog, crests.mate)
+    compliance = sum(
+        ring.radial_width * face_compliance(ring, Strip(start, width)) for ring in dogs
+    )
+    stiffness: Array = factor / np.asarray(compliance)
+    return stiffness
+
+
+def blow_energies(line_loads: Array, overlaps: Array, width: float, contact: ContactSet) -> Array:
+    """Compute the energy of simulated landings per length of a pair of dogs, J/m.
+
+    ``line_loads`` in N/m, ``width`` of the dogs along the radius in m.
+    """
+    if contact.impact is not None:
+        forces = line_loads * width
+        return 0.4 * forces * (forces / contact.impact.stiffness) ** (2.0 / 3.0) / width
+    return 0.5 * line_loads**2 / (contact.stiffness * overlaps)
+
+
+def elastic_loads(crests: Crests, landings: Array, limits: Limits) -> Array:
+    """Compute the line loads of elastic dogs, N/m, (n, k), of simulated ``landings`` (n, k)."""
+    load = limits.load
+    dog = crests.dog
+    overlaps = np.broadcast_to(class_middles(crests), landings.shape)
+    energies = blow_energies(landings, overlaps, dog.radial_width, load.contact)
+    loads = landings
+    for _ in range(BLOW_ITERATIONS):
+        stiffness = landing_stiffness(crests, overlaps, loads, load.dog_stiffness_factor)
+        even_loads = np.sqrt(2.0 * energies * stiffness)
+        forces = (even_loads * dog.radial_width).ravel()
+        pair_stiffness = (stiffness * dog.radial_width).ravel()
+        shares: Any = load.landing(dog, forces, pair_stiffness)  # type: ignore[arg-type]
+        loads = even_loads / np.sqrt(np.broadcast_to(shares, forces.size)).reshape(landings.shape)
+    return loads
+
+
+def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
+    """Compute the fields of ``Demand``, Pa, (n, 4), of simulated ``landings`` in N/m, (n, k).
+
+    ``dog`` is that of the sliding ring; both rings bear one load. Where slopes are unlike, an edge
+    also bears on a plane face.
+    """
+    crests = crests_of(dog, limits)
+    loads = elastic_loads(crests, landings, limits)
+    overlaps = np.array(OVERLAPS)
+    flat_widths = np.maximum(overlaps - crests.cuts, 0.0)
     has_flat = flat_widths >= LAND
     flat_loads = loads[:, has_flat]
-    flats = flat_widths[has_flat]
     core_spread = 2.0 * min(material.case_depth for material in limits.ring_materials)
-    face = (flat_loads / flats).max(axis=1, initial=0.0)
-    core = (flat_loads / (flats + core_spread)).max(axis=1, initial=0.0)
-    edge = edge_pressure(loads[:, ~has_flat].max(axis=1, initial=0.0), radius)
+    face = (flat_loads / overlaps[has_flat]).max(axis=1, initial=0.0)
+    core = (flat_loads / (flat_widths[has_flat] + core_spread)).max(axis=1, initial=0.0)
+    flat_pressure = 0.25 * math.pi * crests.pressure_limit
+    edge_load: Any = (loads - flat_pressure * flat_widths).max(axis=1, initial=0.0)
+    edge = edge_pressure(edge_load, crests.curvature)
+    ridge: Any = np.zeros_like(face)
+    pair = dog_pair(dog, limits.output_dog)
     if max(pair.faces.slope_rise, pair.backs.slope_rise) > 0.0:
-        flat_load = flat_loads.max(axis=1, initial=0.0)
-        edge = np.maximum(edge, edge_pressure(flat_load, 2.0 * smaller_radius))
-    return np.array([face, core, edge]).T
+        flat_load: Any = flat_loads.max(axis=1, initial=0.0)
+        ridge = edge_pressure(flat_load, 1.0 / min(crests.radius, crests.mate_radius))
+    return np.array([face, core, edge, ridge]).T
+
+
+def bedding(dog: Dog, demand: Demand, limits: Limits) -> Bedding:
+    """Compute the bedding of the edges of both rings, the deeper of edge and ridge."""
+    crests = crests_of(dog, limits)
+    smaller_radius = min(crests.radius, crests.mate_radius)
+    return max(
+        bedding_of(demand.edge, crests.radius, crests.mate_radius, crests.pressure_limit),
+        bedding_of(demand.ridge, smaller_radius, math.inf, crests.pressure_limit),
+    )
 
 
 def demand_checks(
-    demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
+    dog: Dog, demand: Demand, limits: Limits, interval: tuple[Demand, Demand] | None = None
 ) -> tuple[LimitCheck, ...]:
-    """Return the checks of the pressures of a landing, with the ``interval`` of the demand."""
+    """Return the checks of a landing, with the ``interval`` of the demand."""
     materials = limits.ring_materials
     safety = limits.load.safety
     allowables = (
         min(material.case_yield for material in materials) / safety,
         min(material.proof_stress for material in materials) / safety,
-        min(material.edge_pressure for material in materials),
+        limits.load.edge_bedding_share * min(material.case_depth for material in materials),
     )
-    names = (rule.name for rule in LANDING_RULES)
-    checks = checks_of(zip(names, demand, allowables, strict=True))
+
+    def checks(end: Demand) -> tuple[LimitCheck, ...]:
+        values = (end.face, end.core, bedding(dog, end, limits).depth)
+        names = (rule.name for rule in LANDING_RULES)
+        return checks_of(zip(names, values, allowables, strict=True))
+
     if interval is None:
-        return checks
+        return checks(demand)
     return tuple(
-        replace(check, interval=(low / MPA, high / MPA))
-        for check, low, high in zip(checks, *interval, strict=True)
+        replace(check, interval=(low.value, high.value))
+        for check, low, high in zip(checks(demand), *map(checks, interval), strict=True)
     )
 
 

@@ -15,29 +15,35 @@ shifts: with :math:`N_h` high dogs and the ratio *a* of the areas that touch, *N
 :math:`N_h + a (N - N_h)`, and :math:`K_s` is that of all dogs that touch. A low dog then has the
 pressure of a high one, less force and a smaller lever. In landings and flank strikes, which may be
 shallow, low dogs take no part.
+
+*Stiffness* of a pair of dogs: two dogs with their sectors in series (``dog_stiffness``), loaded at
+the load height, times ``dog_stiffness_factor``. Radial teeth of a sleeve have the mesh stiffness of
+gears over what touches, c' = 14 N/(mm um) (ISO 6336-1, method C).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
 from dogshape.sim.elementwise import ARRAY, Array, largest, map_elements, where
 from dogshape.sim.errors import InputError, Refusal, require_between
 from dogshape.sim.quantity import quantity, require_ranges
-from dogshape.sim.shift.geometry import FLANKS, Dog, Flank
+from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, Mount, flank_contact
 from dogshape.sim.shift.mechanism import NO_MECHANISM
 from dogshape.sim.shift.pair import touching_count
+from dogshape.sim.strength.dog_stiffness import SMALLEST_LENGTH, FlankLoad, flank_compliance
 from dogshape.sim.units import DEG, MM
 
 SAMPLES = 4096  #: pairs of rings; the mean is known to half a percent
 SEED = 20261123
-#: Pa/m of the contact in shifts (design set), and m of flank over which c' of ISO 6336-1 gives it
-#: (``sim.shift.clutch``): together N/m of a pair of dogs per m of their radial width
-STIFFNESS, FLANK_HEIGHT = 5e12, 3.1e-3
+MESH_STIFFNESS = 14e9  #: c' of a pair of teeth of a sleeve over their engaged length, N/m2
+DEFAULT_CONTACT = CONTACT_SETS["lubricated_steel"]
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
 #: Range of tabled errors, over the approach of perfect dogs.
 MIN_TABLED_ERROR = 1e-2
@@ -84,33 +90,33 @@ def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
     return float(1.0 / _approaches(count, scatter, wave, peak).mean() ** 2)
 
 
-def exact_share(count: int, size: float, scatter: float, wave: float) -> float:
-    """Compute ``load_share`` of errors as for ``tabled_share``."""
-    return map_elements(
-        lambda n, *errors: load_share(int(n), *errors), count, size * scatter, size * wave
-    )
+Share = Callable[[int, float, float], float]  #: ``load_share`` or ``landing_share``
 
 
-def tabled_share(count: int, size: float, scatter: float, wave: float) -> float:
-    """Interpolate ``landing_share``, to 5e-4: landings of a dog differ by their force alone.
+def tabled_share(share: Share, count: float, size: float, scatter: float, wave: float) -> float:
+    """Interpolate a share, to 5e-4: many loads and stiffnesses differ by the error size alone.
 
     Errors are ``size`` times ``scatter`` and ``wave``, of which the larger is 1.
     """
     if isinstance(count + scatter + wave, ARRAY):  # of ``Dogs``, many of which are equal
-        return map_elements(tabled_share, count, size, scatter, wave)
+        return map_elements(partial(tabled_share, share), count, size, scatter, wave)
     is_tabled = (size > MIN_TABLED_ERROR) & (size < MAX_TABLED_ERROR)
     exact_size = where(is_tabled, MIN_TABLED_ERROR, size)
     tabled_size = where(is_tabled, size, MIN_TABLED_ERROR)
-    exact = map_elements(landing_share, int(count), exact_size * scatter, exact_size * wave)
-    interpolated = np.interp(np.log(tabled_size), *_share_table(int(count), scatter, wave))
+    exact = map_elements(partial(share, int(count)), exact_size * scatter, exact_size * wave)
+    interpolated: Any = np.interp(
+        np.log(tabled_size), *_share_table(share, int(count), scatter, wave)
+    )
+    if not isinstance(size, ARRAY):
+        interpolated = float(interpolated)
     return where(is_tabled, interpolated, exact)
 
 
-@lru_cache(maxsize=256)
-def _share_table(count: int, scatter: float, wave: float) -> tuple[Array, Array]:
-    """Tabulate ``landing_share``; return logarithms of the error size and shares, both (n,)."""
+@lru_cache(maxsize=512)
+def _share_table(share: Share, count: int, scatter: float, wave: float) -> tuple[Array, Array]:
+    """Tabulate a share; return logarithms of the error size and shares, both (n,)."""
     sizes = np.geomspace(MIN_TABLED_ERROR, MAX_TABLED_ERROR, TABLE_POINTS)
-    shares = [landing_share(count, size * scatter, size * wave) for size in sizes.tolist()]
+    shares = [share(count, size * scatter, size * wave) for size in sizes.tolist()]
     return np.log(sizes), np.array(shares)
 
 
@@ -186,16 +192,22 @@ class LoadCase:
     pitch_sd: float | None = quantity("pitch_sd_um", 0.0, 1000.0, None)
     run_out: float = quantity("run_out_um", 0.0, 1000.0, 0.0, late=True)
     tilt: float = quantity("tilt_mrad", 0.0, 50.0, 0.0, late=True)
-    contact_stiffness: float = STIFFNESS  #: of the shifts, Pa/m
+    #: on the stiffness of the dogs at flanks and faces, for a measured one
+    dog_stiffness_factor: float = quantity("dog_stiffness_factor", 0.05, 20.0, 1.0, late=True)
+    contact: ContactSet = DEFAULT_CONTACT  #: of the shifts
     face_friction: float | None = None  #: of faces on faces in the shifts; None: that of flanks
     spline_friction: float = NO_MECHANISM.spline_friction
     spline_radius: float = NO_MECHANISM.spline_radius
     spline_friction_release: float | None = quantity("spline_friction_release", 0.0, 1.5, None)
     spline_friction_hold: float | None = quantity("spline_friction_hold", 0.0, 1.5, None)
     landing_share: float | None = quantity("landing_share", 1e-4, 0.5, None)
+    #: largest bedding depth of an edge over the case depth; judged
+    edge_bedding_share: float = quantity("edge_bedding_share", 0.001, 1.0, 0.05, late=True)
     slots_per_dog: int = 1  #: slots of the sliding ring for each high dog of the output ring
     #: load of a low dog of the output ring over that of a high one, of traction and braking flank
     low_shares: tuple[float, float] = (0.0, 0.0)
+    mount: Mount = "face"  #: root of the dogs
+    mate: Dog | None = None  #: dog of the other ring; None: the dogs of both rings are alike
 
     def __post_init__(self) -> None:
         require_ranges(self, "load", "correct the load case")
@@ -305,30 +317,48 @@ class LoadCase:
             return self.pitch_sd
         return pitch_tolerance(self.accuracy, 2.0 * dog.mean_radius, dog.count) / SIGMAS
 
-    def stiffness(self, dog: Dog) -> float:
-        """Compute the stiffness of a pair of dogs, N/m, by the contact and ``FLANK_HEIGHT``."""
-        return self.contact_stiffness * FLANK_HEIGHT * dog.radial_width
+    def stiffness(self, dog: Dog, flank: Flank = "traction") -> float:
+        """Compute the stiffness of a pair of dogs at a flank, N/m."""
+        mate = dog if self.mate is None else self.mate
+        compliances = []
+        for own, other in ((dog, mate), (mate, dog)):
+            contact = flank_contact(own, own.edge_radius, flank, other)
+            if self.mount == "sleeve":
+                length = largest(contact.height, SMALLEST_LENGTH)
+                compliances.append(0.5 / (MESH_STIFFNESS * length))
+                continue
+            load = FlankLoad(contact.level(self.load_height), contact.high)
+            compliances.append(flank_compliance(own, flank, load))
+        return self.dog_stiffness_factor / sum(compliances)
 
     def sharing(self, dog: Dog, torque: float, flank: Flank = "traction") -> float:
         """Compute the mean load of the dogs under ``torque`` (N m) over the largest load."""
         if torque == 0.0:
             return self.load_sharing
-        mean_force = torque / (dog.mean_radius * self.bearing(dog, flank))
+        force = torque / (dog.mean_radius * self.bearing(dog, flank))
         count = where(self.low_share(flank) > 0.0, dog.count, self.touching(dog))
-        return self._share(exact_share, dog, count, mean_force, wave=0.5 * self.run_out)
+        stiffness = self.stiffness(dog, flank)
+        wave = 0.5 * self.run_out
+        return self._share(load_share, dog, count, force=force, stiffness=stiffness, wave=wave)
 
-    def landing(self, dog: Dog, line_load: float) -> float:
-        """Compute the share of the dogs that lands; ``line_load`` of equal dogs in N/m."""
-        force = line_load * dog.radial_width
+    def landing(self, dog: Dog, force: float, stiffness: float) -> float:
+        """Compute the share of the dogs that lands.
+
+        ``force`` in N is that of equal dogs, ``stiffness`` in N/m that of a pair as it lands.
+        """
+        count = self.touching(dog)
         wave = dog.mean_radius * self.tilt
-        return self._share(tabled_share, dog, self.touching(dog), force, wave=wave)
+        return self._share(landing_share, dog, count, force=force, stiffness=stiffness, wave=wave)
 
-    def blow(self, dog: Dog, force: float) -> float:
+    def blow(self, dog: Dog, force: float, flank: Flank = "traction") -> float:
         """Compute the share of the dogs that takes a flank strike; ``force`` of equal dogs, N."""
-        return self._share(tabled_share, dog, self.touching(dog), force, wave=0.5 * self.run_out)
+        count = self.touching(dog)
+        stiffness = self.stiffness(dog, flank)
+        wave = 0.5 * self.run_out
+        return self._share(landing_share, dog, count, force=force, stiffness=stiffness, wave=wave)
 
     def _share(
-        self, share: Callable[..., float], dog: Dog, count: float, force: float, wave: float
+        self, share: Share, dog: Dog, count: float, *, force: float, stiffness: float, wave: float
     ) -> float:
         """Compute a share of ``count`` dogs; ``load_sharing`` if their errors are unknown."""
         scatter = self.scatter(dog)
@@ -336,7 +366,7 @@ class LoadCase:
             return self.load_sharing
         deviation = 0.0 if scatter is None else scatter
         error = largest(deviation, wave)
-        error_size = error * self.stiffness(dog) / (force + (force == 0.0))
+        error_size = error * stiffness / (force + (force == 0.0))
         unit = error + (error == 0.0)
-        dog_share = share(count, error_size, deviation / unit, wave / unit)
+        dog_share = tabled_share(share, count, error_size, deviation / unit, wave / unit)
         return where(force == 0.0, self.load_sharing, dog_share)

@@ -6,7 +6,8 @@ back in :math:`2 L/c`, :math:`c = \sqrt{E/\varrho}` (Goldsmith, *Impact*, 1960):
 contact the ring is not rigid, and less of its mass takes part. *A* is the annulus of the dogs.
 
 *Along the circumference* a rigid sliding side stops at once. For shifts with rigid shafts the
-closed form of ``[strike]`` adds ring and shaft, at the speed of the hardest strike.
+closed form of ``[strike]`` adds ring and shaft, at the speed of the hardest strike and with the
+stiffer flank.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from dogshape.sim.elementwise import Array
 from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.materials import DENSITY, YOUNG
 
@@ -61,7 +63,9 @@ def peak_forces(result: Engagement, limits: Limits) -> PeakForces:
     area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
     length = result.clutch.rings.mass / (DENSITY * area)
     count = result.clutch.pair.touching_count
-    stiffness = count * limits.load.stiffness(dog) * dog.mean_radius**2
+    load = limits.beside(result.clutch.pair.output).load
+    pair_stiffness = max(load.stiffness(dog, flank) for flank in FLANKS)
+    stiffness = count * pair_stiffness * dog.mean_radius**2
     speed = abs(result.loads.strike_mismatch)
     torques = [strike.torque(speed, stiffness) for strike in limits.strikes]
     return PeakForces(

@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from dogshape.sim.elementwise import bisect
+from dogshape.sim.elementwise import ARRAY, bisect, largest, smallest, sqrt
 from dogshape.sim.errors import require_between, require_parts
 from dogshape.sim.quantity import quantity, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, Flank
@@ -68,7 +69,7 @@ class Strike:
     def torque(self, speed: float, stiffness: float) -> float:
         """Compute the torque of a strike, N m.
 
-        ``speed`` of the strike in rad/s, ``stiffness`` of all dogs in N m/rad.
+        ``speed`` of the strike in rad/s, ``stiffness`` of all dogs in N m/rad, a number or (n,).
         """
         ring_torque = two_mass_torque(
             speed, stiffness, first_inertia=self.ring_inertia, second_inertia=self.wheel_inertia
@@ -78,7 +79,7 @@ class Strike:
         )
         second_share = self.second_speed(speed) / speed if speed > 0.0 else 0.0
         closed_torque = self._closed_flank_torque(speed, stiffness)
-        return min(side_torque, max(closed_torque, second_share * ring_torque))
+        return smallest(side_torque, largest(closed_torque, second_share * ring_torque))
 
     def second_speed(self, speed: float) -> float:
         """Compute the speed of the second strike of the ring, rad/s, for the first one's speed."""
@@ -104,17 +105,22 @@ class Strike:
             (wheel_inertia, 0.0, self.output_stiffness or 0.0),
             (self.output_inertia - wheel_inertia, 0.0, 0.0),
         )
-        inertias, speeds, springs = np.array([row for row in chain if row[0] > 0.0]).T
+        parts = [row for row in chain if row[0] > 0.0]
+        inertias = np.array([inertia for inertia, _, _ in parts])
+        speeds = np.array([part_speed for _, part_speed, _ in parts])
+        springs = [spring + np.zeros(np.shape(stiffness)) for _, _, spring in parts[:-1]]
         links = np.diff(np.eye(len(inertias)), axis=0)
         roots = np.sqrt(inertias)
-        stiffness_matrix = links.T @ (springs[:-1, None] * links)
+        stiffness_matrix = links.T @ (np.stack(springs, axis=-1)[..., None] * links)
         squared_rates, modes = np.linalg.eigh(stiffness_matrix / np.outer(roots, roots))
         # The first mode is the rotation of all together, which strains nothing.
-        rates = np.sqrt(squared_rates[1:])
-        modes = modes[:, 1:]
+        rates = np.sqrt(squared_rates[..., 1:])
+        modes = modes[..., 1:]
         dog_link = links[int(shaft_inertia > 0.0)]
-        strains = dog_link @ (modes / roots[:, None])
-        return float(np.abs(stiffness * strains * (modes.T @ (roots * speeds)) / rates).sum())
+        strains = (dog_link / roots) @ modes
+        swings = np.abs(strains * ((roots * speeds) @ modes) / rates).sum(axis=-1)
+        torque: Any = stiffness * swings
+        return torque if isinstance(stiffness, ARRAY) else float(torque)
 
 
 def two_mass_torque(
@@ -125,4 +131,4 @@ def two_mass_torque(
     ``speed`` in rad/s, ``stiffness`` in N m/rad.
     """
     total_inertia = first_inertia + second_inertia
-    return speed * math.sqrt(stiffness * first_inertia * second_inertia / total_inertia)
+    return speed * sqrt(stiffness * first_inertia * second_inertia / total_inertia)

@@ -5,8 +5,8 @@ A design *fails* by a check that clearly fails, is *not clear* if a check may pa
 *not judged* if all checks pass and a standard one is missing. Else it *passes*.
 
 *Assumptions* are moved to either end of their ranges, one at a time. The checks follow by their
-closed forms. Dogs are as stiff as the contact; landings scale with the root of its stiffness, and
-engagement stays. Friction counts by the upper end of its interval, as retention is frictionless.
+closed forms; engagement stays. Friction counts by the upper end of its interval, as retention is
+frictionless.
 """
 
 from __future__ import annotations
@@ -166,8 +166,12 @@ class Spans:
     input_stiffness: Span = Span(
         0.5, 2.0, "diameter of the shaft by a fifth", "assumption", "factor"
     )
-    contact_stiffness: Span = Span(
-        0.5, 1.8, "ring that gives as much as the dogs, to 25 N/(mm um)", "estimate", "factor"
+    dog_stiffness_factor: Span = Span(
+        0.7,
+        1.3,
+        "body of two to half a pitch behind the dogs, and the fit",
+        "estimate",
+        "factor",
     )
 
 
@@ -345,7 +349,6 @@ class _Move:
     ends: tuple[float, float]
     span: Span
     limits: Callable[[float], Limits]
-    landing_scale: Callable[[float], float] = lambda _value: 1.0  #: factor on the landings
 
 
 def hinges(
@@ -354,7 +357,6 @@ def hinges(
     landings: Landings | None = None,
     fixed: Mapping[str, float] | None = None,
     *,
-    contact_stiffness: float | None = None,
     mechanism: Mechanism = NO_MECHANISM,
     given: Collection[str] = (),
 ) -> tuple[Hinge, ...]:
@@ -364,7 +366,6 @@ def hinges(
     ----------
     landings : of the simulated shifts; None without a simulation.
     fixed : margins by check that have no closed form.
-    contact_stiffness : in Pa/m; None for a contact without one.
     mechanism : nominal ring and shaft of a strike.
     given : keys of toothing and strike in the study file.
 
@@ -372,10 +373,10 @@ def hinges(
     """
     fixed_margins = dict(fixed or {})
 
-    def smallest_margin(case: Limits, scale: float = 1.0) -> tuple[float, str]:
+    def smallest_margin(case: Limits) -> tuple[float, str]:
         checks = strength_checks(dog, case)
         if landings is not None:
-            checks += demand_checks(landings.demand(dog, case, scale), case)
+            checks += demand_checks(dog, landings.demand(dog, case), case)
         margins = fixed_margins | {check.name: check.margin for check in checks}
         margin, name = min((margin, name) for name, margin in margins.items())
         return max(margin, MIN_MARGIN), name
@@ -385,13 +386,11 @@ def hinges(
         *_load_moves(dog, limits, given),
         *_strike_moves(limits, mechanism, given),
     ]
-    if contact_stiffness is not None:
-        moves.append(_stiffness_move(limits, contact_stiffness))
     effective = []
     for move in moves:
         low, high = move.ends
-        margin_low, check_low = smallest_margin(move.limits(low), move.landing_scale(low))
-        margin_high, check_high = smallest_margin(move.limits(high), move.landing_scale(high))
+        margin_low, check_low = smallest_margin(move.limits(low))
+        margin_high, check_high = smallest_margin(move.limits(high))
         hinge = Hinge(
             move.key,
             move.value,
@@ -410,25 +409,13 @@ def hinges(
     return tuple(sorted(effective, key=lambda hinge: (not hinge.flips, -hinge.effect)))
 
 
-def _stiffness_move(limits: Limits, stiffness: float) -> _Move:
-    """Return the move of the contact's stiffness, Pa/m."""
-    span = SPANS.contact_stiffness
-    return _Move(
-        "contact.stiffness_Pa_m",
-        stiffness,
-        span.ends(stiffness),
-        span=span,
-        limits=partial(_with_stiffness, limits, stiffness),
-        landing_scale=lambda end: math.sqrt(end / stiffness),
-    )
-
-
 #: Assumed numbers of a load case with their keys and bounds.
 _LOAD_KEYS: dict[str, tuple[str, tuple[float, float]]] = {
     "friction_release": ("load.friction_release", (0.0, 1.0)),
     "application_factor": ("load.application_factor", (0.5, 10.0)),
     "load_sharing": ("load.load_sharing", (0.01, 1.0)),
     "accuracy": ("load.accuracy", (1, 11)),
+    "dog_stiffness_factor": ("load.dog_stiffness_factor", (0.05, 20.0)),
 }
 
 
@@ -473,16 +460,6 @@ def _with_load(limits: Limits, name: str, value: float) -> Limits:
     return replace(limits, load=replace(limits.load, **changes))
 
 
-def _with_stiffness(limits: Limits, nominal: float, value: float) -> Limits:
-    """Return the limits for a contact stiffness of ``value``, Pa/m.
-
-    They stay if the dogs do not have the ``nominal`` stiffness of the contact.
-    """
-    if limits.load.contact_stiffness != nominal:  # a published set is softer than steel
-        return limits
-    return _with_load(limits, "contact_stiffness", value)
-
-
 def _strike_moves(limits: Limits, mechanism: Mechanism, given: Collection[str]) -> Iterable[_Move]:
     """List the moves of a strike to the ends of the study's range, or of the assumed range.
 
@@ -525,14 +502,11 @@ def _with_strike_value(strike: Strike, name: str, value: float) -> Strike:
     return replace(strike, **changes)
 
 
-def landing_by_stiffness(
-    dog: Dog, limits: Limits, landings: Landings, contact_stiffness: float
-) -> tuple[float, float]:
-    """Compute the smallest margin of a landing at either end of the contact's stiffness, Pa/m."""
-    move = _stiffness_move(limits, contact_stiffness)
+def landing_by_stiffness(dog: Dog, limits: Limits, landings: Landings) -> tuple[float, float]:
+    """Compute the smallest margin of a landing at either end of the dogs' stiffness."""
     margins = []
-    for end in move.ends:
-        case = move.limits(end)
-        checks = demand_checks(landings.demand(dog, case, move.landing_scale(end)), case)
+    for factor in SPANS.dog_stiffness_factor.ends(limits.load.dog_stiffness_factor):
+        case = _with_load(limits, "dog_stiffness_factor", factor)
+        checks = demand_checks(dog, landings.demand(dog, case), case)
         margins.append(min(check.margin for check in checks))
     return margins[0], margins[1]

@@ -165,7 +165,7 @@ def test_the_page_has_the_figures_of_the_command_line(
         assert seen["simulated"] == pytest.approx(_times(known), rel=1e-9)
         margins = {check["name"]: check["margin"] for check in known["checks"]}
         assert seen["margins"] == pytest.approx(margins, rel=1e-9)
-        compared += "edge_pressure_impact" in margins
+        compared += "edge_bedding_impact" in margins
         _compare_own_dog(page, dogshape, texts, settings)
     assert compared == 6
     assert page.ask("faults.join('; ')") == ""

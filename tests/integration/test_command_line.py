@@ -249,5 +249,6 @@ def test_finite_elements_on_request(dogshape: Call) -> None:
     assert len(rows) == 6
     for row in rows.values():
         assert row["closed_form_MPa"] == pytest.approx(row["finite_elements_MPa"], rel=0.1)
+    assert len(said["stiffness"]) == 6
     bending = next(c for c in said["checks"] if c["name"] == "root_bending_traction")
     assert rows["traction", "load"]["closed_form_MPa"] == pytest.approx(bending["value"])

@@ -78,7 +78,7 @@ def test_every_simulated_design_is_in_the_table(result: Row) -> None:
     assert table["chosen"].tolist() == [False, False, True, False, False]
     assert table[TIME].tolist() == [0.1, 0.08, 0.07, 0.09, 0.06]
     assert table["margin_of_module"].tolist() == [0.5] * 5
-    assert table["failed"].fillna("").tolist()[4] == "edge_pressure_impact"
+    assert table["failed"].fillna("").tolist()[4] == "edge_bedding_impact"
     assert table["within_tolerances_worst_case_s"][2] == 0.002
 
 
@@ -183,8 +183,8 @@ def test_headline_of_an_own_dog_that_is_the_fastest(result: Row) -> None:
     result["confirmation"]["best"] = result["confirmation"]["prototype"]
     said = headline(record_of(result, best=own))
     assert said == ("Your own dog is the fastest that passes: expected shift time 100.0 ± 0.6 ms.")
-    result["confirmation"]["best"]["checks"] = [check("edge_pressure_impact", -0.1)]
-    assert "Your own dog fails edge pressure impact" in headline(record_of(result, best=own))
+    result["confirmation"]["best"]["checks"] = [check("edge_bedding_impact", -0.1)]
+    assert "Your own dog fails edge bedding impact" in headline(record_of(result, best=own))
 
 
 def test_page_without_a_passing_design_has_the_nearest_ones_and_the_checks(
@@ -223,18 +223,18 @@ def test_what_does_not_engage_has_no_time_and_no_gain(
 
 
 def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -> None:
-    failing = check("edge_pressure_impact", -0.1)
+    failing = check("edge_bedding_impact", -0.1)
     c = result["confirmation"]
     (own,) = c["designs"]
     c["designs"] = [{"trial": 1, **c["best"], "checks": [failing]}, own]
     said = "designs out at the new angles"
-    assert _facts(few, result)[said].startswith("design 1 fails edge pressure impact")
+    assert _facts(few, result)[said].startswith("design 1 fails edge bedding impact")
     c["best"]["checks"] = own["checks"] = [failing]
     found = _facts(few, result)
-    assert found["verdict on design 2"].startswith("fails: edge pressure impact")
+    assert found["verdict on design 2"].startswith("fails: edge bedding impact")
     said = "smallest margin of a landing, 95 % interval"
     assert found[said].startswith("\N{MINUS SIGN}10 % edge")
-    assert "Design 2 fails edge pressure impact" in _headline(result)
+    assert "Design 2 fails edge bedding impact" in _headline(result)
 
 
 def test_fastest_and_slowest_shift_of_a_design(

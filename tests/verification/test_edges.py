@@ -175,7 +175,8 @@ def test_part_drawing_and_checks_have_the_radius_of_the_edges(prototype: Dog) ->
     assert "roots and tip edges R 0.30" in dimensioned_svg(prototype, limits)
     edge = (5e4, *(0.0 for _ in OVERLAPS[1:]))
     sharp, round_ = (demand_of(one, edge, limits).edge for one in (prototype, dog))
-    assert round_ == pytest.approx(sharp * math.sqrt(root / tip))
+    # A strip as far from the sharp crest is as stiff beside either rounding.
+    assert round_ == pytest.approx(sharp * math.sqrt(root / tip), rel=0.02)
 
 
 def test_edges_must_clear_the_fillets(prototype: Dog) -> None:

@@ -21,7 +21,16 @@ from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import Landing, Wear, demand_checks, demand_of, wear_crests
+from dogshape.sim.strength.landing import (
+    Landing,
+    Wear,
+    bedding,
+    crests_of,
+    demand_checks,
+    demand_of,
+    elastic_loads,
+    wear_crests,
+)
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import MM
 from tests.conftest import Point
@@ -65,26 +74,57 @@ def _landing(**classes: float) -> Landing:
 
 
 def _checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[LimitCheck, ...]:
-    return demand_checks(demand_of(dog, landing, limits), limits)
+    return demand_checks(dog, demand_of(dog, landing, limits), limits)
+
+
+def _elastic(dog: Dog, landing: Landing, limits: Limits) -> tuple[float, ...]:
+    """Return the line loads of elastic dogs, N/mm."""
+    loads = elastic_loads(crests_of(dog, limits), np.array([landing]), limits)[0] * MM
+    return tuple(loads.tolist())
 
 
 def test_overlap_is_flat_between_two_rounded_crests(prototype: Dog) -> None:
     """0.3 mm at 94 degrees takes 0.2798 mm of either face: 1.4 mm leave 0.840 mm."""
     limits = Limits(load=LoadCase(load_sharing=1.0))
-    face, core, edge = _checks(prototype, _landing(at_14=100.0), limits)
-    assert face.value == pytest.approx(100.0 / 0.8405, rel=1e-3)
-    assert core.value == pytest.approx(100.0 / (0.8405 + 0.8), rel=1e-3)
+    landing = _landing(at_14=100.0)
+    load = _elastic(prototype, landing, limits)[14]
+    face, core, edge = _checks(prototype, landing, limits)
+    assert face.value == pytest.approx(load / 1.4, rel=1e-3)
+    assert core.value == pytest.approx(load / (0.8405 + 0.8), rel=1e-3)
     assert edge.value == 0.0
     assert face.limit == pytest.approx(700 * 9.80665 / 3 / 1.2)
-    assert edge.limit == pytest.approx(4 / math.sqrt(3) * 700 * 9.80665 / 3)
+    assert edge.limit == pytest.approx(0.05 * 400)
+
+
+def test_roundings_bear_what_is_too_much_for_the_flat(prototype: Dog) -> None:
+    """A flat of 0.041 mm bears pi/4 of 5283 MPa, and edges the rest of the load."""
+    limits = Limits(load=LoadCase(load_sharing=1.0))
+    landing = _landing(at_6=300.0)
+    load = _elastic(prototype, landing, limits)[6]
+    demand = demand_of(prototype, landing, limits)
+    rest = load - 0.25 * math.pi * 5284.4 * 0.0405
+    pressure = math.sqrt(rest * 115385.0 / (math.pi * 0.15))
+    assert demand.edge == pytest.approx(1e6 * pressure, rel=1e-3)
+    assert demand_of(prototype, _landing(at_6=10.0), limits).edge == 0.0
 
 
 def test_what_is_not_flat_bears_on_edges(prototype: Dog) -> None:
-    """Hertz, 54 N/mm on two radii of 0.3 mm: sqrt(54e3 x 115.4e9 / (pi 0.15e-3))."""
+    """Bedding to 4/sqrt 3 of 700 HV/3 = 5283 MPa: a = 2 w/(pi p), and R' = 2 w E*/(pi p^2)."""
     limits = Limits(load=LoadCase(load_sharing=1.0))
-    face, core, edge = _checks(prototype, _landing(at_6=54.0, at_3=20.0), limits)
+    landing = _landing(at_4=300.0, at_3=20.0)
+    load = max(_elastic(prototype, landing, limits))
+    face, core, edge = _checks(prototype, landing, limits)
     assert face.value == core.value == 0.0
-    assert edge.value == pytest.approx(3636, abs=2)
+    half_width = 2.0 * load / (math.pi * 5283.0)
+    radius = 2.0 * load * 115385.0 / (math.pi * 5283.0**2)
+    depth = 0.5 * half_width**2 * (1.0 / 0.3 - 1.0 / radius)
+    assert edge.value == pytest.approx(1e3 * depth, rel=2e-3)
+    demand = demand_of(prototype, landing, limits)
+    assert demand.edge == pytest.approx(
+        math.sqrt(load * 115385.0 / (math.pi * 0.15)) * 1e6, rel=1e-3
+    )
+    assert bedding(prototype, demand, limits).radius == pytest.approx(radius * MM, rel=1e-3)
+    assert _checks(prototype, _landing(at_4=1.0), limits)[2].value == 0.0
     wide = limits.with_root_radius(0.6e-3)  # now 1.12 mm are rounded
     assert _checks(prototype, _landing(at_11=54.0), wide)[0].value == 0.0
     assert _checks(prototype, _landing(at_11=54.0), limits)[0].value > 0.0

@@ -285,7 +285,7 @@ def test_checks_share_the_torque_and_judge_the_low_dogs() -> None:
     # Force and lever of a low dog are below those of a high one.
     pair = low.clutch.pair
     assert pair.low is not None
-    output_case = replace(case, mate=dog)
+    output_case = case.beside(dog)
     for flank in FLANKS:
         high_load = root_load(pair.output, output_case, flank)
         contact = flank_contact(pair.low, case.root_radius, flank, dog)

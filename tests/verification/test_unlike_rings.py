@@ -25,7 +25,14 @@ from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.strength.checks import RINGS, LimitCheck
 from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
-from dogshape.sim.strength.landing import MODULUS, demands_of
+from dogshape.sim.strength.landing import (
+    MODULUS,
+    Demand,
+    bedding,
+    crests_of,
+    demands_of,
+    elastic_loads,
+)
 from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.units import DEG, MM
 from tests.conftest import Call, Point
@@ -297,8 +304,8 @@ def test_checks_are_those_of_the_worse_ring(prototype: Dog) -> None:
     output = output_dog.beside(prototype)
     checks = _by_name(strength_checks(prototype, limits))
     alone = [
-        _by_name(strength_checks(prototype, Limits(mate=output))),
-        _by_name(strength_checks(output, Limits(mate=prototype, material=MATERIALS["42CrMo4"]))),
+        _by_name(strength_checks(prototype, Limits().beside(output))),
+        _by_name(strength_checks(output, Limits(material=MATERIALS["42CrMo4"]).beside(prototype))),
     ]
     named = set[str]()
     for name, check in checks.items():
@@ -329,30 +336,44 @@ def test_a_face_that_one_ring_lacks_does_not_deviate(prototype: Dog) -> None:
 
 
 def test_landing_of_unlike_edges_by_hand(prototype: Dog) -> None:
-    """Hertz with 1/R = 1/0.2 + 1/0.4 per mm, at an overlap without a flat."""
+    """Hertz with 1/R = 1/0.2 + 1/0.4 per mm, at an overlap without a flat.
+
+    The edge of 0.2 mm takes two thirds of the approach as it beds in.
+    """
     dog = replace(prototype, edge_radius=0.2 * MM)
     limits = Limits(output_dog=OutputDog(edge_radius=0.4 * MM))
     loads = np.zeros((1, 22))
-    loads[0, 1] = 1e5
-    _, _, pressure = demands_of(dog, loads, limits)[0]
-    share = limits.load.landing(dog, 1e5)
-    radius = 1.0 / (1.0 / 0.2e-3 + 1.0 / 0.4e-3)
-    assert pressure == pytest.approx(
-        math.sqrt(1e5 / math.sqrt(share) * MODULUS / (math.pi * radius))
-    )
+    loads[0, 1] = 2e5
+    crests = crests_of(dog, limits)
+    load = float(elastic_loads(crests, loads, limits)[0, 1])
+    demand = Demand(*demands_of(dog, loads, limits)[0])
+    curvature = 1.0 / 0.2e-3 + 1.0 / 0.4e-3
+    assert demand.edge == pytest.approx(math.sqrt(load * MODULUS * curvature / math.pi))
+    half_width = 2.0 * load / (math.pi * crests.pressure_limit)
+    bedded = math.pi * crests.pressure_limit**2 / (load * MODULUS)
+    depth = 2.0 / 3.0 * 0.5 * half_width**2 * (curvature - bedded)
+    assert bedding(dog, demand, limits).depth == pytest.approx(depth)
 
 
 def test_a_ridge_lands_on_a_face_of_another_slope_as_a_cylinder_on_a_plane(prototype: Dog) -> None:
-    """Hertz with 1/R = 1/0.3 per mm, at an overlap of 2 mm; faces of one slope bear there flat."""
+    """Hertz with 1/R = 1/0.3 per mm, at an overlap of 2 mm; faces of one slope bear there flat.
+
+    The ridge takes all of the approach as it beds in.
+    """
     loads = np.zeros((1, 22))
-    loads[0, 20] = 1e5
+    loads[0, 20] = 1e6
     limits = Limits(output_dog=OutputDog(chamfer=6 * DEG))
-    face, _, pressure = demands_of(prototype, loads, limits)[0]
-    load = 1e5 / math.sqrt(limits.load.landing(prototype, 1e5))
-    assert pressure == pytest.approx(math.sqrt(load * MODULUS / (math.pi * 0.3e-3)))
-    flat_face, _, flat_pressure = demands_of(prototype, loads, Limits())[0]
-    assert flat_pressure == 0.0
-    assert face == pytest.approx(flat_face, rel=0.01)
+    crests = crests_of(prototype, limits)
+    load = float(elastic_loads(crests, loads, limits)[0, 20])
+    demand = Demand(*demands_of(prototype, loads, limits)[0])
+    assert demand.ridge == pytest.approx(math.sqrt(load * MODULUS / (math.pi * 0.3e-3)))
+    half_width = 2.0 * load / (math.pi * crests.pressure_limit)
+    radius = load * MODULUS / (math.pi * crests.pressure_limit**2)
+    depth = 0.5 * half_width**2 * (1.0 / 0.3e-3 - 1.0 / radius)
+    assert bedding(prototype, demand, limits) == pytest.approx((depth, radius))
+    flat = Demand(*demands_of(prototype, loads, Limits())[0])
+    assert flat.ridge == 0.0
+    assert demand.face == pytest.approx(flat.face, rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import RULES, LimitCheck
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
-from dogshape.sim.strength.landing import Demand, Landings, demand_checks, tail_interval
+from dogshape.sim.strength.landing import Landings, demand_checks, tail_interval
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.strength.verdict import (
@@ -175,38 +175,24 @@ def test_a_strike_of_the_mechanism_moves_by_its_keys() -> None:
         assert "strike.input_stiffness_Nm_rad" not in {one.key for one in verdict.hangs_on}
 
 
-def test_dogs_are_as_stiff_as_the_contact(prototype: Dog) -> None:
-    """By a second way, strikes and sharing of a case with that stiffness; not with a soft set."""
+def test_checks_follow_the_stiffness_of_the_dogs(prototype: Dog) -> None:
+    """By a second way, checks of a case with that stiffness: strikes, sharing and landings."""
     load = LoadCase(release_by_itself=False, faces_release=False, accuracy=9)
     strike = Strike(ring_inertia=0.002, sliding_inertia=0.01, input_stiffness=1e4,
                     wheel_inertia=0.6, output_inertia=0.6, mismatch=(900.0 * RPM,))  # fmt: skip
-    limits, nominal = Limits(load=load, strikes=(strike,)), load.contact_stiffness
-    one = _hinge(hinges(prototype, limits, contact_stiffness=nominal), "contact.stiffness_Pa_m")
-    for end, margin in ((one.low, one.margin_low), (one.high, one.margin_high)):
-        case = replace(limits, load=replace(load, contact_stiffness=end))
-        assert margin == pytest.approx(min(c.margin for c in strength_checks(prototype, case)))
-    soft = hinges(prototype, limits, contact_stiffness=1e-3 * nominal)
-    assert "contact.stiffness_Pa_m" not in {hinge.key for hinge in soft}
-
-
-def test_landings_follow_the_root_of_the_stiffness(prototype: Dog) -> None:
-    """Of a fixed share pressures on faces follow it, those of Hertz on edges its fourth root."""
     loads = np.zeros((1, len(OVERLAPS)))
     loads[0, 0], loads[0, -1] = 3e4, 2e5
     landings = Landings(loads, np.ones(1))
-    one, four = (landings.demand(prototype, Limits(), math.sqrt(k)) for k in (1.0, 4.0))
-    assert four.face == pytest.approx(2.0 * one.face)
-    assert four.core == pytest.approx(2.0 * one.core)
-    assert four.edge == pytest.approx(math.sqrt(2.0) * one.edge)
-    stiff = 5e12
-    limits = Limits(load=LoadCase(release_by_itself=False, faces_release=False))
-    limits = replace(limits, material=replace(limits.material, surface_hardness=100.0))
-    found = hinges(prototype, limits, landings, contact_stiffness=stiff)
-    hinge = _hinge(found, "contact.stiffness_Pa_m")
-    assert (hinge.low, hinge.high) == pytest.approx(SPANS.contact_stiffness.ends(stiff))
-    ends = landings.demand(prototype, limits, math.sqrt(SPANS.contact_stiffness.high))
-    expected = min(c.margin for c in demand_checks(Demand(*ends), limits))
-    assert hinge.margin_high == pytest.approx(expected)
+    steel = Limits(load=load, strikes=(strike,))
+    soft_case = replace(Limits().material, surface_hardness=100.0)
+    for limits in (steel, replace(Limits(load=load), material=soft_case)):
+        hinge = _hinge(hinges(prototype, limits, landings), "load.dog_stiffness_factor")
+        assert (hinge.low, hinge.high) == SPANS.dog_stiffness_factor.ends(1.0)
+        for end, margin in ((hinge.low, hinge.margin_low), (hinge.high, hinge.margin_high)):
+            case = replace(limits, load=replace(load, dog_stiffness_factor=end))
+            checks = strength_checks(prototype, case)
+            checks += demand_checks(prototype, landings.demand(prototype, case), case)
+            assert margin == pytest.approx(min(check.margin for check in checks))
 
 
 Sample = Callable[[np.random.Generator, int], Array]

@@ -98,6 +98,7 @@ class Section:
     bottom: Ints  #: node numbers
     left: Ints  #: node numbers from the floor down
     right: Ints  #: node numbers from the floor down
+    tip: Ints  #: node numbers from the braking to the traction edge
     order: Ints  #: of each node the number of its first point among those of all blocks, (n,)
 
     @property
@@ -257,6 +258,9 @@ def make_section(shape: RootShape, fineness: int) -> Section:
         body = lattices[f"body {flank}"]
         cuts[flank] = np.concatenate([lattices[f"floor {flank}"][0], body[0][1:]])
     bodies = [lattices[name] for name in ("body", "body traction", "body braking")]
+    braking_tip = lattices["flank braking"][-1]
+    core_tip = lattices["core"][-1]
+    traction_tip = lattices["flank traction"][-1][::-1]
     return Section(
         cells=np.concatenate(cells),
         fillet={flank: surface_cells[f"fillet {flank}"] for flank in SIDES},
@@ -264,6 +268,7 @@ def make_section(shape: RootShape, fineness: int) -> Section:
         bottom=np.unique(np.concatenate([body[:, -1] for body in bodies])),
         left=cuts["braking"],
         right=cuts["traction"],
+        tip=np.concatenate([braking_tip, core_tip[1:], traction_tip[1:]]),
         order=order,
     )
 
@@ -283,12 +288,17 @@ def radial_planes(dog: Dog, fineness: int) -> Points:
     return dog.mean_radius + 0.5 * dog.radial_width * _with_middles(knots)
 
 
+def section_points(shape: RootShape, section: Section, radius: float, fineness: int) -> Points:
+    """Compute the nodes of a section, unrolled at a radius, m, (n, 2)."""
+    blocks = _blocks(shape, radius, fineness).values()
+    return np.concatenate([points.reshape(-1, 2) for points in blocks])[section.order]
+
+
 def ring_points(shape: RootShape, section: Section, radii: Points, fineness: int) -> Points:
     """Compute the nodes of one pitch plane by plane, m, (planes * n, 3)."""
     planes = []
     for radius in radii:
-        blocks = _blocks(shape, float(radius), fineness).values()
-        plane = np.concatenate([points.reshape(-1, 2) for points in blocks])[section.order]
+        plane = section_points(shape, section, float(radius), fineness)
         angle = plane[:, 0] / radius
         planes.append(
             np.column_stack([radius * np.cos(angle), radius * np.sin(angle), plane[:, 1]])

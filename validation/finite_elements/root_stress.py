@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,6 +28,7 @@ from dogshape.sim.clutch_tables import key
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank
 from dogshape.sim.shift.mesh import rotation
+from dogshape.sim.strength.dog_stiffness import FlankLoad
 from dogshape.sim.strength.dog_strength import Limits, Load, root_load, root_tension
 from dogshape.sim.strength.materials import POISSON, YOUNG
 from dogshape.sim.units import MM, MPA
@@ -61,6 +62,13 @@ class RootStress:
     force: float  #: tangential, N
     lever: float  #: height of the force's line above the floor, m
     axial: float  #: force of the flank towards the body, N
+
+
+class FlankCompliance(NamedTuple):
+    """Work-conjugate displacement over the tangential force on a flank, and its load."""
+
+    compliance: float  #: m/N
+    load: FlankLoad
 
 
 def fem_available() -> bool:
@@ -219,6 +227,64 @@ class RootModel:
         reach = np.minimum(tops, half_height - self.shape.fillet_height(flank))
         return -reach, reach
 
+    def flank_compliance(self, flank: Flank, band: Band) -> FlankCompliance:
+        """Compute the compliance of dog and ring sector under a pressure on a band of a flank."""
+        load = self.load(flank, band)
+        tangential = self._tangential(load, flank)
+        total = float(tangential.sum())
+        work = float((load * self.solve(load)).sum())
+        dog = self.shape.dog
+        top = self.shape.top(flank, dog.mean_radius) + 0.5 * dog.height
+        if band == "whole":  # evenly about the median plane
+            top = min(top, dog.height - self.shape.fillet_height(flank))
+        level = float(tangential @ self._heights) / total
+        return FlankCompliance(work / total**2, FlankLoad(level, top))
+
+    def face_compliance(self, overlap: float | None = None) -> float:
+        """Compute the compliance of dog and ring sector under a pressure on the face, m/N.
+
+        ``overlap`` is the width of the pressed strip from the crest, m; None: the whole face.
+        """
+        load = self.face_load(overlap)
+        return float((load * self.solve(load)).sum()) / float(load[:, 2].sum()) ** 2
+
+    def face_load(self, overlap: float | None) -> Points:
+        """Compute the nodal forces of a pressure of 1 Pa on a strip of the face, N, (nodes, 3)."""
+        numbers = self.section.tip[:, None] + self.section.nodes * np.arange(len(self.radii))
+        points, weights = _gauss(12)
+        value = _quadratic(points)
+        slope = _quadratic(points, derivative=True)
+        crest = self.points[numbers[-1]]
+        crest_radii = np.hypot(crest[:, 0], crest[:, 1])
+        crest_angles = np.arctan2(crest[:, 1], crest[:, 0])
+        force = np.zeros((len(self.points), 3))
+        for along in range(0, numbers.shape[0] - 2, 2):
+            for across in range(0, numbers.shape[1] - 2, 2):
+                patch = numbers[along : along + 3, across : across + 3]
+                nodes = self.points[patch]
+                position = np.einsum("ap,bq,abk->pqk", value, value, nodes)
+                first = np.einsum("ap,bq,abk->pqk", slope, value, nodes)
+                second = np.einsum("ap,bq,abk->pqk", value, slope, nodes)
+                area = np.cross(first, second) * np.outer(weights, weights)[..., None]
+                area *= -np.sign(area[..., 2:])
+                if overlap is not None:
+                    radius = np.hypot(position[..., 0], position[..., 1])
+                    angle = np.arctan2(position[..., 1], position[..., 0])
+                    width = (np.interp(radius, crest_radii, crest_angles) - angle) * radius
+                    area *= (width <= overlap)[..., None]
+                np.add.at(force, patch, np.einsum("ap,bq,pqk->abk", value, value, area))
+        return force
+
+    @property
+    def _heights(self) -> Points:
+        """Heights of the nodes above the floor, m, (nodes,)."""
+        return self.points[:, 2] + 0.5 * self.shape.dog.height
+
+    def _tangential(self, load: Points, flank: Flank) -> Points:
+        """Compute the tangential part of nodal forces (nodes, 3) on a flank, N, (nodes,)."""
+        angle = np.arctan2(self.points[:, 1], self.points[:, 0])
+        return -SIDES[flank] * (load[:, 1] * np.cos(angle) - load[:, 0] * np.sin(angle))
+
     def solve(self, force: Points) -> Points:
         """Compute the displacements under nodal forces (nodes, 3), N, m, (nodes, 3)."""
         free = self.factor.solve(self.reduction.T @ force.reshape(-1))
@@ -241,10 +307,8 @@ class RootModel:
     def stress(self, flank: Flank, band: Band, force: float) -> RootStress:
         """Compute the stress under a tangential ``force`` in N on a band of a flank."""
         load = self.load(flank, band)
-        angle = np.arctan2(self.points[:, 1], self.points[:, 0])
-        tangential = -SIDES[flank] * (load[:, 1] * np.cos(angle) - load[:, 0] * np.sin(angle))
+        tangential = self._tangential(load, flank)
         total = float(tangential.sum())
-        height = self.points[:, 2] + 0.5 * self.shape.dog.height
         displacement = self.solve(load * (force / total))
         positions, stress = self.surface_stress(displacement, self.section.fillet[flank])
         principal = np.linalg.eigvalsh(stress)[:, -1]
@@ -256,7 +320,7 @@ class RootModel:
             radius=float(np.hypot(*positions[peak, :2])),
             angle=min(math.acos(cosine), self.shape.sweep(flank)),
             force=force,
-            lever=float(tangential @ height) / total,
+            lever=float(tangential @ self._heights) / total,
             axial=-float(load[:, 2].sum()) * force / total,
         )
 
@@ -324,6 +388,12 @@ def _gauss(count: int) -> tuple[Points, Points]:
     """Return Gauss-Legendre points and weights on [0, 1], (count,) each."""
     points, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (points + 1.0), 0.5 * weights
+
+
+def _quadratic(points: Points, derivative: bool = False) -> Points:
+    """Evaluate the shape functions of a side with three nodes on [0, 1], (3, points)."""
+    rows = np.array([[2.0, -3.0, 1.0], [-4.0, 4.0, 0.0], [2.0, -1.0, 0.0]])
+    return np.array([np.polyval(np.polyder(row) if derivative else row, points) for row in rows])
 
 
 #: Words of a loaded band.

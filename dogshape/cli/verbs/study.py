@@ -238,7 +238,7 @@ def strength(
     record = {}
     tables = []
     if fem:
-        from dogshape.validation.finite_elements import root_stress  # noqa: PLC0415
+        from dogshape.validation.finite_elements import root_stress, stiffness  # noqa: PLC0415
 
         if problem.config.limits.sleeve is not None:
             raise InputError("--fem has dogs on a face, and dog.mount is 'sleeve'; leave --fem out")
@@ -247,9 +247,13 @@ def strength(
                 "--fem has one dog for both rings, and [output_dog] gives another one; leave out "
                 "--fem, or compute each ring as a study of equal dogs"
             )
-        roots = root_stress.root_checks(problem.config.clutch.dog, problem.config.limits)
+        dog = problem.config.clutch.dog
+        limits = problem.config.limits
+        roots = root_stress.root_checks(dog, limits)
         record["finite_elements"] = [root.to_dict() for root in roots]
-        tables = [root_stress.root_table(roots)]
+        loads = stiffness.stiffness_checks(dog, limits.root_radius)
+        record["stiffness"] = [load.to_dict() for load in loads]
+        tables = [root_stress.root_table(roots), stiffness.stiffness_table(loads)]
     arguments = run_arguments(jobs, cluster, journal, engine)
     result = problem.strength(simulate=simulate, **arguments)
     parts = result.to_parts()
