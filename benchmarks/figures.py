@@ -24,6 +24,7 @@ from pydantic import BaseModel
 
 import dogshape
 from benchmarks import constants, field_table
+from benchmarks.field_table import EVIDENCE
 from dogshape.pipeline.record import Record
 from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate.design import OBJECTIVES
@@ -33,7 +34,6 @@ from dogshape.sim.effects import EFFECTS
 from dogshape.sim.units import unit_of
 
 ROOT = Path(__file__).resolve().parents[1]
-EVIDENCE = ROOT / "docs" / "evidence"
 BLOCK = re.compile(r"(<!-- ([\w ]+): .*-->\n)(.*?)(<!-- end of \2 -->\n)", re.DOTALL)
 SAMPLER_CELLS = 9  #: of a row of ``benchmarks.samplers``
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")

@@ -21,7 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.engines import measure_batch
-from benchmarks.figures import EVIDENCE
+from benchmarks.field_table import EVIDENCE
 from benchmarks.scale import cpu
 from dogshape.sim.versions import versions
 
