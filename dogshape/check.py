@@ -148,11 +148,18 @@ class Checked(Result):
         share = self.config.limits.load.landing_share
         severity = "the hardest" if share is None else f"{100 - 100 * share:.4g} % quantile"
         angles = shifts // len(self.config.points)
-        return [
+        lines = [
             f"landing: {severity} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
             "operating point",
             *self._landing_stiffness(landings),
         ]
+        if self.config.clutch.dog.edge_radius == 0.0:
+            radius = from_si("_mm", self.config.limits.root_radius)
+            lines.append(
+                f"shifts have sharp edges, limits of a landing and drawing R {radius:g} mm "
+                f"(manufacturing.root_radius_mm); dog.edge_radius_mm = {radius:g} simulates these"
+            )
+        return lines
 
     def _landing_stiffness(self, landings: Landings) -> list[str]:
         """Describe the landing margin over the stiffness of the dogs, and the edges after it."""
