@@ -19,6 +19,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 
@@ -58,6 +59,7 @@ from dogshape.sim.errors import DataError
 from dogshape.sim.interface import argument
 
 Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why
+QUOTED_LENGTH = 80  #: characters of a row that is left out
 ROUNDED = 2e-3  #: share by which a rounded sum or mean is off
 HEADS = 4  #: rows of names and units above the numbers, at most
 SAMPLE_LINES = 2000  #: lines by which the separator of a text is chosen
@@ -390,6 +392,12 @@ def _divided(
     return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows), tuple(questions))
 
 
+def _quoted(cells: Sequence[str]) -> str:
+    """Quote the text of a row in brackets, shortened; empty for a row without any."""
+    text = ", ".join(filter(None, cells))
+    return f" ('{shorten(text, QUOTED_LENGTH, placeholder='...')}')" if text else ""
+
+
 def _classified_rows(
     path: Path,
     grid: CellGrid,
@@ -404,7 +412,9 @@ def _classified_rows(
     Raises DataError where another of the ``heads`` begins a second table.
     """
     excluded_rows = [
-        (grid.rows[k], "stands above the table") for k in range(first) if k not in head_places
+        (grid.rows[k], f"stands above the table{_quoted(grid.cells[k])}")
+        for k in range(first)
+        if k not in head_places
     ]
     repeated = {grid.cells[k] for k in head_places}
     body: list[int] = []
@@ -414,7 +424,7 @@ def _classified_rows(
             excluded_rows.append((grid.rows[k], "repeats the head"))
         elif grid.cells[k][0][:1] in signs and grid.cells[k][0]:
             text = ", ".join(filter(None, grid.cells[k]))
-            excluded_rows.append((grid.rows[k], f"is a comment ('{text}')"))
+            excluded_rows.append((grid.rows[k], f"is a comment{_quoted(grid.cells[k])}"))
             is_asked = REJECTED.search(text) or has_word(SPLITTING, plain_words(text))
             words += [k] if is_asked and not grid.numeric[k].any() else []
         elif k in heads:

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from dogshape.bench_comparison import validate as validate
     from dogshape.check import Check as Check
     from dogshape.check import Strength as Strength
-    from dogshape.designs import SideBySide as SideBySide
-    from dogshape.designs import compare as compare
+    from dogshape.comparison import SideBySide as SideBySide
+    from dogshape.comparison import compare as compare
     from dogshape.expectation import DrawnExpectation as DrawnExpectation
     from dogshape.expectation import Expectation as Expectation
     from dogshape.expectation import expect_draws as expect_draws

@@ -44,9 +44,12 @@ def test_a_killed_worker_loses_no_trial(in_drake: Finished, tmp_path: Path) -> N
 
 
 OTHER_DRAKE = """
+from importlib import metadata
 import dogshape.sim.versions
 dogshape.sim.versions.versions.__wrapped__.__globals__["metadata"] = type(
-    "Metadata", (), {"version": lambda name: "1.2.3" if name == "drake" else "0.1.0"}
+    "Metadata",
+    (),
+    {"version": lambda name: "1.2.3" if name == "drake" else metadata.version(name)},
 )
 """
 

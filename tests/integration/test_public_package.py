@@ -53,6 +53,18 @@ ASKED: dict[str, tuple[Callable[[], Any], str]] = {
 }  # fmt: skip
 
 
+def test_variants_of_a_study_are_compared() -> None:
+    study = ds.Study(PAPER, SMALL)
+    taller = study.replace_keys({"load.torque_Nm": 300.0}, height_mm=4.2)
+    first, second = ds.compare(study, taller).items
+    assert (first["label"], second["label"]) == ("mq200_paper", "mq200_paper (2)")
+    assert (first["height_mm"], second["height_mm"]) == (3.7, 4.2)
+    assert second["settings"] == {"load.torque_Nm": 300.0}
+    assert second["difference_s"] is not None
+    with pytest.raises(ds.InputError, match="'mq200_paper' is none"):
+        ds.compare("adams2019", study)
+
+
 @cache
 def found(verb: str) -> Any:
     """Ask in Python, in an empty folder: beside results of a study its own surrogate counts."""

@@ -72,7 +72,8 @@ def diagnose(
 
     A table is read as by 'init bench', with the same options from --from to --set; its readings and
     assumptions are printed first, and a fault is asked about in a terminal.
-    Simulations of a clutch and its operating points take some minutes, once.
+    Simulations of a clutch and its operating points take two to fifteen minutes
+    of processor time, once; those of a refinement cannot be foreseen.
 
     Example: dogshape diagnose measured.csv --out results/gap --column shift_time_s=t90:ms
     """
