@@ -469,7 +469,8 @@ def value_of(key: str, text: str, *, default: Any, answers: Mapping[str, Any]) -
     """Read the answer to the question of a key, as a value of the kind of its ``default``.
 
     A backlash may be in degrees and the torque of the braking flank in N m. A range of operating
-    points is a uniform distribution, one of a list its ends. Raises InputError.
+    points is a uniform distribution, one of a list its ends, one of the speed of the shafts its
+    middle. Raises InputError.
     """
     if isinstance(default, str):
         return choice_of(text, CHOICES.get(key, ()))
@@ -478,6 +479,8 @@ def value_of(key: str, text: str, *, default: Any, answers: Mapping[str, Any]) -
     takes_list = isinstance(default, (list, tuple, Mapping))
     if answer.ranged and not takes_list:
         middle = 0.5 * sum(numbers)
+        if key == SPEED:
+            return middle
         half_width = 0.5 * (numbers[1] - numbers[0])
         sentence = f"the study has one value, so give its middle {middle:g}"
         if key == BACKLASH:

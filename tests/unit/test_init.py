@@ -146,8 +146,8 @@ def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
     lines = (
         "amt||12 bar|1.5 kN|40 ms||200 ms|-60 to 60 rpm|1500|36|sleeve|15\N{DEGREE SIGN}|15|"
-        "|-3|\N{MINUS SIGN}3 deg|122|110|1|1 deg|0.15|3.1 kg|0.35|45|6|1.2|3,200|3200 N m|1500 N m"
-        "|58|9|600 to 1800|1200||4|120|0.2|5e5|200 kg cm2|90 kN m/rad|"
+        "|-3|\N{MINUS SIGN}3 deg|122|110|1|0.6 to 0.8 mm|1 deg|0.15|3.1 kg|0.35|45|6|1.2|3,200"
+        "|3200 N m|1500 N m|58|9|600 to 1800||4|120|0.2|5e5|200 kg cm2|90 kN m/rad|"
     )
     typed = lines.replace("|", "\n") + "\n"
     done = CliRunner().invoke(app, ["init", "study", "--out", "sleeve"], input=typed)
@@ -155,10 +155,11 @@ def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.Monke
     for words in (
         "'bar' is no unit of this quantity; give it in N, pressure times area: 1 bar on 1 cm2 is",
         "3,200 may be 3200 or 3.2; write it without the comma",
-        "the study has one value, so give its middle 1200",
+        "the study has one value, so give its middle 0.7",
     ):
         assert words in done.stderr
     study = load_study("sleeve")
+    assert study.clutch.drive.shaft_speed == pytest.approx(1200 * RPM)
     assert study.limits.sleeve == Sleeve()
     assert study.limits.manufacturing.rim == pytest.approx(9e-3)
     dog, load = study.clutch.dog, study.limits.load
