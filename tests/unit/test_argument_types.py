@@ -56,7 +56,7 @@ def expect(**arguments: Any) -> Any:
         (lambda: ANY.diagnose(7), "bench is 7, but it must be a text or a path or a BenchDraft or"),
         (
             lambda: ANY.compare("mq200", 3),
-            "names[1] is 3, but it must be a text; help(dogshape.com",
+            "items[1] is 3, but it must be a text or a Study; help(",
         ),
         (lambda: ANY.load_result(None), "folder is None, but it must be a text or a path"),
         (
