@@ -32,6 +32,10 @@ class CellGrid:
         numbers = self.numeric.sum(axis=-1)
         self.data = (numbers >= 2) & (2 * numbers >= self.filled.sum(axis=-1))
 
+    def text_of(self, k: int) -> str:
+        """Join the cells of a row that have a text."""
+        return ", ".join(filter(None, self.cells[k]))
+
     def is_head(self, k: int) -> bool:
         """Test that a row has words enough to name the columns of numbers just below it."""
         below = np.flatnonzero(self.data[k + 1 : k + 3])

@@ -392,9 +392,8 @@ def _divided(
     return Layout(PLAIN, tuple(names), tuple(units), rows, tuple(excluded_rows), tuple(questions))
 
 
-def _quoted(cells: Sequence[str]) -> str:
+def _quoted(text: str) -> str:
     """Quote the text of a row in brackets, shortened; empty for a row without any."""
-    text = ", ".join(filter(None, cells))
     return f" ('{shorten(text, QUOTED_LENGTH, placeholder='...')}')" if text else ""
 
 
@@ -407,12 +406,12 @@ def _classified_rows(
     heads: Collection[int],
     signs: Collection[str],
 ) -> tuple[list[int], list[int], Reasons]:
-    """Find shifts and rows of words from the place ``first`` on, and rows left out with reasons.
+    """Sort the rows from the place ``first`` on: shifts, words, and excluded rows with reasons.
 
     Raises DataError where another of the ``heads`` begins a second table.
     """
     excluded_rows = [
-        (grid.rows[k], f"stands above the table{_quoted(grid.cells[k])}")
+        (grid.rows[k], f"stands above the table{_quoted(grid.text_of(k))}")
         for k in range(first)
         if k not in head_places
     ]
@@ -423,8 +422,8 @@ def _classified_rows(
         if grid.cells[k] in repeated:
             excluded_rows.append((grid.rows[k], "repeats the head"))
         elif grid.cells[k][0][:1] in signs and grid.cells[k][0]:
-            text = ", ".join(filter(None, grid.cells[k]))
-            excluded_rows.append((grid.rows[k], f"is a comment{_quoted(grid.cells[k])}"))
+            text = grid.text_of(k)
+            excluded_rows.append((grid.rows[k], f"is a comment{_quoted(text)}"))
             is_asked = REJECTED.search(text) or has_word(SPLITTING, plain_words(text))
             words += [k] if is_asked and not grid.numeric[k].any() else []
         elif k in heads:

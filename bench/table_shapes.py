@@ -79,7 +79,7 @@ def require_no_blocks(path: Path, grid: CellGrid, places: Iterable[int]) -> None
 
     A title is such as ``dn = 50 1/min``.
     """
-    texts = [(grid.rows[k], ", ".join(filter(None, grid.cells[k]))) for k in places]
+    texts = [(grid.rows[k], grid.text_of(k)) for k in places]
     titles = [(number, text) for number, text in texts if _TITLE_VALUE.search(text)]
     if len(titles) > 1:
         number, text = titles[0]

@@ -163,7 +163,7 @@ def compare(*items: str | Study) -> SideBySide:
 
 
 def _named_designs(items: Sequence[str | Study]) -> list[NamedDesign]:
-    """Find the designs of names and studies; a study of the same label gets a number."""
+    """Resolve names and studies to designs; studies of one name get a number from the second on."""
     designs: list[NamedDesign] = []
     counts: Counter[str] = Counter()
     for item in items:

@@ -116,13 +116,8 @@ class Space:
         """Return a hashable key of a design; equal ones have equal keys."""
         return tuple(float(params[name]) for name in self.variables)
 
-    def trial(
-        self, params: Params, constraints: Mapping[str, float] | None = None, **attributes: Any
-    ) -> FrozenTrial:
-        """Make the running trial of a design, which may lie outside the ranges.
-
-        ``constraints`` are known values by name.
-        """
+    def trial(self, params: Params, **attributes: Any) -> FrozenTrial:
+        """Make the running trial of a design, which may lie outside the ranges."""
         distributions: dict[str, BaseDistribution] = {}
         for name in self.names:
             ends: tuple[Any, ...] = (*self.variables[name], params[name])
@@ -132,7 +127,6 @@ class Space:
             state=TrialState.RUNNING,
             params={name: params[name] for name in distributions},
             distributions=distributions,
-            constraints=dict(constraints or {}),
             user_attrs=attributes,
         )
 

@@ -73,6 +73,8 @@ class Search:
     optuna_study: optuna.Study
     sampler: SurrogateSampler
     sharing: Sharing | None = None  #: heartbeats and turns of the runs
+    #: proposed by this run and not finished, by the id of the trial
+    designs: dict[int, Design] = field(default_factory=dict)
     _designs: dict[int, Design] = field(default_factory=dict, repr=False)  #: of finished trials
 
     def read(self) -> SearchState:
@@ -172,10 +174,13 @@ def _propose(search: Search) -> int | None:
             params = search.sampler.propose(trials)
         if params is None:
             return None
+        trial = Space(search.study.variables).trial(params, **attributes)
+        design = design_of(search.study, dict(trial.params))
         # Known constraints are stored with the trial: each one later is a write of its own to disk.
-        constraints = design_of(search.study, params).constraints
-        trial = Space(search.study.variables).trial(params, constraints, **attributes)
+        for name, value in design.constraints.items():
+            trial.set_constraint(name, value)
         trial_id = study._storage.create_new_trial(study._study_id, trial)
+        search.designs[trial_id] = design
     if search.sharing is not None:
         search.sharing.add(trial_id)
     return trial_id
@@ -185,7 +190,12 @@ def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) 
     """Simulate the designs of a round that may pass, and store all trials in order."""
     study = search.study
     settings = study.file.expectation
-    designs = [design_of(study, dict(trial.params)) for trial in trials]
+    designs = []
+    for trial in trials:
+        design = search.designs.pop(trial._trial_id, None)
+        if design is None:  # the trial was begun by a run that ended
+            design = design_of(study, dict(trial.params))
+        designs.append(design)
     params = [design.params for design in designs if design.feasible]
     evaluations = iter(evaluate(study, params, executor, settings.angles, settings.seed))
     for trial, design in zip(trials, designs, strict=True):

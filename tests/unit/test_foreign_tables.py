@@ -106,7 +106,8 @@ READ = {
     "units in a row": (f"Logger 7\nNO.,Time,dn,F_shift,t_shift\n-,h,1/min,N,ms\n{CLOCKED}", "NO."),
     "units in some cells": (f"steps,1 ms\nNr,Zeit,dn,F,t\n,,[1/min],[N],[ms]\n{CLOCKED}", "above"),
     "comments in a head": (f"# stand 7\ndn,F,t\n# units\n1/min,N,ms\n{POINTS}", "3: stands above"),
-    "strokes": ("dn|F|t\n# first\n" + ROWS.replace(";", "|"), "2: stands above the table ('# f"),
+    "strokes": ("dn|F|t\n# first\n" + ROWS.replace(";", "|"),
+                "2: stands above the table ('# first')"),
     "labview": (LVM, "X_Value: empty"),
     "head again": (f"{HEAD}\n{ROWS[:13]}{HEAD}\n{ROWS[13:]}", "3: repeats the head"),
     "names twice": ("time;dn;time;F;time;t_shift\n" + "".join(
