@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from dogshape.bench.raw_sheet import file_of
 from dogshape.bench.texts import TextTable, is_plain, read_table
 from dogshape.pipeline.config.operating import OPERATED
+from dogshape.pipeline.config.schema import OUTPUT_VARIABLES, dotted_key
 from dogshape.pipeline.config.study_file import RequestedPoint, Setup, points_of
 from dogshape.pipeline.record import Figure, Table
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.simulate.design import (
     Design,
+    DesignGroup,
     design_of,
-    dogs_of,
     limits_of,
-    pair_with,
 )
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.result import Result
@@ -176,7 +176,7 @@ class Predictions(Result):
         if set(self.variables) & set(OPERATED):
             return ""
         keys = " ".join(
-            f"--set dog.{name}={design[name]:.10g}"
+            f"--set {dotted_key(name)}={design[name]:.10g}"
             for name in self.variables
             if name not in self.filled
         )
@@ -359,7 +359,7 @@ def judge_designs(study: Setup, names: Sequence[str], x: Array) -> Judgements:
     parts = []
     with np.errstate(all="ignore"):  # of impossible shapes
         if has_common_limits(study, names):
-            is_possible |= pair_with(study, dogs_of(study, names, x)).possible
+            is_possible |= DesignGroup.of(study, names, x).possible
         indices = np.flatnonzero(is_possible)
         for start in range(0, len(indices), CHUNK_SIZE):
             chunk = indices[start : start + CHUNK_SIZE]
@@ -411,7 +411,8 @@ def _manufacturing_reason(checks: Iterable[str]) -> str:
 
 def _judge_together(study: Setup, names: Sequence[str], x: Array) -> Judgements:
     """Judge possible designs (n, d) by closed forms."""
-    checks = strength_checks(dogs_of(study, names, x), study.limits)
+    group = DesignGroup.of(study, names, x)
+    checks = strength_checks(group.dogs, group.study.limits)
     margins = pd.DataFrame({c.name: np.broadcast_to(c.margin, len(x)) for c in checks})
     smallest = margins.min(axis=1)
     passed = smallest >= 0.0
@@ -440,8 +441,8 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
                 faults.append(f"the column '{name}' is there twice; keep one")
         elif name in (*TIMES, *CHECKS, NOT_JUDGED):
             faults.append(f"'{name}' is a column of the answers; take it away")
-        elif name in DogSection.model_fields:
-            setting = key_argument("settings", f"dog.{name}", "VALUE")
+        elif name in DogSection.model_fields or name in OUTPUT_VARIABLES:
+            setting = key_argument("settings", dotted_key(name), "VALUE")
             faults.append(
                 f"'{name}' is the same for all designs that the surrogate knows; take the column "
                 f"away ({setting} needs a surrogate of its own)"

@@ -589,6 +589,9 @@ def _is_unmodelled(path: list[str]) -> bool:
     *tables, name = path
     if tables in (["sliding"], ["output"], ["output_dog"]):
         return name in DogSection.model_fields
+    if tables == ["variables", "output_dog"]:
+        output_keys = {declared.key for declared in quantities_of(OutputDog).values()}
+        return name in DogSection.model_fields and name not in output_keys
     return tables in ([], ["dog"], ["variables"], ["tolerance"]) and any(
         word in name.lower() for word in UNMODELLED
     )
@@ -602,7 +605,8 @@ def _unknown_key(model: type[BaseModel], path: Sequence[str]) -> str:
         return f"'{key}' is not a known key: {SCOPE}; leave it out"
     other_tables = [table for table in _keys(model, []) if name in _keys(model, [table])]
     if other_tables:
-        return f"'{key}' is not a known key; did you mean '{other_tables[0]}.{name}'?"
+        table = tables[-1] if tables and tables[-1] in other_tables else other_tables[0]
+        return f"'{key}' is not a known key; did you mean '{table}.{name}'?"
     stem = "".join(f"{table}." for table in tables)
     valid_keys = [stem + valid_name for valid_name in _keys(model, tables)]
     return f"'{key}' is not a known key; {did_you_mean(key, valid_keys)}"

@@ -36,13 +36,14 @@ less is the rigid one, of equal falls that with the rounder edges, else that of 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import largest, smallest, tan
+from dogshape.sim.elementwise import largest, smallest, tan, where
 from dogshape.sim.errors import GeometryError, InputError, Refusal
 from dogshape.sim.quantity import quantity, record_quantities, require_ranges
 from dogshape.sim.shift.geometry import Dog, Dogs
@@ -85,22 +86,11 @@ class OutputDog:
     def record(self) -> dict[str, float]:
         """Dimensions that are given, by their keys in a record and in the units of files."""
         items = record_quantities(self).items()
-        return {f"output_dog_{key}": value for key, value in items if value is not None}
+        return {f"{OUTPUT_PREFIX}{key}": value for key, value in items if value is not None}
 
-    @property
-    def _shape(self) -> dict[str, Any]:
-        """Given dimensions of a high dog, SI units."""
+    def _shape_beside(self, sliding: Dog) -> dict[str, Any]:
+        """Return the given dimensions of the high dog beside a ``sliding`` one, SI units."""
         return {name: value for name, value in self.given.items() if name not in RING_NAMES}
-
-    @property
-    def _deviating(self) -> list[str]:
-        """Names of the given dimensions that deviate: a missing face or play does not."""
-        missing = {
-            "chamfer": self.crest == 0.0,
-            "chamfer_back": self.crest == 1.0,
-            "backlash": self.backlash == 0.0,
-        }
-        return [name for name in self._shape if not missing.get(name)]
 
     def beside(self, sliding: Dog, nominal: Dog | None = None) -> Dog:
         """Return the output dog beside a ``sliding`` dog, or beside each of ``Dogs``.
@@ -108,13 +98,15 @@ class OutputDog:
         Deviations of the sliding dog from its ``nominal`` one are those of the output dog too;
         dimensions stop at 0. Raises GeometryError for an impossible shape.
         """
-        changes = self._shape
+        changes = self._shape_beside(sliding)
         if not changes:
             return sliding
         if nominal is not None:
-            for name in self._deviating:
+            is_missing = _missing_dimensions(changes)
+            for name, dimension in changes.items():
                 deviation = getattr(sliding, name) - getattr(nominal, name)
-                changes[name] = largest(0.0, changes[name] + deviation)
+                deviated = largest(0.0, dimension + deviation)
+                changes[name] = where(is_missing.get(name, False), dimension, deviated)
         height = changes.get("height", sliding.height)
         if np.any(height != sliding.height):
             pitch_depth = 0.5 * sliding.height
@@ -147,6 +139,34 @@ class OutputDog:
         return Pair(sliding, output, self.slots_per_dog or 1, low=self.low_beside(sliding))
 
 
+class OutputDogs(OutputDog):
+    """Output dogs of many designs: a dimension is a number or an array (n,), by ``Dogs.row``."""
+
+    __hash__ = object.__hash__
+    __eq__ = object.__eq__
+
+    def __post_init__(self) -> None:
+        """Accept any dimension."""
+
+    def _shape_beside(self, sliding: Dog) -> dict[str, Any]:
+        row = sliding.row if isinstance(sliding, Dogs) else None
+        return {
+            name: dimension[row] if np.ndim(dimension) else dimension
+            for name, dimension in super()._shape_beside(sliding).items()
+        }
+
+
+def _missing_dimensions(shape: Mapping[str, Any]) -> dict[str, bool]:
+    """Test whether a dog of given dimensions lacks a face or play, which does not deviate then."""
+    crest = shape.get("crest")
+    return {
+        "chamfer": crest == 0.0,
+        "chamfer_back": crest == 1.0,
+        "backlash": shape.get("backlash") == 0.0,
+    }
+
+
+OUTPUT_PREFIX = "output_dog_"  #: of the keys of the output dog in a flat record
 SLOTS = "slots_per_dog"
 #: Dimensions of the ring or of its low dogs, not of a high dog.
 RING_NAMES = (SLOTS, "low_height")

@@ -11,7 +11,7 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.drawing import open_section_svg, outline
 from dogshape.pipeline.export.dxf import ring_outlines
-from dogshape.pipeline.simulate.design import dogs_of, pair_with
+from dogshape.pipeline.simulate.design import DesignGroup, pair_with
 from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.kernel_layout import (
@@ -312,7 +312,7 @@ def test_checks_of_many_dogs_are_those_of_each() -> None:
     """As a search has them: heights and chamfers beside low dogs of one height."""
     study = load_study("mq200_paper", [*LOW, "load.accuracy=6"])
     sizes = np.array([[2.8, 6.0], [3.4, 8.0], [4.2, 10.0]])
-    dogs = dogs_of(study, ["height_mm", "chamfer_deg"], sizes)
+    dogs = DesignGroup.of(study, ["height_mm", "chamfer_deg"], sizes).dogs
     checks = {check.name: check.margin for check in strength_checks(dogs, study.limits)}
     losses = margin_losses(dogs, study.limits)
     for row, (height, chamfer) in enumerate(sizes):
@@ -336,7 +336,7 @@ def test_impossible_low_dogs_are_refused() -> None:
         load_study("mq200_paper", [LOW[0], "output_dog.low_height_mm=0.1"])
     # A search skips dogs that are lower than the low ones.
     study = load_study("mq200_paper", [*LOW])
-    dogs = dogs_of(study, ["height_mm"], np.array([[2.5], [2.6], [3.7]]))
+    dogs = DesignGroup.of(study, ["height_mm"], np.array([[2.5], [2.6], [3.7]])).dogs
     assert pair_with(study, dogs).possible.tolist() == [False, True, True]
 
 

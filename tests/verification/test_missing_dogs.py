@@ -13,7 +13,7 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import open_section_svg, outline
 from dogshape.pipeline.export.dxf import ring_outlines
-from dogshape.pipeline.simulate.design import dogs_of, pair_with
+from dogshape.pipeline.simulate.design import DesignGroup, pair_with
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import engage
@@ -112,7 +112,7 @@ def test_uneven_dogs_are_refused() -> None:
         load_study("mq200_paper", ["output_dog.slots_per_dog=15"])
     # A search skips numbers of dogs that are no multiple.
     study = load_study("mq200_paper", [THIRD])
-    dogs = dogs_of(study, ["count"], np.array([[12.0], [14.0], [15.0], [3.0]]))
+    dogs = DesignGroup.of(study, ["count"], np.array([[12.0], [14.0], [15.0], [3.0]])).dogs
     assert pair_with(study, dogs).possible.tolist() == [True, False, True, False]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.simulate.design import design_of, dogs_of, judge_design, pair_with
+from dogshape.pipeline.simulate.design import DesignGroup, design_of, judge_design, pair_with
 from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import part_volume
@@ -435,7 +435,7 @@ def test_study_file_builds_both_rings() -> None:
 def test_many_designs_are_judged_as_one() -> None:
     study = _study()
     heights = np.array([[2.8], [3.2], [3.6], [6.5]])
-    dogs = dogs_of(study, ["height_mm"], heights)
+    dogs = DesignGroup.of(study, ["height_mm"], heights).dogs
     possible = pair_with(study, dogs).possible
     assert possible.tolist() == [True, True, True, False]
     checks = _by_name(strength_checks(dogs, study.limits))
