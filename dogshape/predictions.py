@@ -36,6 +36,8 @@ from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, join_faults, number_rule
 from dogshape.sim.files import write_frame
 from dogshape.sim.interface import argument, key_argument
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
+from dogshape.sim.statistics.shift_records import quantity_of
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
@@ -303,7 +305,11 @@ def predict_designs(
         table,
         variables=variables,
         designs=x,
-        filled={name: config.prototype[name] for name in variables if name not in table.head},
+        filled={
+            name: value
+            for name, value in config.prototype.items()
+            if name in variables and name not in table.head
+        },
         times=_predict_times(model, x, checks.reason == "", mix),
         checks=checks,
         written=target,
@@ -462,13 +468,14 @@ def _design_values(
 ) -> Array:
     """Convert designs to numbers in edge units, (n, d); InputError for cells without a number.
 
-    A variable without a column has the value of the ``prototype``.
+    A variable without a column has the value of the ``prototype``; a dimension of the output dog
+    that the study does not search is that of the sliding dog.
     """
     x = np.empty((len(table.rows), len(variables)))
     faults: list[tuple[int, str]] = []
     for column, name in enumerate(variables):
         if name not in table.head:
-            x[:, column] = prototype[name]
+            x[:, column] = quantity_of(prototype, name)
             continue
         texts = table.column(name)
         values = np.array([float(text) if is_plain(text) else np.nan for text in texts])
@@ -490,4 +497,9 @@ def _design_values(
         if len(messages) > MAX_LISTED_CELLS:
             listed_messages.append(f"and {len(messages) - MAX_LISTED_CELLS} more cells")
         raise InputError(join_faults(str(table.path), listed_messages))
+    for column, name in enumerate(variables):
+        if name in OUTPUT_VARIABLES and name not in (*table.head, *prototype):
+            sliding_name = name.removeprefix(OUTPUT_PREFIX)
+            if sliding_name in variables:
+                x[:, column] = x[:, variables.index(sliding_name)]
     return x

@@ -43,7 +43,7 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import ContactSet
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.pair import OutputDog
+from dogshape.sim.shift.pair import OUTPUT_PREFIX, OutputDog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.verdict import WORDS
@@ -270,7 +270,7 @@ def _dimensions(study: Setup) -> list[Dimension]:
         tolerance = limits.tolerances.dimensions.get(name)
         dimensions.append(
             Dimension(
-                key=f"output_dog_{key}",
+                key=f"{OUTPUT_PREFIX}{key}",
                 value=from_si(key, size),
                 unit=unit_of(key),
                 tolerance=from_si(key, tolerance),

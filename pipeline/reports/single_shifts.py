@@ -25,6 +25,7 @@ from dogshape.sim.statistics.shift_records import (
     clutch_record,
     diverged,
     key_of,
+    quantity_of,
     result_of,
 )
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
@@ -118,8 +119,7 @@ def _write_page(study: Setup, row: Record, path: Path) -> None:
     from dogshape.sim.statistics.blocks import engage  # noqa: PLC0415
 
     variant = drawn_variant(row)
-    shape = DEFAULTS | row
-    params = {key: shape[key] for key in study.shape_keys}
+    params = {key: quantity_of(row, key) for key in study.shape_keys}
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
     clutch = variant.clutch(study.clutch_with(params))
     result = engage(clutch, point, angle_of(row).relative_angle_deg * DEG)

@@ -133,6 +133,15 @@ class OutputDog:
         except GeometryError as error:
             raise GeometryError(f"low dogs of the output ring: {error}") from error
 
+    def possible_beside(self, sliding: Dog, nominal: Dog | None = None) -> bool:
+        """Whether the output dogs beside ``Dogs`` keep all rules of a shape, (n,); always of one.
+
+        Raises GeometryError for an impossible shape beside one dog.
+        """
+        output = self.beside(sliding, nominal)
+        low = self.low_beside(sliding, nominal)
+        return output.possible if low is None else output.possible & low.possible
+
     def pair_with(self, sliding: Dog) -> Pair:
         """Build the pair with a ``sliding`` dog, or with each of ``Dogs``."""
         output = self.beside(sliding)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
 from dogshape.sim.units import DEG, MM, from_si, suffix_of
@@ -217,6 +218,18 @@ def first_windows(records: Sequence[Record]) -> int:
 def diverged(record: Record) -> bool:
     """Test whether the integration of a shift failed; it has no shift time then."""
     return record["outcome"] == Outcome.DIVERGED.value
+
+
+def quantity_of(record: Mapping[str, Any], key: str) -> float:
+    """Extract a number from a record; later keys of the dog have defaults.
+
+    An absent dimension of the output ring's dog is that of the sliding ring's.
+    """
+    if key in record:
+        return float(record[key])
+    if key.startswith(OUTPUT_PREFIX):
+        return quantity_of(record, key.removeprefix(OUTPUT_PREFIX))
+    return float(DEFAULTS[key])
 
 
 def unfinished(record: Record) -> bool:

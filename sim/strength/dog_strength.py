@@ -440,8 +440,12 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
 
     def margins_of_radius(shape: Dog, root_radius: float, nominal: Dog) -> dict[str, float]:
         case = limits.with_root_radius(root_radius)
-        checks = [_checks_of(group, shape, case, nominal) for group in _GROUPS[:-1]]
-        return {check.name: check.margin for check in chain(*checks)}
+        checks = chain(*(_checks_of(group, shape, case, nominal) for group in _GROUPS[:-1]))
+        margins_by_name = {check.name: check.margin for check in checks}
+        if limits.output_dog == ALIKE:
+            return margins_by_name
+        possible = limits.output_dog.possible_beside(shape, nominal)
+        return {n: where(possible, margin, -math.inf) for n, margin in margins_by_name.items()}
 
     return losses(dog, limits.root_radius, limits.tolerances, margins)
 
