@@ -72,6 +72,8 @@ MIN_CONFIRM_ANGLES = 3
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 HEIGHT = "height_mm"
 OUTPUT_HEIGHT = f"{OUTPUT_PREFIX}{HEIGHT}"
+BACKLASH = "backlash_mm"
+OUTPUT_BACKLASH = f"{OUTPUT_PREFIX}{BACKLASH}"
 SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm", *OUTPUT_VARIABLES)
 
 
@@ -720,10 +722,18 @@ def sleeve_of(file: StudyFile) -> Sleeve | None:
 
 
 def require_variables(study: Setup) -> None:
-    """Raise InputError where the study has nothing to search."""
+    """Raise InputError where the study has nothing to search, or one name for two quantities."""
     if not study.variables:
         keys = ", ".join(variable_key(key) for key in (*SHAPE, *OPERATED))
         raise InputError(f"[variables] is empty, so there is nothing to search; give one of {keys}")
+    has_own_backlash = study.clutch.output_dog.backlash is not None
+    is_unlike = has_own_backlash or OUTPUT_BACKLASH in study.variables
+    if is_unlike and BACKLASH in study.variables and BACKLASH in study.file.search.objectives:
+        raise InputError(
+            f"search.objectives has {BACKLASH}, the mean of both rings, but variables.{BACKLASH} "
+            "is that of the sliding ring beside another one of the output ring; bound the mean by "
+            f"search.limits.{BACKLASH}, or leave the one of the output ring out"
+        )
 
 
 class RequestedPoint(NamedTuple):

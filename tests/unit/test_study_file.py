@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from dogshape.bench.stand_file import _BenchFile
 from dogshape.pipeline.config.schema import SearchSection, StudyFile, keys_like
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.study_file import load_study, require_variables
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.sim.clutch_tables import RULES, BrokenRule, DriveSection
@@ -232,6 +232,21 @@ def test_dimensions_of_the_output_dog_are_variables() -> None:
     assert study.with_design({"height_mm": 3.0}) is study
     with pytest.raises(GeometryError, match=r"must exceed half of dog\.height_mm, 3 mm"):
         study.dog_with({"height_mm": 6.0, "output_dog_height_mm": 2.5})
+
+
+def test_a_name_of_a_design_is_one_quantity() -> None:
+    """The objective is the mean of both rings, the variable the backlash of one of them."""
+    study = load_study("mq200_both")
+    assert "backlash_mm" in study.file.search.objectives
+    require_variables(study)
+    for settings in (
+        {"output_dog.backlash_mm": 0.3},
+        {"variables.output_dog.backlash_mm": [0.0, 0.5]},
+    ):
+        with pytest.raises(InputError, match="backlash_mm, the mean of both rings, but variables"):
+            require_variables(load_study("mq200_both", settings))
+        alone = load_study("mq200_both", {**settings, "variables.backlash_mm": None})
+        require_variables(alone)
 
 
 def test_overrides_replace_keys_and_change_the_right_hashes() -> None:
