@@ -354,17 +354,20 @@ class DogSection(Keys, of=Dog):
 class OutputDogSection(Keys, of=OutputDog):
     """Dimensions of the output ring's dog that differ from ``[dog]`` (``sim.shift.pair``).
 
-    ``material`` names the set of that ring; side angles are those of ``[dog]``.
+    ``material`` names the set of that ring; side angles are those of ``[dog]``. ``sparse_ring`` is
+    the one whose dogs are missing or low.
     """
 
     traction_deg: float | None = later()
     braking_deg: float | None = later()
     material: str | None = later()
+    sparse_ring: EngineSide = later("output")
 
     @property
     def value(self) -> OutputDog:
         """Dimensions that differ; InputError for mistakes."""
-        return OutputDog(**self.si(*MATING_KEYS, "material"))
+        sizes = self.si(*MATING_KEYS, "material", "sparse_ring")
+        return OutputDog(**sizes, is_sliding_sparse=self.sparse_ring == "sliding")
 
     def require_mate(self, dog: Dog) -> None:
         """Raise InputError for a side angle with which the flanks of ``dog`` do not mate."""

@@ -32,6 +32,9 @@ def edge_record(value: Any, keys: Iterable[str]) -> Record:
 DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "backlash_mm"))
 
 
+SPARSE_RING = f"{OUTPUT_PREFIX}sparse_ring"  #: key of the ring whose dogs are missing or low
+
+
 def clutch_record(clutch: Clutch) -> Record:
     """Return the inputs of a simulation that concern the clutch, in the units of files.
 
@@ -49,6 +52,7 @@ def clutch_record(clutch: Clutch) -> Record:
     return {
         **dog_record,
         **clutch.output_dog.record,
+        **({SPARSE_RING: "sliding"} if clutch.output_dog.is_sliding_sparse else {}),
         "sliding_mass_kg": rings.mass,
         **edge_record(rings, ("sliding_inertia_kgm2", "output_inertia_kgm2")),
         # Records of shafts that stand have the key of the speed that earlier versions had.
