@@ -91,6 +91,17 @@ def test_report_and_design_have_the_output_ring(finished: Finished, tmp_path: Pa
     assert "output_dog_height_mm" in json.dumps(text)
 
 
+def test_a_design_of_both_rings_is_keys_of_a_study() -> None:
+    """Keys as a prediction and a result have them."""
+    design = {"height_mm": 3.4, "output_dog_height_mm": 3.1, "output_dog_chamfer_deg": 10.0}
+    study = ds.Study("mq200_paper", **design)
+    changed = ds.Study("mq200_paper", KEYS).replace_keys(**design)
+    for config in (study.config, changed.config):
+        assert config.clutch.pair.output.height == pytest.approx(3.1 * MM)
+        assert config.file.output_dog.chamfer_deg == 10.0
+    assert changed.config.prototype["output_dog_height_mm"] == 3.1
+
+
 def _evaluation(settings: dict[str, Any], params: dict[str, float]) -> Any:
     study = load_study("mq200_paper", dict(map(pair_of, SMALL)) | settings).in_engine("planar")
     (evaluation,) = evaluate(study, [params], scratch_executor(1), 6, 1)

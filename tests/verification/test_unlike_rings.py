@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from dogshape.pipeline.simulate.design import DesignGroup, design_of, judge_desi
 from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import part_volume
+from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
 from dogshape.sim.shift.conclusion import Engagement, Outcome, engage, section_planes
@@ -115,7 +116,7 @@ def test_mean_times_follow_drake(clutch: Clutch, point: Point, name: str, mismat
 
 
 def _same_as(dog: Dog) -> OutputDog:
-    names = [entry.name for entry in fields(OutputDog) if entry.name not in RING_NAMES]
+    names = [name for name in quantities_of(OutputDog) if name not in RING_NAMES]
     return OutputDog(**{name: getattr(dog, name) for name in names})
 
 
