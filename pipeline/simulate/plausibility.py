@@ -21,7 +21,6 @@ from dogshape.sim.units import DEG, MM
 #: Utilisation of the dogs below which a torque may be in kN m; it usually is a third to one.
 MIN_UTILISATION = 0.01
 MAX_RADIAN_DEG = 0.55  #: deg below which an angle may be in radians; no dog has 32 deg and more
-PITCH_ERROR = 5e-5  #: m that pitch errors of both rings take; some 0.03 in class 6 of ISO 1328-1
 #: Usual ratios of a value to a reference, smallest and largest, with the reference in words. The
 #: prototype has 9, 58 and 60, a truck some 10, 50 and 10,000.
 USUAL_RATIOS = {
@@ -108,7 +107,7 @@ def slips_of(study: Setup) -> list[str]:
         *_angle_slips(study.clutch.dog),
         *_size_slips(study),
         *_ring_slips(study),
-        *_play_notes(study.clutch.pair),
+        *_play_notes(study.clutch.pair, study.limits.tolerances.mouth_play),
     ]
 
 
@@ -157,13 +156,16 @@ def _size_slips(study: Setup) -> list[str]:
     return notes
 
 
-def _play_notes(pair: Pair) -> list[str]:
-    """Warn of flanks whose play is less than the usual errors of pitch."""
-    play = pair.passing_play if pair.sliding.lean < 0.0 else pair.entry_play
-    if play < PITCH_ERROR:
+def _play_notes(pair: Pair, pitch_error: float) -> list[str]:
+    """Warn of flanks whose play is less than the ``pitch_error`` of both rings, m.
+
+    Undercut flanks have a check of their own (``mouth_play``).
+    """
+    play = pair.entry_play
+    if pair.sliding.lean >= 0.0 and play < pitch_error:
         return [
             f"the flanks leave {play / MM:.3g} mm between a tip and the mouth of its "
-            f"slot, and pitch errors take {PITCH_ERROR / MM:.2g} mm: this dog engages in the model "
+            f"slot, and pitch errors take {pitch_error / MM:.2g} mm: this dog engages in the model "
             "alone, not when made; give it backlash (dog.backlash_mm)"
         ]
     return []

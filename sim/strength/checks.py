@@ -221,6 +221,7 @@ REMEDIES: dict[str, str] = {
     "impact": "use less shift force or moving mass, a wider ring or a larger dog.edge_radius_mm",
     "contact_ratio": "use a higher dog, a smaller chamfer or smaller tolerances",
     "clearance": "use a larger dog.axial_gap_mm or smaller tolerances",
+    "mouth_play": "use more backlash, less undercut, a larger chamfer or smaller tolerances",
 }
 _STATIC = "Jasny et al. 2019, with the static coefficient"
 _STRIKE = "two-mass impact coupled through the shafts (Rao); limit: "
@@ -553,6 +554,18 @@ _TABLE = (
         source="dogs that meet in neutral ratchet; limit an assumption",
         unit="mm",
         key="tolerance.clearance_mm",
+        at_most=False,
+    ),
+    Rule(
+        "mouth_play",
+        "tolerance",
+        meaning="play at the mouth of a slot as undercut dogs enter, at the inner radius, within "
+        "the tolerances",
+        formula="j r_i/r + (h - d_1 - d_2)(tan beta + tan gamma) less the root sum of squares of "
+        "all losses, j backlash, d depth of either tip at its lower edge",
+        source="geometry; limit: pitch errors of both rings (assumption)",
+        unit="mm",
+        key="tolerance.mouth_play_mm",
         at_most=False,
     ),
 )
