@@ -11,8 +11,16 @@ from dogshape.bench.bench_data import load_bench, require_shifts
 from dogshape.diagnosis.comparison import ANGLES, PointGaps, compare
 from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import Progress
-from dogshape.pipeline.record import Figure, Frame, Table, frame_of, percent, tabulate
-from dogshape.pipeline.reports.text import time_text
+from dogshape.pipeline.record import (
+    Figure,
+    Frame,
+    Table,
+    frame_of,
+    number_or_none,
+    percent,
+    tabulate,
+)
+from dogshape.pipeline.reports.text import numerical_words, time_text
 from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.result import Result
@@ -23,12 +31,6 @@ from dogshape.sim.statistics.blocks import repeat_count
 from dogshape.sim.statistics.shift_records import clutch_record
 
 MIN_COMPARED_ANGLES = 3  #: relative angles at each operating point, for an estimate of the spread
-MIN_FLIP_ERROR_S = 1e-3  #: numerical error of the mean that only a flipped shift explains
-FLIP_NOTE = (
-    "so large a numerical error is a shift that flipped: of those repeated with a finer tolerance "
-    "one or more came into another slot, or did not engage; with more angles one such shift "
-    "counts less"
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,9 +63,7 @@ class Comparison(Result):
         ]
         error = comparison.numerical_error
         if error is not None:
-            parts.append(f"numerical error of the mean: {error * 1e3:.2g} ms")
-            if error > MIN_FLIP_ERROR_S:
-                parts.append(FLIP_NOTE)
+            parts.append(numerical_words(error))
         return [*parts, *examined_lines(comparison.bench)]
 
     @property
@@ -74,6 +74,7 @@ class Comparison(Result):
     def to_dict(self) -> dict[str, Any]:
         """Convert operating points, gap and doubtful values of the set to values of JSON."""
         result = self.compared
+        error = result.numerical_error
         engaged, attempts, simulated = result.engaged
         simulated_share = simulated if attempts else None
         return {
@@ -87,7 +88,7 @@ class Comparison(Result):
                 "tried": attempts,
                 "simulated_share": simulated_share,
             },
-            "numerical_error_s": result.numerical_error,
+            "numerical_error_s": None if error is None else number_or_none(error.size),
             **findings_record(result.bench),
         }
 
