@@ -132,6 +132,7 @@ class Checked(Result):
             *(f"warning: {note}" for note in self.notes),
             *map(_retention_text, self.retention),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
+            f"load: {self.config.load_text}",
             *([f"mount: {mount}"] if mount else []),
         ]
 

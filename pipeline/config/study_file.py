@@ -54,6 +54,7 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
+from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.spline import Sleeve
 from dogshape.sim.units import MM, RPM
@@ -173,6 +174,21 @@ class Setup:
         return f"{len(self.points)} with {speeds} 1/min, {forces} N at the sleeve"
 
     @property
+    def load_text(self) -> str:
+        """Torque, life and torque left at disengagement in words, defaults named as such."""
+        load = self.file.load
+        life = "life by load.spectrum"
+        if not load.spectrum:
+            default = _default_text("load.shifts", load.shifts, LoadCase.shifts)
+            life = f"{load.shifts:,.0f} shifts over the life{default}"
+        words = f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}, {life}"
+        if self.limits.load.pull_out_force_limit is None:
+            return words
+        share = load.pull_out_share
+        default = _default_text("load.pull_out_share", share, LoadCase.pull_out_share)
+        return f"{words}, pulled out under {100.0 * share:g} % of the torque{default}"
+
+    @property
     def shafts_text(self) -> str:
         """Speed of the shafts and the drive in words."""
         return f"shafts {self.clutch.drive.text}"
@@ -260,6 +276,11 @@ class Setup:
     def config_hash(self) -> str:
         """Content key of the whole study file."""
         return content_key(self.file.model_dump())
+
+
+def _default_text(key: str, value: float, default: float) -> str:
+    """Name the key of a value that is its default; empty for another."""
+    return f" (the default, {key})" if value == default else ""
 
 
 def _range_text(values: Sequence[float]) -> str:

@@ -296,12 +296,11 @@ def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
         simulated = _simulated_words(result)
         program_versions = result.versions
         result_hash = f", result {content_key(result.to_dict())}"
-    load = study.file.load
     facts = {
         "command": command_of(study, call) or f"dogshape {call} FILE; {study.name} is in {file}",
         "simulated": simulated,
         "operating points": minus(study.operating_text),
-        "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
+        "load": study.load_text,
         "mount": study.mount_text,
         "contact": _contact_words(study.clutch.contact),
         "shafts": study.clutch.drive.text,
