@@ -101,7 +101,9 @@ class Setup:
         if not operation:
             return self
         points = points_of_design(self.points, self.actuation, operation)
-        limits = _limits(self.file, self.clutch, points)
+        # A set-point moves the mismatch of all points alike.
+        mismatch_change = points[0].mismatch - self.points[0].mismatch
+        limits = _limits(self.file, self.clutch, points, mismatch_change)
         return replace(self, points=points, limits=limits, operation=operation)
 
     @property
@@ -586,8 +588,18 @@ def _uncertainty(
     return uncertainty
 
 
-def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
-    """Build the limits of the checks; open values of load and strike follow from the points."""
+def _limits(
+    file: StudyFile,
+    clutch: Clutch,
+    points: Sequence[OperatingPoint],
+    mismatch_change: float = 0.0,
+) -> Limits:
+    """Build the limits of the checks; open values of load and strike follow from the points.
+
+    Flanks strike at the bounds of a drawn mismatch too, which ``mismatch_change`` moves, rad/s.
+    """
+    mismatches = [point.mismatch for point in points]
+    mismatches += [bound * RPM + mismatch_change for bound in file.operating.mismatch_bounds]
     load = file.load.case(**_clutch_loads(file, clutch, points))
     load.require_spline()
     return Limits(
@@ -596,7 +608,7 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         manufacturing=file.manufacturing.value,
         tolerances=file.tolerance.value,
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
-        strikes=tuple(file.strike.at_ends(clutch, points)) if file.strike else (),
+        strikes=tuple(file.strike.at_ends(clutch, mismatches)) if file.strike else (),
         sleeve=sleeve_of(file),
         output_dog=clutch.output_dog,
         output_material=_output_material(file),

@@ -14,9 +14,10 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.shift.pair import Pair
 from dogshape.sim.shift.slide import LOSS_LIMIT, slide_loss, sliding_faces, stiffness_for_loss
+from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.dog_strength import outside_fit, strength_checks
 from dogshape.sim.strength.materials import DENSITY, STATIC_CYCLES
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.units import DEG, MM, RPM
 
 #: Utilisation of the dogs below which a torque may be in kN m; it usually is a third to one.
 MIN_UTILISATION = 0.01
@@ -46,7 +47,24 @@ def notes_of(study: Setup) -> list[str]:
             "flanks, [strike] judges a ring on its shaft; give mechanism.ring_inertia_kgm2 and "
             "input_stiffness_Nm_rad for both"
         )
+    notes += _strike_notes(study)
     return [*notes, *slips_of(study), *drag_notes(study), *slide_notes(study)]
+
+
+def _strike_notes(study: Setup) -> list[str]:
+    """List a warning of a strike at the largest mismatch of a draw without bounds."""
+    drawn = study.file.operating.mismatch_rpm
+    strike = study.file.strike
+    if strike is None or strike.mismatch_rpm is not None or not isinstance(drawn, Distribution):
+        return []
+    if all(map(math.isfinite, drawn.bounds)):
+        return []
+    largest_rpm = max(abs(point.mismatch) for point in study.points) / RPM
+    return [
+        f"flanks strike at {largest_rpm:.4g} 1/min, the largest mismatch of {len(study.points)} "
+        "operating points that are drawn without bounds; give strike.mismatch_rpm, or low and high "
+        "of operating.mismatch_rpm"
+    ]
 
 
 def drag_notes(study: Setup) -> list[str]:
