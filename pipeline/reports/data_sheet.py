@@ -15,7 +15,11 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import ring_drawings
 from dogshape.pipeline.record import Bad, Table, percent
-from dogshape.pipeline.reports.design_record import DesignSheet, PointDifference, PointTime
+from dogshape.pipeline.reports.design_record import (
+    DesignSheet,
+    PointDifference,
+    PointTime,
+)
 from dogshape.pipeline.reports.named_design import NamedDesign
 from dogshape.pipeline.reports.report import Report, title_table, title_values
 from dogshape.pipeline.reports.text import (
@@ -32,6 +36,7 @@ from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate.design import SUMMARIES
 from dogshape.pipeline.store.check_records import (
     CheckRow,
+    LandingRow,
     VerdictRow,
     check_table,
     hinge_table,
@@ -92,9 +97,15 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
         WORST_MARGIN: _tolerance_margin(
             sheet, sheet.margin_worst_case, sheet.weakest_check_worst_case
         ),
+        "decisive landing": _landing_words(simulated.decisive_landing),
         "locks above friction": f"{sheet.locking_friction:.3f} ({surface})" if surface else "-",
         "axial length, root to root, mm": f"{sheet.axial_length_mm:.2f}",
     }
+
+
+def _landing_words(landing: LandingRow | None) -> str:
+    """Print the landing that decides, with its check; a dash if unknown."""
+    return "-" if landing is None else f"{landing.text} ({check_name(landing.check)})"
 
 
 def _time_words(sheet: DesignSheet) -> str:

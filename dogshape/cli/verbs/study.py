@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from dogshape.pipeline.config.study_file import Setup
 
 Ring = Literal["sliding", "output"]
+Explain = Annotated[bool, Option("--explain", help="formulas, sources, keys")]
 TABLES = (".csv", ".xlsx")
 TITLE_HELP = "value of the title block"
 ENDINGS = {
@@ -218,7 +219,7 @@ def validate(
 def strength(
     study: StudyArg,
     simulate: Annotated[bool, Option(help="simulate the hardest landing, dog on dog")] = True,
-    explain: Annotated[bool, Option("--explain", help="formulas, sources, keys")] = False,
+    explain: Explain = False,
     fem: Annotated[bool, Option("--fem", help="finite elements too; extra [fem]")] = False,
     set_: Sets = None,
     engine: Engine = None,
@@ -268,6 +269,7 @@ def check(
     surrogate: SurrogateFile = None,
     mismatch_rpm: OneMismatch = None,
     force_N: OneForce = None,
+    explain: Explain = False,
     set_: Sets = None,
     engine: Engine = None,
     json: Json = False,
@@ -282,7 +284,8 @@ def check(
     result = _named_study(study, set_ or []).check(
         mismatch_rpm=mismatch_rpm, force_N=force_N, surrogate=surrogate, engine=engine
     )
-    show(result, json, ok=not result.verdict.failed)
+    explanation = result.explained if explain else ()
+    show(result, json, *explanation, ok=not result.verdict.failed)
 
 
 def predict(
