@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from dogshape.pipeline.record import (
     percent,
     tabulate,
 )
-from dogshape.pipeline.reports.text import numerical_words, time_text
+from dogshape.pipeline.reports.text import ENGINES, numerical_words, time_text
 from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.result import Result
@@ -30,6 +31,7 @@ from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import repeat_count
 from dogshape.sim.statistics.shift_records import clutch_record
 
+DRAKE_SHIFT_S = 0.5  #: processor time of a shift in Drake, of repeated finer ones too
 MIN_COMPARED_ANGLES = 3  #: relative angles at each operating point, for an estimate of the spread
 
 
@@ -148,5 +150,19 @@ def validate(
     question = data.name, clutch_record(data.clutch), relative_angles
     options = RunOptions(jobs, cluster, journal, receiver(progress))
     work = shifts + propagated + repeat_count(shifts)
-    with options.executor("validate", question, work) as (executor, _):
+    with options.executor("validate", question, work) as (executor, counter):
+        counter.say(_work_words(data.clutch.solver.engine, work, journal))
         return Comparison(compare(data, executor.run, relative_angles, checked=True))
+
+
+def _work_words(engine: str, shifts: int, journal: str | Path | None) -> str:
+    """Announce the shifts of a comparison, their time, and the folder of finished ones."""
+    words = f"{shifts} shifts by {ENGINES[engine]}"
+    if engine == "drake":
+        words += (
+            f", about {math.ceil(DRAKE_SHIFT_S * shifts / 60.0)} min of one core; the compiled "
+            f"engine takes seconds ({argument('engine', 'planar')})"
+        )
+    if journal is not None:
+        words += f"; a stopped run leaves its finished shifts in {journal}"
+    return words

@@ -205,6 +205,9 @@ def validate(
 ) -> None:
     """Compare a bench data set with the simulation.
 
+    Drake takes minutes, --engine planar seconds. A stopped run leaves its finished shifts in
+    results/shifts, or in the folder of --journal, and the same command goes on from there.
+
     Example: dogshape validate mq200_adams
     """
     comparison = ds.validate(
