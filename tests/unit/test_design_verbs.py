@@ -98,6 +98,9 @@ def test_export_writes_ring_and_drawing_and_warns_of_a_weak_design(dogshape: Cal
     said = dogshape("export", "mq200_paper", *files, "--json")
     assert said.status == 0
     assert "warning: a check fails (retention_traction" in said.err
+    sheet = dogshape("export", "mq200_paper", "--sheet", "sheet.json", *files[4:])
+    assert "a check fails" not in sheet.err
+    assert "volume" not in sheet.out
     content = Path("ring.stl").read_bytes()
     (triangles,) = struct.unpack_from("<I", content, 80)
     assert len(content) == 84 + 50 * triangles

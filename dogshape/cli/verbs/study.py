@@ -449,7 +449,6 @@ def export(
     """
     from dogshape.pipeline.export.cad import require_all_dogs  # noqa: PLC0415
     from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
-    from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
     from dogshape.sim.strength.spline import require_face  # noqa: PLC0415
@@ -481,10 +480,8 @@ def export(
         for ring_dog in {pair.sliding, pair.output, pair.low or pair.output}:
             require_fillets(ring_dog, radius)
     _load_extras(dxf, step, fmu, fmi)  # before anything is written
-    design = design_of(setup, {})
-    if not design.feasible:
-        warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
-    _warn_of_doubts(ds.Study.from_config(setup))
+    is_part = any((svg, dxf, stl, step))
+    _warn_of_design(setup, is_part=is_part)
     _write_geometry(setup, ring, dog_design.title, body=body, svg=svg, dxf=dxf, stl=stl, step=step)
     models = ds.Study.from_config(dog_design.prototype_study)
     if fmu is not None:
@@ -503,9 +500,24 @@ def export(
     if sleeve is None and (pair.slots_per_dog == 1 or ring == "sliding"):
         volume = part_volume(dog, radius, body) / MM**3
         ring_name = "a ring" if pair.alike else f"the {ring} ring"
-        lines.append(f"volume of {ring_name} {volume:.1f} mm3")
+        if is_part:
+            lines.append(f"volume of {ring_name} {volume:.1f} mm3")
         sizes = {"ring_volume_mm3": volume, **sizes, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
+
+
+def _warn_of_design(setup: Setup, *, is_part: bool) -> None:
+    """Warn of doubts about a design and, of a part to be made, of checks that it fails.
+
+    The data sheet has the checks, and no check concerns block or map.
+    """
+    from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
+
+    if is_part:
+        design = design_of(setup, {})
+        if not design.feasible:
+            warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
+    _warn_of_doubts(ds.Study.from_config(setup))
 
 
 def _title_block(texts: list[str] | None) -> dict[str, str]:
