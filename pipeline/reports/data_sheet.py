@@ -160,9 +160,10 @@ def write_sheet(
     groups: list[str] = list(GROUPS)
     single.sort(key=lambda check: groups.index(check.group))
     dimensions = _dimensions(design.design_study)
-    provenance = provenance_of(design.study, design.result)
+    sheet_option = f"--sheet {shlex.quote(path.name)}"
+    provenance = provenance_of(design.study, design.result, f"export {sheet_option}")
     if design.result is not None:
-        command = f"dogshape export {shlex.quote(design.label)} --sheet sheet.html"
+        command = f"dogshape export {shlex.quote(design.label)} {sheet_option}"
         provenance = {"command": command, "searched by": provenance.pop("command"), **provenance}
     if path.suffix.lower() == ".json":
         content = {
@@ -290,13 +291,14 @@ def _dimensions(study: Setup) -> list[Dimension]:
     return dimensions
 
 
-def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
+def provenance_of(study: Setup, result: StudyRecord | None, verb: str = "check") -> dict[str, str]:
     """List command, operating points, contact, shafts, actuator, mechanism, hashes and versions.
 
-    ``result``, whose they are, is None for a design that was not searched.
+    ``result``, whose they are, is None for a design that was not searched: the command is then that
+    of a ``verb`` with its options.
     """
     if result is None:
-        call = "export --sheet sheet.html"
+        call = verb
         file = "its study file"
         simulated = "as by 'dogshape check'"
         program_versions = versions()

@@ -77,7 +77,7 @@ def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
         check.name: check.margin for check in found.design.checks
     }.items()
     assert sheet["provenance"]["command"] == (
-        "dogshape export --sheet sheet.html mq200 --set dog.chamfer_deg=12.0"
+        "dogshape export --sheet sheet.json mq200 --set dog.chamfer_deg=12.0"
     )
 
 
