@@ -181,13 +181,13 @@ class Setup:
         load = self.file.load
         life = "life by load.spectrum"
         if not load.spectrum:
-            default = _default_text("load.shifts", load.shifts, LoadCase.shifts)
+            default = _default_text(load.shifts, LoadCase.shifts)
             life = f"{load.shifts:,.0f} shifts over the life{default}"
         words = f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}, {life}"
         if self.limits.load.pull_out_force_limit is None:
             return words
         share = load.pull_out_share
-        default = _default_text("load.pull_out_share", share, LoadCase.pull_out_share)
+        default = _default_text(share, LoadCase.pull_out_share)
         return f"{words}, pulled out under {100.0 * share:g} % of the torque{default}"
 
     @property
@@ -280,9 +280,9 @@ class Setup:
         return content_key(self.file.model_dump())
 
 
-def _default_text(key: str, value: float, default: float) -> str:
-    """Name the key of a value that is its default; empty for another."""
-    return f" (the default, {key})" if value == default else ""
+def _default_text(value: float, default: float) -> str:
+    """Mark a value that is its default; empty for another."""
+    return " (default)" if value == default else ""
 
 
 def _range_text(values: Sequence[float]) -> str:

@@ -208,7 +208,7 @@ class HingeRow(Record):
             return Bad(text) if min(self.smallest_margin) < 0.0 else text
         if name == "weakest_check":
             checks = (check.replace("_", " ") for check in self.weakest_check)
-            return ", ".join(dict.fromkeys(checks))
+            return " to ".join(dict.fromkeys(checks))  # in the order of the margins
         return super().cell(name)
 
 
@@ -233,10 +233,7 @@ class LandingRow(Record):
     @property
     def text(self) -> str:
         """Force and overlap in words."""
-        return (
-            f"{self.force_per_dog_N:.0f} N on the most loaded dog at an overlap of about "
-            f"{self.overlap_mm:.2g} mm"
-        )
+        return f"{self.force_per_dog_N:.0f} N on the worst dog, overlap {self.overlap_mm:.2g} mm"
 
 
 class NotJudged(Record):

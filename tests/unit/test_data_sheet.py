@@ -61,8 +61,8 @@ def test_the_load_names_defaults_that_decide_checks() -> None:
     assert provenance_of(study, None)["load"] == study.load_text
     default = load_study("motorcycle", ["load.shifts=1e5", "load.pull_out_share=1"])
     assert default.load_text == (
-        "110 N m, application factor 1.5, 100,000 shifts over the life (the default, load.shifts), "
-        "pulled out under 100 % of the torque (the default, load.pull_out_share)"
+        "110 N m, application factor 1.5, 100,000 shifts over the life (default), "
+        "pulled out under 100 % of the torque (default)"
     )
 
 

@@ -70,7 +70,7 @@ def test_a_check_prints_and_records_the_landing_that_decides(dogshape: Call) -> 
     record = dogshape("check", *weak, "--json").json
     landing = record["decisive_landing"]
     overlap = f"{landing['overlap_mm']:.2g} mm"
-    words = f"{landing['force_per_dog_N']:.0f} N on the most loaded dog at an overlap of about"
+    words = f"{landing['force_per_dog_N']:.0f} N on the worst dog, overlap"
     assert f"decisive landing, of {landing['check']}: {words} {overlap}" in said.out
     assert "1.5 F/(b s)" in said.out
     bedding = record["edge_bedding"]
