@@ -120,8 +120,12 @@ def _round_up(value: float) -> float:
 
 def slips_of(study: Setup) -> list[str]:
     """List questions about units in doubt, and a warning of flanks without play."""
+    return [*_load_slips(study), *motion_slips(study)]
+
+
+def motion_slips(study: Setup) -> list[str]:
+    """List the questions of ``slips_of`` about what moves, not about its load."""
     return [
-        *_torque_slips(study),
         *_angle_slips(study.clutch.dog),
         *_size_slips(study),
         *_ring_slips(study),
@@ -129,17 +133,24 @@ def slips_of(study: Setup) -> list[str]:
     ]
 
 
-def _torque_slips(study: Setup) -> list[str]:
-    """Ask for the unit of a torque that the dogs hardly notice."""
+def _load_slips(study: Setup) -> list[str]:
+    """Ask for the unit of a torque that the dogs hardly notice, and of a short life."""
+    notes = []
     static_limits = replace(study.limits, strikes=())
     checks = strength_checks(study.clutch.dog, static_limits)
     utilisation = max(check.utilisation for check in checks if check.rule.group == "load")
     if utilisation < MIN_UTILISATION:
-        return [
+        notes.append(
             f"the torque uses at most {100 * utilisation:.2g} % of what the dogs bear; "
             "is load.torque_Nm in N m?"
-        ]
-    return []
+        )
+    load = study.limits.load
+    if load.shifts < STATIC_CYCLES and not load.spectrum:
+        notes.append(
+            f"load.shifts is {load.shifts:.4g} over the life, which the static strength bears; is "
+            "it in shifts?"
+        )
+    return notes
 
 
 def _angle_slips(dog: Dog) -> list[str]:
@@ -190,10 +201,9 @@ def _play_notes(pair: Pair, pitch_error: float) -> list[str]:
 
 
 def _ring_slips(study: Setup) -> list[str]:
-    """Ask for the units of toothing, inertia and life that no ring has."""
+    """Ask for the units of toothing and inertia that no ring has."""
     dog = study.clutch.dog
     rings = study.clutch.rings
-    load = study.limits.load
     mechanism = study.clutch.mechanism
     notes = []
     is_toothed = mechanism.spline_friction > 0.0
@@ -216,11 +226,6 @@ def _ring_slips(study: Setup) -> list[str]:
                 "mass of the fork in it (mechanism.added_mass_kg), or the inertia in another unit?"
             )
             break
-    if load.shifts < STATIC_CYCLES and not load.spectrum:
-        notes.append(
-            f"load.shifts is {load.shifts:.4g} over the life, which the static strength bears; is "
-            "it in shifts?"
-        )
     return notes
 
 

@@ -100,6 +100,14 @@ def test_export_writes_ring_and_drawing_and_warns_of_a_weak_design(dogshape: Cal
     assert "warning: a check fails (retention_traction" in said.err
     sheet = dogshape("export", "mq200_paper", "--sheet", "sheet.json", *files[4:])
     assert "a check fails" not in sheet.err
+    light = ("--set", "load.torque_Nm=0.2")
+    asked = "is load.torque_Nm in N m?"
+    assert asked in dogshape("export", "mq200_paper", "--svg", "dog.svg", *light).err
+    grid = ("--set", "operating.mismatch_rpm=[50]", "--set", "operating.force_N=[469]")
+    few = (*grid, "--set", "expectation.angles=3", "--jobs", 1)
+    block_map = dogshape("export", "mq200_paper", "--map", "map.csv", *light, *few)
+    assert block_map.status == 0
+    assert asked not in block_map.err
     assert "volume" not in sheet.out
     content = Path("ring.stl").read_bytes()
     (triangles,) = struct.unpack_from("<I", content, 80)

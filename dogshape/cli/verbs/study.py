@@ -481,7 +481,7 @@ def export(
             require_fillets(ring_dog, radius)
     _load_extras(dxf, step, fmu, fmi)  # before anything is written
     is_part = any((svg, dxf, stl, step))
-    _warn_of_design(setup, is_part=is_part)
+    _warn_of_design(setup, is_part=is_part, has_load=is_part or sheet is not None)
     _write_geometry(setup, ring, dog_design.title, body=body, svg=svg, dxf=dxf, stl=stl, step=step)
     models = ds.Study.from_config(dog_design.prototype_study)
     if fmu is not None:
@@ -506,18 +506,23 @@ def export(
     emit({**written, **sizes}, json, lambda: lines)
 
 
-def _warn_of_design(setup: Setup, *, is_part: bool) -> None:
-    """Warn of doubts about a design and, of a part to be made, of checks that it fails.
+def _warn_of_design(setup: Setup, *, is_part: bool, has_load: bool) -> None:
+    """Warn of doubts about a design, with ``has_load`` of its load too, and of failed checks.
 
-    The data sheet has the checks, and no check concerns block or map.
+    A data sheet has the checks, so those of a part to be made are named; block and map have neither
+    checks nor the load of the checks.
     """
     from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
+    from dogshape.pipeline.simulate.plausibility import motion_slips, slide_notes  # noqa: PLC0415
 
     if is_part:
         design = design_of(setup, {})
         if not design.feasible:
             warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
-    _warn_of_doubts(ds.Study.from_config(setup))
+    if has_load:
+        _warn_of_doubts(ds.Study.from_config(setup))
+    else:
+        warn([*motion_slips(setup), *slide_notes(setup)])
 
 
 def _title_block(texts: list[str] | None) -> dict[str, str]:
