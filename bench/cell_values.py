@@ -163,7 +163,7 @@ UNITS = {
 }
 _UNIT_SIGNS = str.maketrans({
     "\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u", "°": "deg", "\N{MINUS SIGN}": "-",
-    "⁻": "-", "¹": "1", "²": "2", "·": "*", "\N{MULTIPLICATION SIGN}": "x",
+    "⁻": "-", "¹": "1", "²": "2", "³": "3", "·": "*", "\N{MULTIPLICATION SIGN}": "x",
     "\N{DIVISION SLASH}": "/", "\N{FRACTION SLASH}": "/",
 })  # fmt: skip
 _FACTOR = re.compile(

@@ -24,6 +24,7 @@ from dogshape.bench.cell_values import (
     VOLTAGE,
     Column,
 )
+from dogshape.sim.units import MS
 
 #: Scores of a column: its unit alone, a loose word, one of its words, its name; a unit beside them.
 UNIT, LOOSE, WORD, NAME, FITS = 1.0, 2.0, 3.0, 4.0, 0.5
@@ -63,6 +64,10 @@ _SPREAD = (
 )
 _EXTREME = r"min|max|minimum|maximum|kleinste\w*|groesste\w*"
 _RISE = r"\w*rise|\w*anstieg\w*|ramp\w*|montee|salita|subida"
+#: Name of a rise time, the words and signs behind it, number, and unit in a text.
+_STATED_RISE = re.compile(
+    rf"\b((?:{_RISE})[^\d;|]{{0,30}}?(\d+(?:[.,]\d+)?)\s*(ms|s)\b)", re.IGNORECASE
+)
 _FORCE = r"shift force|(schalt|stell|aktor|axial)kraft|f (shift|axial|act|schalt|ax)"
 _DIFFERENCE = (
     r"\w*dif(f)?eren\w*|\w*verschil|\w*skillnad|diff|rel|ecart|relativ\w*|rozdil|roznica|verschil|skillnad|ero|kulonbseg|slip"
@@ -356,3 +361,13 @@ def repeated_name(column: Column) -> str | None:
     if column.unit is not None:
         return name if column.unit.dimension == TIME else None
     return name if has_word(f"{SHIFT_TIME.words}|{SHIFT_TIME.loose}|{_REPEATED}", name) else None
+
+
+def stated_rise(text: str) -> tuple[str, float] | None:
+    """Find a rise time in a text such as a title: its words and the time, s; None without one."""
+    match = _STATED_RISE.search(text)
+    if match is None:
+        return None
+    words, number, unit = match.groups()
+    value = float(number.replace(",", "."))
+    return words, value * MS if unit.lower() == "ms" else value

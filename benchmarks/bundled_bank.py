@@ -25,6 +25,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
     BUNDLED_BANK,
     TIMES,
     BankOptions,
+    SimulationRounds,
     shifts_of,
 )
 from dogshape.sim.effects import load
@@ -45,11 +46,12 @@ def main() -> None:
     arguments = parser.parse_args()
     options = BankOptions(bank=arguments.bank, jobs=arguments.jobs, progress=ProgressBar())
     used_keys = list[str]()
+    rounds = SimulationRounds()
     bank = Bank((BUNDLED_BANK, arguments.bank / TIMES))
 
     def run(blocks: Sequence[Block]) -> list[list[Record]]:
         used_keys.extend(map(series_key, blocks))
-        return shifts_of(blocks, options, [], bank)
+        return shifts_of(blocks, options, rounds, bank)
 
     for name, seed in itertools.product(SETS, SEEDS):
         bench = load_bench(name)

@@ -7,11 +7,11 @@ two. At every second operating point of ``mq200_adams`` and 24 even angles both 
 check (``validation.blind``) simulate the change :math:`c` of the logarithm of the mean, without
 late shifts; :math:`d` is MuJoCo's less the other's. The likeliest errors of
 
-.. math:: d \sim N(0,\ a^2 + l_e^2 c^2)
+.. math:: d \sim N(0,\ a^2 + s^2 c^2 + \min(|c|, l_e)^2)
 
 are the law :math:`l_e` of each effect and the rest :math:`a`, common to all: angles that end in
-another slot and the contact of the stand. The settings of the diagnosis have these laws. Ten
-minutes of processor time.
+another slot and the contact of the stand. The share :math:`s` is that of the settings, which have
+these laws too. Ten minutes of processor time.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from scipy.optimize import minimize
 
+from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.elementwise import Array
 from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.cases import READING_EFFECTS
@@ -33,8 +34,8 @@ ANGLES = 24
 STRENGTHS = ((0.5, True), (0.9, True), (0.9, False))  #: share of the prior, and whether upwards
 PLACE = 0.4  #: share of the range of a parameter that is a place or a mass, not a strength
 ENGINES = ("planar", "mujoco")
-FIRST_LAW, FIRST_REST = 0.05, 0.02  #: where the fit of both errors begins
-MIN_LAW, MAX_LAW = 0.003, 1.0
+FIRST_LAW, FIRST_REST = 0.03, 0.02  #: where the fit of both errors begins
+MIN_LAW, MAX_LAW = 0.001, 0.3
 
 
 def effect_values(effect: str, strength: float, *, upwards: bool) -> Values:
@@ -84,7 +85,8 @@ def fit_laws(changes: Mapping[str, Array], differences: Mapping[str, Array]) -> 
         rest, *laws = np.exp(2.0 * logs)
         total = 0.0
         for effect, law in zip(effects, laws, strict=True):
-            variance = rest + law * changes[effect] ** 2
+            square = changes[effect] ** 2
+            variance = rest + USUAL.law**2 * square + np.minimum(square, law)
             total += 0.5 * float((np.log(variance) + differences[effect] ** 2 / variance).sum())
         return total
 

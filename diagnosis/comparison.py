@@ -19,7 +19,7 @@ import numpy as np
 
 from dogshape.bench.bench_data import Bench, Cell
 from dogshape.sim.statistics.blocks import Block, Runner, even_blocks, numerical_error
-from dogshape.sim.statistics.expectation import expect_point
+from dogshape.sim.statistics.expectation import NumericalError, expect_point
 from dogshape.sim.statistics.shift_records import result_of
 
 MIN_READINGS = 3  #: single readings that say something of their scatter
@@ -57,11 +57,11 @@ class PointGap:
 
 @dataclass(frozen=True)
 class PointGaps:
-    """All operating points of a data set, and the numerical error of their mean in s, if known."""
+    """All operating points of a data set, and the numerical error of their mean, if known."""
 
     bench: Bench
     differences: tuple[PointGap, ...]
-    numerical_error: float | None = None
+    numerical_error: NumericalError | None = None
 
     @property
     def rmse(self) -> float | None:

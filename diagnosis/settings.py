@@ -47,13 +47,16 @@ class Settings:
         1.0, "of ln mismatch", "length over which the discrepancy is alike", "measured",
         "`docs/evidence/blind_engines.txt`")
     law: float = constant(
-        0.03, "of the change of ln time", "least error of an effect's law at one operating point",
+        0.03, "of the change of ln time", "error of an effect's law at one operating point",
         "judged", "an effect is one law of several that a stand may have")
     laws: Mapping[str, float] = constant(
-        {"actuation_lag": 0.05, "axial_gap": 0.33, "contact_friction": 0.1, "detent_force": 0.08,
-         "drag_torque": 0.04, "force_rise": 0.1, "force_scale": 0.05, "linkage_compliance": 0.36,
-         "mismatch_speed": 0.24, "sliding_inertia": 0.48, "spline_friction": 1.0},
-        "of the change of ln time", "the same, of effects whose law another engine has otherwise",
+        {"actuation_lag": 0.033, "axial_gap": 0.017, "chamfer_angle": 0.001,
+         "contact_friction": 0.031, "detent_force": 0.031, "drag_torque": 0.017,
+         "force_loss": 0.001, "force_rise": 0.032, "force_scale": 0.026, "free_play": 0.001,
+         "linkage_compliance": 0.039, "mismatch_speed": 0.04, "moving_mass": 0.017,
+         "sleeve_friction": 0.018, "sliding_inertia": 0.113, "spline_friction": 0.061,
+         "viscous_damping": 0.019},
+        "of ln time", "further error of an effect's law, at most the change itself",
         "measured", "`docs/evidence/law_errors.txt`: MuJoCo against the compiled engine")
     range_extension: float = constant(
         0.5, "of the range", "by which the range of a prior is widened at either end", "judged",
@@ -233,7 +236,8 @@ class Settings:
         "that data must exclude before *none* is said by its probability", "judged",
         "data that show nothing exclude nothing and leave all to effects too weak to be seen")
     named_at_once: int = constant(
-        2, "effects", "that are named as the whole cause", "judged", "of three some always fit")
+        2, "effects", "of a hypothesis that names the cause or its parts", "judged",
+        "of three some always fit")
     part: float = constant(
         0.95, "probability", "from which an effect is part of the cause, whatever else is",
         "judged", "usual level")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,8 +12,16 @@ from dogshape.bench.bench_data import load_bench, require_shifts
 from dogshape.diagnosis.comparison import ANGLES, PointGaps, compare
 from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import Progress
-from dogshape.pipeline.record import Figure, Frame, Table, frame_of, percent, tabulate
-from dogshape.pipeline.reports.text import time_text
+from dogshape.pipeline.record import (
+    Figure,
+    Frame,
+    Table,
+    frame_of,
+    number_or_none,
+    percent,
+    tabulate,
+)
+from dogshape.pipeline.reports.text import ENGINES, numerical_words, time_text
 from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.result import Result
@@ -22,13 +31,8 @@ from dogshape.sim.interface import argument
 from dogshape.sim.statistics.blocks import repeat_count
 from dogshape.sim.statistics.shift_records import clutch_record
 
+DRAKE_SHIFT_S = 0.5  #: processor time of a shift in Drake, of repeated finer ones too
 MIN_COMPARED_ANGLES = 3  #: relative angles at each operating point, for an estimate of the spread
-MIN_FLIP_ERROR_S = 1e-3  #: numerical error of the mean that only a flipped shift explains
-FLIP_NOTE = (
-    "so large a numerical error is a shift that flipped: of those repeated with a finer tolerance "
-    "one or more came into another slot, or did not engage; with more angles one such shift "
-    "counts less"
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,9 +65,7 @@ class Comparison(Result):
         ]
         error = comparison.numerical_error
         if error is not None:
-            parts.append(f"numerical error of the mean: {error * 1e3:.2g} ms")
-            if error > MIN_FLIP_ERROR_S:
-                parts.append(FLIP_NOTE)
+            parts.append(numerical_words(error))
         return [*parts, *examined_lines(comparison.bench)]
 
     @property
@@ -74,6 +76,7 @@ class Comparison(Result):
     def to_dict(self) -> dict[str, Any]:
         """Convert operating points, gap and doubtful values of the set to values of JSON."""
         result = self.compared
+        error = result.numerical_error
         engaged, attempts, simulated = result.engaged
         simulated_share = simulated if attempts else None
         return {
@@ -87,7 +90,7 @@ class Comparison(Result):
                 "tried": attempts,
                 "simulated_share": simulated_share,
             },
-            "numerical_error_s": result.numerical_error,
+            "numerical_error_s": None if error is None else number_or_none(error.size),
             **findings_record(result.bench),
         }
 
@@ -147,5 +150,19 @@ def validate(
     question = data.name, clutch_record(data.clutch), relative_angles
     options = RunOptions(jobs, cluster, journal, receiver(progress))
     work = shifts + propagated + repeat_count(shifts)
-    with options.executor("validate", question, work) as (executor, _):
+    with options.executor("validate", question, work) as (executor, counter):
+        counter.say(_work_words(data.clutch.solver.engine, work, journal))
         return Comparison(compare(data, executor.run, relative_angles, checked=True))
+
+
+def _work_words(engine: str, shifts: int, journal: str | Path | None) -> str:
+    """Announce the shifts of a comparison, their time, and the folder of finished ones."""
+    words = f"{shifts} shifts by {ENGINES[engine]}"
+    if engine == "drake":
+        words += (
+            f", about {math.ceil(DRAKE_SHIFT_S * shifts / 60.0)} min of one core; the compiled "
+            f"engine takes seconds ({argument('engine', 'planar')})"
+        )
+    if journal is not None:
+        words += f"; a stopped run leaves its finished shifts in {journal}"
+    return words

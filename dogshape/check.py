@@ -23,7 +23,13 @@ from dogshape.pipeline.reports.text import (
 from dogshape.pipeline.simulate.design import Design, design_of, judge_design
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.simulate.tolerance_time import ToleranceTime, tolerance_time
-from dogshape.pipeline.store.check_records import CheckRow, NotJudged, check_table, not_judged_row
+from dogshape.pipeline.store.check_records import (
+    CheckRow,
+    LandingRow,
+    NotJudged,
+    check_table,
+    not_judged_row,
+)
 from dogshape.pipeline.store.result_records import ExpectedTime, HangKeys, QuantileRow, hang_keys
 from dogshape.pipeline.train.training_rows import matching_surrogate, study_mix
 from dogshape.result import Result
@@ -31,10 +37,10 @@ from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import bearing_limits, strike_force, strike_torque
-from dogshape.sim.strength.landing import Landings, bedding
+from dogshape.sim.strength.landing import LandingLoad, Landings, bedding, landing_load
 from dogshape.sim.strength.locking import Retention, blocking_force, retention
 from dogshape.sim.strength.manufacture import Kind, manufacturing_checks
-from dogshape.sim.strength.verdict import OPTIONAL, SPANS, Hinge, Verdict, landing_by_stiffness
+from dogshape.sim.strength.verdict import OPTIONAL, Hinge, Verdict, landing_by_stiffness
 from dogshape.sim.units import MPA, RPM, from_si
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import NORMAL_95, Expected, interval
@@ -43,6 +49,15 @@ from dogshape.surrogate.store import Validation
 
 if TYPE_CHECKING:
     from dogshape.pipeline.simulate.executor import RunOptions
+
+
+class EdgeBedding(NamedTuple):
+    """Bedding of new edges; its fields are keys of the record."""
+
+    depth_um: float
+    radius_mm: float  #: of the edge after it
+    radius_low_mm: float  #: ends of the 95 % interval
+    radius_high_mm: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -132,7 +147,21 @@ class Checked(Result):
             *(f"warning: {note}" for note in self.notes),
             *map(_retention_text, self.retention),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
+            f"load: {self.config.load_text}",
             *([f"mount: {mount}"] if mount else []),
+        ]
+
+    @property
+    def explained(self) -> list[str | Table]:
+        """Meaning, formula, source and key of each check, and the checks that the study lacks."""
+        names = {row.name for row in self.rows}
+        return [
+            check_table(self.judged_rows, "name", "meaning", "formula", "source", "limit_key"),
+            *(
+                f"not judged: {check}; give {keys}"
+                for check, keys in OPTIONAL.items()
+                if check not in names and self.config.limits.sleeve is None
+            ),
         ]
 
     @property
@@ -151,6 +180,7 @@ class Checked(Result):
         lines = [
             f"landing: {severity} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
             "operating point",
+            *self._landing_lines(),
             *self._landing_stiffness(landings),
         ]
         if self.config.clutch.dog.edge_radius == 0.0:
@@ -165,20 +195,52 @@ class Checked(Result):
         """Describe the landing margin over the stiffness of the dogs, and the edges after it."""
         dog = self.config.clutch.dog
         limits = self.config.limits
-        factor = limits.load.dog_stiffness_factor
-        low, high = SPANS.dog_stiffness_factor.ends(factor)
-        soft, stiff = map(percent, landing_by_stiffness(dog, limits, landings))
-        lines = [
-            f"landing with load.dog_stiffness_factor from {low:.2g} to {high:.2g}: smallest "
-            f"margin {soft} to {stiff}"
-        ]
-        edge = bedding(dog, landings.demand(dog, limits), limits)
-        if edge.depth > 0.0:
+        weakest = landing_by_stiffness(dog, limits, landings)
+        factors = " to ".join(f"{factor:.2g}" for factor, _ in weakest)
+        margins = _margins_text([(check.margin, check.name) for _, check in weakest])
+        lines = [f"landing with load.dog_stiffness_factor {factors}: smallest margin {margins}"]
+        edges = self.edge_bedding
+        if edges is not None and edges.depth_um > 0.0:
             lines.append(
-                f"edges bed in by {from_si('_um', edge.depth):.2g} um, to a radius of "
-                f"{from_si('_mm', edge.radius):.2g} mm"
+                f"edges bed in by {edges.depth_um:.2g} um, to a radius of {edges.radius_mm:.2g} mm "
+                f"(95 %: {edges.radius_low_mm:.2g} to {edges.radius_high_mm:.2g} mm)"
             )
         return lines
+
+    def _landing_lines(self) -> list[str]:
+        """Describe force and overlap of the landing that decides; empty without a load."""
+        load = self.landing_load
+        if load is None:
+            return []
+        return [
+            f"decisive landing, of {load.check}: {LandingRow.of(load).text} "
+            f"({load.simulated_force:.0f} N on each dog in the softer layer of the simulation)"
+        ]
+
+    @property
+    def landing_load(self) -> LandingLoad | None:
+        """Landing behind the landing check with the smallest margin; None without a simulation."""
+        landings = self.design.landings
+        if landings is None:
+            return None
+        return landing_load(self.config.clutch.dog, self.config.limits, landings)
+
+    @property
+    def edge_bedding(self) -> EdgeBedding | None:
+        """Bedding of new edges in the hardest landing; None without a simulated landing."""
+        landings = self.design.landings
+        if landings is None:
+            return None
+        dog = self.config.clutch.dog
+        limits = self.config.limits
+        edge = bedding(dog, landings.demand(dog, limits), limits)
+        low, high = (bedding(dog, end, limits) for end in landings.interval(dog, limits))
+        return EdgeBedding(
+            depth_um=from_si("_um", edge.depth),
+            radius_mm=from_si("_mm", edge.radius),
+            radius_low_mm=from_si("_mm", low.radius),
+            radius_high_mm=from_si("_mm", high.radius),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Convert verdict, checks and retention to values of JSON."""
@@ -186,6 +248,7 @@ class Checked(Result):
             "feasible": self.feasible,
             "verdict": self.verdict.to_dict(),
             "checks": [row.to_dict() for row in self.rows],
+            **self._landing_record(),
             "retention": [
                 {
                     "flank": retention.flank,
@@ -198,6 +261,17 @@ class Checked(Result):
                 for retention in self.retention
             ],
         }
+
+    def _landing_record(self) -> dict[str, Any]:
+        """Record decisive landing and bedding of the edges; empty without a simulated landing."""
+        edges = self.edge_bedding
+        load = self.landing_load
+        if edges is None:
+            return {}
+        record: dict[str, Any] = {"edge_bedding": edges._asdict()}
+        if load is not None:
+            record["decisive_landing"] = LandingRow.of(load).to_dict()
+        return record
 
     def plot(self) -> Figure:
         """Draw the margin of each check, %, at nominal size; failed checks are hatched."""
@@ -227,11 +301,17 @@ def hinge_lines(verdict: Verdict) -> list[str]:
 
 
 def _hinge_text(hinge: Hinge) -> str:
-    low = percent(hinge.margin_low)
-    high = percent(hinge.margin_high)
-    checks = ", ".join(dict.fromkeys((hinge.check_low, hinge.check_high)))
-    margins = f"smallest margin {low} to {high} ({checks})"
+    ends = [(hinge.margin_low, hinge.check_low), (hinge.margin_high, hinge.check_high)]
+    margins = f"smallest margin {_margins_text(ends)}"
     return f"{hinge.key} {hinge.range_text} [{hinge.status}: {hinge.source}]: {margins}"
+
+
+def _margins_text(ends: Sequence[tuple[float, str]]) -> str:
+    """Print margins at the ends of a range, each with its check, a common one once."""
+    names = {name for _, name in ends}
+    if len(names) == 1:
+        return f"{' to '.join(percent(margin) for margin, _ in ends)} ({names.pop()})"
+    return " to ".join(f"{percent(margin)} ({name})" for margin, name in ends)
 
 
 def _retention_text(retention: Retention) -> str:
@@ -564,19 +644,6 @@ class Strength(Checked):
             parts.append(f"load sharing by number and accuracy: {self.load_sharing:.2f}")
         parts += [strike.text for strike in self.strikes]
         return parts
-
-    @property
-    def explained(self) -> list[str | Table]:
-        """Meaning, formula, source and key of each check, and the checks that the study lacks."""
-        names = {row.name for row in self.rows}
-        return [
-            check_table(self.judged_rows, "name", "meaning", "formula", "source", "limit_key"),
-            *(
-                f"not judged: {check}; give {keys}"
-                for check, keys in OPTIONAL.items()
-                if check not in names and self.config.limits.sleeve is None
-            ),
-        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Convert every check, the load and the material's limits to values of JSON."""

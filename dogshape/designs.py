@@ -16,7 +16,7 @@ from dogshape.pipeline.reports.design_record import (
     searched_sheet,
 )
 from dogshape.pipeline.reports.named_design import NamedDesign
-from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
+from dogshape.pipeline.store.check_records import CheckRow, LandingRow, VerdictRow
 from dogshape.pipeline.store.folder import require_targets
 from dogshape.pipeline.store.result_records import hang_keys
 from dogshape.sim.strength.manufacture import Kind
@@ -30,12 +30,14 @@ def sheet_of(design: NamedDesign) -> tuple[DesignSheet, list[CheckRow]]:
         return sheet, searched_checks(design.design_study, design.result, design.row)
     check = check_design(study)
     expected = check.expected
+    landing = check.landing_load
     simulated = SimulatedValues(
         expected_shift_time_s=None if expected is None else expected.time,
         standard_error_s=None if expected is None else expected.error,
         **(check.hangs or hang_keys(None)).to_dict(),
         source=check.refusal or "compiled engine",
         engaged=check.engaged if check.shifts else None,
+        decisive_landing=None if landing is None else LandingRow.of(landing),
     )
 
     def weakest_check(kind: Kind) -> WeakestCheck:

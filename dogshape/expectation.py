@@ -35,6 +35,7 @@ from dogshape.pipeline.reports.text import (
     engaged_text,
     hang_words,
     interval_text,
+    numerical_words,
     quantile_words,
     time_text,
 )
@@ -140,18 +141,24 @@ class Expectation(Result):
         quantiles = quantile_words(record.quantiles or ())
         if quantiles:
             parts.append(f"shift time over the life: {quantiles}")
-        return [*parts, hangs, self._entry_line(), *self._limit_tables(), *sources]
+        lines = [hangs, *self._numerical_line(), self._entry_line()]
+        return [*parts, *lines, *self._limit_tables(), *sources]
 
     def _time_line(self) -> str:
-        """Describe the expected time with its standard and numerical errors."""
+        """Describe the expected time with its standard error."""
         mean = self.mean
-        error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error, hangs included)"
+        error = (
+            f"± {1e3 * mean.standard_error:.2f} ms (one standard error over angles, with that of "
+            "hangs)"
+        )
         if self.record.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
-        line = f"expected shift time {1e3 * mean.mean:.2f} {error}"
-        if self.record.numerical_error_s is not None:
-            line += f", numerical error {1e3 * self.record.numerical_error_s:.2g} ms"
-        return line
+        return f"expected shift time {1e3 * mean.mean:.2f} {error}"
+
+    def _numerical_line(self) -> list[str]:
+        """Describe the numerical error beside the standard one; empty where not computed."""
+        error = self.mean.numerical_error
+        return [] if error is None else [numerical_words(error, self.record.standard_error_s)]
 
     def _precision_words(self) -> str:
         """Describe the precision that was asked for, which leaves rare hangs out."""

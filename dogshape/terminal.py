@@ -177,12 +177,14 @@ class ProgressBar(Progress):
 
 
 def _count_text(count: WorkCounter, elapsed: float) -> str:
-    """Describe finished work and, from a hundredth of it on, the remaining time.
+    """Describe finished work and, from a hundredth of it on, the remaining time if it is known.
 
     ``elapsed`` is the time since the start, s.
     """
     total = f"at most {count.total}" if count.at_most else f"{count.total}"
     text = f"{count.done} of {total} {count.unit}"
+    if count.stage:
+        return f"{count.stage}: {text}"
     new = count.done - count.known
     if count.ended or not new > MIN_TIMED_SHARE * count.total:
         return text

@@ -38,6 +38,8 @@ class WorkCounter:
         Name of the work units, in the plural.
     resumption
         Folder of finished shifts and the way to go on, for a message after Ctrl-C.
+    stage
+        Place of this work in a longer one of unknown length, of which no remaining time is known.
 
     Attributes
     ----------
@@ -56,12 +58,14 @@ class WorkCounter:
         at_most: bool = False,
         unit: str = "shifts",
         resumption: str = "",
+        stage: str = "",
     ) -> None:
         self._progress = progress
         self._resumption = resumption
         self.total = total
         self.at_most = at_most
         self.unit = unit
+        self.stage = stage
         self.done = 0
         self.known = 0
         self.ended = False

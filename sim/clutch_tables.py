@@ -604,15 +604,24 @@ def _unknown_key(model: type[BaseModel], path: Sequence[str]) -> str:
     """Word the error of an unknown key; suggest a similar key, or its name in another table."""
     key = ".".join(path)
     *tables, name = path
+    stem = "".join(f"{table}." for table in tables)
+    names_with_unit = [valid for valid in _keys(model, tables) if _without_unit(valid) == name]
+    if names_with_unit:
+        keys = " or ".join(f"'{stem}{valid}'" for valid in names_with_unit)
+        return f"'{key}' is not a known key; did you mean {keys}?"
     if _is_unmodelled([*tables, name]):
         return f"'{key}' is not a known key: {SCOPE}; leave it out"
-    other_tables = [table for table in _keys(model, []) if name in _keys(model, [table])]
-    if other_tables:
-        table = tables[-1] if tables and tables[-1] in other_tables else other_tables[0]
-        return f"'{key}' is not a known key; did you mean '{table}.{name}'?"
-    stem = "".join(f"{table}." for table in tables)
+    for table in sorted(_keys(model, []), key=lambda table: table not in tables):
+        for valid in _keys(model, [table]):
+            if name in (valid, _without_unit(valid)):
+                return f"'{key}' is not a known key; did you mean '{table}.{valid}'?"
     valid_keys = [stem + valid_name for valid_name in _keys(model, tables)]
     return f"'{key}' is not a known key; {did_you_mean(key, valid_keys)}"
+
+
+def _without_unit(key: str) -> str:
+    """Return a key without the unit at its end."""
+    return key.removesuffix(suffix_of(key))
 
 
 def _keys(model: type[BaseModel], path: list[str]) -> list[str]:

@@ -113,7 +113,7 @@ def credible_set(posterior: Probabilities, level: float) -> tuple[Hypothesis, ..
 
 
 def is_nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
-    """Check that a hypothesis may be named as the whole cause, however probable it is."""
+    """Check that a hypothesis may name the cause or a part of it, however probable it is."""
     return len(strip_sense(hypothesis)) <= settings.named_at_once
 
 
@@ -127,9 +127,10 @@ def decide(
 
     *None* where the gap is within its margin, or where nothing acts, passes the predictive check,
     and the data exclude effects.
-    *Unknown* where nothing listed explains the gap, or only what fails the predictive check.
-    *Effect* where one hypothesis is named that passes it. Otherwise *ambiguous*, with the effects
-    that are part of the cause under nearly all hypotheses.
+    *Unknown* where nothing listed explains the gap, or only what fails the predictive check or is
+    too large a set to be named. *Effect* where one hypothesis is named that passes it. Otherwise
+    *ambiguous*, with the effects that are part of the cause under nearly all hypotheses, of which
+    those too large to be named count as unknown.
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
     credible = credible_set(posterior, settings.credible)
@@ -137,12 +138,13 @@ def decide(
     shows_none = none.exclusion > settings.excluded and NONE not in inadequate
     if none.within_margin > settings.named or (shows_none and posterior[NONE] > settings.named):
         return CauseVerdict("none", (), credible)
-    if posterior[UNKNOWN] + sum(posterior[h] for h in inadequate) > settings.named:
+    nameable = {h: p for h, p in posterior.items() if is_nameable(h, settings)}
+    explained = sum(p for h, p in nameable.items() if h != UNKNOWN and h not in inadequate)
+    if 1.0 - explained > settings.named:
         return CauseVerdict("unknown", (), credible)
     if order[0] not in inadequate and _is_named(order[0], posterior, settings):
         return CauseVerdict("effect", order[0], credible)
-    inclusions = inclusion(posterior).items()
-    causes = tuple(sorted(name for name, p in inclusions if p > settings.part))
+    causes = tuple(sorted(n for n, p in inclusion(nameable).items() if p > settings.part))
     return CauseVerdict("ambiguous", causes, credible)
 
 

@@ -143,10 +143,16 @@ class _EffectSums:
     slip: Array | float = 0.0  #: change of the mismatch, pitches/s, (m, C)
     log_sd_variance: Array | float = 0.0  #: squared error of ln deviation, (m, C)
 
-    def add(self, change: Changes, law: float) -> None:
-        """Add the changes by one more effect; ``law`` is the relative error of its law."""
+    def add(self, change: Changes, share_error: float, law_error: float) -> None:
+        """Add the changes by one more effect with the error of its law.
+
+        ``share_error`` is the part in proportion to the change of ln mean, ``law_error`` the other
+        one, which does not exceed the change.
+        """
+        log_change = abs(change.moments[..., LOG_MEAN])
+        error = np.hypot(share_error * log_change, np.minimum(log_change, law_error))
         self.moments += change.moments
-        self.law_variance = self.law_variance + (law * change.moments[..., LOG_MEAN]) ** 2
+        self.law_variance = self.law_variance + error**2
         self.delay = self.delay + change.delay
         self.emulation_variance = self.emulation_variance + change.error**2
         self.common_variance = self.common_variance + change.common_share * change.error**2
@@ -271,7 +277,7 @@ class Model:
                 contact_time = self.baseline.mean * np.exp(log) - gap_time
                 contact_time = np.maximum(contact_time, MIN_CONTACT_SHARE * self.baseline.mean)
                 sums.contact_logs.append(np.log(contact_time / self.baseline.contact_time))
-            sums.add(change, self.constants.laws.get(name, self.constants.law))
+            sums.add(change, self.constants.law, self.constants.laws.get(name, 0.0))
         return sums
 
     def _with_errors(self, sums: _EffectSums, mean: Array, pair_error: Array) -> Prediction:

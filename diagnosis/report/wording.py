@@ -10,7 +10,7 @@ from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Inference, RecordMeaning
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import gap_decrease
-from dogshape.diagnosis.inference.verdict import CauseVerdict
+from dogshape.diagnosis.inference.verdict import CauseVerdict, is_nameable
 from dogshape.diagnosis.prediction.building import untried_effects
 from dogshape.diagnosis.terms import NONE, UNKNOWN, hypothesis_name, join_words
 from dogshape.sim import effects as registry
@@ -122,7 +122,7 @@ def cause_sentence(diagnosis: Inference) -> str:
             return f"The gap without scatter is below {margin} with {probability}."
         return f"No effect acts, with {chance(diagnosis.posterior[NONE])}."
     if verdict.kind == "unknown":
-        return "No known effect, alone or with others, explains all of the data."
+        return "No known effect, alone or with one other, explains all of the data."
     open_effects = join_words(_open_effects(diagnosis), "or")
     if not verdict.causes:
         return f"The cause is open: {open_effects}."
@@ -186,6 +186,7 @@ def remarks(diagnosis: Inference) -> list[str]:
         *_ordinary_sentences(diagnosis),
         _arm_sentence(diagnosis),
         _refutation(diagnosis),
+        _large_sets_sentence(diagnosis),
         *_untried_sentences(diagnosis),
     ]
     answer = (diagnosis.verdict.kind, diagnosis.verdict.causes)
@@ -198,6 +199,16 @@ def remarks(diagnosis: Inference) -> list[str]:
             verdict = headline_of(meaning.verdict, diagnosis.effects)
             sentences.append(f"If {clause}, the answer is '{verdict}'.")
     return [sentence for sentence in sentences if sentence]
+
+
+def _large_sets_sentence(diagnosis: Inference) -> str:
+    """Write the probability of the sets that are too large to name a cause, '' for little."""
+    settings = diagnosis.settings
+    probability = sum(p for h, p in diagnosis.posterior.items() if not is_nameable(h, settings))
+    if probability < MIN_STATED_PROBABILITY:
+        return ""
+    count = settings.named_at_once
+    return f"Sets of more than {count} effects have {chance(probability)} and name no cause."
 
 
 def _untried_sentences(diagnosis: Inference) -> list[str]:

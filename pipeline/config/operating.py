@@ -16,6 +16,7 @@ a setting, and no two may change the same one.
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -261,6 +262,13 @@ class OperatingSection(Section):
             (speed, force, speed_weight * force_weight)
             for (speed, speed_weight), (force, force_weight) in itertools.product(speeds, forces)
         ]
+
+    @property
+    def mismatch_bounds(self) -> list[float]:
+        """Finite bounds of a mismatch that is drawn, 1/min; empty for points that are given."""
+        if not isinstance(self.mismatch_rpm, Distribution):
+            return []
+        return [bound for bound in self.mismatch_rpm.bounds if math.isfinite(bound)]
 
     def _drawn_axes(self) -> list[str]:
         """List the quantities of ``AXES`` that are distributions."""

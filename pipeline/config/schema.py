@@ -36,7 +36,6 @@ from dogshape.sim.shift.clutch import (
     SCHEMES,
     Clutch,
     ContactSet,
-    OperatingPoint,
     Solver,
     accuracy_of,
     contact_set,
@@ -179,20 +178,19 @@ class StrikeSection(
                 )
         return values
 
-    def at_ends(self, clutch: Clutch, points: Sequence[OperatingPoint]) -> Iterator[Strike]:
+    def at_ends(self, clutch: Clutch, mismatches: Sequence[float]) -> Iterator[Strike]:
         """Yield the strike at each combination of range ends; just one without ranges.
 
-        Keys that it lacks are those of ``[mechanism]``, its mismatches those of the points.
-        InputError for one of wheel inertia and output stiffness without the other.
+        Keys that it lacks are those of ``[mechanism]``, its mismatches by default ``mismatches``,
+        rad/s. InputError for one of wheel inertia and output stiffness without the other.
         """
         rings = clutch.rings
         values = self._with_mechanism(clutch.mechanism)
         if ("wheel_inertia_kgm2" in values) != ("output_stiffness_Nm_rad" in values):
             fault = "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together"
             raise InputError(f"{fault}; give both, or none for a rigid output side")
-        if self.mismatch_rpm is None:
-            speeds = [point.mismatch for point in points]
-        else:
+        speeds = mismatches
+        if self.mismatch_rpm is not None:
             speeds = [speed * RPM for speed in self.mismatch_rpm]
         inertias = {
             "wheel_inertia": rings.output_inertia,  # of a rigid output side, unless a key gives it

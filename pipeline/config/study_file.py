@@ -59,6 +59,7 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
+from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.spline import Sleeve
 from dogshape.sim.units import MM, RPM
@@ -111,7 +112,9 @@ class Setup:
         operation = {key: params[key] for key in OPERATED if key in params}
         if operation:
             points = points_of_design(self.points, self.actuation, operation)
-            limits = _limits(self.file, self.clutch, points)
+            # A set-point moves the mismatch of all points alike.
+            mismatch_change = points[0].mismatch - self.points[0].mismatch
+            limits = _limits(self.file, self.clutch, points, mismatch_change)
             study = replace(self, points=points, limits=limits, operation=operation)
         output_dog = self.output_dog_with(params)
         if output_dog == self.clutch.output_dog:
@@ -187,6 +190,21 @@ class Setup:
         speeds = _range_text([point.mismatch / RPM for point in self.points])
         forces = _range_text(self.forces)
         return f"{len(self.points)} with {speeds} 1/min, {forces} N at the sleeve"
+
+    @property
+    def load_text(self) -> str:
+        """Torque, life and torque left at disengagement in words, defaults named as such."""
+        load = self.file.load
+        life = "life by load.spectrum"
+        if not load.spectrum:
+            default = _default_text(load.shifts, LoadCase.shifts)
+            life = f"{load.shifts:,.0f} shifts over the life{default}"
+        words = f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}, {life}"
+        if self.limits.load.pull_out_force_limit is None:
+            return words
+        share = load.pull_out_share
+        default = _default_text(share, LoadCase.pull_out_share)
+        return f"{words}, pulled out under {100.0 * share:g} % of the torque{default}"
 
     @property
     def shafts_text(self) -> str:
@@ -296,6 +314,11 @@ class Setup:
     def config_hash(self) -> str:
         """Content key of the whole study file."""
         return content_key(self.file.model_dump())
+
+
+def _default_text(value: float, default: float) -> str:
+    """Mark a value that is its default; empty for another."""
+    return " (default)" if value == default else ""
 
 
 def _range_text(values: Sequence[float]) -> str:
@@ -607,8 +630,18 @@ def _uncertainty(
     return uncertainty
 
 
-def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
-    """Build the limits of the checks; open values of load and strike follow from the points."""
+def _limits(
+    file: StudyFile,
+    clutch: Clutch,
+    points: Sequence[OperatingPoint],
+    mismatch_change: float = 0.0,
+) -> Limits:
+    """Build the limits of the checks; open values of load and strike follow from the points.
+
+    Flanks strike at the bounds of a drawn mismatch too, which ``mismatch_change`` moves, rad/s.
+    """
+    mismatches = [point.mismatch for point in points]
+    mismatches += [bound * RPM + mismatch_change for bound in file.operating.mismatch_bounds]
     load = file.load.case(**_clutch_loads(file, clutch, points))
     load.require_spline()
     return Limits(
@@ -617,7 +650,7 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         manufacturing=file.manufacturing.value,
         tolerances=file.tolerance.value,
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
-        strikes=tuple(file.strike.at_ends(clutch, points)) if file.strike else (),
+        strikes=tuple(file.strike.at_ends(clutch, mismatches)) if file.strike else (),
         sleeve=sleeve_of(file),
         output_dog=clutch.output_dog,
         output_material=_output_material(file),

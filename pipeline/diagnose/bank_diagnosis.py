@@ -8,6 +8,7 @@ unfinished bank. Diagnoses at once share the folder; each waits while another on
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -92,19 +93,37 @@ def models_of(
     for name, reason in untried_effects(bench, effects).items():
         options.progress.say(f"the effect {name} is not tried: {reason}")
     bank = Bank((BUNDLED_BANK, options.bank / TIMES))
-    run = partial(shifts_of, options=options, messages=[], bank=bank)
+    run = partial(shifts_of, options=options, rounds=SimulationRounds(), bank=bank)
     return build_models(bench, effects, options.settings, run)
 
 
+class SimulationRounds:
+    """Rounds of missing shifts of a diagnosis; their number depends on the likely causes."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._start_time = 0.0  #: s, of the first round
+
+    def begin(self) -> str:
+        """Count a round; return its place in the diagnosis."""
+        now = time.monotonic()
+        self._start_time = self._start_time or now
+        self.count += 1
+        place = f"round {self.count} of the diagnosis"
+        if self.count == 1:
+            return place
+        return f"{place}, {(now - self._start_time) / 60.0:.0f} min after the first"
+
+
 def shifts_of(
-    blocks: Sequence[Block], options: BankOptions, messages: list[str], bank: Bank
+    blocks: Sequence[Block], options: BankOptions, rounds: SimulationRounds, bank: Bank
 ) -> list[list[Record]]:
     """Return the shifts of blocks from a bank; simulate and store missing series.
 
-    ``messages`` collects the first message on missing shifts, so that it appears once. Several runs
-    may write to a bank at once; a series that two of them lack is simulated by both.
+    The message on missing shifts appears in the first of the ``rounds``. Several runs may write to
+    a bank at once; a series that two of them lack is simulated by both.
     """
-    missing_series = _MissingSeries(options, messages)
+    missing_series = _MissingSeries(options, rounds)
     rows = bank.times(blocks, missing_series.simulate)
     missing_series.drop_journal()
     return rows
@@ -113,9 +132,9 @@ def shifts_of(
 class _MissingSeries:
     """Simulation of series that no bank has; a journal keeps shifts until the bank has them."""
 
-    def __init__(self, options: BankOptions, messages: list[str]) -> None:
+    def __init__(self, options: BankOptions, rounds: SimulationRounds) -> None:
         self._options = options
-        self._messages = messages
+        self._rounds = rounds
         self._journal: ShiftJournal | None = None
         self._keys = set[str]()
 
@@ -126,25 +145,26 @@ class _MissingSeries:
         self._journal = ShiftJournal(options.bank / SHIFTS)
         self._keys.update(key for block in missing for key in block.keys)
         count = sum(len(block.angles) for block in missing)
-        self._say_missing(count)
+        stage = self._rounds.begin()
+        if self._rounds.count == 1:
+            self._say_missing(count)
         resumption = f"{options.bank}; the same command goes on from there"
-        with WorkCounter(options.progress, count, resumption=resumption) as counter:
+        counter = WorkCounter(options.progress, count, resumption=resumption, stage=stage)
+        with counter:
             return Executor(self._journal, options.jobs, counter.advance).run(missing)
 
     def _say_missing(self, count: int) -> None:
-        """Report the number of missing shifts, at the first call alone."""
-        if self._messages:
-            return
+        """Report the number of missing shifts of the first round."""
         message = (
             f"the bank of this clutch lacks {count} shifts; they are simulated once "
-            f"and kept in {self._options.bank} for this and later diagnoses"
+            f"and kept in {self._options.bank} for this and later diagnoses; further rounds follow "
+            "until the probabilities of the causes settle"
         )
         if not BUNDLED_BANK.is_file():  # the package is a wheel
             message += (
                 "; the folder studies/bench of a clone of the repository has those of the "
                 f"published benches, for {argument('bank')}"
             )
-        self._messages.append(message)
         self._options.progress.say(message)
 
     def drop_journal(self) -> None:

@@ -16,15 +16,23 @@ from dogshape.bench.cell_values import FORCE, LENGTH, SPEED, TIME, bare_unit, un
 from dogshape.sim.errors import InputError, meant_number
 from dogshape.sim.units import DEG
 
+#: Sonic conductance of an opening, dm3/(s bar) per mm2 (ISO 6358-1: 5 mm2 have about 1).
+CONDUCTANCE_OF_OPENING = 0.2
 #: Factors to a unit of the study file, by spelling without blanks.
 SPELLINGS: dict[str, dict[str, float]] = {
     "deg": {"deg": 1.0, "degrees": 1.0, "rad": 1.0 / DEG, "mrad": 1e-3 / DEG},
     "kg": {"kg": 1.0, "g": 1e-3, "t": 1e3},
     "kg m2": {"kgm2": 1.0, "gm2": 1e-3, "kgcm2": 1e-4, "kgmm2": 1e-6},
-    "bar": {"bar": 1.0, "MPa": 10.0, "kPa": 0.01},
-    "cm2": {"cm2": 1.0, "mm2": 0.01},
-    "cm3": {"cm3": 1.0, "ml": 1.0, "l": 1e3},
-    "l/min": {"l/min": 1.0, "l/h": 1.0 / 60.0},
+    "bar": {"bar": 1.0, "MPa": 10.0, "kPa": 0.01, "Pa": 1e-5, "psi": 0.0689476},
+    "cm2": {"cm2": 1.0, "mm2": 0.01, "dm2": 100.0, "m2": 1e4},
+    "cm3": {"cm3": 1.0, "ml": 1.0, "mm3": 1e-3, "dm3": 1e3, "l": 1e3},
+    "l/min": {"l/min": 1.0, "dm3/min": 1.0, "l/h": 1.0 / 60.0, "l/s": 60.0, "m3/h": 1e3 / 60.0},
+    "dm3/(s bar)": {
+        **dict.fromkeys(("dm3/(sbar)", "dm3/sbar", "l/(sbar)", "l/sbar"), 1.0),
+        **dict.fromkeys(("l/(minbar)", "l/minbar", "dm3/(minbar)"), 1.0 / 60.0),
+        "mm2": CONDUCTANCE_OF_OPENING,
+        "cm2": 100.0 * CONDUCTANCE_OF_OPENING,
+    },
     "V": {"V": 1.0},
     "A": {"A": 1.0, "mA": 1e-3},
     "ohm": {"ohm": 1.0, "Ohm": 1.0},
@@ -40,7 +48,7 @@ _RANGE = re.compile(r"\s+(?:to|bis)\s+|\s*(?:\.\.\.?|\N{HORIZONTAL ELLIPSIS})\s*
 _NUMBER = re.compile(
     r"(?P<number>[-+\N{MINUS SIGN}\N{EN DASH}]?(?:\d+(?:[.,]\d+)*[.]?|[.]\d+)(?:[eE][-+]?\d+)?)"
     r"\s*(?P<unit>(?:1/min|[^\W\d_]|\N{DEGREE SIGN})"
-    r"(?:[\w/\N{MIDDLE DOT}*^\N{DEGREE SIGN}]|\s(?=[^\W\d]))*)?\s*[;,]?\s*"
+    r"(?:[\w/()\N{MIDDLE DOT}*^\N{DEGREE SIGN}]|\s(?=[^\W\d]))*)?\s*[;,]?\s*"
 )
 #: ``3,200`` is a number with a decimal comma or with a separator of thousands.
 _AMBIGUOUS = re.compile(r"[1-9]\d{0,2},\d{3}")
@@ -76,6 +84,23 @@ def read_numbers(text: str, unit: str, factors: Mapping[str, float] | None = Non
     if ranged and not numbers[0] < numbers[1]:
         raise InputError(f"the range {text.strip()} has its larger end first; exchange the ends")
     return TypedAnswer(numbers, ranged=ranged)
+
+
+def read_sum(text: str, unit: str) -> TypedAnswer:
+    """Read a sum such as ``600 + 650 mm2`` as one number in ``unit``.
+
+    A term without a unit has that of the next one. InputError for a term that is no number.
+    """
+    total = 0.0
+    word = ""
+    for term in reversed(text.split("+")):
+        pairs = _pairs(term.strip())
+        if len(pairs) != 1:
+            raise InputError("give one number, or a sum such as 6 + 6.5")
+        ((number, own_word),) = pairs
+        word = own_word or word
+        total += number * _factor(word, unit, {})
+    return TypedAnswer((total,), ranged=False)
 
 
 def number_of(text: str) -> float:

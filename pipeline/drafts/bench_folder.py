@@ -30,6 +30,7 @@ from dogshape.bench.bench_draft import (
     row_numbers,
 )
 from dogshape.bench.draft_arguments import column_argument
+from dogshape.bench.quantities import stated_rise
 from dogshape.bench.raw_sheet import file_of
 from dogshape.bench.reading_report import ReadingReport
 from dogshape.bench.table import COLUMNS, FORCE, RISE
@@ -45,7 +46,7 @@ from dogshape.sim.interface import argument, key_argument, listed_argument
 from dogshape.sim.shift.actuators import KINDS, PROFILE, SECTION, SET_KEYS, required_keys
 from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.mechanism import NO_MECHANISM
-from dogshape.sim.units import MM
+from dogshape.sim.units import MM, short
 from dogshape.sim.versions import bundled_root
 
 SCATTER = 0.2  #: of a set value, up to which measured values lie off it
@@ -355,6 +356,14 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Read
         f"the force rises in {low} to {number(max(filled))} s, by its size as in '{source.name}' "
         f"({low_force} to {high_force} N){remark}; {argument('rise_s')} says another time"
     )
+    for exclusion in report.left_out:
+        stated = stated_rise(exclusion.reason)
+        if stated is not None:
+            words, rise = stated
+            report.assumed.append(
+                f"{exclusion.place} of {exclusion.file} states '{words}', which is not taken: "
+                f"{argument('rise_s', short(rise))} takes it for all rows without a rise time"
+            )
 
 
 def _values(

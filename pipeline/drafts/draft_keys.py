@@ -65,9 +65,10 @@ ACTUATOR_NUMBERS = {
     "actuation.stiffness_N_mm": "stiffness between drum or spindle and fork, N/mm",
     "actuation.force_limit_N": "largest force that the drive of the drum gives the fork, N",
     "actuation.supply_bar": "supply pressure above the ambient one, bar",
-    "actuation.area_cm2": "area of the piston, cm²",
+    "actuation.area_cm2": "area of the piston, cm²; of several A + B",
     "actuation.dead_volume_cm3": "volume behind the piston at the start, with pipes, cm³",
-    "actuation.conductance_dm3_s_bar": "sonic conductance of the valve (ISO 6358), dm³/(s bar)",
+    "actuation.conductance_dm3_s_bar": "sonic conductance of the valve (ISO 6358), dm³/(s bar); or "
+    "its opening in mm²",
     "actuation.critical_ratio": "critical pressure ratio of the valve (ISO 6358)",
     "actuation.flow_l_min": "rated flow of the valve, l/min",
     "actuation.drop_bar": "pressure drop of the rated flow, bar",

@@ -31,7 +31,7 @@ from dogshape.pipeline.config.toml_text import (
     with_values,
 )
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
-from dogshape.pipeline.drafts.answers import choice_of, read_numbers
+from dogshape.pipeline.drafts.answers import choice_of, read_numbers, read_sum
 from dogshape.pipeline.drafts.derived_values import (
     LookUp,
     derive_values,
@@ -456,6 +456,10 @@ def is_void(key: str, answers: Mapping[str, Any]) -> bool:
     return part is not None and answers.get(part) == 0
 
 
+#: Keys whose answer may be a sum of the areas of several pistons.
+AREAS = ("actuation.area_cm2", "actuation.back_area_cm2")
+
+
 def _further_units(key: str, answers: Mapping[str, Any]) -> dict[str, float]:
     """Return the factors of further units of a question, by unit."""
     if key == BACKLASH and answers.keys() >= set(DIAMETERS):
@@ -474,7 +478,10 @@ def value_of(key: str, text: str, *, default: Any, answers: Mapping[str, Any]) -
     """
     if isinstance(default, str):
         return choice_of(text, CHOICES.get(key, ()))
-    answer = read_numbers(text, unit_of(key), _further_units(key, answers))
+    if "+" in text and key in AREAS:
+        answer = read_sum(text, unit_of(key))
+    else:
+        answer = read_numbers(text, unit_of(key), _further_units(key, answers))
     numbers = [rounded(number) for number in answer.numbers]
     takes_list = isinstance(default, (list, tuple, Mapping))
     if answer.ranged and not takes_list:

@@ -80,6 +80,52 @@ SI_UNITS = {
 #: Parts of a clutch whose quantities are parameters; of a drive those that follow the speeds.
 PARTS = ("dog", "rings", "contact", "mechanism", "drive")
 DRIVE_PARAMETERS = ("pack_torque", "pack_viscous", "pack_speed", "synchroniser")
+#: Meaning of each parameter.
+MEANINGS = {
+    "dog.count": "dogs of a ring",
+    "dog.chamfer": "fall of the face from ridge to braking flank",
+    "dog.traction": "side angle of the traction flank, negative if undercut",
+    "dog.braking": "side angle of the braking flank, negative if undercut",
+    "dog.height": "crest above root",
+    "dog.outer_diameter": "outer diameter of the dogs",
+    "dog.inner_diameter": "inner diameter of the dogs",
+    "dog.axial_gap": "gap between the crests of both rings before the shift",
+    "dog.edge_radius": "radius of crest and tip edges; 0 is sharp",
+    "dog.crest": "place of the ridge, 0 at the braking and 1 at the traction edge",
+    "dog.chamfer_back": "fall of the back from ridge to traction flank",
+    "dog.backlash": "play of the seated pair at the mean radius",
+    "rings.mass": "mass of the sliding ring",
+    "rings.sliding_inertia": "inertia of the side of the sliding ring, ring included",
+    "rings.output_inertia": "inertia of the side of the output ring, wheel included",
+    "contact.static_friction": "static friction of the dogs",
+    "contact.dynamic_friction": "dynamic friction of the dogs",
+    "contact.stiction_velocity": "slip below which friction is smooth",
+    "contact.stiffness": "pressure over penetration of the compliant layer",
+    "contact.dissipation": "dissipation of Hunt and Crossley",
+    "contact.face_friction": "friction of faces on faces",
+    "mechanism.added_mass": "mass that moves with the ring, as felt at it",
+    "mechanism.friction": "friction of the ring along its shaft",
+    "mechanism.damping": "viscous damping of the ring along its shaft",
+    "mechanism.detent": "peak force of the detent",
+    "mechanism.detent_position": "travel at the peak of the detent",
+    "mechanism.detent_width": "way of the detent",
+    "mechanism.detent_seat": "travel at the peak of the pull into the seat; 0 without a seat",
+    "mechanism.spline_friction": "friction of the ring's toothing",
+    "mechanism.spline_radius": "radius of the ring's toothing",
+    "mechanism.drag_torque": "drag of the sliding side to the housing",
+    "mechanism.compliance": "compliance of the linkage between actuator and ring",
+    "mechanism.free_play": "play between linkage and ring",
+    "mechanism.ring_inertia": "inertia of the ring, a part of rings.sliding_inertia; 0: all",
+    "mechanism.input_stiffness": "stiffness of the shaft behind the ring",
+    "mechanism.backlash": "play of the ring's toothing",
+    "mechanism.wheel_inertia": "inertia at the flanks of the output side, a part of "
+    "rings.output_inertia; 0: all",
+    "mechanism.output_stiffness": "stiffness of the shaft behind the wheel",
+    "drive.pack_torque": "Coulomb drag of a wet pack on the engine's side",
+    "drive.pack_viscous": "viscous drag of a wet pack on the engine's side",
+    "drive.pack_speed": "speed of the other side of the pack",
+    "drive.synchroniser": "torque of a synchroniser between both sides",
+}
 INPUTS = {
     "shift_force": ("N", "force on actuator or sliding ring into engagement"),
     "sliding_torque": ("N.m", "torque on the side of the sliding ring"),
@@ -238,7 +284,7 @@ class ClutchBlock:
             yield self._parameter(name, unit, meaning, self._start)
         for name, (_, key) in parameters_of(self._clutch).items():
             unit = SI_UNITS.get(suffix_of(key), "")
-            meaning = f"key {key} of a study file, in SI units"
+            meaning = f"{MEANINGS[name]}; {key} of a study file"
             yield self._parameter(name, unit, meaning, self._parameters)
         yield from self._outputs()
 

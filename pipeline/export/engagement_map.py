@@ -34,6 +34,7 @@ from dogshape.sim.files import write_frame, write_whole
 from dogshape.sim.interface import key_argument
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import even_blocks
+from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.statistics.shift_records import result_of
 from dogshape.sim.units import DEG, MM, RPM
 
@@ -55,7 +56,13 @@ class MapPoint(Record):
     mismatch_rpm: float = key("mismatch speed", "1/min")
     force_N: float = key("final shift force", "N")
     engagement_probability: float = key("share of engaged shifts")
+    engagement_probability_standard_error: float | None = key(
+        "its standard error, of a share of independent shifts with the prior of Jeffreys"
+    )
     mean_time_s: float | None = key("mean shift time of engaged shifts", "s")
+    mean_time_standard_error_s: float | None = key(
+        "its standard error over the relative angle; null of fewer than three shifts", "s"
+    )
     shifts: int = key("number of shifts, without diverged ones")
 
 
@@ -212,13 +219,27 @@ def _mean_of(cells: Sequence[EngagementCell]) -> MapPoint:
     """Average cells of one mismatch and force over the relative angle."""
     finished = [cell for cell in cells if cell.outcome != Outcome.DIVERGED.value]
     times = [cell.shift_time_s for cell in finished if cell.shift_time_s is not None]
+    time_error = None
+    if len(times) > 2:
+        is_even = len(times) == len(finished)
+        time_error = math.sqrt(variance_of_mean(np.array(times), even=is_even))
     return MapPoint(
         mismatch_rpm=cells[0].mismatch_rpm,
         force_N=cells[0].force_N,
         engagement_probability=len(times) / len(finished) if finished else 0.0,
+        engagement_probability_standard_error=_share_error(len(times), len(finished)),
         mean_time_s=math.fsum(times) / len(times) if times else None,
+        mean_time_standard_error_s=time_error,
         shifts=len(finished),
     )
+
+
+def _share_error(count: int, total: int) -> float | None:
+    """Compute the standard deviation of a share with Jeffreys' prior; None without a shift."""
+    if total == 0:
+        return None
+    beta = (count + 0.5) * (total - count + 0.5)
+    return math.sqrt(beta / (total + 2.0)) / (total + 1.0)
 
 
 def _require_grid(study: Setup) -> None:

@@ -15,7 +15,11 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import ring_drawings
 from dogshape.pipeline.record import Bad, Table, percent
-from dogshape.pipeline.reports.design_record import DesignSheet, PointDifference, PointTime
+from dogshape.pipeline.reports.design_record import (
+    DesignSheet,
+    PointDifference,
+    PointTime,
+)
 from dogshape.pipeline.reports.named_design import NamedDesign
 from dogshape.pipeline.reports.report import Report, title_table, title_values
 from dogshape.pipeline.reports.text import (
@@ -32,6 +36,7 @@ from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate.design import SUMMARIES
 from dogshape.pipeline.store.check_records import (
     CheckRow,
+    LandingRow,
     VerdictRow,
     check_table,
     hinge_table,
@@ -92,9 +97,15 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
         WORST_MARGIN: _tolerance_margin(
             sheet, sheet.margin_worst_case, sheet.weakest_check_worst_case
         ),
+        "decisive landing": _landing_words(simulated.decisive_landing),
         "locks above friction": f"{sheet.locking_friction:.3f} ({surface})" if surface else "-",
         "axial length, root to root, mm": f"{sheet.axial_length_mm:.2f}",
     }
+
+
+def _landing_words(landing: LandingRow | None) -> str:
+    """Print the landing that decides, with its check; a dash if unknown."""
+    return "-" if landing is None else f"{landing.text} ({check_name(landing.check)})"
 
 
 def _time_words(sheet: DesignSheet) -> str:
@@ -149,9 +160,10 @@ def write_sheet(
     groups: list[str] = list(GROUPS)
     single.sort(key=lambda check: groups.index(check.group))
     dimensions = _dimensions(design.design_study)
-    provenance = provenance_of(design.study, design.result)
+    sheet_option = f"--sheet {shlex.quote(path.name)}"
+    provenance = provenance_of(design.study, design.result, f"export {sheet_option}")
     if design.result is not None:
-        command = f"dogshape export {shlex.quote(design.label)} --sheet sheet.html"
+        command = f"dogshape export {shlex.quote(design.label)} {sheet_option}"
         provenance = {"command": command, "searched by": provenance.pop("command"), **provenance}
     if path.suffix.lower() == ".json":
         content = {
@@ -280,13 +292,14 @@ def _dimensions(study: Setup) -> list[Dimension]:
     return dimensions
 
 
-def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
+def provenance_of(study: Setup, result: StudyRecord | None, verb: str = "check") -> dict[str, str]:
     """List command, operating points, contact, shafts, actuator, mechanism, hashes and versions.
 
-    ``result``, whose they are, is None for a design that was not searched.
+    ``result``, whose they are, is None for a design that was not searched: the command is then that
+    of a ``verb`` with its options.
     """
     if result is None:
-        call = "export --sheet sheet.html"
+        call = verb
         file = "its study file"
         simulated = "as by 'dogshape check'"
         program_versions = versions()
@@ -297,12 +310,11 @@ def provenance_of(study: Setup, result: StudyRecord | None) -> dict[str, str]:
         simulated = _simulated_words(result)
         program_versions = result.versions
         result_hash = f", result {content_key(result.to_dict())}"
-    load = study.file.load
     facts = {
         "command": command_of(study, call) or f"dogshape {call} FILE; {study.name} is in {file}",
         "simulated": simulated,
         "operating points": minus(study.operating_text),
-        "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
+        "load": study.load_text,
         "mount": study.mount_text,
         "contact": _contact_words(study.clutch.contact),
         "shafts": study.clutch.drive.text,

@@ -15,7 +15,7 @@ from dogshape.pipeline.record import SHARE, Record, number_or_none
 from dogshape.pipeline.reports.designs import confirmation_of, engaged_shifts, margins_of
 from dogshape.pipeline.search.study_record import ConfirmedDesign, DesignRow, StudyRecord
 from dogshape.pipeline.simulate.design import SUMMARIES, design_of, verdict_of
-from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
+from dogshape.pipeline.store.check_records import CheckRow, LandingRow, VerdictRow
 from dogshape.pipeline.store.result_records import HangKeys, PlaceRow
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.strength.locking import locking_friction
@@ -57,6 +57,9 @@ class SimulatedValues(HangKeys, TimeKeys):
     gain_standard_error_s: float | None = key("its standard error", "s", None)
     worst_against_prototype: PointDifference | None = key("point of the largest loss", "", None)
     slowest_point: PointTime | None = key("point of the largest mean time", "", None)
+    decisive_landing: LandingRow | None = key(
+        "landing behind the smallest margin of a landing; null of a searched design", "", None
+    )
 
 
 class DesignSheet(Record):

@@ -10,6 +10,7 @@ from typing import Any
 from dogshape.pipeline.record import MINUS, Bad, percent
 from dogshape.pipeline.store.result_records import HangKeys, PlaceRow, QuantileRow
 from dogshape.sim.shift.pair import OUTPUT_PREFIX
+from dogshape.sim.statistics.expectation import NumericalError
 from dogshape.sim.strength.checks import RULES, safety_factor
 from dogshape.sim.units import UNITS, short, suffix_of, unit_of
 
@@ -137,6 +138,25 @@ def time_text(seconds: float | None, error: float | None = None) -> str:
         return "-"
     time = in_ms(seconds) if error is None else ms_with_error(seconds, error)
     return f"{time} ms"
+
+
+def numerical_words(error: NumericalError, standard_error: float | None = None) -> str:
+    """Describe a numerical error, and whether the ``standard_error`` of a mean, s, contains it."""
+    if math.isnan(error.standard_error):
+        return "numerical error unknown: it takes two shifts at least"
+    words = (
+        f"numerical error {1e3 * error.size:.2g} ms: {error.repeats} shifts repeated at a finer "
+        f"tolerance differ by {time_text(error.difference, error.standard_error)} in the mean"
+    )
+    if error.is_bias:
+        if standard_error is None:
+            return words
+        total = time_text(math.hypot(standard_error, error.size))
+        return f"{words}, which ± leaves out: ± {total} with it"
+    if not error.flips:
+        return words
+    flips = "1 of them takes" if error.flips == 1 else f"{error.flips} of them take"
+    return f"{words}; {flips} another slot or outcome, a scatter that ± over the angles contains"
 
 
 def quantile_words(quantiles: Sequence[QuantileRow]) -> str:

@@ -14,14 +14,14 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.shift.pair import Pair
 from dogshape.sim.shift.slide import LOSS_LIMIT, slide_loss, sliding_faces, stiffness_for_loss
+from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.dog_strength import outside_fit, strength_checks
 from dogshape.sim.strength.materials import DENSITY, STATIC_CYCLES
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.units import DEG, MM, RPM
 
 #: Utilisation of the dogs below which a torque may be in kN m; it usually is a third to one.
 MIN_UTILISATION = 0.01
 MAX_RADIAN_DEG = 0.55  #: deg below which an angle may be in radians; no dog has 32 deg and more
-PITCH_ERROR = 5e-5  #: m that pitch errors of both rings take; some 0.03 in class 6 of ISO 1328-1
 #: Usual ratios of a value to a reference, smallest and largest, with the reference in words. The
 #: prototype has 9, 58 and 60, a truck some 10, 50 and 10,000.
 USUAL_RATIOS = {
@@ -47,7 +47,24 @@ def notes_of(study: Setup) -> list[str]:
             "flanks, [strike] judges a ring on its shaft; give mechanism.ring_inertia_kgm2 and "
             "input_stiffness_Nm_rad for both"
         )
+    notes += _strike_notes(study)
     return [*notes, *slips_of(study), *drag_notes(study), *slide_notes(study)]
+
+
+def _strike_notes(study: Setup) -> list[str]:
+    """List a warning of a strike at the largest mismatch of a draw without bounds."""
+    drawn = study.file.operating.mismatch_rpm
+    strike = study.file.strike
+    if strike is None or strike.mismatch_rpm is not None or not isinstance(drawn, Distribution):
+        return []
+    if all(map(math.isfinite, drawn.bounds)):
+        return []
+    largest_rpm = max(abs(point.mismatch) for point in study.points) / RPM
+    return [
+        f"flanks strike at {largest_rpm:.4g} 1/min, the largest mismatch of {len(study.points)} "
+        "operating points that are drawn without bounds; give strike.mismatch_rpm, or low and high "
+        "of operating.mismatch_rpm"
+    ]
 
 
 def drag_notes(study: Setup) -> list[str]:
@@ -103,26 +120,37 @@ def _round_up(value: float) -> float:
 
 def slips_of(study: Setup) -> list[str]:
     """List questions about units in doubt, and a warning of flanks without play."""
+    return [*_load_slips(study), *motion_slips(study)]
+
+
+def motion_slips(study: Setup) -> list[str]:
+    """List the questions of ``slips_of`` about what moves, not about its load."""
     return [
-        *_torque_slips(study),
         *_angle_slips(study.clutch.dog),
         *_size_slips(study),
         *_ring_slips(study),
-        *_play_notes(study.clutch.pair),
+        *_play_notes(study.clutch.pair, study.limits.tolerances.mouth_play),
     ]
 
 
-def _torque_slips(study: Setup) -> list[str]:
-    """Ask for the unit of a torque that the dogs hardly notice."""
+def _load_slips(study: Setup) -> list[str]:
+    """Ask for the unit of a torque that the dogs hardly notice, and of a short life."""
+    notes = []
     static_limits = replace(study.limits, strikes=())
     checks = strength_checks(study.clutch.dog, static_limits)
     utilisation = max(check.utilisation for check in checks if check.rule.group == "load")
     if utilisation < MIN_UTILISATION:
-        return [
+        notes.append(
             f"the torque uses at most {100 * utilisation:.2g} % of what the dogs bear; "
             "is load.torque_Nm in N m?"
-        ]
-    return []
+        )
+    load = study.limits.load
+    if load.shifts < STATIC_CYCLES and not load.spectrum:
+        notes.append(
+            f"load.shifts is {load.shifts:.4g} over the life, which the static strength bears; is "
+            "it in shifts?"
+        )
+    return notes
 
 
 def _angle_slips(dog: Dog) -> list[str]:
@@ -157,23 +185,25 @@ def _size_slips(study: Setup) -> list[str]:
     return notes
 
 
-def _play_notes(pair: Pair) -> list[str]:
-    """Warn of flanks whose play is less than the usual errors of pitch."""
-    play = pair.passing_play if pair.sliding.lean < 0.0 else pair.entry_play
-    if play < PITCH_ERROR:
+def _play_notes(pair: Pair, pitch_error: float) -> list[str]:
+    """Warn of flanks whose play is less than the ``pitch_error`` of both rings, m.
+
+    Undercut flanks have a check of their own (``mouth_play``).
+    """
+    play = pair.entry_play
+    if pair.sliding.lean >= 0.0 and play < pitch_error:
         return [
             f"the flanks leave {play / MM:.3g} mm between a tip and the mouth of its "
-            f"slot, and pitch errors take {PITCH_ERROR / MM:.2g} mm: this dog engages in the model "
+            f"slot, and pitch errors take {pitch_error / MM:.2g} mm: this dog engages in the model "
             "alone, not when made; give it backlash (dog.backlash_mm)"
         ]
     return []
 
 
 def _ring_slips(study: Setup) -> list[str]:
-    """Ask for the units of toothing, inertia and life that no ring has."""
+    """Ask for the units of toothing and inertia that no ring has."""
     dog = study.clutch.dog
     rings = study.clutch.rings
-    load = study.limits.load
     mechanism = study.clutch.mechanism
     notes = []
     is_toothed = mechanism.spline_friction > 0.0
@@ -196,11 +226,6 @@ def _ring_slips(study: Setup) -> list[str]:
                 "mass of the fork in it (mechanism.added_mass_kg), or the inertia in another unit?"
             )
             break
-    if load.shifts < STATIC_CYCLES and not load.spectrum:
-        notes.append(
-            f"load.shifts is {load.shifts:.4g} over the life, which the static strength bears; is "
-            "it in shifts?"
-        )
     return notes
 
 

@@ -17,8 +17,9 @@ from dogshape.pipeline.record import (
 )
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.strength.checks import GROUPS, RULES, LimitCheck, references_of, safety_factor
+from dogshape.sim.strength.landing import LandingLoad
 from dogshape.sim.strength.verdict import STANDARD, State, Verdict
-from dogshape.sim.units import short
+from dogshape.sim.units import MM, short
 
 if TYPE_CHECKING:
     pass
@@ -207,8 +208,32 @@ class HingeRow(Record):
             return Bad(text) if min(self.smallest_margin) < 0.0 else text
         if name == "weakest_check":
             checks = (check.replace("_", " ") for check in self.weakest_check)
-            return ", ".join(dict.fromkeys(checks))
+            return " to ".join(dict.fromkeys(checks))  # in the order of the margins
         return super().cell(name)
+
+
+class LandingRow(Record):
+    """Landing, dog on dog, that decides a check."""
+
+    check: str = key("check with the smallest margin of a landing")
+    overlap_mm: float = key("overlap of the faces, middle of its class", "mm")
+    force_per_dog_N: float = key("force on the most loaded of elastic dogs", "N")
+    simulated_force_per_dog_N: float = key("force on each dog in the softer simulated layer", "N")
+
+    @classmethod
+    def of(cls, load: LandingLoad) -> LandingRow:
+        """Record the load of a landing."""
+        return cls(
+            check=load.check,
+            overlap_mm=load.overlap / MM,
+            force_per_dog_N=load.force,
+            simulated_force_per_dog_N=load.simulated_force,
+        )
+
+    @property
+    def text(self) -> str:
+        """Force and overlap in words."""
+        return f"{self.force_per_dog_N:.0f} N on the worst dog, overlap {self.overlap_mm:.2g} mm"
 
 
 class NotJudged(Record):

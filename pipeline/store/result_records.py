@@ -287,7 +287,9 @@ class ExpectedTime(HangKeys):
         "`engaged_mean_s` and `retries_s`; null where too few engage", "s"
     )
     standard_error_s: float | None = key("its standard error, of both parts", "s")
-    numerical_error_s: float | None = key("by finer integration; null where not computed", "s")
+    numerical_error_s: float | None = key(
+        "of the time, by shifts repeated at a finer tolerance; null where not computed", "s"
+    )
     engages: bool = key("whether at least half of the shifts engage at each operating point")
     engaged: float = key("least share of the shifts that engaged at a point", SHARE)
     mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s", late=True)
@@ -308,7 +310,9 @@ class ExpectedTime(HangKeys):
     def of(cls, expectation: MixExpectation) -> ExpectedTime:
         """Record an expectation; where too few shifts engage there is no time, nor its error."""
         standard_error = expectation.standard_error if expectation.engages else None
-        numerical_error = expectation.numerical_error if expectation.engages else None
+        numerical_error = None
+        if expectation.engages and expectation.numerical_error is not None:
+            numerical_error = expectation.numerical_error.size
         record = cls(
             expected_shift_time_s=expectation.time,
             standard_error_s=number_or_none(standard_error),

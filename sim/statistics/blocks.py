@@ -18,7 +18,7 @@ from dogshape.sim.elementwise import Array
 from dogshape.sim.shift import conclusion
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
-from dogshape.sim.statistics.expectation import even_phases
+from dogshape.sim.statistics.expectation import NumericalError, even_phases
 from dogshape.sim.statistics.shift_records import (
     OpenKey,
     Record,
@@ -256,15 +256,17 @@ def repeat_count(shifts: int) -> int:
     return min(shifts, max(MIN_REPEATS, shifts // REPEAT_INTERVAL))
 
 
+MIN_FLIP = 0.05  #: change of a shift's time over the time from which the shift flips
+
+
 def numerical_error(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
-) -> float:
-    """Estimate the numerical error of a mean shift time over operating points, s.
+) -> NumericalError:
+    """Estimate the numerical error of a mean shift time over operating points.
 
     ``rows`` are the shifts of each block. An eighth of them, at least four, drawn at random, is
-    repeated with a tolerance thirty times smaller. The mean difference (weighted as the mean is)
-    and its standard error add as squares. A shift that does not engage counts with the time-out.
-    NaN for a single shift.
+    repeated with a tolerance thirty times smaller. The mean difference is weighted as the mean is.
+    A shift that does not engage counts with the time-out.
     """
     shifts = []
     for block, block_rows in zip(blocks, rows, strict=False):
@@ -273,16 +275,17 @@ def numerical_error(
     permutation = np.random.default_rng(len(shifts)).permutation(len(shifts))
     sample = [shifts[k] for k in sorted(permutation[:count].tolist())]
     fine_rows = run([block.refined(index) for block, index, _ in sample])
-    if count < 2:
-        return math.nan
     coarse_times = _times_or_timeout([row for *_, row in sample], blocks[0].clutch.timeout)
     fine_times = _times_or_timeout([row for (row,) in fine_rows], blocks[0].clutch.timeout)
     differences = coarse_times - fine_times
+    flips = int((abs(differences) > MIN_FLIP * coarse_times).sum())
     weights = np.array([block.point.weight / len(block.angles) for block, *_ in sample])
     weights /= weights.sum()
     mean = float(weights @ differences)
-    variance = float(weights**2 @ (differences - mean) ** 2) * count / (count - 1)
-    return math.sqrt(mean**2 + variance)
+    error = math.nan
+    if count > 1:
+        error = math.sqrt(float(weights**2 @ (differences - mean) ** 2) * count / (count - 1))
+    return NumericalError(mean, error, repeats=count, flips=flips)
 
 
 def _times_or_timeout(rows: Sequence[Record], timeout: float) -> Array:

@@ -168,12 +168,34 @@ class PointExpectation:
         return self.mean if self.engages else None
 
 
+MIN_BIAS = 2.0  #: mean difference over its standard error from which it is a bias
+
+
+class NumericalError(NamedTuple):
+    """Mean shift time less that of the same shifts at a smaller tolerance."""
+
+    difference: float  #: in the mean, s
+    standard_error: float  #: of the difference, s; NaN for a single shift
+    repeats: int  #: repeated shifts
+    flips: int  #: repeated shifts that take another slot or have another outcome
+
+    @property
+    def size(self) -> float:
+        """Difference and its standard error, added as squares, s."""
+        return math.hypot(self.difference, self.standard_error)
+
+    @property
+    def is_bias(self) -> bool:
+        """Whether the difference exceeds what flips of single shifts explain."""
+        return abs(self.difference) > MIN_BIAS * self.standard_error
+
+
 @dataclass(frozen=True)
 class MixExpectation:
     """Expected shift time over all operating points, weighted, s."""
 
     points: tuple[PointExpectation, ...]
-    numerical_error: float | None = None  #: by repeating some shifts with a smaller tolerance
+    numerical_error: NumericalError | None = None
     #: quantiles of the time of all shifts of the mix, retries included, by share
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
     first_window_share: float = FIRST_WINDOW_SHARE  #: that defines the limit engagement speed

@@ -193,10 +193,15 @@ def worse_ring(sliding: LimitCheck, output: LimitCheck) -> LimitCheck:
 
 _NARROW = "use fewer or lower dogs or smaller side angles"
 _LOW_FLANK = "use a smaller chamfer, more dogs or a higher dog"
-_SIDE = "use larger side angles, or where the actuator pulls load.release_by_itself = false"
+_SIDE = (
+    "use larger side angles, or where the actuator pulls, as out of undercut flanks, "
+    "load.release_by_itself = false"
+)
+_BLOW = "use less shift force or moving mass, a wider ring"
 #: Dimensions and settings that raise the margin of a check, by its name or group.
 REMEDIES: dict[str, str] = {
-    **dict.fromkeys(("tip_width", "slot_width", "cutter_reach", "tip_core"), _NARROW),
+    **dict.fromkeys(("tip_width", "tip_core"), _NARROW),
+    **dict.fromkeys(("slot_width", "cutter_reach"), f"{_NARROW}, or less undercut"),
     **dict.fromkeys(("flank_height", "chamfer_share"), _LOW_FLANK),
     "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
     "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
@@ -205,8 +210,8 @@ REMEDIES: dict[str, str] = {
     **{f"{flank}_release": _SIDE for flank in FLANKS},
     "retention": "use undercut of more than load.wear_angle_deg, smaller side angles, or a detent "
     "or latch that holds the force",
-    "pull_out_force": "use larger side angles, or less torque left then (load.pull_out_share), or "
-    "less mechanism.spline_friction",
+    "pull_out_force": "use larger side angles or less undercut, or less torque left then "
+    "(load.pull_out_share), or less mechanism.spline_friction",
     "engagement": "use a larger chamfer where faces hold each other, less mismatch or more "
     "backlash where dogs skip",
     "load": "use a wider or larger ring, finer load.accuracy or larger root fillets",
@@ -218,9 +223,12 @@ REMEDIES: dict[str, str] = {
         ("tooth_bending", "tooth_shear"),
         "use higher dogs, a larger ring, less backlash or finer load.accuracy",
     ),
-    "impact": "use less shift force or moving mass, a wider ring or a larger dog.edge_radius_mm",
+    "face_pressure_impact": f"{_BLOW} or a larger dog.edge_radius_mm",
+    "core_pressure_impact": f"{_BLOW} or a deeper case (material.case_depth_mm)",
+    "edge_bedding_impact": f"{_BLOW} or a larger dog.edge_radius_mm",
     "contact_ratio": "use a higher dog, a smaller chamfer or smaller tolerances",
     "clearance": "use a larger dog.axial_gap_mm or smaller tolerances",
+    "mouth_play": "use more backlash, less undercut, a larger chamfer or smaller tolerances",
 }
 _STATIC = "Jasny et al. 2019, with the static coefficient"
 _STRIKE = "two-mass impact coupled through the shafts (Rao); limit: "
@@ -553,6 +561,18 @@ _TABLE = (
         source="dogs that meet in neutral ratchet; limit an assumption",
         unit="mm",
         key="tolerance.clearance_mm",
+        at_most=False,
+    ),
+    Rule(
+        "mouth_play",
+        "tolerance",
+        meaning="play at the mouth of a slot as undercut dogs enter, at the inner radius, within "
+        "the tolerances",
+        formula="j r_i/r + (h - d_1 - d_2)(tan beta + tan gamma) less the root sum of squares of "
+        "all losses, j backlash, d depth of either tip at its lower edge",
+        source="geometry; limit: pitch errors of both rings (assumption)",
+        unit="mm",
+        key="tolerance.mouth_play_mm",
         at_most=False,
     ),
 )

@@ -61,7 +61,7 @@ from dogshape.sim.shift.clutch import ContactSet
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.pair import dog_pair
 from dogshape.sim.shift.trace import OVERLAPS
-from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
+from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of, smallest_margin
 from dogshape.sim.strength.dog_stiffness import Strip, face_compliance
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.materials import POISSON, YOUNG
@@ -126,6 +126,9 @@ class Demand(NamedTuple):
     core: float = 0.0
     edge: float = 0.0  #: on an edge
     ridge: float = 0.0  #: of an edge on a face of another slope
+
+
+EDGE, RIDGE = 2, 3  #: places in ``Demand``
 
 
 def demand_quantile(demands: Array, weights: Sequence[float], share: float) -> Demand:
@@ -363,7 +366,7 @@ def elastic_loads(crests: Crests, landings: Array, limits: Limits) -> Array:
     energies = blow_energies(landings, overlaps, dog.radial_width, load.contact)
     loads = landings
     for _ in range(BLOW_ITERATIONS):
-        stiffness = landing_stiffness(crests, overlaps, loads, load.dog_stiffness_factor)
+        stiffness = landing_stiffness(crests, overlaps, loads, load.stiffness_factor)
         even_loads = np.sqrt(2.0 * energies * stiffness)
         forces = (even_loads * dog.radial_width).ravel()
         pair_stiffness = (stiffness * dog.radial_width).ravel()
@@ -396,6 +399,43 @@ def demands_of(dog: Dog, landings: Any, limits: Limits) -> Array:
         flat_load: Any = flat_loads.max(axis=1, initial=0.0)
         ridge = edge_pressure(flat_load, 1.0 / min(crests.radius, crests.mate_radius))
     return np.array([face, core, edge, ridge]).T
+
+
+class LandingLoad(NamedTuple):
+    """Load of a landing that decides a check."""
+
+    check: str
+    overlap: float  #: middle of its class, m
+    force: float  #: on the most loaded of elastic dogs, N
+    simulated_force: float  #: on each dog in the softer layer of the simulation, N
+
+
+def landing_load(dog: Dog, limits: Limits, landings: Landings) -> LandingLoad | None:
+    """Find the landing behind the landing check with the smallest margin; None without a load.
+
+    Where ``load.landing_share`` sets a quantile, the landing is the one nearest to it.
+    """
+    demand = landings.demand(dog, limits)
+    check = smallest_margin(demand_checks(dog, demand, limits))
+    names = [rule.name for rule in LANDING_RULES]
+    kind = names.index(check.name)
+    if kind == EDGE and demand.ridge > demand.edge:
+        kind = RIDGE
+    if demand[kind] == 0.0:
+        return None
+    demands = demands_of(dog, landings.loads, limits)[:, kind]
+    landing = landings.loads[int(np.argmin(np.abs(demands - demand[kind])))]
+    # A row for each class of overlap alone.
+    demands_by_class = demands_of(dog, np.diag(landing), limits)[:, kind]
+    place = int(np.argmax(demands_by_class))
+    crests = crests_of(dog, limits)
+    elastic_load = elastic_loads(crests, np.array([landing]), limits)[0, place]
+    return LandingLoad(
+        check.name,
+        overlap=float(class_middles(crests)[place]),
+        force=float(elastic_load * dog.radial_width),
+        simulated_force=float(landing[place] * dog.radial_width),
+    )
 
 
 def bedding(dog: Dog, demand: Demand, limits: Limits) -> Bedding:

@@ -192,8 +192,8 @@ class LoadCase:
     pitch_sd: float | None = quantity("pitch_sd_um", 0.0, 1000.0, None)
     run_out: float = quantity("run_out_um", 0.0, 1000.0, 0.0, late=True)
     tilt: float = quantity("tilt_mrad", 0.0, 50.0, 0.0, late=True)
-    #: on the stiffness of the dogs at flanks and faces, for a measured one
-    dog_stiffness_factor: float = quantity("dog_stiffness_factor", 0.05, 20.0, 1.0, late=True)
+    #: measured over computed stiffness of the dogs at flanks and faces; None without measurement
+    dog_stiffness_factor: float | None = quantity("dog_stiffness_factor", 0.05, 20.0, None)
     contact: ContactSet = DEFAULT_CONTACT  #: of the shifts
     face_friction: float | None = None  #: of faces on faces in the shifts; None: that of flanks
     spline_friction: float = NO_MECHANISM.spline_friction
@@ -274,6 +274,11 @@ class LoadCase:
         return self.spline_friction_release
 
     @property
+    def stiffness_factor(self) -> float:
+        """Stiffness of the dogs over the computed one."""
+        return 1.0 if self.dog_stiffness_factor is None else self.dog_stiffness_factor
+
+    @property
     def design_torque(self) -> float:
         """Torque times application factor, N m."""
         return self.torque * self.application_factor
@@ -329,7 +334,7 @@ class LoadCase:
                 continue
             load = FlankLoad(contact.level(self.load_height), contact.high)
             compliances.append(flank_compliance(own, flank, load))
-        return self.dog_stiffness_factor / sum(compliances)
+        return self.stiffness_factor / sum(compliances)
 
     def sharing(self, dog: Dog, torque: float, flank: Flank = "traction") -> float:
         """Compute the mean load of the dogs under ``torque`` (N m) over the largest load."""

@@ -30,7 +30,7 @@ from dogshape.sim.shift.geometry import (
     flank_contact,
     root_radius_room,
 )
-from dogshape.sim.shift.pair import ALIKE, OutputDog
+from dogshape.sim.shift.pair import ALIKE, OutputDog, Pair
 from dogshape.sim.strength.checks import RULES, LimitCheck, checks_of
 from dogshape.sim.units import DEG, MM
 
@@ -118,8 +118,9 @@ class Tolerances:
     """Largest deviation of each dimension either way, rad and m, and the limits of two checks.
 
     Height and diameters by default of ISO 2768-1 fine, the rest of ground or precision-forged dogs
-    (assumptions). ``RULES`` has the meaning of ``contact_ratio`` and ``clearance``. The reject rate
-    is that of a normal deviate beyond 3 standard deviations on one side, of each check.
+    (assumptions). ``RULES`` has the meaning of ``contact_ratio``, ``clearance`` and ``mouth_play``,
+    which pitch errors of both rings take: some 0.03 mm in class 6 of ISO 1328-1. The reject rate is
+    that of a normal deviate beyond 3 standard deviations on one side, of each check.
     """
 
     chamfer: float = quantity("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE_REMEDY)
@@ -138,6 +139,7 @@ class Tolerances:
     backlash: float = quantity("backlash_mm", 0.0, 2.0, 0.05 * MM, late=True)
     reject_rate: float = quantity("reject_rate", 1e-9, 0.5, 0.00135, late=True)
     capability: float = quantity("capability", 0.3, 3.0, 1.0, late=True)
+    mouth_play: float = quantity("mouth_play_mm", 0.0, 2.0, 0.05 * MM, late=True)
 
     def __post_init__(self) -> None:
         require_ranges(self, "tolerance", "give a length in mm")
@@ -159,7 +161,7 @@ class Tolerances:
 
 
 #: Fields of ``Tolerances`` that are no dimension.
-NO_DIMENSIONS = ("contact_ratio", "clearance", "reject_rate", "capability")
+NO_DIMENSIONS = ("contact_ratio", "clearance", "reject_rate", "capability", "mouth_play")
 Kind = Literal["worst_case", "root_sum_square"]  #: addition of the effects of all dimensions
 
 
@@ -305,6 +307,31 @@ def _contact_ratios(
     return {f: where(mate.possible, ratio, -math.inf) for f, ratio in ratios.items()}
 
 
+def _passing_play(dog: Dog, deviations: Mapping[str, float], output_dog: OutputDog) -> float:
+    """Compute the play at the mouth of a slot at ``deviations`` of both rings, m.
+
+    Below zero where dogs do not pass each other.
+    """
+    shape: Dog = Dogs(**{entry.name: getattr(dog, entry.name) for entry in fields(Dog)})
+    deviated, _ = add_deviations(shape, SHARPEST, deviations)
+    return Pair(deviated, output_dog.beside(deviated, shape)).passing_play
+
+
+def _passing_play_spread(
+    dog: Dog, nominal_play: float, tolerances: Tolerances, output_dog: OutputDog
+) -> Spread:
+    """Compute the loss of play at the mouth of a slot within the tolerances, m."""
+    play_at = partial(_passing_play, dog, output_dog=output_dog)
+    losses_by_dimension = {}
+    corner = {}
+    for dimension, size in tolerances.dimensions.items():
+        small, large = (nominal_play - play_at({dimension: sign * size}) for sign in SIGNS)
+        losses_by_dimension[dimension] = largest(small, large, 0.0)
+        corner[dimension] = where(small >= large, -size, size)
+    worst_case = nominal_play - play_at(corner)
+    return Spread(losses_by_dimension, worst_case, tolerances.statistical_share)
+
+
 def tolerance_checks(
     dog: Dog,
     root_radius: float,
@@ -314,9 +341,10 @@ def tolerance_checks(
     *,
     output_dog: OutputDog = ALIKE,
 ) -> tuple[LimitCheck, ...]:
-    """Return the checks of contact ratio and clearance within the tolerances.
+    """Return the checks of contact ratio, clearance and play at the mouth within the tolerances.
 
-    ``root_radius`` and the ``seated`` tolerance of a shift in m.
+    ``root_radius`` and the ``seated`` tolerance of a shift in m. Undercut dogs alone have a play at
+    the mouth, which is infinite for the others of ``Dogs``.
     """
     ratios_of = partial(_contact_ratios, output_dog=output_dog)
     spreads = losses(dog, root_radius, tolerances, ratios_of)
@@ -333,4 +361,10 @@ def tolerance_checks(
         ("contact_ratio", contact_ratio, tolerances.contact_ratio),
         ("clearance", clearance, tolerances.clearance),
     ]
+    is_undercut: Any = dog.lean < 0.0
+    if np.any(is_undercut):
+        play = _passing_play(dog, {}, output_dog)
+        spread = _passing_play_spread(dog, play, tolerances, output_dog)
+        smallest_play = where(is_undercut, play - getattr(spread, kind), math.inf)
+        rows.append(("mouth_play", smallest_play, tolerances.mouth_play))
     return checks_of(rows)

@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 
 from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.shift.mechanism import NO_MECHANISM, Mechanism
-from dogshape.sim.strength.checks import LimitCheck
+from dogshape.sim.strength.checks import LimitCheck, smallest_margin
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Landings, demand_checks
 from dogshape.sim.strength.locking import blocking_force
@@ -425,6 +425,8 @@ def _load_moves(dog: Dog, limits: Limits, given: Collection[str]) -> Iterable[_M
     has_scatter = load.scatter(dog) is not None or load.run_out > 0.0
     for name, (key, (minimum, maximum)) in _LOAD_KEYS.items():
         value = getattr(load, name)
+        if name == "dog_stiffness_factor":
+            value = None if value is not None else load.stiffness_factor  # a measured one is known
         if value is None or (name == "load_sharing" and has_scatter):
             continue
         span: Span = getattr(SPANS, name)
@@ -502,11 +504,20 @@ def _with_strike_value(strike: Strike, name: str, value: float) -> Strike:
     return replace(strike, **changes)
 
 
-def landing_by_stiffness(dog: Dog, limits: Limits, landings: Landings) -> tuple[float, float]:
-    """Compute the smallest margin of a landing at either end of the dogs' stiffness."""
-    margins = []
-    for factor in SPANS.dog_stiffness_factor.ends(limits.load.dog_stiffness_factor):
+def landing_by_stiffness(
+    dog: Dog, limits: Limits, landings: Landings
+) -> list[tuple[float, LimitCheck]]:
+    """Compute the landing check of smallest margin at the ends of the dogs' stiffness.
+
+    Returns factors on the stiffness with their checks: one for a measured stiffness, else two.
+    """
+    load = limits.load
+    factors: tuple[float, ...] = SPANS.dog_stiffness_factor.ends(1.0)
+    if load.dog_stiffness_factor is not None:
+        factors = (load.dog_stiffness_factor,)
+    weakest = []
+    for factor in factors:
         case = _with_load(limits, "dog_stiffness_factor", factor)
         checks = demand_checks(dog, landings.demand(dog, case), case)
-        margins.append(min(check.margin for check in checks))
-    return margins[0], margins[1]
+        weakest.append((factor, smallest_margin(checks)))
+    return weakest

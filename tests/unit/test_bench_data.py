@@ -105,7 +105,10 @@ def test_a_set_without_times_gets_no_verdict_and_its_shares_compared(
     assert refused.status == 2
     assert "has no shift with a time (1 of 5 tried ones engaged)" in refused.sentence
     assert "'dogshape validate' compares the shares" in refused.sentence
-    record = dogshape("validate", folder, "--angles", 3, "--jobs", 1, "--json").json
+    compared = dogshape("validate", folder, "--angles", 3, "--jobs", 1, "--json")
+    assert "shifts by Drake, about 1 min of one core; the compiled engine takes" in compared.err
+    assert "a stopped run leaves its finished shifts in results/shifts" in compared.err
+    record = compared.json
     assert (record["rmse_s"], record["relative_rms"]) == (None, None)
     assert record["engaged"] == {"engaged": 1, "tried": 5, "simulated_share": 1.0}
 

@@ -12,6 +12,7 @@ import dogshape as ds
 from dogshape.check import check_design
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.data_sheet import provenance_of
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import bundled_root
@@ -53,6 +54,18 @@ def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) 
     assert sizes["height_mm"] == pytest.approx(sheet["height_mm"])
 
 
+def test_the_load_names_defaults_that_decide_checks() -> None:
+    study = load_study("motorcycle", ["load.shifts=2e5"])
+    words = "110 N m, application factor 1.5, 200,000 shifts over the life"
+    assert study.load_text == f"{words}, pulled out under 5 % of the torque"
+    assert provenance_of(study, None)["load"] == study.load_text
+    default = load_study("motorcycle", ["load.shifts=1e5", "load.pull_out_share=1"])
+    assert default.load_text == (
+        "110 N m, application factor 1.5, 100,000 shifts over the life (default), "
+        "pulled out under 100 % of the torque (default)"
+    )
+
+
 def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
     keys = ("--set", "dog.chamfer_deg=12")
     assert dogshape("export", "mq200", *keys, "--sheet", "sheet.json").status == 0
@@ -64,7 +77,7 @@ def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
         check.name: check.margin for check in found.design.checks
     }.items()
     assert sheet["provenance"]["command"] == (
-        "dogshape export --sheet sheet.html mq200 --set dog.chamfer_deg=12.0"
+        "dogshape export --sheet sheet.json mq200 --set dog.chamfer_deg=12.0"
     )
 
 

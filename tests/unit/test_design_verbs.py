@@ -64,6 +64,23 @@ def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
         assert words in bad.out
 
 
+def test_a_check_prints_and_records_the_landing_that_decides(dogshape: Call) -> None:
+    weak = ("mq200_paper", "--set", "dog.edge_radius_mm=0.3", "--set", "expectation.angles=8")
+    said = dogshape("check", *weak, "--explain")
+    record = dogshape("check", *weak, "--json").json
+    landing = record["decisive_landing"]
+    overlap = f"{landing['overlap_mm']:.2g} mm"
+    words = f"{landing['force_per_dog_N']:.0f} N on the worst dog, overlap"
+    assert f"decisive landing, of {landing['check']}: {words} {overlap}" in said.out
+    assert "1.5 F/(b s)" in said.out
+    bedding = record["edge_bedding"]
+    assert 0.3 <= bedding["radius_low_mm"] <= bedding["radius_mm"] <= bedding["radius_high_mm"]
+    checks = {check["name"]: check for check in record["checks"]}
+    assert bedding["depth_um"] == pytest.approx(checks["edge_bedding_impact"]["value"])
+    ends = [f"({name}_impact)" in said.out for name in ("core_pressure", "edge_bedding")]
+    assert any(ends)
+
+
 def test_a_tolerance_that_leaves_no_dog_is_null_in_json(dogshape: Call) -> None:
     """At 60 dogs the tip is so narrow that a deviation has the flanks meet."""
     asked = ("strength", "mq200_paper", "--no-simulate", "--set", "dog.count=60")
@@ -81,6 +98,17 @@ def test_export_writes_ring_and_drawing_and_warns_of_a_weak_design(dogshape: Cal
     said = dogshape("export", "mq200_paper", *files, "--json")
     assert said.status == 0
     assert "warning: a check fails (retention_traction" in said.err
+    sheet = dogshape("export", "mq200_paper", "--sheet", "sheet.json", *files[4:])
+    assert "a check fails" not in sheet.err
+    light = ("--set", "load.torque_Nm=0.2")
+    asked = "is load.torque_Nm in N m?"
+    assert asked in dogshape("export", "mq200_paper", "--svg", "dog.svg", *light).err
+    grid = ("--set", "operating.mismatch_rpm=[50]", "--set", "operating.force_N=[469]")
+    few = (*grid, "--set", "expectation.angles=3", "--jobs", 1)
+    block_map = dogshape("export", "mq200_paper", "--map", "map.csv", *light, *few)
+    assert block_map.status == 0
+    assert asked not in block_map.err
+    assert "volume" not in sheet.out
     content = Path("ring.stl").read_bytes()
     (triangles,) = struct.unpack_from("<I", content, 80)
     assert len(content) == 84 + 50 * triangles

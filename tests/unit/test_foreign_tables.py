@@ -374,6 +374,25 @@ def test_a_force_beyond_the_rise_times_is_said(bench: Bench) -> None:
     assert words in bench.assumed
 
 
+@pytest.mark.parametrize(
+    ("title", "option"),
+    [
+        ("Kraftanstieg 150 ms", "--rise-s 0.15"),
+        ("Stand 3, rise time of the force: 0.2 s", "--rise-s 0.2"),
+        ("t_rise = 0,18 s", "--rise-s 0.18"),
+        ("Stand 3, 150 ms", None),
+        ("sunrise test 12, 150 N", None),
+    ],
+)
+def test_a_rise_time_of_a_title_has_its_option(
+    bench: Bench, title: str, option: str | None
+) -> None:
+    bench.read(f"{title}\ndn;F;t [ms]\n50;469;190\n100;469;170\n")
+    words = f"which is not taken: {option} takes it for all rows without a rise time"
+    assert (words in bench.assumed) == (option is not None)
+    assert option is not None or "which is not taken" not in bench.assumed
+
+
 def test_what_no_table_shows_is_unknown_until_it_is_stated(bench: Bench) -> None:
     text = "dn;F;t [ms]\n50;469;190\n5;469;\n"
     bench.read(text)

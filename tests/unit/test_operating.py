@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from dogshape.bench.texts import read_toml
-from dogshape.pipeline.config.operating import OPERATED, POINT_SETS
+from dogshape.pipeline.config.operating import OPERATED, POINT_SETS, nominal_operation
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.sampler import Guide, Space
 from dogshape.pipeline.search.state import Trial, not_dominated
 from dogshape.pipeline.simulate.design import leading_objective
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.statistics.blocks import even_blocks
@@ -61,6 +62,28 @@ def test_drawn_points_are_fixed_and_follow_their_distributions() -> None:
     mixed = _points(_listed(f"mismatch_rpm={NORMAL}", "force_N=[300, 469]", "samples=5"))
     assert len(mixed) == 10
     assert {force for _, force, _ in mixed} == {300, 469}
+
+
+def test_flanks_strike_at_the_bounds_of_a_drawn_mismatch() -> None:
+    """The largest of six draws lies within; a set-point moves the bounds with the points."""
+    strike = {"strike.ring_inertia_kgm2": 5e-4, "strike.input_stiffness_Nm_rad": 15e3}
+    bounded = {"distribution": "uniform", "low": -20.0, "high": 60.0}
+    drawn = {"operating": {"mismatch_rpm": bounded, "force_N": [469.0], "samples": 6}}
+    study = load_study("mq200_paper", drawn | strike)
+    (limits,) = study.limits.strikes
+    assert max(point.mismatch for point in study.points) < 58.0 * RPM
+    assert limits.speed("traction") == pytest.approx(60.0 * RPM)
+    assert limits.speed("braking") == pytest.approx(20.0 * RPM)
+    assert not any("without bounds" in note for note in notes_of(study))
+    set_point = nominal_operation(study.points)["mismatch_set_rpm"] + 10.0
+    moved = study.with_design({"mismatch_set_rpm": set_point})
+    assert moved.limits.strikes[0].speed("traction") == pytest.approx(70.0 * RPM)
+    drawn["operating"]["mismatch_rpm"] = {"distribution": "normal", "mean": 50.0, "sd": 5.0}
+    unbounded = load_study("mq200_paper", drawn | strike)
+    largest = max(point.mismatch for point in unbounded.points)
+    assert unbounded.limits.strikes[0].speed("traction") == largest
+    words = f"flanks strike at {largest / RPM:.4g} 1/min, the largest mismatch of 6 operating"
+    assert any(words in note for note in notes_of(unbounded))
 
 
 def test_uncertainty_belongs_to_the_physics_and_a_surrogate_without_it_is_refused() -> None:

@@ -12,6 +12,7 @@ import pytest
 from dogshape import expectation as results
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.reports.text import numerical_words
 from dogshape.pipeline.simulate.evaluation import FIRST_ANGLES, MAX_ANGLES, expect_to_precision
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import REPEAT_INTERVAL, Block, numerical_error
@@ -57,11 +58,26 @@ def test_numerical_error_is_mean_and_scatter_of_repetitions(clutch: Clutch, poin
 
     error = numerical_error(blocks, rows, fine)
     assert len(set(asked)) == 64 // REPEAT_INTERVAL
-    assert error == pytest.approx(np.hypot(2e-3, 1e-3 / np.sqrt(7)))
+    assert error.difference == pytest.approx(-2e-3)
+    assert error.standard_error == pytest.approx(1e-3 / np.sqrt(7))
+    assert error.size == pytest.approx(np.hypot(2e-3, 1e-3 / np.sqrt(7)))
+    assert error.is_bias
+    assert error.flips == 0
+    words = numerical_words(error, 3e-3).replace("\N{MINUS SIGN}", "-")
+    assert "differ by -2.0 ± 0.4 ms in the mean, which ± leaves out: ± 3.6 ms with it" in words
     lost = numerical_error(blocks, rows, lambda again: [[_row(None)] for _ in again])
-    assert lost > 0.7 * clutch.timeout
+    assert lost.size > 0.7 * clutch.timeout
+    assert lost.flips == 64 // REPEAT_INTERVAL
+
+    def flip(again: Sequence[Block]) -> list[list[Record]]:
+        return [[_row(0.1 + b.angles[0] + 0.05 * (k == 0))] for k, b in enumerate(again)]
+
+    flipped = numerical_error(blocks, rows, flip)
+    assert not flipped.is_bias
+    assert flipped.flips == 1
+    assert "1 of them takes another slot or outcome" in numerical_words(flipped, 3e-3)
     alone = [Block(clutch, point(50, 469.0), (0.1,))]
-    assert np.isnan(numerical_error(alone, [[_row(0.2)]], fine))
+    assert np.isnan(numerical_error(alone, [[_row(0.2)]], fine).size)
 
 
 def test_rounds_of_angles_hold_the_rounds_before() -> None:

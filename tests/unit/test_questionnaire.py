@@ -14,7 +14,8 @@ from dogshape.app.questions_page import FOLDER_NAME
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.drafts.draft_keys import PARTS
 from dogshape.pipeline.drafts.questionnaire import assign_sentences, read_questionnaire
-from dogshape.pipeline.drafts.study_folder import write_study
+from dogshape.pipeline.drafts.study_folder import value_of, write_study
+from dogshape.sim.errors import InputError
 from tests.conftest import Call
 
 SKETCH = Path(__file__).parents[2] / "pipeline" / "reports" / "templates" / "symbols.svg"
@@ -32,6 +33,27 @@ def test_answers_are_read_as_people_write_them() -> None:
     assert questionnaire.study is not None
     assert questionnaire.study.clutch.dog.height == pytest.approx(5.5e-3)
     assert state_text(questionnaire).startswith("values of yours: 5; of 'amt' or")
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "value"),
+    [
+        ("actuation.area_cm2", "1250 mm2", 12.5),
+        ("actuation.area_cm2", "600 + 650 mm\N{SUPERSCRIPT TWO}", 12.5),
+        ("actuation.area_cm2", "6,0 cm2 + 650 mm2", 12.5),
+        ("actuation.conductance_dm3_s_bar", "8 mm\N{SUPERSCRIPT TWO}", 1.6),
+        ("actuation.conductance_dm3_s_bar", "1.6 dm3/(s bar)", 1.6),
+        ("actuation.conductance_dm3_s_bar", "96 l/(min bar)", 1.6),
+        ("actuation.flow_l_min", "0.2 l/s", 12.0),
+    ],
+)
+def test_areas_and_valves_are_read_as_people_write_them(key: str, text: str, value: float) -> None:
+    assert value_of(key, text, default=1.0, answers={}) == pytest.approx(value)
+
+
+def test_an_area_is_one_number_or_a_sum() -> None:
+    with pytest.raises(InputError, match="give one number, or a sum such as 6"):
+        value_of("actuation.area_cm2", "6 7 + 8", default=1.0, answers={})
 
 
 def test_typed_defaults_are_the_users_own(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from dogshape.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.building import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, models_of
+from dogshape.pipeline.diagnose.bank_diagnosis import BankOptions, SimulationRounds, models_of
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, RunOptions
 from dogshape.pipeline.store.folder import ShiftJournal, append
@@ -97,6 +97,11 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: AnalyticShifts) 
     said: list[str] = []
     models_of(bench, effects, BankOptions(tmp_path, jobs=1, progress=Listener(said)))
     assert f"lacks {left + len(blocks[0].angles)} shifts" in said[0]
+    assert "further rounds follow" in said[0]
+    assert sum("further rounds follow" in line for line in said) == 1
+    rounds = SimulationRounds()
+    assert rounds.begin() == "round 1 of the diagnosis"
+    assert rounds.begin() == "round 2 of the diagnosis, 0 min after the first"
 
 
 def test_the_diagnosis_is_written_before_its_price(
@@ -135,8 +140,16 @@ def test_progress_says_an_upper_bound_as_such(
         progress.advance(5)
     with WorkCounter(ProgressBar(), 2) as exact:
         exact.advance(1)
+    with WorkCounter(ProgressBar(), 2, stage="round 3") as part:
+        part.advance(1)
     said = [line.partition(" shifts")[0] for line in capsys.readouterr().err.splitlines()]
-    assert said == ["4 of at most 10", "5 of at most 7", "10 of at most 10", "1 of 2"]
+    assert said == [
+        "4 of at most 10",
+        "5 of at most 7",
+        "10 of at most 10",
+        "1 of 2",
+        "round 3: 1 of 2",
+    ]
 
 
 def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:

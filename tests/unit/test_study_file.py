@@ -31,6 +31,9 @@ SHAFT = ["mechanism.ring_inertia_kgm2=5e-4", "mechanism.input_stiffness_Nm_rad=1
 MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'dog.height_mm'?"),
     ("chamfer_deg=9", "'chamfer_deg' is not a known key; did you mean 'dog.chamfer_deg'?"),
+    ("dog.backlash=1", "'dog.backlash' is not a known key; did you mean 'dog.backlash_mm'?"),
+    ("dog.chamfer=9", "'dog.chamfer' is not a known key; did you mean 'dog.chamfer_deg'?"),
+    ("dog.torque=90", "'dog.torque' is not a known key; did you mean 'load.torque_Nm'?"),
     ("surprise.key=1", "'surprise' is not a known key; valid are"),
     ("dog.height_mm='3.7 mm'", "'3.7 mm', but it must be a number in mm; write the number alone"),
     ("dog.height_mm='3,7'", "but it must be a number in mm; write 3.7"),

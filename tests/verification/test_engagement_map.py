@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 import dogshape as ds
 from dogshape.pipeline.export.engagement_map import EngagementMap, simulate_map
 from dogshape.pipeline.simulate.executor import RunOptions
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.shift.stepped_shift import StepLoads, SteppedShift, StepPhase, start_of
+from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.units import DEG, MM, RPM
 
 MISMATCHES = [-50.0, 25.0, 149.0]
@@ -70,6 +73,13 @@ def test_files_hold_cells_means_and_tables(study: ds.Study, tmp_path: Path) -> N
     assert means["mean_time_s"].to_numpy() == pytest.approx(
         groups["shift_time_s"].mean().to_numpy(), rel=1e-8
     )
+    time_errors = groups["shift_time_s"].apply(
+        lambda group: math.sqrt(variance_of_mean(group.to_numpy()))
+    )
+    assert means["mean_time_standard_error_s"].to_numpy() == pytest.approx(time_errors, rel=1e-6)
+    shares = stats.beta(0.5 + groups["engaged"].sum(), 5.5 - groups["engaged"].sum()).std()
+    errors = means["engagement_probability_standard_error"]
+    assert errors.to_numpy() == pytest.approx(shares, rel=1e-8)
     assert list(means["engagement_probability"]) == list(groups["engaged"].mean())
     matrices = _read_modelica(paths[2])
     assert list(matrices) == ["engagement_probability", "shift_time"]

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import points_of
+from dogshape.pipeline.export.clutch_block import MEANINGS, parameters_of
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.stepped_shift import StepLoads, SteppedShift, start_of
@@ -142,6 +144,7 @@ def test_the_block_declares_the_clutch_in_si_units(
     assert tables["dog"]["count"] == 15
     assert "Needs Python with the package dogshape" in description
     assert str(tmp_path) not in description
+    assert "crest above root; height_mm of a study file" in description
 
 
 def test_both_versions_have_the_same_variables_and_shift_times(
@@ -212,6 +215,13 @@ def test_a_driveline_around_the_block_shifts_as_the_study_with_its_shafts(
     assert count * STEP_S == pytest.approx(block["engagement_time"], abs=STEP_S)
     assert block["phase"] == 4
     assert block["travel"] >= config.clutch.shift_travel
+
+
+def test_each_parameter_has_a_meaning(study: ds.Study) -> None:
+    clutch = study.config.clutch
+    contact = replace(clutch.contact, face_friction=0.05)
+    names = parameters_of(replace(clutch, contact=contact))
+    assert MEANINGS.keys() == names.keys()
 
 
 @VERSIONS

@@ -23,12 +23,15 @@ from dogshape.sim.strength.checks import LimitCheck
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import (
     Landing,
+    Landings,
     Wear,
     bedding,
     crests_of,
     demand_checks,
     demand_of,
     elastic_loads,
+    hardest,
+    landing_load,
     wear_crests,
 )
 from dogshape.sim.strength.load_case import LoadCase
@@ -94,6 +97,22 @@ def test_overlap_is_flat_between_two_rounded_crests(prototype: Dog) -> None:
     assert edge.value == 0.0
     assert face.limit == pytest.approx(700 * 9.80665 / 3 / 1.2)
     assert edge.limit == pytest.approx(0.05 * 400)
+
+
+def test_the_decisive_landing_has_the_force_behind_the_smallest_margin(prototype: Dog) -> None:
+    """Of three shifts the one whose narrow overlap loads the core most, in its own class."""
+    limits = Limits(load=LoadCase(load_sharing=1.0))
+    shifts = (_landing(at_8=20.0, at_14=60.0), _landing(at_8=100.0, at_14=110.0), _landing())
+    landings = Landings(np.array(shifts), np.ones(3))
+    load = landing_load(prototype, limits, landings)
+    assert load is not None
+    checks = {check.name: check for check in _checks(prototype, hardest(shifts), limits)}
+    assert load.check == min(checks, key=lambda name: checks[name].margin)
+    assert load.overlap == pytest.approx(0.85 * MM)
+    assert load.simulated_force == pytest.approx(100e3 * prototype.radial_width)
+    elastic = _elastic(prototype, shifts[1], limits)[8]
+    assert load.force == pytest.approx(elastic / MM * prototype.radial_width)
+    assert landing_load(prototype, limits, Landings(np.array(shifts[2:]), np.ones(1))) is None
 
 
 def test_roundings_bear_what_is_too_much_for_the_flat(prototype: Dog) -> None:

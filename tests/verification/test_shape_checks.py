@@ -186,6 +186,27 @@ def test_clearance_in_neutral_by_hand(prototype: Dog) -> None:
     assert tolerance_checks(prototype, 0.3e-3, loose, 5e-5)[0].value < contact.value
 
 
+def test_play_at_the_mouth_by_hand(prototype: Dog, undercut: Dog) -> None:
+    """Flat dogs lose the undercut over their height; a dog that does not pass has a play too."""
+    exact = {"outer_diameter": 0.0, "inner_diameter": 0.0}
+    tolerances = Tolerances(**exact)
+    play = 4.0 * 22.0 / 24.0 - 3.7 * (math.tan(4.0 * DEG) + math.tan(5.0 * DEG))
+    slopes = math.tan(4.25 * DEG) + math.tan(5.25 * DEG)
+    worst_play = 3.95 * 22.0 / 24.0 - 3.75 * slopes
+    *_, worst = tolerance_checks(undercut, 0.3e-3, tolerances, 5e-5, "worst_case")
+    *_, check = tolerance_checks(undercut, 0.3e-3, tolerances, 5e-5)
+    assert worst.name == check.name == "mouth_play"
+    assert worst.value == pytest.approx(worst_play)
+    assert worst_play < check.value < play
+    assert check.margin == pytest.approx(check.value / 0.05 - 1.0)
+    narrow = replace(undercut, backlash=0.7 * MM)  # 0.05 mm at nominal size
+    *_, check = tolerance_checks(narrow, 0.3e-3, tolerances, 5e-5)
+    assert not check.passed
+    assert -0.1 < check.value < 0.05
+    names = [c.name for c in tolerance_checks(prototype, 0.3e-3, tolerances, 5e-5)]
+    assert names == ["contact_ratio", "clearance"]
+
+
 @pytest.mark.parametrize(
     ("rate", "capability"),
     [(0.05, 1.0), (0.05, 0.7), (0.00135, 1.0), (0.05, 1.0 / math.sqrt(3.0))],

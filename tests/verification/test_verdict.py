@@ -28,6 +28,7 @@ from dogshape.sim.strength.verdict import (
     Margin,
     hinges,
     judge,
+    landing_by_stiffness,
     missing_checks,
 )
 from dogshape.sim.units import RPM
@@ -193,6 +194,15 @@ def test_checks_follow_the_stiffness_of_the_dogs(prototype: Dog) -> None:
             checks = strength_checks(prototype, case)
             checks += demand_checks(prototype, landings.demand(prototype, case), case)
             assert margin == pytest.approx(min(check.margin for check in checks))
+        soft, stiff = landing_by_stiffness(prototype, limits, landings)
+        assert (soft[0], stiff[0]) == (hinge.low, hinge.high)
+        assert stiff[1].margin < soft[1].margin
+        measured = replace(limits, load=replace(load, dog_stiffness_factor=1.1))
+        keys = {one.key for one in hinges(prototype, measured, landings)}
+        assert "load.dog_stiffness_factor" not in keys
+        ((factor, check),) = landing_by_stiffness(prototype, measured, landings)
+        assert factor == 1.1
+        assert stiff[1].margin < check.margin < soft[1].margin
 
 
 Sample = Callable[[np.random.Generator, int], Array]

@@ -149,7 +149,7 @@ def field_cases(
             candidates = [_draw_case(generator, blank, name, grids[stand])]
             count = 1 if small else CANDIDATE_COUNTS.get(engine, {}).get(kind, 1)
             for _ in range(count - 1):
-                candidates.append(_draw_candidate(generator, candidates[0], name))
+                candidates.append(_draw_candidate(generator, candidates[0], name, grids[stand]))
             cases.append(tuple(candidates))
     return tuple(cases[k] for k in generator.permutation(len(cases)))
 
@@ -201,11 +201,20 @@ def _draw_strength(generator: np.random.Generator, effect: str) -> float:
     return float(generator.uniform(*STRENGTHS))
 
 
-def _draw_candidate(generator: np.random.Generator, case: Case, name: str) -> Case:
-    """Draw causes and their sizes for a case, and a seed."""
-    parameters, outside = _draw_causes(generator, case.kind, name)
-    seed = int(generator.integers(2**31))
-    return replace(case, parameters=parameters, outside=outside, seed=seed)
+def _draw_candidate(
+    generator: np.random.Generator, case: Case, name: str, grid: Sequence[Point]
+) -> Case:
+    """Draw causes and their sizes for a case, and a seed.
+
+    They are drawn again where the force does not move the ring at an operating point.
+    """
+    points = [grid[k] for k in case.places]
+    while True:
+        parameters, outside = _draw_causes(generator, case.kind, name)
+        seed = int(generator.integers(2**31))
+        candidate = replace(case, parameters=parameters, outside=outside, seed=seed)
+        if all(candidate.truth.moves_ring(point) for point in points):
+            return candidate
 
 
 def _draw_case(
@@ -240,7 +249,7 @@ def _draw_case(
         displacement_at="unknown" if generator.random() < UNKNOWN_SHARE else sensor,
         time_zero="unknown" if generator.random() < UNKNOWN_SHARE else "command",
     )
-    return _draw_candidate(generator, case, name)
+    return _draw_candidate(generator, case, name, grid)
 
 
 def _draw_places(generator: np.random.Generator, grid: Sequence[Point]) -> tuple[int, ...]:

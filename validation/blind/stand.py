@@ -121,6 +121,11 @@ class Truth:
         hang_sd = self.hang_time * math.sqrt(self.hang * (1.0 - self.hang))
         return self.sticking + self.hang * self.hang_time, math.hypot(self.sticking, hang_sd)
 
+    def moves_ring(self, point: Point) -> bool:
+        """Check that the force at an operating point exceeds its loss and friction at rest."""
+        net_force = self.force_factor * point.force - self.force_loss
+        return net_force > MIN_FORCE_N + self.friction + self.static_excess
+
     def apply(self, point: Point, progress: float = 0.0) -> Point:
         """Compute the actual operating point of a shift at a nominal point.
 

@@ -71,7 +71,8 @@ def diagnose(
     """Identify the cause of the gap between bench and simulation.
 
     A table is read as by 'init bench', with the same options from --from to --set; its readings and
-    assumptions are printed first, and a fault is asked about in a terminal.
+    assumptions are printed first, and a fault is asked about in a terminal. The steps of reading
+    are printed by 'init bench TABLE --explain', evidence and residuals are in the report of --out.
     Simulations of a clutch and its operating points take two to fifteen minutes
     of processor time, once; those of a refinement cannot be foreseen.
 

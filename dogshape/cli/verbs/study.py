@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from dogshape.pipeline.config.study_file import Setup
 
 Ring = Literal["sliding", "output"]
+Explain = Annotated[bool, Option("--explain", help="formulas, sources, keys")]
 TABLES = (".csv", ".xlsx")
 TITLE_HELP = "value of the title block"
 ENDINGS = {
@@ -204,6 +205,9 @@ def validate(
 ) -> None:
     """Compare a bench data set with the simulation.
 
+    Drake takes minutes, --engine planar seconds. A stopped run leaves its finished shifts in
+    results/shifts, or in the folder of --journal, and the same command goes on from there.
+
     Example: dogshape validate mq200_adams
     """
     comparison = ds.validate(
@@ -218,7 +222,7 @@ def validate(
 def strength(
     study: StudyArg,
     simulate: Annotated[bool, Option(help="simulate the hardest landing, dog on dog")] = True,
-    explain: Annotated[bool, Option("--explain", help="formulas, sources, keys")] = False,
+    explain: Explain = False,
     fem: Annotated[bool, Option("--fem", help="finite elements too; extra [fem]")] = False,
     set_: Sets = None,
     engine: Engine = None,
@@ -268,6 +272,7 @@ def check(
     surrogate: SurrogateFile = None,
     mismatch_rpm: OneMismatch = None,
     force_N: OneForce = None,
+    explain: Explain = False,
     set_: Sets = None,
     engine: Engine = None,
     json: Json = False,
@@ -282,7 +287,8 @@ def check(
     result = _named_study(study, set_ or []).check(
         mismatch_rpm=mismatch_rpm, force_N=force_N, surrogate=surrogate, engine=engine
     )
-    show(result, json, ok=not result.verdict.failed)
+    explanation = result.explained if explain else ()
+    show(result, json, *explanation, ok=not result.verdict.failed)
 
 
 def predict(
@@ -443,7 +449,6 @@ def export(
     """
     from dogshape.pipeline.export.cad import require_all_dogs  # noqa: PLC0415
     from dogshape.pipeline.reports.named_design import named_design  # noqa: PLC0415
-    from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
     from dogshape.sim.part import part_volume  # noqa: PLC0415
     from dogshape.sim.strength.manufacture import require_fillets  # noqa: PLC0415
     from dogshape.sim.strength.spline import require_face  # noqa: PLC0415
@@ -476,10 +481,8 @@ def export(
         for ring_dog in {pair.sliding, pair.output, pair.low or pair.output}:
             require_fillets(ring_dog, radius)
     _load_extras(dxf, step, fmu, fmi)  # before anything is written
-    design = design_of(setup, {})
-    if not design.feasible:
-        warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
-    _warn_of_doubts(ds.Study.from_config(setup))
+    is_part = any((svg, dxf, stl, step))
+    _warn_of_design(setup, is_part=is_part, has_load=is_part or sheet is not None)
     _write_geometry(setup, ring, dog_design.title, body=body, svg=svg, dxf=dxf, stl=stl, step=step)
     models = ds.Study.from_config(dog_design.prototype_study)
     if fmu is not None:
@@ -498,9 +501,29 @@ def export(
     if sleeve is None and dogs.pitches == 1:
         volume = part_volume(dog, radius, body) / MM**3
         ring_name = "a ring" if pair.alike else f"the {ring} ring"
-        lines.append(f"volume of {ring_name} {volume:.1f} mm3")
+        if is_part:
+            lines.append(f"volume of {ring_name} {volume:.1f} mm3")
         sizes = {"ring_volume_mm3": volume, **sizes, "body_mm": body_mm}
     emit({**written, **sizes}, json, lambda: lines)
+
+
+def _warn_of_design(setup: Setup, *, is_part: bool, has_load: bool) -> None:
+    """Warn of doubts about a design, with ``has_load`` of its load too, and of failed checks.
+
+    A data sheet has the checks, so those of a part to be made are named; block and map have neither
+    checks nor the load of the checks.
+    """
+    from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
+    from dogshape.pipeline.simulate.plausibility import motion_slips, slide_notes  # noqa: PLC0415
+
+    if is_part:
+        design = design_of(setup, {})
+        if not design.feasible:
+            warn([f"a check fails ({', '.join(design.failed)}); see dogshape strength"])
+    if has_load:
+        _warn_of_doubts(ds.Study.from_config(setup))
+    else:
+        warn([*motion_slips(setup), *slide_notes(setup)])
 
 
 def _title_block(texts: list[str] | None) -> dict[str, str]:
