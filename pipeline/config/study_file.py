@@ -679,7 +679,12 @@ def _clutch_loads(
             "spline_radius": mechanism.spline_radius,
         }
     if has_spline_friction or not file.load.release_by_itself:
-        fields["pull_out_force_limit"] = min(point.profile.force for point in points)
+        release_force = None
+        if clutch.actuator is not None:
+            release_force = clutch.actuator.release_force(clutch.pair.travel)
+        if release_force is None:
+            release_force = min(point.profile.force for point in points)
+        fields["pull_out_force_limit"] = release_force
     if mechanism.detent > 0.0 and mechanism.detent_seat > 0.0:
         fields["separating_force_limit"] = mechanism.detent
     return fields

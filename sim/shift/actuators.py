@@ -79,6 +79,10 @@ class Actuator:
         """Compute the travel at which the force of a command of ``force`` in N is used up, m."""
         raise NotImplementedError
 
+    def release_force(self, travel: float) -> float | None:
+        """Return the force that draws the fork back from a travel in m, N; None if not stated."""
+        return None
+
     def initial_level(self, force: float) -> float:
         """Compute the level of the own state before a command of ``force`` in N."""
         return 0.0
@@ -360,6 +364,11 @@ class Cylinder(Actuator):
         """Compute the travel at which the return spring takes all of the force, m."""
         return force / self.return_rate if self.return_rate else math.inf
 
+    def release_force(self, travel: float) -> float | None:
+        """Compute the return spring's force at a travel in m, N; None beside a back pressure."""
+        spring = self.return_preload + self.return_rate * travel
+        return spring if spring > 0.0 and self.back_pressure == 0.0 else None
+
     def supply_at(self, force: float) -> float:
         """Compute the supply pressure of a static force in N, Pa."""
         return (force + self.back_force + self.return_preload) / self.area
@@ -495,6 +504,11 @@ class Solenoid(Actuator):
         share = open_gap / gap * values / self.force_current
         spring = self.return_preload + self.return_rate * np.maximum(travel, 0.0)
         return np.maximum(self.start_force * share**2 - spring, 0.0)
+
+    def release_force(self, travel: float) -> float | None:
+        """Compute the force of the return spring at a travel in m, N; None without a spring."""
+        spring = self.return_preload + self.return_rate * travel
+        return spring if spring > 0.0 else None
 
     def share_at(self, force: float) -> float:
         """Compute the final current over the rated one for a static force in N."""

@@ -186,10 +186,19 @@ def test_effects_act_on_the_command() -> None:
     assert study.clutch.numbers.actuator.kind == 0
 
 
-def test_checks_take_the_static_force() -> None:
-    """The shift force is the limit of what pulls the ring out."""
-    checks = {check.name: check for check in design_of(_study("hydraulic"), {}).checks}
-    assert checks["pull_out_force"].limit == pytest.approx(450.0)
+def test_a_return_spring_pulls_the_ring_out_where_there_is_one() -> None:
+    """The least shift force where nothing else is known of the way out."""
+    spring = {"actuation.return_preload_N": 30.0, "actuation.return_rate_N_mm": 2.0}
+    cases: list[tuple[str, dict[str, Any], float]] = [
+        ("hydraulic", {"actuation.return_preload_N": 0.0}, 500.0),
+        ("hydraulic", spring, 30.0 + 2.0 * 4.7),
+        ("solenoid", spring, 30.0 + 2.0 * 4.7),
+        ("cam", {}, 500.0),
+    ]
+    for kind, values, limit in cases:
+        study = _study(kind, **values)
+        checks = {check.name: check for check in design_of(study, {}).checks}
+        assert checks["pull_out_force"].limit == pytest.approx(limit), kind
 
 
 @pytest.mark.parametrize("kind", KINDS)
