@@ -6,7 +6,7 @@ import json
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,7 @@ class Cell:
 def clutch_of(study: Setup, design: str) -> Clutch:
     """Return the study's clutch with one of the designs."""
     values = dict(zip(VARIABLES, DESIGNS[design], strict=True))
-    return replace(study.clutch, dog=study.dog_with(values))
+    return study.clutch_with(values)
 
 
 def point_of(study: Setup, mismatch_rpm: float, force: float) -> OperatingPoint:

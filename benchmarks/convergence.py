@@ -227,7 +227,7 @@ def simulate_pairs(study: Setup, designs: int, angles: int, seed: int = SEED) ->
     seed_offset = seed - study.file.surrogate.seed
     mismatches = list(dict.fromkeys(round(point.mismatch / RPM, 9) for point in study.points))
     for index, design in enumerate(first_designs(study, designs, seed_offset, border=False)):
-        clutch = replace(study.clutch, dog=study.dog_with(design))
+        clutch = study.clutch_with(design)
         plants = ClutchPlant(clutch), ClutchPlant(with_accuracy(clutch, REFERENCE_ACCURACY))
         for sign in (1.0, -1.0):
             mismatch = sign * rng.choice(mismatches)

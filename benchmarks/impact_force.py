@@ -58,7 +58,7 @@ def load_designs(study: Setup) -> dict[str, Clutch]:
     result = read_result(study.name)
     chosen = result["confirmation"]["chosen"]
     row = next(DesignRow(**row) for row in result["trials"] if row["trial"] == chosen)
-    best = replace(study.clutch, dog=study.dog_with(row.params(study.variables)))
+    best = study.clutch_with(row.params(study.variables))
     return {"prototype": study.clutch, f"chosen ({chosen})": best}
 
 

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from dogshape.bench.raw_sheet import file_of
 from dogshape.bench.texts import TextTable, is_plain, read_table
 from dogshape.pipeline.config.operating import OPERATED
+from dogshape.pipeline.config.schema import OUTPUT_VARIABLES, dotted_key
 from dogshape.pipeline.config.study_file import RequestedPoint, Setup, points_of
 from dogshape.pipeline.record import Figure, Table
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.simulate.design import (
     Design,
+    DesignGroup,
     design_of,
-    dogs_of,
     limits_of,
-    pair_with,
 )
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.result import Result
@@ -36,6 +36,8 @@ from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, join_faults, number_rule
 from dogshape.sim.files import write_frame
 from dogshape.sim.interface import argument, key_argument
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
+from dogshape.sim.statistics.shift_records import quantity_of
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
@@ -176,7 +178,7 @@ class Predictions(Result):
         if set(self.variables) & set(OPERATED):
             return ""
         keys = " ".join(
-            f"--set dog.{name}={design[name]:.10g}"
+            f"--set {dotted_key(name)}={design[name]:.10g}"
             for name in self.variables
             if name not in self.filled
         )
@@ -303,7 +305,11 @@ def predict_designs(
         table,
         variables=variables,
         designs=x,
-        filled={name: config.prototype[name] for name in variables if name not in table.head},
+        filled={
+            name: value
+            for name, value in config.prototype.items()
+            if name in variables and name not in table.head
+        },
         times=_predict_times(model, x, checks.reason == "", mix),
         checks=checks,
         written=target,
@@ -359,7 +365,7 @@ def judge_designs(study: Setup, names: Sequence[str], x: Array) -> Judgements:
     parts = []
     with np.errstate(all="ignore"):  # of impossible shapes
         if has_common_limits(study, names):
-            is_possible |= pair_with(study, dogs_of(study, names, x)).possible
+            is_possible |= DesignGroup.of(study, names, x).possible
         indices = np.flatnonzero(is_possible)
         for start in range(0, len(indices), CHUNK_SIZE):
             chunk = indices[start : start + CHUNK_SIZE]
@@ -411,7 +417,8 @@ def _manufacturing_reason(checks: Iterable[str]) -> str:
 
 def _judge_together(study: Setup, names: Sequence[str], x: Array) -> Judgements:
     """Judge possible designs (n, d) by closed forms."""
-    checks = strength_checks(dogs_of(study, names, x), study.limits)
+    group = DesignGroup.of(study, names, x)
+    checks = strength_checks(group.dogs, group.study.limits)
     margins = pd.DataFrame({c.name: np.broadcast_to(c.margin, len(x)) for c in checks})
     smallest = margins.min(axis=1)
     passed = smallest >= 0.0
@@ -440,8 +447,8 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
                 faults.append(f"the column '{name}' is there twice; keep one")
         elif name in (*TIMES, *CHECKS, NOT_JUDGED):
             faults.append(f"'{name}' is a column of the answers; take it away")
-        elif name in DogSection.model_fields:
-            setting = key_argument("settings", f"dog.{name}", "VALUE")
+        elif name in DogSection.model_fields or name in OUTPUT_VARIABLES:
+            setting = key_argument("settings", dotted_key(name), "VALUE")
             faults.append(
                 f"'{name}' is the same for all designs that the surrogate knows; take the column "
                 f"away ({setting} needs a surrogate of its own)"
@@ -461,13 +468,14 @@ def _design_values(
 ) -> Array:
     """Convert designs to numbers in edge units, (n, d); InputError for cells without a number.
 
-    A variable without a column has the value of the ``prototype``.
+    A variable without a column has the value of the ``prototype``; a dimension of the output dog
+    that the study does not search is that of the sliding dog.
     """
     x = np.empty((len(table.rows), len(variables)))
     faults: list[tuple[int, str]] = []
     for column, name in enumerate(variables):
         if name not in table.head:
-            x[:, column] = prototype[name]
+            x[:, column] = quantity_of(prototype, name)
             continue
         texts = table.column(name)
         values = np.array([float(text) if is_plain(text) else np.nan for text in texts])
@@ -489,4 +497,9 @@ def _design_values(
         if len(messages) > MAX_LISTED_CELLS:
             listed_messages.append(f"and {len(messages) - MAX_LISTED_CELLS} more cells")
         raise InputError(join_faults(str(table.path), listed_messages))
+    for column, name in enumerate(variables):
+        if name in OUTPUT_VARIABLES and name not in (*table.head, *prototype):
+            sliding_name = name.removeprefix(OUTPUT_PREFIX)
+            if sliding_name in variables:
+                x[:, column] = x[:, variables.index(sliding_name)]
     return x

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dogshape.argument_types import check_types_of_verbs
+from dogshape.pipeline.config.schema import dotted_key
 from dogshape.pipeline.config.study_file import (
     RequestedPoint,
     Setup,
@@ -42,7 +43,8 @@ class Study:
     where : TOML file, folder with ``study.toml``, or name of a bundled study.
     settings : keys of the study file with their values, ``{"contact.set": "adams2019"}``, or as
         the command line has them, ``["contact.set=adams2019"]``.
-    dog : keys of the dog, ``chamfer_deg=11, count=18``.
+    dog : keys of the dog, ``chamfer_deg=11, count=18``, and of the output ring's dog as a design
+        has them, ``output_dog_height_mm=3.2``.
     """
 
     config: Setup
@@ -54,7 +56,7 @@ class Study:
         /,
         **dog: float | str,
     ) -> None:
-        keys = settings_of(settings) | {f"dog.{key}": value for key, value in dog.items()}
+        keys = settings_of(settings) | {dotted_key(key): value for key, value in dog.items()}
         object.__setattr__(self, "config", load_study(where, keys))
 
     @classmethod
@@ -343,7 +345,7 @@ class Study:
 
         Example: ``study.replace_keys({"contact.set": "adams2019"}, chamfer_deg=11)``
         """
-        keys = {**(settings or {}), **{f"dog.{key}": value for key, value in dog.items()}}
+        keys = {**(settings or {}), **{dotted_key(key): value for key, value in dog.items()}}
         return Study.from_config(replace_keys(self.config, keys))
 
     def _config_in(self, engine: str | None) -> Setup:

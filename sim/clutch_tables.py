@@ -354,17 +354,20 @@ class DogSection(Keys, of=Dog):
 class OutputDogSection(Keys, of=OutputDog):
     """Dimensions of the output ring's dog that differ from ``[dog]`` (``sim.shift.pair``).
 
-    ``material`` names the set of that ring; side angles are those of ``[dog]``.
+    ``material`` names the set of that ring; side angles are those of ``[dog]``. ``sparse_ring`` is
+    the one whose dogs are missing or low.
     """
 
     traction_deg: float | None = later()
     braking_deg: float | None = later()
     material: str | None = later()
+    sparse_ring: EngineSide = later("output")
 
     @property
     def value(self) -> OutputDog:
         """Dimensions that differ; InputError for mistakes."""
-        return OutputDog(**self.si(*MATING_KEYS, "material"))
+        sizes = self.si(*MATING_KEYS, "material", "sparse_ring")
+        return OutputDog(**sizes, is_sliding_sparse=self.sparse_ring == "sliding")
 
     def require_mate(self, dog: Dog) -> None:
         """Raise InputError for a side angle with which the flanks of ``dog`` do not mate."""
@@ -589,6 +592,9 @@ def _is_unmodelled(path: list[str]) -> bool:
     *tables, name = path
     if tables in (["sliding"], ["output"], ["output_dog"]):
         return name in DogSection.model_fields
+    if tables == ["variables", "output_dog"]:
+        output_keys = {declared.key for declared in quantities_of(OutputDog).values()}
+        return name in DogSection.model_fields and name not in output_keys
     return tables in ([], ["dog"], ["variables"], ["tolerance"]) and any(
         word in name.lower() for word in UNMODELLED
     )
@@ -605,7 +611,7 @@ def _unknown_key(model: type[BaseModel], path: Sequence[str]) -> str:
         return f"'{key}' is not a known key; did you mean {keys}?"
     if _is_unmodelled([*tables, name]):
         return f"'{key}' is not a known key: {SCOPE}; leave it out"
-    for table in _keys(model, []):
+    for table in sorted(_keys(model, []), key=lambda table: table not in tables):
         for valid in _keys(model, [table]):
             if name in (valid, _without_unit(valid)):
                 return f"'{key}' is not a known key; did you mean '{table}.{valid}'?"

@@ -18,7 +18,7 @@ import numpy as np
 from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
-from dogshape.sim.statistics.shift_records import DEFAULTS, Record, angle_of, result_of
+from dogshape.sim.statistics.shift_records import Record, angle_of, quantity_of, result_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -190,5 +190,4 @@ def rows_of(variables: Sequence[str], shifts: Iterable[Record]) -> Array:
 
 def _round_values(shift: Record, keys: Sequence[str]) -> tuple[float, ...]:
     """Return values of a shift, or their defaults, to ``DECIMALS`` decimals."""
-    values = [shift[key] if key in shift else DEFAULTS[key] for key in keys]
-    return tuple(round(float(value), DECIMALS) for value in values)
+    return tuple(round(quantity_of(shift, key), DECIMALS) for key in keys)

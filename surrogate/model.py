@@ -15,15 +15,18 @@ engages** is a correlated Beta process (Goetschalckx, Poupart and Hoey 2011). Re
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import product
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import InputError
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.statistics.shift_records import DEFAULTS
 from dogshape.surrogate.covariance import Term, distance, matern
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
@@ -51,7 +54,8 @@ NORMAL_95 = 1.96  #: half width of a 95 % interval, standard deviations
 
 def coordinates(data: Dataset, x: Array) -> Array:
     """Compute coordinates of designs (m, d) in edge units, scaled by the data's, (m, c)."""
-    columns = [k for k, name in enumerate(data.variables) if name in ANGLES]
+    names = [name.removeprefix(OUTPUT_PREFIX) for name in data.variables]
+    columns = [k for k, name in enumerate(names) if name in ANGLES]
     friction = data.physics.get("face_friction", data.physics["dynamic_friction"])
     tangents = np.tan(np.radians(x[:, columns]))
     ridge = np.tanh((tangents - friction) / RIDGE_WIDTH)
@@ -81,23 +85,60 @@ class _Shape:
 def shape_of(data: Dataset, x: Array) -> Array:
     """Compute entry play, tip width and fall of the face of designs (m, d), mm, (m, 3).
 
-    Where the data have a crest, a fourth column is the fall of the back of the face.
+    Where the data have a crest, a fourth column is the fall of the back of the face. Where the
+    output dog varies, its columns follow, and depth and play of the pair.
     """
     values = DEFAULTS | data.physics | dict(zip(data.variables, x.T, strict=True))
-    shape = _Shape(*(np.broadcast_to(values[field.name], len(x)) for field in fields(_Shape)))
+    sliding = _shape_from(values, len(x))
+    has_back = "crest" in data.variables or "crest" in data.physics
+    columns = _dog_columns(sliding, sliding.height_mm, has_back=has_back)
+    if any(name.startswith(OUTPUT_PREFIX) for name in data.variables):
+        output_values = {
+            name.removeprefix(OUTPUT_PREFIX): value
+            for name, value in values.items()
+            if name.startswith(OUTPUT_PREFIX)
+        }
+        output = _shape_from(values | output_values, len(x))
+        has_back |= "crest" in output_values
+        # Sliding and output dog are equally wide half the sliding dog's height above its root.
+        crest_height = 2.0 * output.height_mm - sliding.height_mm
+        columns += _dog_columns(output, crest_height, has_back=has_back)
+        depth = np.minimum(sliding.height_mm, output.height_mm)
+        backlash = 0.5 * (sliding.backlash_mm + output.backlash_mm)
+        columns += [depth, depth * _lean(sliding) + backlash]
+    return np.column_stack(columns)
+
+
+def _shape_from(values: Mapping[str, Any], size: int) -> _Shape:
+    """Collect the dogs of ``size`` designs from ``values`` by key."""
+    return _Shape(*(np.broadcast_to(values[field.name], size) for field in fields(_Shape)))
+
+
+def _lean(shape: _Shape) -> Array:
+    """Compute the sum of the tangents of both side angles, (m,)."""
+    traction = np.tan(np.radians(shape.traction_deg))
+    braking = np.tan(np.radians(shape.braking_deg))
+    return np.asarray(traction + braking)
+
+
+def _dog_columns(shape: _Shape, height: Array, *, has_back: bool) -> list[Array]:
+    """Compute play, tip width and falls of the tip, mm, (m,) each.
+
+    ``height`` is twice that of the crest above the pitch plane, mm.
+    """
     chamfer = np.tan(np.radians(shape.chamfer_deg))
     traction = np.tan(np.radians(shape.traction_deg))
     braking = np.tan(np.radians(shape.braking_deg))
     back = np.tan(np.radians(shape.chamfer_back_deg))
     radius = 0.25 * (shape.outer_diameter_mm + shape.inner_diameter_mm)
-    play = shape.height_mm * (traction + braking) + shape.backlash_mm
+    play = height * (traction + braking) + shape.backlash_mm
     tip = np.pi * radius / shape.count - 0.5 * play
     # A face falls from the ridge to the flank, which leans towards or away from it.
     face_fall = shape.crest * tip * chamfer / (1.0 - chamfer * braking)
     columns = [play, tip, face_fall]
-    if "crest" in data.variables or "crest" in data.physics:
+    if has_back:
         columns.append((1.0 - shape.crest) * tip * back / (1.0 - back * traction))
-    return np.column_stack(columns)
+    return columns
 
 
 def point_coordinates(points: Array) -> Array:

@@ -14,8 +14,9 @@ import numpy as np
 from dogshape.sim.elementwise import Array, Mask
 from dogshape.sim.errors import InputError
 from dogshape.sim.interface import verb
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
-from dogshape.sim.statistics.shift_records import Record, content_key
+from dogshape.sim.statistics.shift_records import Record, content_key, quantity_of
 from dogshape.surrogate.dataset import Dataset, Mix
 from dogshape.surrogate.model import Expected, Surrogate
 
@@ -83,7 +84,7 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
     """
     data = surrogate.data
     require_same_physics(data, physics)
-    x = np.array([design[name] for name in data.variables], dtype=float)
+    x = np.array([quantity_of(design, name) for name in data.variables])
     distance = float(surrogate.distance(x[None, :])[0])
     warnings = [*_design_warnings(data, x), *_point_warnings(data, mix.points)]
     if faces_hold(data, x[None, :])[0]:
@@ -127,7 +128,8 @@ def _face_friction(data: Dataset) -> float:
 
 
 def _chamfer_columns(data: Dataset) -> list[int]:
-    return [k for k, name in enumerate(data.variables) if name in CHAMFERS]
+    names = [name.removeprefix(OUTPUT_PREFIX) for name in data.variables]
+    return [k for k, name in enumerate(names) if name in CHAMFERS]
 
 
 def _design_warnings(data: Dataset, x: Array) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.operating import KIND, PROFILE_KEYS
-from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.schema import StudyFile, dotted_key, flat_name
 from dogshape.pipeline.config.study_file import Setup, find_study
 from dogshape.pipeline.config.toml_text import meanings_of
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
@@ -100,8 +100,8 @@ class PageField:
 
     @property
     def name(self) -> str:
-        """Key without its table."""
-        return self.key.rpartition(".")[2]
+        """Key without its table, but for the output ring's dog."""
+        return flat_name(self.key)
 
     @property
     def text(self) -> str:
@@ -148,7 +148,7 @@ def _dog_fields(config: Setup) -> list[PageField]:
     values = config.file.dog.sizes | {key: config.prototype[key] for key in config.shape_keys}
     dog = {key: value for key, value in values.items() if value is not None}
     return [
-        PageField(f"dog.{key}", "dog", dog[key], config.variables.get(key) or _reach(dog[key]))
+        PageField(dotted_key(key), "dog", dog[key], config.variables.get(key) or _reach(dog[key]))
         for key in sorted(dog, key=[*config.variables, *dog].index)
     ]
 

@@ -29,6 +29,7 @@ from dogshape.app.page import Json, Texts
 from dogshape.app.time_curve import TimeCurve, predict_curve, slider_values
 from dogshape.check import Check, Checked
 from dogshape.pipeline.config.operating import KIND, replaced_keys
+from dogshape.pipeline.config.schema import dotted_key
 from dogshape.pipeline.config.study_file import RequestedPoint, Setup, points_of, replace_keys
 from dogshape.pipeline.config.toml_text import comment_lines, toml_value
 from dogshape.pipeline.diagnose.study_keys import Data
@@ -140,7 +141,7 @@ class LivePage:
         if design is None:
             return own_dog
         params = design.params(self.study.config.variables)
-        return own_dog | {f"dog.{key}": f"{value:.6g}" for key, value in params.items()}
+        return own_dog | {dotted_key(key): f"{value:.6g}" for key, value in params.items()}
 
     def read(self, question: Question) -> Answers:
         """Read all fields; actuator and material decide the defaults of their numbers."""

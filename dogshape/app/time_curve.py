@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from dogshape.app.page import Json
+from dogshape.pipeline.config.schema import flat_name
 from dogshape.pipeline.config.study_file import RequestedPoint, points_of
 from dogshape.pipeline.reports.text import PLACE
 from dogshape.pipeline.train.training_rows import study_mix
@@ -19,6 +20,7 @@ from dogshape.study import Study
 from dogshape.surrogate.query import ask, compare_physics
 from dogshape.surrogate.store import Stored
 
+DOG_TABLES = ("dog", "output_dog")
 STEPS = 40  #: of the curve
 
 
@@ -43,8 +45,9 @@ def predict_curve(
 
     ``place`` is the operating point, ``stored`` the surrogate and ``surrogate`` its file.
     """
-    table, _, name = key.rpartition(".")
-    if table == "dog" and name in stored.surrogate.data.variables:
+    table = key.rpartition(".")[0]
+    name = flat_name(key)
+    if table in DOG_TABLES and name in stored.surrogate.data.variables:
         return _curve_of_variable(study, name, values, place=place, surrogate=surrogate)
     if key in PLACE and place:
         return _curve_over_points(study, key, values, place=place, stored=stored)

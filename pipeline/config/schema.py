@@ -45,6 +45,7 @@ from dogshape.sim.shift.clutch import (
 from dogshape.sim.shift.drive import Drive, EngineSide
 from dogshape.sim.shift.geometry import SCOPE
 from dogshape.sim.shift.mechanism import Mechanism
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.statistics.expectation import FIRST_WINDOW_SHARE
 from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.landing import Wear
@@ -245,6 +246,38 @@ class WearSection(Keys, of=Wear):
     """Wear over the life (``sim.strength.landing``): of faces by one of two keys, and of edges."""
 
 
+class OutputVariablesSection(Section):
+    """Search ranges of the output ring's dog; absent keys keep the values of ``[output_dog]``."""
+
+    chamfer_deg: Range | None = later(low=0.0, high=60.0)
+    height_mm: Range | None = later(low=0.2, high=100.0)
+    crest: Range | None = later(low=0.0, high=1.0)
+    chamfer_back_deg: Range | None = later(low=0.0, high=60.0)
+    backlash_mm: Range | None = later(low=0.0, high=50.0)
+
+
+#: Searched keys of the output ring's dog, as a design has them.
+OUTPUT_VARIABLES = tuple(f"{OUTPUT_PREFIX}{key}" for key in OutputVariablesSection.model_fields)
+
+
+def dotted_key(name: str) -> str:
+    """Return the key of a searched dimension in a study file: ``output_dog.height_mm``."""
+    if name in OUTPUT_VARIABLES:
+        return f"output_dog.{name.removeprefix(OUTPUT_PREFIX)}"
+    return f"dog.{name}"
+
+
+def flat_name(key: str) -> str:
+    """Return the name that a key of either dog in a study file has in a design."""
+    table, _, name = key.rpartition(".")
+    return f"{OUTPUT_PREFIX}{name}" if table == "output_dog" else name
+
+
+def variable_key(name: str) -> str:
+    """Return the key of a variable in a study file: ``variables.output_dog.height_mm``."""
+    return f"variables.{dotted_key(name).removeprefix('dog.')}"
+
+
 class VariablesSection(Section):
     """Search ranges ``[low, high]``; absent keys keep the values of ``[dog]`` and ``[operating]``.
 
@@ -263,16 +296,20 @@ class VariablesSection(Section):
     mismatch_set_rpm: Range | None = later(low=-2000.0, high=2000.0)
     force_factor: Range | None = later(low=0.01, high=100.0)
     rise_factor: Range | None = later(low=0.1, high=10.0)
+    output_dog: OutputVariablesSection | None = later()
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Ranges of the searched keys, edge units; InputError for mistakes."""
+        tables = self.model_dump(exclude_none=True)
+        output_dog = tables.pop("output_dog", {})
+        tables |= {f"{OUTPUT_PREFIX}{key}": ends for key, ends in output_dog.items()}
         ranges = {}
-        for name, (low, high) in self.model_dump(exclude_none=True).items():
+        for name, (low, high) in tables.items():
             if not low < high:
                 raise InputError(
-                    f"variables.{name} is [{low:.6g}, {high:.6g}], but the first must be below the "
-                    "second; exchange them, or leave the key out to keep the dog's own value"
+                    f"{variable_key(name)} is [{low:.6g}, {high:.6g}], but the first must be below "
+                    "the second; exchange them, or leave the key out to keep the dog's own value"
                 )
             ranges[name] = (low, high)
         return ranges
@@ -386,8 +423,9 @@ class StudyFile(Section):
 
     def require_ranges(self) -> None:
         """Raise InputError for a value beyond the range that its key declares."""
-        for table, section in self:
-            is_search = section is self.variables
+        sections = {**dict(self), "variables.output_dog": self.variables.output_dog}
+        for table, section in sections.items():
+            is_search = table.startswith("variables")
             remedy = "narrow the range" if is_search else "check the value and its unit"
             for name in getattr(type(section), "model_fields", ()):
                 value = getattr(section, name)

@@ -30,7 +30,12 @@ from dogshape.pipeline.config.operating import (
     replaced_keys,
     with_mechanism,
 )
-from dogshape.pipeline.config.schema import FORMAT, StudyFile
+from dogshape.pipeline.config.schema import (
+    FORMAT,
+    OUTPUT_VARIABLES,
+    StudyFile,
+    variable_key,
+)
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError, InputError, Refusal, join_faults, require_between
@@ -41,7 +46,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
 from dogshape.sim.shift.drive import MAX_TORQUE_NM
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.pair import ALIKE, OutputDog, dog_pair
+from dogshape.sim.shift.pair import ALIKE, OUTPUT_PREFIX, OutputDog, dog_pair
 from dogshape.sim.shift.trace import torque_peak
 from dogshape.sim.statistics.expectation import SetPoint
 from dogshape.sim.statistics.shift_records import (
@@ -67,7 +72,10 @@ MIN_CONFIRM_ANGLES = 3
 #: Searched keys of the dog in the bundled studies, and all that a study may search.
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 HEIGHT = "height_mm"
-SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm")
+OUTPUT_HEIGHT = f"{OUTPUT_PREFIX}{HEIGHT}"
+BACKLASH = "backlash_mm"
+OUTPUT_BACKLASH = f"{OUTPUT_PREFIX}{BACKLASH}"
+SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm", *OUTPUT_VARIABLES)
 
 
 @dataclass(frozen=True)
@@ -81,7 +89,7 @@ class Setup:
     variables: dict[str, tuple[float, float]]  #: ranges of the searched keys, edge units
     actuation: Actuation  #: course of the shift force
     uncertainty: Uncertainty | None = None  #: None if just the relative angle is uncertain
-    #: searched keys of the operation of one design (``with_operation``); empty for the study's own
+    #: searched keys of the operation of one design (``with_design``); empty for the study's own
     operation: Mapping[str, float] = field(default_factory=dict)
     path: Path | None = None  #: file that the study, before its settings, was read from
 
@@ -92,19 +100,27 @@ class Setup:
 
     @property
     def shape_keys(self) -> tuple[str, ...]:
-        """Searched keys of the dog; the operation has its own."""
+        """Searched keys of the dogs of both rings; the operation has its own."""
         return tuple(key for key in self.variables if key not in OPERATED)
 
-    def with_operation(self, params: Mapping[str, float]) -> Setup:
-        """Return the study with the operating points of a design and the limits that follow."""
+    def with_design(self, params: Mapping[str, float]) -> Setup:
+        """Return the study with operating points and output dog of a design, and its limits.
+
+        The sliding dog stays that of the study.
+        """
+        study = self
         operation = {key: params[key] for key in OPERATED if key in params}
-        if not operation:
-            return self
-        points = points_of_design(self.points, self.actuation, operation)
-        # A set-point moves the mismatch of all points alike.
-        mismatch_change = points[0].mismatch - self.points[0].mismatch
-        limits = _limits(self.file, self.clutch, points, mismatch_change)
-        return replace(self, points=points, limits=limits, operation=operation)
+        if operation:
+            points = points_of_design(self.points, self.actuation, operation)
+            # A set-point moves the mismatch of all points alike.
+            mismatch_change = points[0].mismatch - self.points[0].mismatch
+            limits = _limits(self.file, self.clutch, points, mismatch_change)
+            study = replace(self, points=points, limits=limits, operation=operation)
+        output_dog = self.output_dog_with(params)
+        if output_dog == self.clutch.output_dog:
+            return study
+        clutch = replace(study.clutch, output_dog=output_dog)
+        return replace(study, clutch=clutch, limits=replace(study.limits, output_dog=output_dog))
 
     @property
     def search_setup(self) -> Setup:
@@ -221,16 +237,31 @@ class Setup:
                 record[key] = value
         return record
 
-    def dog_with(self, params: dict[str, float]) -> Dog:
+    def dog_with(self, params: Mapping[str, float]) -> Dog:
         """Return the study's dog with other values, edge units; keys of the operation are ignored.
 
         Raises InputError or GeometryError where there is no such dog, or none beside it on the
         output ring.
         """
-        shape = {key: value for key, value in params.items() if key not in OPERATED}
+        left_out = (*OPERATED, *OUTPUT_VARIABLES)
+        shape = {key: value for key, value in params.items() if key not in left_out}
         dog = replace(self.clutch.dog, **dog_fields(shape))
-        dog_pair(dog, self.clutch.output_dog)
+        dog_pair(dog, self.output_dog_with(params))
         return dog
+
+    def output_dog_with(self, params: Mapping[str, float]) -> OutputDog:
+        """Return what differs in the output dog of a design; InputError beyond a key's range."""
+        shape = {
+            key.removeprefix(OUTPUT_PREFIX): value
+            for key, value in params.items()
+            if key in OUTPUT_VARIABLES
+        }
+        return replace(self.clutch.output_dog, **dog_fields(shape))
+
+    def clutch_with(self, params: Mapping[str, float]) -> Clutch:
+        """Return the clutch with both dogs of a design; raises as ``dog_with``."""
+        output_dog = self.output_dog_with(params)
+        return replace(self.clutch, dog=self.dog_with(params), output_dog=output_dog)
 
     def torque_peak(self, shift: Engagement) -> float | None:
         """Compute the largest torque of the driveline in a shift, N m; None without stiffness."""
@@ -251,6 +282,11 @@ class Setup:
     def prototype(self) -> dict[str, float]:
         """Values of the searched keys of the study's own dog, edge units."""
         values = {**DEFAULTS, **self.file.dog.sizes, **nominal_operation(self.points)}
+        section = self.file.output_dog
+        output_sizes = {} if section is None else section.model_dump(exclude_none=True)
+        for name in OUTPUT_VARIABLES:
+            key = name.removeprefix(OUTPUT_PREFIX)
+            values[name] = output_sizes.get(key, values[key])
         return {key: values[key] for key in self.variables}
 
     @property
@@ -488,9 +524,15 @@ def _require_actuator(
     min_force = min(point.profile.force for point in points)
     actuator.require_reach(min_force, clutch.shift_travel)
     variables = file.variables.ranges
-    if HEIGHT in variables:
-        added_height = variables[HEIGHT][1] * MM - clutch.dog.height
-        actuator.require_reach(min_force, clutch.shift_travel + added_height, f"variables.{HEIGHT}")
+    searched_heights = [name for name in (HEIGHT, OUTPUT_HEIGHT) if name in variables]
+    if searched_heights:
+        max_heights = {name: variables[name][1] * MM for name in searched_heights}
+        max_height = max_heights.get(HEIGHT, clutch.dog.height)
+        output_height = clutch.output_dog.height or max_height
+        max_depth = min(max_height, max_heights.get(OUTPUT_HEIGHT, output_height))
+        max_travel = clutch.shift_travel + (max_depth - clutch.pair.depth)
+        key = variable_key(min(max_heights, key=max_heights.__getitem__))
+        actuator.require_reach(min_force, max_travel, key)
     if RISE in variables:
         low, high = variables[RISE]
         raise InputError(
@@ -686,11 +728,13 @@ def wear_of(file: StudyFile) -> Wear | None:
     """Build the wear model, None without ``[wear]``; InputError for mistakes."""
     if file.wear is None:
         return None
-    if file.output_dog is not None:
-        raise InputError(
-            "[wear] wears the dogs of both rings alike, and [output_dog] makes them unlike; leave "
-            "one of them out, or give the worn ring as [output_dog]"
-        )
+    tables = {"output_dog": file.output_dog, "variables.output_dog": file.variables.output_dog}
+    for table, section in tables.items():
+        if section is not None:
+            raise InputError(
+                f"[wear] wears the dogs of both rings alike, and [{table}] makes them unlike; "
+                "leave one of them out, or give the worn ring as [output_dog]"
+            )
     wear: Wear = file.wear.value
     wear.edge_radius_at(file.dog.value, 1.0)  # refuses edges sharper than those of the dog
     return wear
@@ -711,10 +755,18 @@ def sleeve_of(file: StudyFile) -> Sleeve | None:
 
 
 def require_variables(study: Setup) -> None:
-    """Raise InputError where the study has nothing to search."""
+    """Raise InputError where the study has nothing to search, or one name for two quantities."""
     if not study.variables:
-        keys = ", ".join((*SHAPE, *OPERATED))
+        keys = ", ".join(variable_key(key) for key in (*SHAPE, *OPERATED))
         raise InputError(f"[variables] is empty, so there is nothing to search; give one of {keys}")
+    has_own_backlash = study.clutch.output_dog.backlash is not None
+    is_unlike = has_own_backlash or OUTPUT_BACKLASH in study.variables
+    if is_unlike and BACKLASH in study.variables and BACKLASH in study.file.search.objectives:
+        raise InputError(
+            f"search.objectives has {BACKLASH}, the mean of both rings, but variables.{BACKLASH} "
+            "is that of the sliding ring beside another one of the output ring; bound the mean by "
+            f"search.limits.{BACKLASH}, or leave the one of the output ring out"
+        )
 
 
 class RequestedPoint(NamedTuple):

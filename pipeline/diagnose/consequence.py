@@ -216,8 +216,10 @@ def simulate_consequence(
         for index, setting in enumerate(settings):
             blocks.append(even_block(setting.clutch, setting.point, ANGLES, (seed, index)))
     rows = iter(run(blocks))
+    design_studies = [study.with_design(params) for params in designs.values()]
     timed = [
-        _time_design(study, settings, [next(rows) for _ in settings]) for settings in all_settings
+        _time_design(design_study, settings, [next(rows) for _ in settings])
+        for design_study, settings in zip(2 * design_studies, all_settings, strict=True)
     ]
     timed_without = _pool_hangs(timed[: len(designs)])
     timed_with = _pool_hangs(timed[len(designs) :])
@@ -233,7 +235,7 @@ def _settings(
     study: Setup, params: Params, cause: Cause, effects: Mapping[str, Effect]
 ) -> list[Setting]:
     """Build the setting of a design with a cause at each operating point of a study."""
-    clutch = replace(study.clutch, dog=study.dog_with(params))
+    clutch = study.clutch_with(params)
     settings = [Setting(clutch, point) for point in study.points]
     for name, values in cause.items():
         settings = [effects[name].apply(setting, values) for setting in settings]

@@ -346,10 +346,17 @@ def _widen_ranges(change: _Change, derived: Data) -> None:
         return change.after(key) if key in change.values else derived.get(key, change.after(key))
 
     ranges: Data = {}
-    for key, (low, high) in (look_up("variables") or {}).items():
-        value = look_up(f"dog.{key}")
-        if f"dog.{key}" == BACKLASH and look_up(BACKLASH_DEG) is not None:
+    searched = dict(look_up("variables") or {})
+    output_ranges = searched.pop("output_dog", {})
+    searched |= {f"output_dog.{key}": ends for key, ends in output_ranges.items()}
+    for key, (low, high) in searched.items():
+        name = key.rpartition(".")[2]
+        value = look_up(f"dog.{name}")
+        if f"dog.{name}" == BACKLASH and look_up(BACKLASH_DEG) is not None:
             value = look_up(BACKLASH_DEG) * mm_per_deg(*map(look_up, DIAMETERS))
+        if name != key:
+            output_value = look_up(key)
+            value = value if output_value is None else output_value
         if not isinstance(value, (int, float)) or low <= value <= high:
             continue
         kind = type(low)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from dogshape.bench.texts import text_of
 from dogshape.pipeline.config.operating import KIND, OperatingSection, dotted_keys
-from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.schema import StudyFile, variable_key
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study
 from dogshape.pipeline.config.toml_text import (
     comment_lines,
@@ -426,8 +426,8 @@ def _warnings_of(study: Setup) -> list[str]:
         value = study.prototype[key]
         if key in study.shape_keys and not low <= value <= high:
             warnings.append(
-                f"variables.{key} is [{low:g}, {high:g}], which does not hold your own {value:g}: "
-                "no search can propose it; widen the range"
+                f"{variable_key(key)} is [{low:g}, {high:g}], which does not hold your own "
+                f"{value:g}: no search can propose it; widen the range"
             )
     return [*warnings, *notes_of(study)]
 

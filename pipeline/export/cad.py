@@ -57,10 +57,13 @@ def require_all_dogs(pair: Pair, *, step: bool, ring: str = "output") -> None:
 
     ``step`` has both rings, a surface the ``ring`` alone.
     """
-    if pair.slots_per_dog > 1 and (step or ring == "output"):
+    rings = {"sliding": pair.sliding_dogs, "output": pair.output_dogs}
+    written_rings = rings.values() if step else [rings[ring]]
+    if any(dogs.pitches > 1 for dogs in written_rings):
+        full_ring = next(name for name, dogs in rings.items() if dogs.pitches == 1)
         raise InputError(
             f"output_dog.slots_per_dog is {pair.slots_per_dog}, but solids and surfaces have equal "
-            "dogs at every pitch; write the sliding ring as a surface, or the section as DXF"
+            f"dogs at every pitch; write the {full_ring} ring as a surface, or the section as DXF"
         )
 
 

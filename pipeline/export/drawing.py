@@ -18,7 +18,7 @@ from html import escape
 import numpy as np
 
 from dogshape.sim.shift.geometry import Dog, crest_loss, section, tip_radius
-from dogshape.sim.shift.pair import Pair
+from dogshape.sim.shift.pair import Pair, RingDogs, sparse_ring
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.units import DEG, MM, from_si
 
@@ -228,20 +228,17 @@ def _rounded_path(points: Sequence[complex], radii: Sequence[float]) -> str:
     return " ".join([*commands, f"L{_coordinates(points[-1])}"])
 
 
-def outline(
-    dog: Dog, dogs: int, pitches: int = 1, low: Dog | None = None
-) -> list[tuple[float, float]]:
-    """Trace the profile of ``dogs`` neighbouring pitches with their slots, mm, (n, 2).
+def outline(ring: RingDogs, count: int) -> list[tuple[float, float]]:
+    """Trace the profile of ``count`` neighbouring pitches with their slots, mm, (n, 2).
 
-    There is a dog in the middle, and to either side one in so many ``pitches``; between these are
-    ``low`` ones or none.
+    There is a high dog in the middle.
     """
     points = []
-    for index in range(dogs):
-        pitch_dog = low if (index - dogs // 2) % pitches else dog
+    for index in range(count):
+        pitch_dog = ring.low if (index - count // 2) % ring.pitches else ring.dog
         if pitch_dog is None:
             continue
-        offset = (index - 0.5 * (dogs - 1)) * dog.pitch
+        offset = (index - 0.5 * (count - 1)) * ring.dog.pitch
         points += [((x + offset) / MM, z / MM) for x, z in section(pitch_dog)]
     return points
 
@@ -262,18 +259,16 @@ def open_section_svg(
     scale = min(width / (4.3 * pitch), (height - 70.0) / (heights + gap))  # px/mm
     crest_level = 0.5 * (height + gap * scale)  # of the output ring
 
-    def output_profile(rings: Pair) -> list[complex]:
-        ring = rings.output
-        rise = ring.addendum / MM
-        dogs = _dogs_in_view(ring, 0.5 * width / scale, rings.slots_per_dog)
+    def output_profile(ring: RingDogs) -> list[complex]:
+        rise = ring.dog.addendum / MM
         return [
             complex(0.5 * width + x * scale, crest_level + (rise - z) * scale)
-            for x, z in outline(ring, dogs, rings.slots_per_dog, rings.low)
+            for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
         ]
 
-    def sliding_profile(ring: Dog) -> list[complex]:
-        depth = gap + ring.addendum / MM
-        half_pitch = 0.5 * ring.pitch / MM
+    def sliding_profile(ring: RingDogs) -> list[complex]:
+        depth = gap + ring.dog.addendum / MM
+        half_pitch = 0.5 * ring.dog.pitch / MM
         return [
             complex(0.5 * width + (half_pitch - x) * scale, crest_level - (depth - z) * scale)
             for x, z in outline(ring, _dogs_in_view(ring, 0.5 * width / scale))
@@ -281,12 +276,13 @@ def open_section_svg(
 
     corners = len(section(pair.output)) if is_sleeve else 0
     ghost_corners = len(section(ghost.output)) if is_sleeve else 0
+    ghost_teeth = _teeth(output_profile(ghost.output_dogs), ghost_corners)
     words = "output ring, unrolled at the mean radius; dashed: "
     corner = width - 16 + 1j * height
     elements = [
-        _ring(sliding_profile(pair.sliding), -5.0, "ring-b", corners),
-        _ring(output_profile(pair), height + 5.0, "ring-a", corners),
-        *(_line(*part, kind="ghost") for part in _teeth(output_profile(ghost), ghost_corners)),
+        _ring(sliding_profile(pair.sliding_dogs), -5.0, "ring-b", corners),
+        _ring(output_profile(pair.output_dogs), height + 5.0, "ring-a", corners),
+        *(_line(*part, kind="ghost") for part in ghost_teeth),
         _line(corner - 5.0 * scale - 14.0j, corner - 14.0j, kind="bar"),
         _text(corner - 8.0 - 5.0 * scale - 10.0j, "5 mm", "end", "small"),
         _text(10.0 + 18.0j, "sliding ring", "start", "small"),
@@ -295,9 +291,9 @@ def open_section_svg(
     return _document(width, height, elements, "Section of both rings")
 
 
-def _dogs_in_view(ring: Dog, half_width: float, slots_per_dog: int = 1) -> int:
+def _dogs_in_view(ring: RingDogs, half_width: float) -> int:
     """Count the pitches that cover the view, of a half width in mm, and dogs beyond its ends."""
-    return 2 * int(half_width / (ring.pitch / MM)) + 5 + 2 * (slots_per_dog - 1)
+    return 2 * int(half_width / (ring.dog.pitch / MM)) + 5 + 2 * (ring.pitches - 1)
 
 
 def _teeth(profile: Sequence[complex], corners: int) -> list[Sequence[complex]]:
@@ -563,14 +559,14 @@ def notes_of(dog: Dog, limits: Limits) -> list[str]:
     slots_per_dog = limits.load.slots_per_dog
     low_height = limits.output_dog.low_height
     if slots_per_dog > 1:
-        output_count = limits.load.touching(dog)
+        high_count = limits.load.touching(dog)
+        sparse = sparse_ring(is_sliding=limits.output_dog.is_sliding_sparse)
         pair = (
-            f"{ring}; of these the output ring has {output_count}, at every pitch number "
-            f"{slots_per_dog}"
+            f"{ring}; of these the {sparse} has {high_count}, at every pitch number {slots_per_dog}"
         )
         if low_height is not None:
             pair = (
-                f"{ring}; on the output ring {output_count} of these, at every pitch number "
+                f"{ring}; on the {sparse} {high_count} of these, at every pitch number "
                 f"{slots_per_dog}, have full height, the others {low_height / MM:.2f} mm"
             )
     flanks = "flanks are planes along radial lines"
@@ -582,12 +578,14 @@ def notes_of(dog: Dog, limits: Limits) -> list[str]:
             f"{ring}: teeth of a sleeve, rooted at Ø{root:.2f}, and of its mate, at "
             f"Ø{mate_root:.2f} mm; pressure angle {limits.sleeve.pressure_angle / DEG:g}°"
         )
+    mate = limits.load.mate or dog
+    travel = dog.axial_gap + min(dog.height, mate.height)
     datum = "floors of the slots, from which the height is measured"
     if limits.sleeve is not None:
         datum = f"{_widths_plane(dog)}, for which the widths hold"
     return [
         pair,
-        f"axial gap before the shift {axial_gap} mm, travel {dog.travel / MM:.2f} mm; "
+        f"axial gap before the shift {axial_gap} mm, travel {travel / MM:.2f} mm; "
         f"datum {DATUM} (ISO 5459): {datum}",
         f"{material.name}, {material.heat_treatment} (ISO 15787){_texture_note(limits)}",
         "Lengths in mm to the intersection of faces, auxiliary ones in brackets; widths at mean "
@@ -632,8 +630,8 @@ def ring_drawings(pair: Pair, limits: Limits, title: str) -> list[str]:
         return [dimensioned_svg(pair.sliding, limits, title)]
     output_limits = replace(limits, material=limits.output_material or limits.material)
     return [
-        dimensioned_svg(pair.sliding, limits, f"{title}, sliding ring"),
-        dimensioned_svg(pair.output, output_limits, f"{title}, output ring"),
+        dimensioned_svg(pair.sliding, limits.beside(pair.output), f"{title}, sliding ring"),
+        dimensioned_svg(pair.output, output_limits.beside(pair.sliding), f"{title}, output ring"),
     ]
 
 

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 from dogshape.pipeline.export.drawing import DATUM, notes_of, size_text, slope_text
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import name_file_in_errors
-from dogshape.sim.shift.geometry import Dog, section, tip_radius
-from dogshape.sim.shift.pair import Pair
+from dogshape.sim.shift.geometry import section, tip_radius
+from dogshape.sim.shift.pair import Pair, RingDogs
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.units import MM
 
@@ -60,20 +60,20 @@ class _Corner(NamedTuple):
 
 
 def ring_outlines(
-    dog: Dog,
+    ring: RingDogs,
     limits: Limits,
     body: float,
     *,
-    pitches: int = 1,
-    low: Dog | None = None,
+    first: int = 0,
     teeth: bool = False,
 ) -> list[list[tuple[float, float, float]]]:
     """Trace a ring, dogs up, its crests at 0: corners (x, y, bulge) in mm, by closed polyline.
 
-    A bulge is the tangent of a quarter of the arc that follows its corner. The first dog is about
-    x = 0, and there is one in so many ``pitches``, with ``low`` ones or none between. ``teeth`` of
-    a sleeve are polylines of their own; ``body`` is the depth below the floors, m.
+    A bulge is the tangent of a quarter of the arc that follows its corner. The first pitch is about
+    x = 0, and a high dog stands at that of number ``first``. ``teeth`` of a sleeve are polylines of
+    their own; ``body`` is the depth below the floors, m.
     """
+    dog = ring.dog
     rise = dog.addendum / MM
     floor = -(dog.addendum + dog.dedendum) / MM
     back = floor - body / MM
@@ -82,7 +82,7 @@ def ring_outlines(
     pitch = dog.pitch / MM
     dogs = []
     for index in range(dog.count):
-        pitch_dog = low if index % pitches else dog
+        pitch_dog = ring.low if (index - first) % ring.pitches else dog
         if pitch_dog is None:
             continue
         profile = [complex(x / MM, z / MM - rise) for x, z in section(pitch_dog)]
@@ -177,20 +177,13 @@ def _draw(document: Any, pair: Pair, limits: Limits, body: float, title: str) ->
     gap = pair.sliding.axial_gap / MM
     half_pitch = 0.5 * pair.sliding.pitch / MM
     has_teeth = limits.sleeve is not None
-    output_outlines = ring_outlines(
-        pair.output,
-        limits,
-        body,
-        pitches=pair.slots_per_dog,
-        low=pair.low,
-        teeth=has_teeth,
-    )
-    for outline in output_outlines:
+    for outline in ring_outlines(pair.output_dogs, limits, body, teeth=has_teeth):
         space.add_lwpolyline(outline, format="xyb", close=True, dxfattribs={"layer": OUTPUT_LAYER})
-    for outline in ring_outlines(pair.sliding, limits, body, teeth=has_teeth):
+    last = pair.sliding.count - 1  # where the turned ring begins
+    for outline in ring_outlines(pair.sliding_dogs, limits, body, first=last, teeth=has_teeth):
         # Turned over: the first dog stands half a pitch ahead of the output ring's.
         turned = [(half_pitch - x, gap - y, bulge) for x, y, bulge in outline]
-        shifted = [(x + 2.0 * half_pitch * (pair.sliding.count - 1), y, b) for x, y, b in turned]
+        shifted = [(x + 2.0 * half_pitch * last, y, b) for x, y, b in turned]
         space.add_lwpolyline(shifted, format="xyb", close=True, dxfattribs={"layer": SLIDING_LAYER})
     _add_pitch_planes(space, pair, gap)
     text_height = TEXT_SHARE * min(pair.sliding.height, pair.output.height) / MM
@@ -277,15 +270,18 @@ def _add_dimensions(space: Any, pair: Pair, limits: Limits, gap: float, text_hei
         ).render()
 
     add(roots[0], roots[1], (0.0, floor - 2.0 * text_height), f"({output.root_width / MM:.2f})")
-    way = pair.slots_per_dog * pitch
+    way = pair.output_dogs.pitches * pitch
     second_root = (roots[1][0] + way, floor)
     add(roots[1], second_root, (0.0, floor - 5.0 * text_height), f"({way:.3f})")
     height = size_text(limits, "height", output.height)
     add((-0.5 * pitch, floor), (0.0, 0.0), (left, 0.0), height, 90.0)
     if pair.low is not None:
-        low_crest = (pitch, -pair.shortening / MM)
         low_height = size_text(limits, "height", pair.low.height)
-        add((0.5 * pitch, floor), low_crest, (0.5 * pitch, 0.0), low_height, 90.0)
+        shortening = pair.shortening / MM
+        begin, low_crest = (0.5 * pitch, floor), (pitch, -shortening)
+        if pair.is_sliding_sparse:
+            begin, low_crest = (pitch, sliding_floor), (1.5 * pitch, gap + shortening)
+        add(begin, low_crest, (begin[0], 0.0), low_height, 90.0)
     axial_gap = size_text(limits, "axial_gap", sliding.axial_gap)
     add((0.0, 0.0), (0.5 * pitch, gap), (further_left, 0.0), axial_gap, 90.0)
     height = size_text(limits, "height", sliding.height)
@@ -314,7 +310,7 @@ def _add_notes(
         root = size_text(limits, "root_radius", limits.root_radius)
         tip = f"{tip_radius(dog, limits.root_radius) / MM:.2f}"
         paragraphs.append(f"{name}: {', '.join(angles)}; roots R {root}, tip edges R {tip}")
-    paragraphs += notes_of(pair.sliding, limits)
+    paragraphs += notes_of(pair.sliding, limits.beside(pair.output))
     text = "\\P".join(paragraph.replace("\\", "/") for paragraph in paragraphs)
     space.add_mtext(
         text,

@@ -48,7 +48,7 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import ContactSet
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.pair import OutputDog
+from dogshape.sim.shift.pair import OUTPUT_PREFIX, RING_NAMES, OutputDog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.verdict import WORDS
@@ -279,10 +279,11 @@ def _dimensions(study: Setup) -> list[Dimension]:
         )
     for name, size in study.clutch.output_dog.given.items():
         key = quantities_of(OutputDog)[name].key
+        is_of_sliding_ring = name in RING_NAMES and study.clutch.output_dog.is_sliding_sparse
         tolerance = limits.tolerances.dimensions.get(name)
         dimensions.append(
             Dimension(
-                key=f"output_dog_{key}",
+                key=key if is_of_sliding_ring else f"{OUTPUT_PREFIX}{key}",
                 value=from_si(key, size),
                 unit=unit_of(key),
                 tolerance=from_si(key, tolerance),

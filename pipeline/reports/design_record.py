@@ -135,13 +135,14 @@ def design_sheet(
     """
     single = {name: margin for name, margin in margins.items() if name not in SUMMARIES}
     weakest = min(single, key=lambda name: single[name])
-    dog = study.dog_with(dict(params))
+    pair = study.clutch_with(params).pair
+    dog = pair.sliding
     friction, surface = locking_friction(dog, study.limits.load)
     return DesignSheet(
         study=study.name,
-        dog={**study.file.dog.sizes, **params},
-        axial_length_mm=dog.axial_length / MM,
-        travel_mm=dog.travel / MM,
+        dog={**study.file.dog.sizes, **study.clutch.output_dog.record, **params},
+        axial_length_mm=pair.axial_length / MM,
+        travel_mm=pair.travel / MM,
         simulated=simulated,
         passes=verdict.passes,
         verdict=verdict,
@@ -239,8 +240,8 @@ def searched_verdict(
     if confirmed is not None and confirmed.verdict:
         return confirmed.verdict
     checks = [Margin(name, margin) for name, margin in margins_of(margins, confirmed).items()]
-    operated = study.with_operation(params)
-    return VerdictRow.of(verdict_of(operated, operated.dog_with(dict(params)), checks))
+    operated = study.with_design(params)
+    return VerdictRow.of(verdict_of(operated, operated.dog_with(params), checks))
 
 
 def point_differences(prototype: ConfirmedDesign, chosen: ConfirmedDesign) -> list[PointDifference]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+from dogshape.pipeline.config.schema import dotted_key
 from dogshape.pipeline.config.study_file import (
     Settings,
     Setup,
@@ -53,8 +54,8 @@ class NamedDesign:
         if self.row is None:
             return self.study
         params = self.row.params(self.study.variables)
-        study = self.study.with_operation(params)
-        return replace(study, clutch=replace(study.clutch, dog=self.study.dog_with(params)))
+        study = self.study.with_design(params)
+        return replace(study, clutch=self.study.clutch_with(params))
 
     @property
     def prototype_study(self) -> Setup:
@@ -66,8 +67,9 @@ class NamedDesign:
 
 def _replace_prototype(study: Setup, row: DesignRow) -> Setup:
     """Rebuild a study with a searched design as its prototype, operated as the design is."""
-    dog = {f"dog.{name}": value for name, value in row.params(study.shape_keys).items()}
-    return replace_keys(study, dog).with_operation(row.params(study.variables))
+    params = row.params(study.variables)
+    shape = {dotted_key(name): params[name] for name in study.shape_keys}
+    return replace_keys(study, shape).with_design(params)
 
 
 class StoredSearch(NamedTuple):

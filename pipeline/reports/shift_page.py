@@ -28,6 +28,7 @@ from dogshape.sim.files import write_whole
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
+from dogshape.sim.shift.pair import RingDogs
 from dogshape.sim.shift.trace import Phase, Trace, crests_cross
 from dogshape.sim.statistics.blocks import events_record, loads_record
 from dogshape.sim.strength.dog_strength import Limits
@@ -163,21 +164,18 @@ def _animation_data(result: Engagement) -> dict[str, Any]:
         "length": pair.axial_length / MM,
         "radii": [dog.inner_radius / MM, dog.outer_radius / MM],
         "count": dog.count,
-        "sliding": _ring_shape(dog, 1, None),
-        "output": _ring_shape(pair.output, pair.slots_per_dog, pair.low),
+        "sliding": _ring_shape(pair.sliding_dogs),
+        "output": _ring_shape(pair.output_dogs),
     }
 
 
-def _ring_shape(dog: Dog, pitches: int, low: Dog | None) -> dict[str, Any]:
-    """Collect sections and surfaces of a ring's dogs in mm; the root is below the pitch plane.
-
-    ``pitches`` is the number from a high dog to the next, with ``low`` ones or none between.
-    """
+def _ring_shape(ring: RingDogs) -> dict[str, Any]:
+    """Collect sections and surfaces of a ring's dogs in mm; the root is below the pitch plane."""
     return {
-        "root": dog.dedendum / MM,
-        "pitches": pitches,
-        "low": None if low is None else _dog_shape(low),
-        **_dog_shape(dog),
+        "root": ring.dog.dedendum / MM,
+        "pitches": ring.pitches,
+        "low": None if ring.low is None else _dog_shape(ring.low),
+        **_dog_shape(ring.dog),
     }
 
 
@@ -185,7 +183,7 @@ def _dog_shape(dog: Dog) -> dict[str, Any]:
     """Collect section and surface of a dog in mm."""
     solid = dog_solid(dog)
     return {
-        "profile": outline(dog, 1),
+        "profile": outline(RingDogs(dog), 1),
         "vertices": np.round(solid.vertices / MM, 4).ravel().tolist(),
         "cells": solid.cells.ravel().tolist(),
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from dogshape.pipeline.config.study_file import Setup
@@ -25,6 +25,7 @@ from dogshape.sim.statistics.shift_records import (
     clutch_record,
     diverged,
     key_of,
+    quantity_of,
     result_of,
 )
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
@@ -63,11 +64,11 @@ def replays_of(folder: StudyFolder, study: Setup, designs: Sequence[DesignRow]) 
     """
     stored = [shift for shift in ShiftJournal(folder.shifts).rows.values() if not diverged(shift)]
     # The journal has the shifts of Drake where Drake judges.
-    clutch = (study.reference_setup or study.search_setup).clutch
+    setup = study.reference_setup or study.search_setup
     replays = []
     for design in designs:
-        dog = study.dog_with(design.params(study.variables))
-        inputs = DEFAULTS | clutch_record(replace(clutch, dog=dog))
+        clutch = setup.clutch_with(design.params(study.variables))
+        inputs = DEFAULTS | clutch_record(clutch)
         shifts = [shift for shift in stored if _has_inputs(shift, inputs)]
         if shifts:
             name = design_name(design)
@@ -118,11 +119,10 @@ def _write_page(study: Setup, row: Record, path: Path) -> None:
     from dogshape.sim.statistics.blocks import engage  # noqa: PLC0415
 
     variant = drawn_variant(row)
-    shape = DEFAULTS | row
-    dog = study.dog_with({key: shape[key] for key in study.shape_keys})
+    params = {key: quantity_of(row, key) for key in study.shape_keys}
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
-    clutch = variant.clutch(replace(study.clutch, dog=dog))
+    clutch = variant.clutch(study.clutch_with(params))
     result = engage(clutch, point, angle_of(row).relative_angle_deg * DEG)
     path.parent.mkdir(parents=True, exist_ok=True)
     torque_peak = study.torque_peak(result)
-    write_animation(result, path, torque_peak, shared=True, limits=study.limits)
+    write_animation(result, path, torque_peak, shared=True, limits=study.with_design(params).limits)

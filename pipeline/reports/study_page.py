@@ -71,7 +71,6 @@ from dogshape.pipeline.search.study_record import (
     StudyRecord,
     read_study_record,
 )
-from dogshape.pipeline.simulate.design import pair_with
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.check_records import VerdictRow, hinge_table
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
@@ -127,10 +126,11 @@ def _add_chosen_design(
     page: Report, folder: StudyFolder, study: Setup, result: StudyRecord, best: DesignRow
 ) -> None:
     """Add the sections of a study that has a chosen design."""
-    dog = study.dog_with(best.params(study.variables))
+    params = best.params(study.variables)
+    limits = study.with_design(params).limits
+    pair = study.clutch_with(params).pair
     confirmation = result.confirmation
-    is_sleeve = study.limits.sleeve is not None
-    pair = pair_with(study, dog)
+    is_sleeve = limits.sleeve is not None
     section = Markup(open_section_svg(pair, study.clutch.pair, OWN_DOG, is_sleeve=is_sleeve))
     alternatives, *rest = summary_tables(study, result)
     first_screen = Markup('<div class="answer">{}{}</div>')
@@ -146,7 +146,7 @@ def _add_chosen_design(
     if result.life:
         page.add("Life", life_table(result.life))
     title = f"{design_name(best).capitalize()}, dimensioned section"
-    drawings = ring_drawings(pair_with(study, dog), study.limits, title)
+    drawings = ring_drawings(pair, limits, title)
     page.add("Drawing", *map(Markup, drawings))
 
 
@@ -206,12 +206,13 @@ def hinge_parts(verdict: VerdictRow) -> list[Part]:
 
 def _drawing(study: Setup, design: DesignRow) -> list[Part]:
     """Draw the section of a design that fails a check; empty for an impossible shape."""
+    params = design.params(study.variables)
     try:
-        dog = study.dog_with(design.params(study.variables))
+        pair = study.clutch_with(params).pair
     except GeometryError:
         return []
     title = f"{design_name(design).capitalize()}, nearest to passing every check"
-    return [*map(Markup, ring_drawings(pair_with(study, dog), study.limits, title))]
+    return [*map(Markup, ring_drawings(pair, study.with_design(params).limits, title))]
 
 
 def front_parts(study: Setup, result: StudyRecord) -> list[Part]:

@@ -16,16 +16,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import qmc
 
+from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import SHARE, FileRecord, Record, Table
 from dogshape.pipeline.reports.text import check_name, in_ms
 from dogshape.pipeline.simulate.design import (
     WITHIN,
+    DesignGroup,
     check_dog,
-    dogs_of,
     limits_of,
-    pair_with,
 )
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import first_designs
@@ -290,23 +290,26 @@ def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
     kind = _kind(study)
     of_shape = np.array([name in shape for name in study.variables])
 
-    def dogs_at(places: Array) -> Dog:
+    def dogs_at(operated: Setup, places: Array) -> tuple[Setup, Dog]:
         if len(places) == 1:  # numbers take half the time of arrays of one
-            return study.dog_with(study.params_of(designs[places[0]]))
-        return dogs_of(study, shape, designs[places][:, of_shape])
+            params = study.params_of(designs[places[0]])
+            shape_params = {name: params[name] for name in shape}
+            return operated.with_design(shape_params), study.dog_with(params)
+        return DesignGroup.of(operated, shape, designs[places][:, of_shape])
 
     def margins_at(operated: Setup, places: Array) -> Array:
-        margins = [check.margin for check in _checks(operated, dogs_at(places))]
+        margins = [check.margin for check in _checks(*dogs_at(operated, places))]
         return np.array([np.broadcast_to(margin, len(places)) for margin in margins]).T
 
     with np.errstate(all="ignore"):  # of shapes that cannot be
-        possible = pair_with(study, dogs_of(study, shape, designs[:, of_shape])).possible
+        possible = DesignGroup.of(study, shape, designs[:, of_shape]).possible
         groups: dict[tuple[float, ...], list[int]] = {}  # operated alike, with limits alike
-        for place in np.flatnonzero(np.broadcast_to(possible, len(designs))).tolist():
+        for place in np.flatnonzero(possible).tolist():
             groups.setdefault(tuple(designs[place, ~of_shape].tolist()), []).append(place)
         for group in groups.values():
             places = np.array(group)
-            operated = study.with_operation(study.params_of(designs[group[0]]))
+            params = study.params_of(designs[group[0]])
+            operated = study.with_design({key: params[key] for key in OPERATED if key in params})
             tolerances = operated.limits.tolerances.without_sizes()
             exact_limits = replace(operated.limits, tolerances=tolerances)
             rows[places] = margins_at(replace(operated, limits=exact_limits), places)
@@ -314,7 +317,8 @@ def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
             places = places[(rows[places] < 0.0).sum(axis=1) <= 1]
             if places.size:
                 losses[places] = rows[places] - margins_at(operated, places)
-                sums = margin_losses(dogs_at(places), operated.limits) if kind else {}
+                group_study, dogs = dogs_at(operated, places)
+                sums = margin_losses(dogs, group_study.limits) if kind else {}
                 for k, name in enumerate(names):
                     losses[places, k] += getattr(sums[name], kind or "") if name in sums else 0.0
     return rows, losses

@@ -9,6 +9,7 @@ from typing import Any
 
 from dogshape.pipeline.record import MINUS, Bad, percent
 from dogshape.pipeline.store.result_records import HangKeys, PlaceRow, QuantileRow
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.statistics.expectation import NumericalError
 from dogshape.sim.strength.checks import RULES, safety_factor
 from dogshape.sim.units import UNITS, short, suffix_of, unit_of
@@ -115,6 +116,8 @@ def check_name(name: str) -> str:
 
 def label(name: str) -> str:
     """Print the name of a variable."""
+    if name.startswith(OUTPUT_PREFIX):
+        return f"output ring, {label(name.removeprefix(OUTPUT_PREFIX))}"
     return LABELS.get(name) or check_name(name)
 
 

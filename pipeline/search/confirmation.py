@@ -53,6 +53,7 @@ from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
 from dogshape.pipeline.store.result_records import ExpectedTime, HangPriorRow
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeat_count
 from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.statistics.hangs import pool
@@ -476,7 +477,7 @@ def _confirm_closely(
     sample = _drake_sample(study, blocks)  # repeated for the numerical error
     error = numerical_error(sample, executor.run(sample), executor.run)
     expectation = replace(evaluation.expectation, numerical_error=error)
-    operated = study.with_operation(params)
+    operated = study.with_design(params)
     expectation = with_torques(operated, expectation, blocks, executor.run)
     return _confirmed_design(study, params, replace(evaluation, expectation=expectation))
 
@@ -484,16 +485,21 @@ def _confirm_closely(
 def _other_shapes(state: SearchState, params: Params, executors: Executors) -> list[OtherShape]:
     """Simulate a design with more backlash, and with a roof in the place of its one face."""
     study = state.study
-    dog = study.dog_with(params)
-    backlash = dog.backlash / MM + ADDED_BACKLASH_MM
-    changes = {f"{ADDED_BACKLASH_MM:g} mm of backlash more": {"backlash_mm": backlash}}
-    if not dog.has_back:
+    clutch = study.clutch_with(params)
+    dogs = {"": clutch.dog}
+    if clutch.output_dog.given:
+        dogs[OUTPUT_PREFIX] = clutch.pair.output
+    added_backlash: dict[str, float] = {}
+    roof: dict[str, float] = {}
+    for prefix, dog in dogs.items():
         chamfer = (dog.chamfer or dog.chamfer_back) / DEG
-        changes["a roof with the ridge in the middle and its chamfer on both sides"] = {
-            "crest": 0.5,
-            "chamfer_deg": chamfer,
-            "chamfer_back_deg": chamfer,
-        }
+        added_backlash[f"{prefix}backlash_mm"] = dog.backlash / MM + ADDED_BACKLASH_MM
+        roof[f"{prefix}crest"] = 0.5
+        roof[f"{prefix}chamfer_deg"] = chamfer
+        roof[f"{prefix}chamfer_back_deg"] = chamfer
+    changes = {f"{ADDED_BACKLASH_MM:g} mm of backlash more": added_backlash}
+    if not any(dog.has_back for dog in dogs.values()):
+        changes["a roof with the ridge in the middle and its chamfer on both sides"] = roof
     executor = _executor(study, executors)
     shapes = []
     for words, keys in changes.items():

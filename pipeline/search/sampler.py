@@ -272,7 +272,7 @@ class Guide:
         params = dict(items)
         if self._needs_checks:
             return self.signs * values_of(design_of(self.study, params))
-        study = self.study.with_operation(params)
+        study = self.study.with_design(params)
         return self.signs * values_of(Design(study, params, study.dog_with(params), (), ""))
 
 

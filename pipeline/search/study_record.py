@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import create_model
 
 from dogshape.pipeline.config.operating import OPERATED
+from dogshape.pipeline.config.schema import variable_key
 from dogshape.pipeline.config.study_file import SHAPE
 from dogshape.pipeline.record import SHARE, FileRecord, Record
 from dogshape.pipeline.simulate.design import OBJECTIVES
@@ -32,7 +33,7 @@ from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
 OPTIONAL = {
-    name: f"value of `variables.{name}`, where it is searched" for name in (*SHAPE, *OPERATED)
+    name: f"value of `{variable_key(name)}`, where it is searched" for name in (*SHAPE, *OPERATED)
 }
 OPTIONAL |= {
     name: f"{objective.label}, where it is an objective" for name, objective in OBJECTIVES.items()

@@ -12,9 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache, reduce
 from operator import and_
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from dogshape.pipeline.config.schema import OUTPUT_VARIABLES
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.store.check_records import CheckRow
@@ -22,7 +24,7 @@ from dogshape.sim.clutch_tables import si_fields
 from dogshape.sim.elementwise import Array, Mask, largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, Refusal, require_known
 from dogshape.sim.shift.geometry import Dog, Dogs
-from dogshape.sim.shift.pair import Pair
+from dogshape.sim.shift.pair import OUTPUT_PREFIX, OutputDogs, Pair
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
 from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.strength.checks import RULES, STUDY_SOURCE, LimitCheck, Rule
@@ -149,7 +151,7 @@ def design_of(
 
     ``check_inputs`` are its simulated values, None before a simulation.
     """
-    study = study.with_operation(params)
+    study = study.with_design(params)
     try:
         dog = study.dog_with(params)
     except GeometryError as error:
@@ -254,23 +256,51 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
     """Decide whether a design passes every check that needs no simulation, cheap ones first."""
     try:
         dog = study.dog_with(params)
-        passes_cheap_checks = keeps_limits(dog, study.with_operation(params).limits)
+        passes_cheap_checks = keeps_limits(dog, study.with_design(params).limits)
     except GeometryError:
         return False
     return passes_cheap_checks and design_of(study, params).feasible
 
 
-def dogs_of(study: Setup, names: Sequence[str], x: Array) -> Dogs:
-    """Build the dogs of designs ``x`` in edge units, (n, d), other keys from the study's dog."""
-    dog_keys = [dog_field.name for dog_field in fields(Dog)]
-    nominal = {name: getattr(study.clutch.dog, name) for name in dog_keys}
-    columns = dict(zip(names, x.T, strict=True))
-    return Dogs(**(nominal | si_fields(columns)))
+class DesignGroup(NamedTuple):
+    """Dogs of many designs of one operation, and the study with their output dogs in its limits."""
+
+    study: Setup
+    dogs: Dogs
+
+    @classmethod
+    def of(cls, study: Setup, names: Sequence[str], x: Array) -> DesignGroup:
+        """Build designs ``x`` in edge units, (n, d), other keys from the study's dogs."""
+        columns = dict(zip(names, x.T, strict=True))
+        output_columns = {
+            name.removeprefix(OUTPUT_PREFIX): columns.pop(name)
+            for name in names
+            if name in OUTPUT_VARIABLES
+        }
+        nominal = _field_values(study.clutch.dog)
+        rows = {"row": np.arange(len(x))} if output_columns else {}
+        dogs = Dogs(**(nominal | si_fields(columns) | rows))
+        if output_columns:
+            nominal_output = _field_values(study.limits.output_dog)
+            output_dogs = OutputDogs(**(nominal_output | si_fields(output_columns)))
+            study = replace(study, limits=replace(study.limits, output_dog=output_dogs))
+        return cls(study, dogs)
+
+    @property
+    def possible(self) -> Mask:
+        """Whether both dogs and the pair of each design keep all rules of a shape, (n,)."""
+        possible = pair_with(self.study, self.dogs).possible
+        return np.broadcast_to(possible, self.dogs.size)
+
+
+def _field_values(value: Any) -> dict[str, Any]:
+    """Return the values of a dataclass by the names of its fields."""
+    return {entry.name: getattr(value, entry.name) for entry in fields(value)}
 
 
 def pair_with(study: Setup, dog: Dog) -> Pair:
     """Build the pair of a dog, or of ``Dogs``, with that of the study's output ring."""
-    return study.clutch.output_dog.pair_with(dog)
+    return study.limits.output_dog.pair_with(dog)
 
 
 def mark_worthy(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
@@ -284,11 +314,11 @@ def mark_worthy(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
         return np.array([worth_simulating(study, params) for params in designs])
     x = study.rows(designs)
     with np.errstate(all="ignore"):  # of shapes that cannot be
-        passed = np.ones(len(x), dtype=bool) & pair_with(study, dogs_of(study, names, x)).possible
+        passed = DesignGroup.of(study, names, x).possible.copy()
         for limits in ([], limits_of(study)):  # margins within tolerances take longest
             if passed.any():
-                dogs = dogs_of(study, names, x[passed])
-                design = check_dog(study, {}, dogs, limits=limits, limited={})
+                group = DesignGroup.of(study, names, x[passed])
+                design = check_dog(group.study, {}, group.dogs, limits=limits, limited={})
                 passed[passed] = reduce(and_, (check.passed for check in design.checks))
     return passed
 

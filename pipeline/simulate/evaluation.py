@@ -239,7 +239,7 @@ class OperatedDesign(NamedTuple):
     @classmethod
     def of(cls, study: Setup, params: Params) -> OperatedDesign:
         """Build the operation and the dog of a design; GeometryError for an impossible shape."""
-        return cls(study.with_operation(params), study.dog_with(params))
+        return cls(study.with_design(params), study.dog_with(params))
 
     def blocks(self, angles: int, seed: int, base: int | None = None) -> list[Block]:
         """Build the shifts at even angles, a block for each operating point.
@@ -504,7 +504,7 @@ def life_of(
         For a worn dog that is impossible.
 
     """
-    design_study = study.with_operation(params)
+    design_study = study.with_design(params)
     new_dog = study.dog_with(dict(params))
     stages = list[LifeStage]()
     crest_loss = 0.0

@@ -11,6 +11,7 @@ from dogshape.pipeline.record import Record
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.strength.manufacture import Spread
 from dogshape.sim.units import suffix_of, to_si
 from dogshape.surrogate.dataset import Mix
@@ -34,14 +35,20 @@ def tolerance_time(
     scale speed and width alike, and the root radius is not simulated: neither counts.
     """
     tolerances = study.limits.tolerances
-    changes = {}
+    variables_of: dict[str, list[str]] = {}  # both rings deviate alike
     for variable in surrogate.data.variables:
-        name = variable.removesuffix(suffix_of(variable))
+        name = variable.removeprefix(OUTPUT_PREFIX).removesuffix(suffix_of(variable))
         if name in tolerances.dimensions:
-            step = tolerances.dimensions[name] / to_si(variable, 1.0)
-            ends = [{**params, variable: params[variable] + change} for change in (-step, step)]
-            low_time, high_time = surrogate.predict_medians(study.rows(ends), mix)
-            changes[name] = 0.5 * float(high_time - low_time)
+            variables_of.setdefault(name, []).append(variable)
+    changes = {}
+    for name, variables in variables_of.items():
+        step = tolerances.dimensions[name] / to_si(variables[0], 1.0)
+        ends = [
+            {**params, **{variable: params[variable] + change for variable in variables}}
+            for change in (-step, step)
+        ]
+        low_time, high_time = surrogate.predict_medians(study.rows(ends), mix)
+        changes[name] = 0.5 * float(high_time - low_time)
     gap_tolerance = tolerances.dimensions.get("axial_gap")
     if gap_tolerance:
         changes["axial_gap"] = _gap_time(study, mix, gap_tolerance)

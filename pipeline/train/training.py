@@ -146,7 +146,7 @@ def _design(study: Setup, shares: Array) -> Params:
 def _is_just_beyond(study: Setup, design: Params) -> bool:
     """Whether a design breaks a limit, none by more than ``BORDER_WIDTH``, and is released."""
     try:
-        checks = strength_checks(study.dog_with(design), study.limits)
+        checks = strength_checks(study.dog_with(design), study.with_design(design).limits)
     except GeometryError:
         return False
     releases = [check for check in checks if check.name.endswith("_release")]
@@ -174,7 +174,7 @@ class Job:
 
     def blocks(self, study: Setup) -> list[Block]:
         """Build the even angles of the design, a block for each operating point."""
-        clutch = replace(study.clutch, dog=study.dog_with(self.design))
+        clutch = study.clutch_with(self.design)
         even_angles = self.angles - sum(self.rounds(study))
         first_place = self.index * len(study.points)
         return [

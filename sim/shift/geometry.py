@@ -357,8 +357,11 @@ def section(dog: Dog) -> list[tuple[float, float]]:
     ]
 
 
+@dataclass(frozen=True, eq=False)
 class Dogs(Dog):
     """Many dogs as one: every field is a number or an array (n,), and no shape is refused."""
+
+    row: Any = None  #: of each dog's design among many, (n,) of int; None where no design has one
 
     __hash__ = object.__hash__
     __eq__ = object.__eq__

@@ -13,12 +13,12 @@ end of its tip, a higher one stands between deeper slots: below the pitch plane 
 
 .. math:: d_2 = \max\left(\tfrac{h_1}{2}, h_2 - \tfrac{h_1}{2}\right)
 
-deep. With ``slots_per_dog`` of *s* the output ring has a dog at every *s*-th pitch, and its other
-dogs are missing or, with ``low_height``, lower. As the sliding ring has all, the pair repeats after
-one pitch, at every angle all :math:`N/s` high dogs touch alike, and force and torque are *N/s*
-times those of one; the :math:`N - N/s` low ones add theirs. A low dog has the flanks and the root
-of a high one and a tip :math:`h_2 - h_l` below its crest. It lies within the high one: it touches
-deeper by that way, and only where a high dog touches too.
+deep. With ``slots_per_dog`` of *s* one ring, that of output or sliding dogs, has a dog at every
+*s*-th pitch, and its other dogs are missing or, with ``low_height``, lower. As the other ring has
+all, the pair repeats after one pitch, at every angle all :math:`N/s` high dogs touch alike, and
+force and torque are *N/s* times those of one; the :math:`N - N/s` low ones add theirs. A low dog
+has the flanks and the root of a high one and a tip as far below its crest as it is lower. It lies
+within the high one: it touches deeper by that way, and only where a high dog touches too.
 
 A dog that leaves the play *j* to half a pitch is :math:`(\vartheta r - j)/2` wide in its
 pitch plane, so the play of the pair is :math:`(j_1 + j_2)/2`. The ridges of two dogs that face each
@@ -36,15 +36,16 @@ less is the rigid one, of equal falls that with the rounder edges, else that of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dogshape.sim.elementwise import largest, smallest, tan
+from dogshape.sim.elementwise import largest, smallest, tan, where
 from dogshape.sim.errors import GeometryError, InputError, Refusal
-from dogshape.sim.quantity import quantity, record_quantities, require_ranges
+from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
 from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.units import MM
 
@@ -62,13 +63,19 @@ class OutputDog:
     crest: float | None = quantity("crest", 0.0, 1.0, None)
     chamfer_back: float | None = quantity("chamfer_back_deg", 0.0, 60.0, None)
     backlash: float | None = quantity("backlash_mm", 0.0, 50.0, None)
-    #: slots of the sliding ring for each high dog of this ring, whose other dogs are missing or low
+    #: slots of one ring for each high dog of the other, whose further dogs are missing or low
     slots_per_dog: int | None = quantity("slots_per_dog", 1, 100, None)
-    #: of the other dogs above the root of all; None: they are missing
+    #: of the further dogs above the root of all; None: they are missing
     low_height: float | None = quantity("low_height_mm", 0.2, 100.0, None)
+    is_sliding_sparse: bool = False  #: whether dogs of the sliding ring are missing or low
 
     def __post_init__(self) -> None:
         require_ranges(self, "output_dog", "check the value and its unit")
+        if self.is_sliding_sparse and (self.slots_per_dog or 1) == 1:
+            raise InputError(
+                f"output_dog.sparse_ring is 'sliding', but without output_dog.{SLOTS} no ring "
+                f"lacks a dog; give output_dog.{SLOTS} = 2 for every second dog, or leave it out"
+            )
         if self.low_height is not None and (self.slots_per_dog or 1) == 1:
             rule = f"low dogs stand between those that output_dog.{SLOTS} leaves high"
             remedy = f"give output_dog.{SLOTS} = 2 for every second dog"
@@ -78,29 +85,18 @@ class OutputDog:
     @property
     def given(self) -> dict[str, Any]:
         """Dimensions that are given, SI units."""
-        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        values = {name: getattr(self, name) for name in quantities_of(OutputDog)}
         return {name: value for name, value in values.items() if value is not None}
 
     @property
     def record(self) -> dict[str, float]:
         """Dimensions that are given, by their keys in a record and in the units of files."""
         items = record_quantities(self).items()
-        return {f"output_dog_{key}": value for key, value in items if value is not None}
+        return {f"{OUTPUT_PREFIX}{key}": value for key, value in items if value is not None}
 
-    @property
-    def _shape(self) -> dict[str, Any]:
-        """Given dimensions of a high dog, SI units."""
+    def _shape_beside(self, sliding: Dog) -> dict[str, Any]:
+        """Return the given dimensions of the high dog beside a ``sliding`` one, SI units."""
         return {name: value for name, value in self.given.items() if name not in RING_NAMES}
-
-    @property
-    def _deviating(self) -> list[str]:
-        """Names of the given dimensions that deviate: a missing face or play does not."""
-        missing = {
-            "chamfer": self.crest == 0.0,
-            "chamfer_back": self.crest == 1.0,
-            "backlash": self.backlash == 0.0,
-        }
-        return [name for name in self._shape if not missing.get(name)]
 
     def beside(self, sliding: Dog, nominal: Dog | None = None) -> Dog:
         """Return the output dog beside a ``sliding`` dog, or beside each of ``Dogs``.
@@ -108,13 +104,15 @@ class OutputDog:
         Deviations of the sliding dog from its ``nominal`` one are those of the output dog too;
         dimensions stop at 0. Raises GeometryError for an impossible shape.
         """
-        changes = self._shape
+        changes = self._shape_beside(sliding)
         if not changes:
             return sliding
         if nominal is not None:
-            for name in self._deviating:
+            is_missing = _missing_dimensions(changes)
+            for name, dimension in changes.items():
                 deviation = getattr(sliding, name) - getattr(nominal, name)
-                changes[name] = largest(0.0, changes[name] + deviation)
+                deviated = largest(0.0, dimension + deviation)
+                changes[name] = where(is_missing.get(name, False), dimension, deviated)
         height = changes.get("height", sliding.height)
         if np.any(height != sliding.height):
             pitch_depth = 0.5 * sliding.height
@@ -132,21 +130,69 @@ class OutputDog:
         """
         if self.low_height is None:
             return None
-        output = self.beside(sliding, nominal)
+        high = sliding if self.is_sliding_sparse else self.beside(sliding, nominal)
         height = self.low_height
         if nominal is not None:
             height = largest(0.0, height + (sliding.height - nominal.height))
         try:
-            return replace(output, height=height, root_depth=output.dedendum)
+            return replace(high, height=height, root_depth=high.dedendum)
         except GeometryError as error:
-            raise GeometryError(f"low dogs of the output ring: {error}") from error
+            ring = sparse_ring(is_sliding=self.is_sliding_sparse)
+            raise GeometryError(f"low dogs of the {ring}: {error}") from error
+
+    def possible_beside(self, sliding: Dog, nominal: Dog | None = None) -> bool:
+        """Whether the output dogs beside ``Dogs`` keep all rules of a shape, (n,); always of one.
+
+        Raises GeometryError for an impossible shape beside one dog.
+        """
+        output = self.beside(sliding, nominal)
+        low = self.low_beside(sliding, nominal)
+        return output.possible if low is None else output.possible & low.possible
 
     def pair_with(self, sliding: Dog) -> Pair:
         """Build the pair with a ``sliding`` dog, or with each of ``Dogs``."""
-        output = self.beside(sliding)
-        return Pair(sliding, output, self.slots_per_dog or 1, low=self.low_beside(sliding))
+        return Pair(
+            sliding,
+            self.beside(sliding),
+            self.slots_per_dog or 1,
+            low=self.low_beside(sliding),
+            is_sliding_sparse=self.is_sliding_sparse,
+        )
 
 
+class OutputDogs(OutputDog):
+    """Output dogs of many designs: a dimension is a number or an array (n,), by ``Dogs.row``."""
+
+    __hash__ = object.__hash__
+    __eq__ = object.__eq__
+
+    def __post_init__(self) -> None:
+        """Accept any dimension."""
+
+    def _shape_beside(self, sliding: Dog) -> dict[str, Any]:
+        row = sliding.row if isinstance(sliding, Dogs) else None
+        return {
+            name: dimension[row] if np.ndim(dimension) else dimension
+            for name, dimension in super()._shape_beside(sliding).items()
+        }
+
+
+def _missing_dimensions(shape: Mapping[str, Any]) -> dict[str, bool]:
+    """Test whether a dog of given dimensions lacks a face or play, which does not deviate then."""
+    crest = shape.get("crest")
+    return {
+        "chamfer": crest == 0.0,
+        "chamfer_back": crest == 1.0,
+        "backlash": shape.get("backlash") == 0.0,
+    }
+
+
+def sparse_ring(*, is_sliding: bool) -> str:
+    """Name the ring whose dogs are missing or low."""
+    return "sliding ring" if is_sliding else "output ring"
+
+
+OUTPUT_PREFIX = "output_dog_"  #: of the keys of the output dog in a flat record
 SLOTS = "slots_per_dog"
 #: Dimensions of the ring or of its low dogs, not of a high dog.
 RING_NAMES = (SLOTS, "low_height")
@@ -163,6 +209,14 @@ class Slope(NamedTuple):
     reach: float  #: sum of both widths, m
 
 
+class RingDogs(NamedTuple):
+    """Dogs of one ring."""
+
+    dog: Dog
+    pitches: int = 1  #: from a high dog to the next
+    low: Dog | None = None  #: dog at the pitches between; None: missing
+
+
 @dataclass(frozen=True)
 class Pair:
     """Dogs of sliding and output ring; of many pairs ``Dogs``.
@@ -173,8 +227,9 @@ class Pair:
 
     sliding: Dog
     output: Dog
-    slots_per_dog: int = 1  #: slots of the sliding ring for each high dog of the output ring
-    low: Dog | None = None  #: low dog of the output ring between the high ones; None: missing
+    slots_per_dog: int = 1  #: slots of the full ring for each high dog of the sparse one
+    low: Dog | None = None  #: low dog of the sparse ring between the high ones; None: missing
+    is_sliding_sparse: bool = False  #: whether the sliding ring is the sparse one
 
     def __post_init__(self) -> None:
         if isinstance(self.sliding, Dogs):
@@ -194,7 +249,8 @@ class Pair:
             height = self.output.height / MM
             raise GeometryError(Refusal("output_dog.height_mm", height, "mm", rule, remedy))
         if self.low is not None and self.shortening < 0.0:
-            rule = f"the high dogs of the output ring have {self.output.height / MM:.4g} mm"
+            ring = sparse_ring(is_sliding=self.is_sliding_sparse)
+            rule = f"the high dogs of the {ring} have {self.sparse.height / MM:.4g} mm"
             height = self.low.height / MM
             raise GeometryError(
                 Refusal("output_dog.low_height_mm", height, "mm", rule, "use a lower height")
@@ -212,7 +268,7 @@ class Pair:
 
     @property
     def _has_even_dogs(self) -> bool:
-        """Whether the dogs of the output ring are two at least and evenly spaced."""
+        """Whether the dogs of the sparse ring are two at least and evenly spaced."""
         count = self.sliding.count
         return (count % self.slots_per_dog == 0) & (count >= 2 * self.slots_per_dog)
 
@@ -232,18 +288,42 @@ class Pair:
 
     @property
     def touching_count(self) -> int:
-        """Number of dogs that touch at once from the crests on: high dogs of the output ring."""
+        """Number of dogs that touch at once from the crests on: high dogs of the sparse ring."""
         return touching_count(self.sliding, self.slots_per_dog)
 
     @property
+    def sparse(self) -> Dog:
+        """High dog of the ring whose other dogs are missing or low."""
+        return self.sliding if self.is_sliding_sparse else self.output
+
+    @property
+    def is_sparse_rigid(self) -> bool:
+        """Whether the dogs of the sparse ring are the rigid ones."""
+        return self.is_sliding_rigid == self.is_sliding_sparse
+
+    @property
+    def sliding_dogs(self) -> RingDogs:
+        """Dogs of the sliding ring."""
+        if not self.is_sliding_sparse:
+            return RingDogs(self.sliding)
+        return RingDogs(self.sliding, self.slots_per_dog, self.low)
+
+    @property
+    def output_dogs(self) -> RingDogs:
+        """Dogs of the output ring."""
+        if self.is_sliding_sparse:
+            return RingDogs(self.output)
+        return RingDogs(self.output, self.slots_per_dog, self.low)
+
+    @property
     def low_count(self) -> int:
-        """Number of low dogs of the output ring."""
+        """Number of low dogs of the sparse ring."""
         return 0 if self.low is None else self.sliding.count - self.touching_count
 
     @property
     def shortening(self) -> float:
         """Way of a low dog's crest below those of the high ones, m; 0 without low dogs."""
-        return 0.0 if self.low is None else self.output.height - self.low.height
+        return 0.0 if self.low is None else self.sparse.height - self.low.height
 
     @property
     def rigid(self) -> Dog:
@@ -324,7 +404,7 @@ class Pair:
 
 
 def touching_count(dog: Dog, slots_per_dog: int) -> int:
-    """Count the dogs of an output ring with so many slots of the sliding ring for each."""
+    """Count the dogs of a ring with so many slots of the other ring for each."""
     return dog.count if slots_per_dog == 1 else dog.count // slots_per_dog
 
 

@@ -90,8 +90,8 @@ def surfaces_of(pair: Pair) -> Surfaces:
     rigid_normals, _ = stacked(touching_planes(rigid))
     corners = _corners(rigid)
     if pair.low is not None:
-        low_rigid = rigid if pair.is_sliding_rigid else pair.low
-        low_compliant = pair.low if pair.is_sliding_rigid else dog
+        low_rigid = pair.low if pair.is_sparse_rigid else rigid
+        low_compliant = dog if pair.is_sparse_rigid else pair.low
         _, low_offsets = stacked(touching_planes(low_compliant))
         corners = np.concatenate([corners, _corners(low_rigid)])
         offsets = np.concatenate([offsets, low_offsets])

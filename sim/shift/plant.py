@@ -3,8 +3,8 @@ r"""The clutch as a Drake multibody plant.
 World frame: z along the shaft, pitch plane of the output ring at z = 0. The sliding ring is turned
 over about x and starts at z = travel. All dogs see the same contact while the rings stay coaxial,
 so one sliding dog with mass, inertia and forces over N moves as N do; it meets the whole output
-ring. Of an output ring with low dogs, as many neighbouring sliding dogs as there are slots for each
-high dog have mass, inertia and forces over the number of high dogs: one of them meets a high dog.
+ring. Beside low dogs of either ring, as many neighbouring sliding dogs as there are slots for each
+high dog have mass, inertia and forces over the number of high dogs: a high dog is met once.
 
 An explicit scheme knows the dynamic coefficient alone, ``mu (2/pi) atan(v / stiction_velocity)``.
 In ``cenic`` friction falls from the static to the dynamic coefficient about ten stiction
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Any
 
@@ -61,6 +61,7 @@ from dogshape.sim.shift.conclusion import Run, failure_of, states_held
 from dogshape.sim.shift.drive import TorqueCourse, TorquePiece
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
+from dogshape.sim.shift.pair import RingDogs
 
 # Joints that forces act on.
 ACTUATOR = "actuator"  #: along the shaft
@@ -464,24 +465,15 @@ class ClutchPlant:
         )
         if shaft.side_inertia or clutch.drive.has_torques:
             plant.AddJointActuator("output_torque", joint)
-        for dog, places in self._output_dogs():
+        dogs = clutch.pair.output_dogs
+        if clutch.pair.low is None and not clutch.solver.all_dogs:
+            # A single sliding dog meets the next dogs of a full ring, whichever they are.
+            dogs = RingDogs(clutch.pair.output)
+        for dog, places in _placed_dogs(dogs, clutch.dog.count):
             if clutch.pair.is_sliding_rigid:
                 self._add_compliant_dogs(body, RigidTransform(), dog, places)
             else:
                 self._add_rigid_dogs(body, RigidTransform(), dog, places)
-
-    def _output_dogs(self) -> list[tuple[Dog, list[int]]]:
-        """List the dogs of the output ring with the pitches at which they stand."""
-        pair = self.clutch.pair
-        pitches = range(self.clutch.dog.count)
-        if pair.low is None and not self.clutch.solver.all_dogs:
-            # A single sliding dog meets the next dogs of a full ring, whichever they are.
-            return [(pair.output, list(pitches))]
-        high_places = [pitch for pitch in pitches if pitch % pair.slots_per_dog == 0]
-        dogs = [(pair.output, high_places)]
-        if pair.low is not None:
-            dogs.append((pair.low, [pitch for pitch in pitches if pitch % pair.slots_per_dog]))
-        return dogs
 
     def _add_stop(self, carriage: tree.RigidBody) -> None:
         """Set a stop behind the sliding ring: a plate on its carriage meets a fixed one.
@@ -557,15 +549,16 @@ class ClutchPlant:
         start = [0.0, 0.0, clutch.pair.travel]
         turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start)
         pair = clutch.pair
-        places = [0]
+        pitches = 1
         if clutch.solver.all_dogs:
-            places = list(range(clutch.dog.count))
+            pitches = clutch.dog.count
         elif pair.low is not None:
-            places = list(range(pair.slots_per_dog))
-        if pair.is_sliding_rigid:
-            self._add_rigid_dogs(body, turned_over, pair.sliding, places)
-        else:
-            self._add_compliant_dogs(body, turned_over, pair.sliding, places)
+            pitches = pair.slots_per_dog
+        for dog, places in _placed_dogs(pair.sliding_dogs, pitches):
+            if pair.is_sliding_rigid:
+                self._add_rigid_dogs(body, turned_over, dog, places)
+            else:
+                self._add_compliant_dogs(body, turned_over, dog, places)
         return carriage
 
     def _add_rigid_dogs(
@@ -600,6 +593,14 @@ class ClutchPlant:
         geo.AddContactMaterial(
             dissipation=contact.dissipation, friction=friction, properties=properties
         )
+
+
+def _placed_dogs(dogs: RingDogs, pitches: int) -> Iterator[tuple[Dog, list[int]]]:
+    """Yield the dogs of ``pitches`` of a ring with the pitches at which they stand."""
+    yield dogs.dog, list(range(0, pitches, dogs.pitches))
+    low_places = [place for place in range(pitches) if place % dogs.pitches]
+    if dogs.low is not None and low_places:
+        yield dogs.low, low_places
 
 
 def _in_memory(text: str, extension: str) -> geo.Mesh:

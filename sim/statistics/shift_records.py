@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
 from dogshape.sim.units import DEG, MM, from_si, suffix_of
@@ -31,6 +32,9 @@ def edge_record(value: Any, keys: Iterable[str]) -> Record:
 DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "backlash_mm"))
 
 
+SPARSE_RING = f"{OUTPUT_PREFIX}sparse_ring"  #: key of the ring whose dogs are missing or low
+
+
 def clutch_record(clutch: Clutch) -> Record:
     """Return the inputs of a simulation that concern the clutch, in the units of files.
 
@@ -48,6 +52,7 @@ def clutch_record(clutch: Clutch) -> Record:
     return {
         **dog_record,
         **clutch.output_dog.record,
+        **({SPARSE_RING: "sliding"} if clutch.output_dog.is_sliding_sparse else {}),
         "sliding_mass_kg": rings.mass,
         **edge_record(rings, ("sliding_inertia_kgm2", "output_inertia_kgm2")),
         # Records of shafts that stand have the key of the speed that earlier versions had.
@@ -217,6 +222,18 @@ def first_windows(records: Sequence[Record]) -> int:
 def diverged(record: Record) -> bool:
     """Test whether the integration of a shift failed; it has no shift time then."""
     return record["outcome"] == Outcome.DIVERGED.value
+
+
+def quantity_of(record: Mapping[str, Any], key: str) -> float:
+    """Extract a number from a record; later keys of the dog have defaults.
+
+    An absent dimension of the output ring's dog is that of the sliding ring's.
+    """
+    if key in record:
+        return float(record[key])
+    if key.startswith(OUTPUT_PREFIX):
+        return quantity_of(record, key.removeprefix(OUTPUT_PREFIX))
+    return float(DEFAULTS[key])
 
 
 def unfinished(record: Record) -> bool:

@@ -385,12 +385,17 @@ def _checks_of(
     low = limits.output_dog.low_beside(dog, nominal)
     limits = bearing_limits(dog, limits, nominal)
     output_material = limits.output_material or limits.material
-    sliding_checks = group(dog, limits.beside(output))
+    sliding_limits = limits.beside(output)
     output_limits = replace(limits.beside(dog), material=output_material)
+    sliding_checks = group(dog, sliding_limits)
     output_checks = group(output, output_limits)
     if low is not None and group is _shape_checks:  # loads are not above those of a high dog
-        low_checks = group(low, output_limits)
-        output_checks = tuple(map(worse_check, output_checks, low_checks))
+        if limits.output_dog.is_sliding_sparse:
+            low_checks = group(low, sliding_limits)
+            sliding_checks = tuple(map(worse_check, sliding_checks, low_checks))
+        else:
+            low_checks = group(low, output_limits)
+            output_checks = tuple(map(worse_check, output_checks, low_checks))
     checks = {check.name: check for check in sliding_checks}
     for check in output_checks:
         sliding = checks.get(check.name)
@@ -399,7 +404,7 @@ def _checks_of(
 
 
 def bearing_limits(dog: Dog, limits: Limits, nominal: Dog | None = None) -> Limits:
-    """Return the limits with the load that low dogs of the output ring take, by touching area.
+    """Return the limits with the load that low dogs of a ring take, by touching area.
 
     ``dog`` is that of the sliding ring and ``nominal`` the one from which it deviates.
     """
@@ -408,11 +413,12 @@ def bearing_limits(dog: Dog, limits: Limits, nominal: Dog | None = None) -> Limi
         return limits
     output = limits.output_dog.beside(dog, nominal)
     radius = limits.root_radius
-    low_depth = smallest(dog.height, output.height) - (output.height - low.height)
+    high, mate = (dog, output) if limits.output_dog.is_sliding_sparse else (output, dog)
+    low_depth = smallest(high.height, mate.height) - (high.height - low.height)
 
     def low_share(flank: Flank) -> float:
-        high_area = largest(flank_contact(output, radius, flank, dog).area, SMALLEST_AREA)
-        low_area = flank_contact(low, radius, flank, dog, low_depth).area
+        high_area = largest(flank_contact(high, radius, flank, mate).area, SMALLEST_AREA)
+        low_area = flank_contact(low, radius, flank, mate, low_depth).area
         return smallest(low_area / high_area, 1.0)
 
     low_shares = (low_share("traction"), low_share("braking"))
@@ -440,8 +446,12 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
 
     def margins_of_radius(shape: Dog, root_radius: float, nominal: Dog) -> dict[str, float]:
         case = limits.with_root_radius(root_radius)
-        checks = [_checks_of(group, shape, case, nominal) for group in _GROUPS[:-1]]
-        return {check.name: check.margin for check in chain(*checks)}
+        checks = chain(*(_checks_of(group, shape, case, nominal) for group in _GROUPS[:-1]))
+        margins_by_name = {check.name: check.margin for check in checks}
+        if limits.output_dog == ALIKE:
+            return margins_by_name
+        possible = limits.output_dog.possible_beside(shape, nominal)
+        return {n: where(possible, margin, -math.inf) for n, margin in margins_by_name.items()}
 
     return losses(dog, limits.root_radius, limits.tolerances, margins)
 

@@ -307,6 +307,11 @@ class Crests(NamedTuple):
         """Sum of the curvatures of both edges, 1/m."""
         return 1.0 / self.radius + 1.0 / self.mate_radius
 
+    @property
+    def widest(self) -> float:
+        """Largest overlap, by the narrower dog, m."""
+        return min(max(ring.face_width, ring.back_width) for ring in (self.dog, self.mate))
+
 
 def crests_of(dog: Dog, limits: Limits) -> Crests:
     """Return the crests of the sliding dog and its mate as made."""
@@ -320,7 +325,7 @@ def crests_of(dog: Dog, limits: Limits) -> Crests:
 
 def class_middles(crests: Crests) -> Array:
     """Compute the middles of the classes of overlap up to the width of the faces, m, (k,)."""
-    widest = min(max(ring.face_width, ring.back_width) for ring in (crests.dog, crests.mate))
+    widest = crests.widest
     lows = np.array(OVERLAPS)
     middles = lows + HALF_CLASS
     middles[-2] = 0.5 * (lows[-2] + lows[-1])
@@ -337,7 +342,7 @@ def landing_stiffness(crests: Crests, overlaps: Any, line_loads: Any, factor: fl
     loads = np.maximum(line_loads, MIN_LINE_LOAD)
     pressure = np.minimum(edge_pressure(loads, crests.curvature), crests.pressure_limit)
     edge_width = EVEN_WIDTH * 2.0 * loads / (math.pi * pressure)
-    width = np.maximum(overlaps - crests.cuts, edge_width)
+    width = np.maximum(overlaps - crests.cuts, np.minimum(edge_width, crests.widest))
     start = np.maximum(0.5 * (overlaps - width), 0.0)
     dogs = (crests.dog, crests.mate)
     compliance = sum(

@@ -299,7 +299,12 @@ def _contact_ratios(
     """
     mate = None if output_dog == ALIKE else output_dog.beside(dog, nominal)
     height = dog.height if mate is None else smallest(dog.height, mate.height)
-    return {f: flank_contact(dog, root_radius, f, mate).height / height for f in FLANKS}
+    ratios: dict[str, float] = {
+        f: flank_contact(dog, root_radius, f, mate).height / height for f in FLANKS
+    }
+    if mate is None:
+        return ratios
+    return {f: where(mate.possible, ratio, -math.inf) for f, ratio in ratios.items()}
 
 
 def _passing_play(dog: Dog, deviations: Mapping[str, float], output_dog: OutputDog) -> float:

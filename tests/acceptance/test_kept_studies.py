@@ -41,7 +41,7 @@ def test_kept_result_is_of_the_study_as_it_is(kept: Kept) -> None:
     assert result["physics_hash"] == study.search_setup.physics_hash
     assert result["objectives"] == list(study.file.search.objectives)
     assert len(result["trials"]) == study.file.search.trials
-    operated = study.search_setup.with_operation(row.params(study.variables))
+    operated = study.search_setup.with_design(row.params(study.variables))
     points = {(round(p.mismatch / RPM, 6), round(p.profile.force, 6)) for p in operated.points}
     confirmed = result["confirmation"]["best"]["points"]
     assert {(round(p["mismatch_rpm"], 6), round(p["force_N"], 6)) for p in confirmed} == points

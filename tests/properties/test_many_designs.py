@@ -8,12 +8,18 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.design import Design, design_of
+from dogshape.pipeline.simulate.design import (
+    Design,
+    DesignGroup,
+    design_of,
+    mark_worthy,
+    worth_simulating,
+)
 from dogshape.predictions import has_common_limits, judge_designs
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dogs
-from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.dog_strength import margin_losses, strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.units import DEG, MM
 
@@ -77,16 +83,59 @@ RIDGES = {
 }  # fmt: skip
 
 
+BOTH_RINGS = {
+    "dog.crest": 0.6,
+    "dog.chamfer_back_deg": 9.0,
+    "variables.output_dog.height_mm": [2.0, 5.0],
+    "variables.output_dog.chamfer_deg": [4.0, 20.0],
+    "variables.output_dog.crest": [0.2, 0.9],
+    "variables.output_dog.chamfer_back_deg": [2.0, 20.0],
+    "variables.output_dog.backlash_mm": [0.0, 0.8],
+    "output_dog.material": "42CrMo4",
+}  # fmt: skip
+LOW_DOGS = {
+    "dog.count": 16, "output_dog.slots_per_dog": 2, "output_dog.low_height_mm": 2.0,
+    "variables.count": None,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("limits", [{}, {"search.limits.smallest_margin_worst": -0.5}])
+@pytest.mark.parametrize("low", [{}, LOW_DOGS])
+def test_designs_of_both_rings_are_marked_as_each(
+    limits: dict[str, Any], low: dict[str, Any]
+) -> None:
+    """Output dogs of many designs, each beside its sliding dog, also at every deviation."""
+    study = load_study("mq200_paper", BOTH_RINGS | limits | low)
+    ranges = np.array([*study.variables.values()], dtype=float)
+    low_ends, high_ends = ranges.T
+    shares = np.random.default_rng(3).random((200, len(ranges)))
+    designs = [study.params_of(row) for row in low_ends + shares * (high_ends - low_ends)]
+    allowed = [worth_simulating(study, design) for design in designs]
+    assert mark_worthy(study, designs).tolist() == allowed
+    names = tuple(study.variables)
+    group = DesignGroup.of(study, names, study.rows(designs))
+    places = np.flatnonzero(group.possible)[:20]
+    assert len(places) >= 5
+    group = DesignGroup.of(study, names, study.rows([designs[place] for place in places]))
+    losses = margin_losses(group.dogs, group.study.limits)
+    for row, place in enumerate(places[:5].tolist()):
+        single = study.with_design(designs[place]).limits
+        for name, spread in margin_losses(study.dog_with(designs[place]), single).items():
+            worst_case = np.broadcast_to(losses[name].worst_case, len(places))[row]
+            assert worst_case == pytest.approx(spread.worst_case, rel=1e-9, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     "settings",
-    [{"dog.edge_radius_mm": 0.2}, {"search.limits.smallest_margin_worst": 0.0}, RIDGES],
-    ids=["edge", "worst", "ridge"],
+    [{"dog.edge_radius_mm": 0.2}, {"search.limits.smallest_margin_worst": 0.0}, RIDGES, BOTH_RINGS],
+    ids=["edge", "worst", "ridge", "both rings"],
 )
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of shapes that cannot be
 def test_verdicts_are_those_of_each_design(settings: dict[str, Any]) -> None:
     study = load_study("mq200_paper", settings)
     names, ridge = (*study.variables,), settings is RIDGES
-    ranges = np.array([*study.variables.values()], dtype=float) if ridge else CLOSE
+    is_searched = ridge or settings is BOTH_RINGS
+    ranges = np.array([*study.variables.values()], dtype=float) if is_searched else CLOSE
     assert has_common_limits(study, names) == ("search" not in str(settings))
     x = ranges[:, 0] + np.random.default_rng(7).random((60, len(names))) * np.ptp(ranges, axis=1)
     x[:, names.index("count")] = np.round(x[:, names.index("count")])

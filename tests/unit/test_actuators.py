@@ -62,6 +62,17 @@ def test_a_profile_has_no_trace_in_hash_and_record() -> None:
     assert "actuator" not in plain.physics
 
 
+def test_an_actuator_reaches_the_depth_of_the_lower_dog() -> None:
+    """The travel of searched heights ends where the higher dog meets the floor of the lower."""
+    cam = {"actuation.stroke_mm": 5.0}
+    output = {"variables.output_dog.height_mm": [2.0, 5.0]}
+    without = {"variables.height_mm": None}
+    assert _study("cam", **cam, **output, **without).variables["output_dog_height_mm"][1] == 5.0
+    assert _study("cam", **cam, **{"output_dog.height_mm": 3.7}).variables["height_mm"][1] == 5.0
+    with pytest.raises(InputError, match=r"5\.95 mm into engagement at the end of variables\.hei"):
+        _study("cam", **cam, **output)
+
+
 def test_numbers_of_an_actuator_change_the_physics() -> None:
     force = {"operating.force_N": [400.0]}
     stiff = _study("cam", **force)

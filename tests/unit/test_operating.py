@@ -76,7 +76,7 @@ def test_flanks_strike_at_the_bounds_of_a_drawn_mismatch() -> None:
     assert limits.speed("braking") == pytest.approx(20.0 * RPM)
     assert not any("without bounds" in note for note in notes_of(study))
     set_point = nominal_operation(study.points)["mismatch_set_rpm"] + 10.0
-    moved = study.with_operation({"mismatch_set_rpm": set_point})
+    moved = study.with_design({"mismatch_set_rpm": set_point})
     assert moved.limits.strikes[0].speed("traction") == pytest.approx(70.0 * RPM)
     drawn["operating"]["mismatch_rpm"] = {"distribution": "normal", "mean": 50.0, "sd": 5.0}
     unbounded = load_study("mq200_paper", drawn | strike)
@@ -154,7 +154,7 @@ def _mismatches(study: Setup) -> np.ndarray:
 @pytest.mark.parametrize("target", [-70.0, 0.0, 25.0])
 def test_the_set_point_is_the_mean_and_the_spread_stays(target: float) -> None:
     study = _study()
-    moved = _mismatches(study.with_operation({"mismatch_set_rpm": target}))
+    moved = _mismatches(study.with_design({"mismatch_set_rpm": target}))
     assert moved.mean() == pytest.approx(target, abs=1e-5)
     own = _mismatches(study)
     assert moved - moved.mean() == pytest.approx(own - own.mean(), abs=1e-9)
@@ -162,19 +162,17 @@ def test_the_set_point_is_the_mean_and_the_spread_stays(target: float) -> None:
 
 def test_the_force_takes_the_rise_time_of_the_table() -> None:
     study = _study()
-    (profile, *_) = [
-        p.profile for p in study.with_operation({"force_factor": 469.0 / 300.0}).points
-    ]
+    (profile, *_) = [p.profile for p in study.with_design({"force_factor": 469.0 / 300.0}).points]
     assert (profile.force, profile.rise) == (pytest.approx(469.0), pytest.approx(0.1766))
-    (slow, *_) = [p.profile for p in study.with_operation({"rise_factor": 1.5}).points]
+    (slow, *_) = [p.profile for p in study.with_design({"rise_factor": 1.5}).points]
     assert slow.force == 300.0
     assert slow.rise == pytest.approx(1.5 * study.points[0].profile.rise)
 
 
 def test_a_study_is_operated_as_it_says() -> None:
     study = _study()
-    assert study.with_operation(study.prototype).points == study.points
-    assert study.with_operation({"chamfer_deg": 9.0}) is study
+    assert study.with_design(study.prototype).points == study.points
+    assert study.with_design({"chamfer_deg": 9.0}) is study
     assert study.shape_keys == ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
     trial = Space(study.variables).trial(study.prototype)
     assert [*trial.params][-3:] == [*OPERATED]
@@ -189,7 +187,7 @@ def test_shifts_are_those_of_the_operation() -> None:
     study = _study("solver.engine='planar'")
     named = [
         {"mismatch_rpm": p.mismatch / RPM, "force_N": p.profile.force}
-        for p in study.with_operation(moved).points
+        for p in study.with_design(moved).points
     ]
     other = load_study("mq200_paper", {"operating": {"points": named}, "solver.engine": "planar"})
     times = []

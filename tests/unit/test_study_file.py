@@ -13,14 +13,14 @@ from pydantic import BaseModel, ValidationError
 
 from dogshape.bench.stand_file import _BenchFile
 from dogshape.pipeline.config.schema import SearchSection, StudyFile, keys_like
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.study_file import load_study, require_variables
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.sim.clutch_tables import RULES, BrokenRule, DriveSection
-from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.errors import DogshapeError, GeometryError, InputError
 from dogshape.sim.quantity import record_quantities
 from dogshape.sim.shift.drive import NO_DRIVE, Drive, SpeedControl
-from dogshape.sim.units import DEG, RPM
+from dogshape.sim.units import DEG, MM, RPM
 
 DRAWN = "operating.mismatch_rpm={distribution="
 FORCE = "operating.force_N={distribution="
@@ -50,6 +50,15 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("dog.backlash_deg=200", "backlash_deg is 200 deg, but it must lie between 0 and 119.366 deg"),
     (["dog.backlash_deg=1", "dog.inner_diameter_mm=x"], "inner_diameter_mm is 'x', but it must be"),
     ("dog.chamfer_back_deg=12", "it must be 0 with dog.crest = 1: the ridge stands on the"),
+    ("variables.output_dog.heigt_mm=[2, 3]", "did you mean 'variables.output_dog.height_mm'"),
+    ("variables.output_dog.height_mm=[3, 2]", "variables.output_dog.height_mm is [3, 2], but the"),
+    ("variables.output_dog.height_mm=[0.1, 2]", "is 0.1 mm, but it must lie between 0.2 and 100"),
+    ("variables.output_dog.crest=[0.5, 2]", "variables.output_dog.crest is 2, but it must lie"),
+    ("variables.output_dog.traction_deg=[5, 9]", "dogs of one number, annulus and pair of side"),
+    ("variables.output_dog.edge_radius_mm=[0, 1]", "did you mean 'output_dog.edge_radius_mm'?"),
+    ("variables.output_dog=[2, 3]", "variables.output_dog is [2, 3], but it must be a table"),
+    (["variables.output_dog.height_mm=[2, 3]", "wear.crest_loss_mm=0.05"],
+     "[variables.output_dog] makes them unlike; leave one of them out"),
     ("variables.crest=[0.3, 1.5]", "variables.crest is 1.5, but it must lie between 0 and 1"),
     (["dog.traction_deg=-5", "dog.braking_deg=-3"], "play at the mouth of a slot is -0."),
     (["contact.set=adams_impact", "solver.engine=drake"],
@@ -199,6 +208,48 @@ def test_a_ridge_and_backlash_are_keys_and_variables_of_the_dog() -> None:
     assert study.physics_hash != plain.physics_hash
     same = {"dog.crest": 1.0, "dog.chamfer_back_deg": 0.0, "dog.backlash_mm": 0.0}
     assert load_study("mq200_paper", same).physics_hash == plain.physics_hash
+
+
+def test_dimensions_of_the_output_dog_are_variables() -> None:
+    """Own values are those of [output_dog], else of the sliding dog; no hash has the searched."""
+    plain = load_study("mq200_paper")
+    assert "output_dog" not in plain.file.model_dump()["variables"]
+    searched = {"height_mm": [2.0, 4.5], "crest": [0.3, 1.0]}
+    ranges = {f"variables.output_dog.{key}": ends for key, ends in searched.items()}
+    study = load_study("mq200_paper", ranges)
+    assert study.shape_keys[-2:] == ("output_dog_height_mm", "output_dog_crest")
+    assert study.variables["output_dog_height_mm"] == (2.0, 4.5)
+    assert study.prototype["output_dog_height_mm"] == 3.7
+    assert study.prototype["output_dog_crest"] == 1.0
+    assert study.physics_hash == plain.physics_hash
+    assert study.config_hash != plain.config_hash
+    unlike = load_study("mq200_paper", {**ranges, "output_dog.height_mm": 3.2})
+    assert unlike.prototype["output_dog_height_mm"] == 3.2
+    assert unlike.physics_hash == study.physics_hash
+    params = {"height_mm": 3.0, "output_dog_height_mm": 2.5}
+    pair = study.clutch_with(params).pair
+    heights = (pair.sliding.height, pair.output.height)
+    assert heights == pytest.approx((3.0 * MM, 2.5 * MM))
+    operated = study.with_design(params)
+    assert operated.limits.output_dog == operated.clutch.output_dog
+    assert study.with_design({"height_mm": 3.0}) is study
+    with pytest.raises(GeometryError, match=r"must exceed half of dog\.height_mm, 3 mm"):
+        study.dog_with({"height_mm": 6.0, "output_dog_height_mm": 2.5})
+
+
+def test_a_name_of_a_design_is_one_quantity() -> None:
+    """The objective is the mean of both rings, the variable the backlash of one of them."""
+    study = load_study("mq200_both")
+    assert "backlash_mm" in study.file.search.objectives
+    require_variables(study)
+    for settings in (
+        {"output_dog.backlash_mm": 0.3},
+        {"variables.output_dog.backlash_mm": [0.0, 0.5]},
+    ):
+        with pytest.raises(InputError, match="backlash_mm, the mean of both rings, but variables"):
+            require_variables(load_study("mq200_both", settings))
+        alone = load_study("mq200_both", {**settings, "variables.backlash_mm": None})
+        require_variables(alone)
 
 
 def test_overrides_replace_keys_and_change_the_right_hashes() -> None:

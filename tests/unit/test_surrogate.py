@@ -11,14 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dogshape.bench.texts import TextTable
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.train.training_rows import with_rows
+from dogshape.predictions import _design_values
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import DataError, InputError
+from dogshape.sim.statistics.shift_records import quantity_of
 from dogshape.surrogate.dataset import Dataset, Grid, Mix, grid_of
-from dogshape.surrogate.model import Surrogate, fit, shape_of
+from dogshape.surrogate.model import Surrogate, coordinates, fit, shape_of
 from dogshape.surrogate.process import Effort
-from dogshape.surrogate.query import ask, faces_hold, in_range
+from dogshape.surrogate.query import ask, compare_physics, faces_hold, in_range
 from dogshape.surrogate.store import Stored, load, save, validate
 
 NAMES = ("chamfer_deg", "height_mm", "count")
@@ -243,3 +246,39 @@ def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
         coordinates = shape_of(data, study.rows([study.prototype]))
         dog_values = [1e3 * getattr(study.clutch.dog, name) for name in names]
         assert coordinates[0] == pytest.approx(dog_values, rel=1e-9)
+
+
+def test_coordinates_of_unlike_rings_are_those_of_both_dogs_and_the_pair() -> None:
+    keys = {"output_dog.crest": 0.4, "output_dog.chamfer_back_deg": 12.0}
+    ranges = {"height_mm": [2.5, 4.5], "chamfer_deg": [4.0, 16.0], "backlash_mm": [0.0, 0.5]}
+    searched = {f"variables.output_dog.{key}": ends for key, ends in ranges.items()}
+    study = load_study("mq200_paper", keys | searched)
+    data = with_rows(study, np.zeros((0, len(study.variables) + 8)))
+    params = {**study.prototype, "output_dog_height_mm": 3.0, "output_dog_backlash_mm": 0.4}
+    shape = shape_of(data, study.rows([params]))[0]
+    pair = study.clutch_with(params).pair
+    names = ("tip_width", "edge_drop")
+    sliding = [1e3 * getattr(pair.sliding, name) for name in ("entry_play", *names)]
+    output = [1e3 * getattr(pair.output, name) for name in (*names, "back_drop")]
+    assert shape[:3] == pytest.approx(sliding, rel=1e-9)
+    assert shape[4:7] == pytest.approx(output, rel=1e-9)
+    assert shape[7:] == pytest.approx([1e3 * pair.depth, 1e3 * pair.entry_play], rel=1e-9)
+    designs = study.rows([study.prototype, params])
+    known: Any = SimpleNamespace(x=designs)
+    columns = coordinates(replace(data, grid=known), designs)
+    ridges = 4  # angles of the sliding dog and the chamfer of the output dog
+    assert columns.shape == (2, len(study.variables) + ridges + len(shape))
+
+
+def test_a_study_of_equal_rings_is_a_design_of_unlike_ones() -> None:
+    """Its output dog follows the sliding one, also in a table of designs."""
+    searched = {"variables.output_dog.height_mm": [2.5, 4.5]}
+    study, equal = load_study("mq200_paper", searched), load_study("mq200_paper")
+    data = with_rows(study, np.zeros((0, len(study.variables) + 8)))
+    assert not compare_physics(data, equal.physics)
+    assert quantity_of(equal.prototype, "output_dog_height_mm") == 3.7
+    table = TextTable(Path("designs"), ("height_mm",), ((2, ("3.0",)), (3, ("4.0",))))
+    x = _design_values(table, data.variables, equal.prototype)
+    assert x[:, data.variables.index("output_dog_height_mm")].tolist() == [3.0, 4.0]
+    x = _design_values(table, data.variables, study.prototype)
+    assert x[:, data.variables.index("output_dog_height_mm")].tolist() == [3.7, 3.7]

@@ -11,7 +11,7 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.drawing import open_section_svg, outline
 from dogshape.pipeline.export.dxf import ring_outlines
-from dogshape.pipeline.simulate.design import dogs_of, pair_with
+from dogshape.pipeline.simulate.design import DesignGroup, pair_with
 from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.kernel_layout import (
@@ -26,11 +26,12 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, engage, section_planes
 from dogshape.sim.shift.geometry import FLANKS, Flank, flank_contact
-from dogshape.sim.shift.pair import OutputDog
+from dogshape.sim.shift.pair import OutputDog, RingDogs
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.stepped_shift import ShiftStart, StepLoads, SteppedShift
 from dogshape.sim.statistics.shiftability import direct_share
+from dogshape.sim.strength.checks import RINGS
 from dogshape.sim.strength.dog_strength import (
     Limits,
     bearing_limits,
@@ -59,6 +60,20 @@ SHAPES: dict[str, tuple[dict[str, float], OutputDog]] = {
         {},
         OutputDog(height=4.2 * MM, chamfer=11 * DEG, slots_per_dog=3, low_height=2.9 * MM),
     ),
+    "on the sliding ring": (
+        {},
+        OutputDog(slots_per_dog=3, low_height=2.6 * MM, is_sliding_sparse=True),
+    ),
+    "on the sliding ring of unlike ones": (
+        {},
+        OutputDog(
+            height=4.2 * MM,
+            chamfer=11 * DEG,
+            slots_per_dog=3,
+            low_height=2.9 * MM,
+            is_sliding_sparse=True,
+        ),
+    ),
 }
 
 
@@ -68,13 +83,15 @@ def _low(clutch: Clutch, name: str) -> Clutch:
 
 
 def _full(clutch: Clutch) -> Clutch:
-    """Make all dogs of the output ring high."""
-    output_dog = replace(clutch.output_dog, slots_per_dog=None, low_height=None)
+    """Make all dogs high."""
+    output_dog = replace(
+        clutch.output_dog, slots_per_dog=None, low_height=None, is_sliding_sparse=False
+    )
     return replace(clutch, output_dog=output_dog)
 
 
 def _missing(clutch: Clutch) -> Clutch:
-    """Leave the low dogs of the output ring out."""
+    """Leave the low dogs out."""
     return replace(clutch, output_dog=replace(clutch.output_dog, low_height=None))
 
 
@@ -154,9 +171,10 @@ def test_mean_times_follow_drake(clutch: Clutch, point: Point, name: str, mismat
     assert np.nanmean(compiled_times) == pytest.approx(np.nanmean(drake_times), rel=1e-3)
 
 
-def test_neighbouring_dogs_stand_for_the_ring(clutch: Clutch, point: Point) -> None:
+@pytest.mark.parametrize("name", ["chamfer", "on the sliding ring"])
+def test_neighbouring_dogs_stand_for_the_ring(clutch: Clutch, point: Point, name: str) -> None:
     """Drake with all dogs of both rings, at any pitch."""
-    low = _low(clutch, "chamfer").refined()
+    low = _low(clutch, name).refined()
     plant = ClutchPlant(replace(low, solver=replace(low.solver, all_dogs=True)))
     at = point(-50, 469.0)
     angle = 0.4 * low.dog.pitch_angle
@@ -165,6 +183,21 @@ def test_neighbouring_dogs_stand_for_the_ring(clutch: Clutch, point: Point) -> N
     for pitches in (0, 1):
         turned = engage(plant, at, angle + pitches * low.dog.pitch_angle).shift_time
         assert turned == pytest.approx(time, rel=1e-4)
+
+
+@pytest.mark.parametrize("mismatch", [50, -50])
+@pytest.mark.parametrize("name", ["chamfer", "roof"])
+def test_low_dogs_of_either_ring_shift_alike(
+    clutch: Clutch, point: Point, name: str, mismatch: int
+) -> None:
+    """Of rings with one dog; the low dogs are rigid on the one, compliant on the other."""
+    low = _low(clutch, name)
+    on_sliding = replace(low, output_dog=replace(low.output_dog, is_sliding_sparse=True))
+    assert low.pair.is_sparse_rigid != on_sliding.pair.is_sparse_rigid
+    at = point(mismatch, 469.0)
+    times = _times(_shifts(low, at))
+    assert np.isfinite(times).any()
+    assert _times(_shifts(on_sliding, at)) == pytest.approx(times, rel=2e-3, nan_ok=True)
 
 
 @pytest.mark.parametrize("mismatch", [50, -50])
@@ -308,11 +341,28 @@ def test_checks_share_the_torque_and_judge_the_low_dogs() -> None:
         assert checks[name].margin == bare_checks[name].margin
 
 
+def test_checks_of_low_dogs_are_those_of_either_ring() -> None:
+    """Of rings with one dog: the same margins, with the name of the other ring."""
+    low = load_study("mq200_paper", [*LOW])
+    on_sliding = load_study("mq200_paper", [*LOW, "output_dog.sparse_ring=sliding"])
+    dog = low.clutch.dog
+    exchanged = {RINGS[0]: RINGS[1], RINGS[1]: RINGS[0], "": ""}
+    checks = strength_checks(dog, low.limits)
+    sliding_checks = strength_checks(dog, on_sliding.limits)
+    assert any(check.ring for check in checks)
+    for check, sliding_check in zip(checks, sliding_checks, strict=True):
+        assert sliding_check.margin == pytest.approx(check.margin, rel=1e-12)
+        assert sliding_check.ring == exchanged[check.ring]
+    losses, sliding_losses = (margin_losses(dog, s.limits) for s in (low, on_sliding))
+    for name, spread in losses.items():
+        assert sliding_losses[name].worst_case == pytest.approx(spread.worst_case, rel=1e-9)
+
+
 def test_checks_of_many_dogs_are_those_of_each() -> None:
     """As a search has them: heights and chamfers beside low dogs of one height."""
     study = load_study("mq200_paper", [*LOW, "load.accuracy=6"])
     sizes = np.array([[2.8, 6.0], [3.4, 8.0], [4.2, 10.0]])
-    dogs = dogs_of(study, ["height_mm", "chamfer_deg"], sizes)
+    dogs = DesignGroup.of(study, ["height_mm", "chamfer_deg"], sizes).dogs
     checks = {check.name: check.margin for check in strength_checks(dogs, study.limits)}
     losses = margin_losses(dogs, study.limits)
     for row, (height, chamfer) in enumerate(sizes):
@@ -332,33 +382,47 @@ def test_impossible_low_dogs_are_refused() -> None:
         load_study("mq200_paper", [LOW[0], "output_dog.low_height_mm=3.9"])
     with pytest.raises(GeometryError, match="low dogs of the output ring: height of the braking"):
         load_study("mq200_paper", [LOW[0], "output_dog.low_height_mm=0.8"])
+    on_sliding = [LOW[0], "output_dog.sparse_ring=sliding", "output_dog.low_height_mm=0.8"]
+    with pytest.raises(GeometryError, match="low dogs of the sliding ring: height of the braking"):
+        load_study("mq200_paper", on_sliding)
+    with pytest.raises(InputError, match="sparse_ring is 'sliding', but without"):
+        load_study("mq200_paper", ["output_dog.sparse_ring=sliding"])
     with pytest.raises(InputError, match=r"must lie between 0\.2 and 100 mm"):
         load_study("mq200_paper", [LOW[0], "output_dog.low_height_mm=0.1"])
     # A search skips dogs that are lower than the low ones.
     study = load_study("mq200_paper", [*LOW])
-    dogs = dogs_of(study, ["height_mm"], np.array([[2.5], [2.6], [3.7]]))
+    dogs = DesignGroup.of(study, ["height_mm"], np.array([[2.5], [2.6], [3.7]])).dogs
     assert pair_with(study, dogs).possible.tolist() == [False, True, True]
 
 
-def test_drawings_have_the_low_dogs(dogshape: Call, tmp_path: Path) -> None:
-    study = load_study("mq200_paper", [*LOW])
+@pytest.mark.parametrize("ring", ["output", "sliding"])
+def test_drawings_have_the_low_dogs(dogshape: Call, ring: str) -> None:
+    overrides = [*LOW, f"output_dog.sparse_ring={ring}"]
+    study = load_study("mq200_paper", overrides)
     pair = study.clutch.pair
     assert pair.low is not None
-    points = len(outline(pair.output, 1))
-    profile = np.array(outline(pair.output, 7, 3, pair.low))
+    sparse, full = pair.output_dogs, pair.sliding_dogs
+    if ring == "sliding":
+        sparse, full = full, sparse
+    assert full == RingDogs(full.dog)
+    points = len(outline(full, 1))
+    profile = np.array(outline(sparse, 7))
     crests = profile.reshape(7, points, 2)[:, :, 1].max(axis=1)
-    low_crest = (pair.output.addendum - pair.shortening) / MM
+    low_crest = (sparse.dog.addendum - pair.shortening) / MM
     assert crests == pytest.approx([1.85, low_crest, low_crest] * 2 + [1.85])
     assert open_section_svg(pair, pair) != open_section_svg(replace(pair, low=None), pair)
-    (outlines,) = ring_outlines(pair.output, study.limits, 3e-3, pitches=3, low=pair.low)
-    (full,) = ring_outlines(pair.output, study.limits, 3e-3)
-    assert len(outlines) == len(full)
-    options = [word for override in LOW for word in ("--set", override)]
-    said = dogshape("export", "mq200_paper", *options, "--stl", "a.stl", "--ring", "output")
-    assert "write the sliding ring as a surface" in said.sentence
+    (outlines,) = ring_outlines(sparse, study.limits, 3e-3)
+    (full_outlines,) = ring_outlines(full, study.limits, 3e-3)
+    assert len(outlines) == len(full_outlines)
+    options = [word for override in overrides for word in ("--set", override)]
+    said = dogshape("export", "mq200_paper", *options, "--stl", "a.stl", "--ring", ring)
+    other_ring = {"output": "sliding", "sliding": "output"}[ring]
+    assert f"write the {other_ring} ring as a surface" in said.sentence
+    said = dogshape("export", "mq200_paper", *options, "--stl", "a.stl", "--ring", other_ring)
+    assert said.status == 0, said.err
     said = dogshape("export", "mq200_paper", *options, "--dxf", "a.dxf", "--svg", "a.svg")
     assert said.status == 0, said.err
-    text = "on the output ring 5 of these, at every pitch number 3, have full height, the others"
+    text = f"on the {ring} ring 5 of these, at every pitch number 3, have full height, the others"
     assert text in " ".join(Path("a.svg").read_text("utf-8").split())
     assert "2.60" in Path("a.dxf").read_text("utf-8")
     page = Path("a.html")
@@ -367,7 +431,11 @@ def test_drawings_have_the_low_dogs(dogshape: Call, tmp_path: Path) -> None:
         "shift", "mq200_paper", *options, *point, "--engine", "planar", "--report", page
     )
     assert said.status == 0, said.err
-    assert '"low":{"profile"' in page.read_text("utf-8")
+    text = page.read_text("utf-8")
+    assert text.count('"low":{"profile"') == 1
+    assert text.index(f'"{ring}":{{"root"') < text.index('"low":{"profile"')
+    if ring == "sliding":
+        assert text.index('"low":{"profile"') < text.index('"output":{"root"')
 
 
 def test_a_study_with_low_dogs_is_checked(dogshape: Call) -> None:

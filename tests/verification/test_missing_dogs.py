@@ -13,11 +13,11 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import open_section_svg, outline
 from dogshape.pipeline.export.dxf import ring_outlines
-from dogshape.pipeline.simulate.design import dogs_of, pair_with
+from dogshape.pipeline.simulate.design import DesignGroup, pair_with
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import engage
-from dogshape.sim.shift.pair import OutputDog
+from dogshape.sim.shift.pair import OutputDog, RingDogs
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM
@@ -76,16 +76,37 @@ def test_mean_times_follow_drake(clutch: Clutch, point: Point, name: str, mismat
     assert np.nanmean(compiled_times) == pytest.approx(np.nanmean(drake_times), rel=1e-3)
 
 
-def test_a_dog_with_its_share_stands_for_the_ring(clutch: Clutch, point: Point) -> None:
+@pytest.mark.parametrize("mismatch", [50, -50])
+@pytest.mark.parametrize("name", SHAPES)
+def test_dogs_missing_on_either_ring_shift_alike(
+    clutch: Clutch, point: Point, name: str, mismatch: int
+) -> None:
+    """In the compiled engine to the last digit; of one sliding dog Drake has one plant for both."""
+    missing = _missing(clutch, name).with_engine("planar")
+    on_sliding = replace(missing, output_dog=replace(missing.output_dog, is_sliding_sparse=True))
+    assert on_sliding.pair.sliding_dogs.pitches == missing.pair.output_dogs.pitches == 3
+    at = point(mismatch, 469.0)
+    times = _times(PlanarClutch(missing), missing, at)
+    assert np.isfinite(times).any()
+    sliding_times = _times(PlanarClutch(on_sliding), on_sliding, at)
+    assert np.array_equal(sliding_times, times, equal_nan=True)
+
+
+@pytest.mark.parametrize("is_sliding_sparse", [False, True])
+def test_a_dog_with_its_share_stands_for_the_ring(
+    clutch: Clutch, point: Point, *, is_sliding_sparse: bool
+) -> None:
     """Drake with every dog of both rings: fifteen, and five that are there."""
     missing = _missing(clutch, "chamfer").refined()
+    output_dog = replace(missing.output_dog, is_sliding_sparse=is_sliding_sparse)
+    missing = replace(missing, output_dog=output_dog)
     every_dog = replace(missing, solver=replace(missing.solver, all_dogs=True))
     at = point(50, 469.0)
     plant = ClutchPlant(every_dog)
     angle = 0.4 * missing.dog.pitch_angle
     times = [engage(model, at, angle).shift_time for model in (plant, ClutchPlant(missing))]
     assert times[0] == pytest.approx(times[1], rel=1e-4)
-    # Turned by one pitch the output ring has its dogs before the next slots.
+    # Turned by one pitch the dogs stand before the next slots.
     turned = engage(plant, at, angle + missing.dog.pitch_angle).shift_time
     assert turned == pytest.approx(times[0], rel=1e-4)
 
@@ -112,19 +133,19 @@ def test_uneven_dogs_are_refused() -> None:
         load_study("mq200_paper", ["output_dog.slots_per_dog=15"])
     # A search skips numbers of dogs that are no multiple.
     study = load_study("mq200_paper", [THIRD])
-    dogs = dogs_of(study, ["count"], np.array([[12.0], [14.0], [15.0], [3.0]]))
+    dogs = DesignGroup.of(study, ["count"], np.array([[12.0], [14.0], [15.0], [3.0]])).dogs
     assert pair_with(study, dogs).possible.tolist() == [True, False, True, False]
 
 
 def test_drawings_lack_the_dogs_and_solids_are_refused(dogshape: Call, tmp_path: Path) -> None:
     study = load_study("mq200_paper", [THIRD])
     pair = study.clutch.pair
-    points = len(outline(pair.output, 1))
-    assert len(outline(pair.output, 7, 3)) == 3 * points
-    assert len(outline(pair.output, 7)) == 7 * points
+    points = len(outline(RingDogs(pair.output), 1))
+    assert len(outline(pair.output_dogs, 7)) == 3 * points
+    assert len(outline(RingDogs(pair.output), 7)) == 7 * points
     assert open_section_svg(pair, pair) != open_section_svg(replace(pair, slots_per_dog=1), pair)
-    (full,) = ring_outlines(pair.output, study.limits, 3e-3)
-    (lacking,) = ring_outlines(pair.output, study.limits, 3e-3, pitches=3)
+    (full,) = ring_outlines(RingDogs(pair.output), study.limits, 3e-3)
+    (lacking,) = ring_outlines(pair.output_dogs, study.limits, 3e-3)
     assert len(full) - len(lacking) == 10 * 2 * points  # two ends of each arc
     with pytest.raises(ds.InputError, match="slots_per_dog is 3, but solids"):
         write_step(pair, 3e-4, 3e-3, tmp_path / "a.step")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.simulate.design import design_of, dogs_of, judge_design, pair_with
+from dogshape.pipeline.simulate.design import DesignGroup, design_of, judge_design, pair_with
 from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import part_volume
+from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
 from dogshape.sim.shift.conclusion import Engagement, Outcome, engage, section_planes
@@ -115,7 +116,7 @@ def test_mean_times_follow_drake(clutch: Clutch, point: Point, name: str, mismat
 
 
 def _same_as(dog: Dog) -> OutputDog:
-    names = [entry.name for entry in fields(OutputDog) if entry.name not in RING_NAMES]
+    names = [name for name in quantities_of(OutputDog) if name not in RING_NAMES]
     return OutputDog(**{name: getattr(dog, name) for name in names})
 
 
@@ -435,7 +436,7 @@ def test_study_file_builds_both_rings() -> None:
 def test_many_designs_are_judged_as_one() -> None:
     study = _study()
     heights = np.array([[2.8], [3.2], [3.6], [6.5]])
-    dogs = dogs_of(study, ["height_mm"], heights)
+    dogs = DesignGroup.of(study, ["height_mm"], heights).dogs
     possible = pair_with(study, dogs).possible
     assert possible.tolist() == [True, True, True, False]
     checks = _by_name(strength_checks(dogs, study.limits))

@@ -456,7 +456,8 @@ def export(
     dog_design = named_design(study, set_, chosen=False)
     setup = dog_design.design_study
     pair = setup.clutch.pair
-    dog = pair.output if ring == "output" else pair.sliding
+    dogs = pair.output_dogs if ring == "output" else pair.sliding_dogs
+    dog = dogs.dog
     radius = setup.limits.root_radius
     body = body_mm * MM
     files = {
@@ -497,7 +498,7 @@ def export(
         labels |= {"stl": f"{ring} ring", "svg": f"drawing of the {ring} ring's dog"}
     lines += [f"wrote {path} ({labels[kind]})" for kind, path in written.items()]
     sizes = {"root_radius_mm": radius / MM}
-    if sleeve is None and (pair.slots_per_dog == 1 or ring == "sliding"):
+    if sleeve is None and dogs.pitches == 1:
         volume = part_volume(dog, radius, body) / MM**3
         ring_name = "a ring" if pair.alike else f"the {ring} ring"
         if is_part:

@@ -50,7 +50,7 @@ const Section = (() => {
     const middle = data.travel - now.displacement_mm;
     pen.clearRect(0, 0, width, height);
     const lower = drawRing({profile: data.output.profile, low: data.output.low, pitches: data.output.pitches, flip: 1, middle: 0, shift: 0, fill: "#f3ddcb", mark: "#f5b98a", line: "#c8590c"});
-    const upper = drawRing({profile: data.sliding.profile, low: null, pitches: 1, flip: -1, middle, shift, fill: "#c9d8ea", mark: "#9cc3ee", line: "#1f5fa8"});
+    const upper = drawRing({profile: data.sliding.profile, low: data.sliding.low, pitches: data.sliding.pitches, flip: -1, middle, shift, fill: "#c9d8ea", mark: "#9cc3ee", line: "#1f5fa8"});
     if (now.touching) {  // what lies on both outlines
       ink.globalCompositeOperation = "copy"; draw(lower, "#d1242f", 5, null, ink);
       ink.globalCompositeOperation = "source-in"; draw(upper, "#d1242f", 5, null, ink);
