@@ -23,7 +23,7 @@ from unittest.mock import patch
 import numpy as np
 
 from dogshape.bench.bench_data import load_bench
-from dogshape.diagnosis.inference.verdict import credible_set, inclusion, is_nameable
+from dogshape.diagnosis.inference.verdict import credible_set, inclusion
 from dogshape.diagnosis.prediction import model
 from dogshape.diagnosis.prediction.moments import Modes, modes_of
 from dogshape.diagnosis.settings import USUAL
@@ -103,7 +103,7 @@ def by_evidence(diagnosis: Record) -> Record:
     causes = diagnosis["causes"]
     if verdict in ("effect", "ambiguous"):
         top = next(iter(posterior))
-        is_named = top not in (NONE, UNKNOWN) and is_nameable(top, USUAL)
+        is_named = top not in (NONE, UNKNOWN) and USUAL.is_nameable(top)
         is_named = is_named and posterior[top] > USUAL.named
         verdict = "effect" if is_named else "ambiguous"
         parts = sorted(name for name, p in inclusion(posterior).items() if p > USUAL.part)

@@ -36,7 +36,6 @@ from dogshape.diagnosis.inference.outcome import (
     answer_gain,
     smooth_draws,
 )
-from dogshape.diagnosis.inference.verdict import is_nameable
 from dogshape.diagnosis.report.wording import amount, quantity
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import (
@@ -204,7 +203,7 @@ def _order_tests(diagnosis: Inference, tests: Sequence[NextTest]) -> list[NextTe
     posterior = diagnosis.posterior
     top = _most_probable(posterior, posterior)
     ordered = sorted(tests, key=lambda t: (-round(t.gain_per_hour / GAIN_STEP), t.hours))
-    is_decided = posterior[top] > settings.named and is_nameable(top, settings)
+    is_decided = posterior[top] > settings.named and settings.is_nameable(top)
     candidates: list[NextTest] = []
     if top == UNKNOWN:
         candidates = [test for test in ordered if test.kind == "traces"]
@@ -281,7 +280,7 @@ def _question(diagnosis: Inference, key: str) -> NextTest:
     settles = float(chance @ (is_decided * best))
     misleads = float(chance @ (is_decided * (1.0 - best)))
     top = [*hypotheses][int(before.argmax())]
-    if before.max() > diagnosis.settings.named and is_nameable(top, diagnosis.settings):
+    if before.max() > diagnosis.settings.named and diagnosis.settings.is_nameable(top):
         settles -= float(before.max())
         misleads -= 1.0 - float(before.max())
     name, how = RECORD_QUESTIONS[key]

@@ -13,6 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dogshape.diagnosis.terms import Hypothesis, strip_sense
+
 Status = Literal["measured", "judged"]
 
 
@@ -224,6 +226,9 @@ class Settings:
         0.004, "probability", "that the error of an evidence may move, without further benches",
         "judged", "between 0.01, with which one seed of five misses a mismatch of 5 % on the "
         "published stand, and 0.002, which doubles the benches of a foreign clutch")
+    decided: float = constant(
+        2.0, "standard errors", "of all log evidences, within which the leading hypothesis has to "
+        "be named before no further bench is simulated", "judged", "usual level")
     simulations_each: int = constant(
         10, "rounds of four benches", "for one hypothesis at most", "judged",
         "24 move no probability of the published stand by more than its stated error")
@@ -260,6 +265,10 @@ class Settings:
     engaged_margin: float = constant(
         0.05, "share engaged", "margin of a share engaged", "judged", "one shift in twenty")
     # fmt: on
+
+    def is_nameable(self, hypothesis: Hypothesis) -> bool:
+        """Check that a hypothesis may name the cause or a part of it, however probable it is."""
+        return len(strip_sense(hypothesis)) <= self.named_at_once
 
     def prior(self, name: str) -> float:
         """Look up the probability that an effect is part of the cause."""

@@ -700,7 +700,7 @@ _EFFECTS = (
                     "fills with time constants of 10 to 300 ms; a throttled one up to half a "
                     "second"
                 ),
-                most=3.0,
+                most=1.0,
                 ordinary=Ordinary("a cylinder behind its valve", high=0.3),
             ),
         ),

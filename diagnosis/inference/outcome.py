@@ -42,7 +42,6 @@ from scipy.spatial.distance import cdist
 from scipy.special import logsumexp, ndtr, polygamma
 from scipy.stats import qmc
 
-from dogshape.diagnosis.inference.verdict import is_nameable
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Prediction
 from dogshape.diagnosis.settings import Settings
@@ -211,7 +210,7 @@ class PredictedOutcome:
         is_truth = truth[:, None] == indices
         after = probability * np.exp(log[:, source] - log_mixture[:, None]) @ is_truth
         before = probability @ is_truth
-        nameable = [is_nameable(h, settings) for h in self.hypotheses]
+        nameable = [settings.is_nameable(h) for h in self.hypotheses]
         is_named_before = (prior > settings.named) & nameable
         is_named = (self.update(prior, log, odds) > settings.named) & nameable
         is_right = is_named[rows, truth[causes]]

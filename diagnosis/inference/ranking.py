@@ -456,20 +456,30 @@ class _Stake(NamedTuple):
 
 
 def _list_stakes(searches: Sequence[HypothesisSearch], log_unknown: float) -> list[_Stake]:
-    """List hypotheses whose probability emulation errors move by more than ``converged``."""
+    """List hypotheses whose probability emulation errors move by more than ``converged``.
+
+    None where the leading one is named whatever these errors are.
+    """
+    settings = searches[0].likelihood.settings
     pairs = [(search, h) for search in searches for h in search.samples]
     logs = np.array([search.value(h) + search.log_meaning for search, h in pairs])
     errors = np.array([search.reducible_error(h) for search, h in pairs])
     log_probability = np.minimum(logs - logsumexp([*logs, log_unknown]), -1e-9)
     log_odds = log_probability - np.log(-np.expm1(log_probability))
     probability = expit(log_odds)
+    leading = int(probability.argmax())
+    largest_errors = settings.decided * errors
+    moves = expit(log_odds + largest_errors) - probability
+    moves[leading] = probability[leading] - expit(log_odds[leading] - largest_errors[leading])
+    lowest_probability = probability[leading] - math.hypot(*moves)
+    if lowest_probability > settings.named and settings.is_nameable(pairs[leading][1]):
+        return []
     rise = expit(log_odds + errors) - probability
     fall = probability - expit(log_odds - errors)
     change = np.maximum(rise, fall)
-    converged = searches[0].likelihood.settings.converged
     stakes = []
     for (search, h), value in zip(pairs, change.round(STAKE_DIGITS).tolist(), strict=True):
-        if value > converged and search.is_open(h):
+        if value > settings.converged and search.is_open(h):
             stakes.append(_Stake(search, h, value))
     return stakes
 

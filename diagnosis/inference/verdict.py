@@ -112,11 +112,6 @@ def credible_set(posterior: Probabilities, level: float) -> tuple[Hypothesis, ..
     return tuple(h for h, p in zip(order, cumulative, strict=True) if p < level)
 
 
-def is_nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
-    """Check that a hypothesis may name the cause or a part of it, however probable it is."""
-    return len(strip_sense(hypothesis)) <= settings.named_at_once
-
-
 def decide(
     posterior: Probabilities,
     fits: Mapping[Hypothesis, Fit],
@@ -138,7 +133,7 @@ def decide(
     shows_none = none.exclusion > settings.excluded and NONE not in inadequate
     if none.within_margin > settings.named or (shows_none and posterior[NONE] > settings.named):
         return CauseVerdict("none", (), credible)
-    nameable = {h: p for h, p in posterior.items() if is_nameable(h, settings)}
+    nameable = {h: p for h, p in posterior.items() if settings.is_nameable(h)}
     explained = sum(p for h, p in nameable.items() if h != UNKNOWN and h not in inadequate)
     if 1.0 - explained > settings.named:
         return CauseVerdict("unknown", (), credible)
@@ -150,7 +145,7 @@ def decide(
 
 def _is_named(top: Hypothesis, posterior: Probabilities, settings: Settings) -> bool:
     """Check that the most probable hypothesis is named as the cause."""
-    if top == NONE or posterior[top] <= settings.named or not is_nameable(top, settings):
+    if top == NONE or posterior[top] <= settings.named or not settings.is_nameable(top):
         return False
     # A hypothesis without the reversed sense is named only where that is improbable.
     reversed_probability = inclusion(posterior).get(REVERSED, 0.0)

@@ -10,7 +10,7 @@ from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Inference, RecordMeaning
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import gap_decrease
-from dogshape.diagnosis.inference.verdict import CauseVerdict, is_nameable
+from dogshape.diagnosis.inference.verdict import CauseVerdict
 from dogshape.diagnosis.prediction.building import untried_effects
 from dogshape.diagnosis.terms import NONE, UNKNOWN, hypothesis_name, join_words
 from dogshape.sim import effects as registry
@@ -204,7 +204,7 @@ def remarks(diagnosis: Inference) -> list[str]:
 def _large_sets_sentence(diagnosis: Inference) -> str:
     """Write the probability of the sets that are too large to name a cause, '' for little."""
     settings = diagnosis.settings
-    probability = sum(p for h, p in diagnosis.posterior.items() if not is_nameable(h, settings))
+    probability = sum(p for h, p in diagnosis.posterior.items() if not settings.is_nameable(h))
     if probability < MIN_STATED_PROBABILITY:
         return ""
     count = settings.named_at_once

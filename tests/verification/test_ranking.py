@@ -306,6 +306,17 @@ def test_nothing_is_simulated_where_an_unlisted_cause_has_all_the_probability(
     assert not simulated_by(fake_search(monkeypatch, log_evidence, 0.0, unknown_value=12.0))
 
 
+@pytest.mark.parametrize(("rival", "is_decided"), [(-5.5, True), (-4.0, False)])
+def test_no_bench_follows_a_sure_name(
+    monkeypatch: pytest.MonkeyPatch, rival: float, is_decided: bool
+) -> None:
+    """Two errors of 2 nats raise a rival of 0.4 % to 18 %, one of 1.8 % to a half."""
+    first, second = ("a",), ("b",)
+    search = fake_search(monkeypatch, {first: 0.0, second: rival}, gain=0.0)
+    search.rounds = {first: 9}
+    assert (second not in simulated_by(search)) is is_decided
+
+
 def test_two_equal_hypotheses_are_simulated_until_the_error_of_half_is_small(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -22,7 +22,6 @@ from dogshape.bench.stand_file import Place
 from dogshape.bench.traces import BenchTrace
 from dogshape.diagnosis.diagnosis import Inference
 from dogshape.diagnosis.inference.outcome import NextTest
-from dogshape.diagnosis.inference.verdict import is_nameable
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import ReadQuantity, quantities_of, update_posterior
@@ -78,7 +77,7 @@ def judge_test(
         rises[test.name] = _probability(posteriors[test.name], correct) - probability_before
     posterior = posteriors[advised.name]
     top = max(posterior, key=lambda h: posterior[h])
-    named = posterior[top] > diagnosis.settings.named and is_nameable(top, diagnosis.settings)
+    named = posterior[top] > diagnosis.settings.named and diagnosis.settings.is_nameable(top)
     best_test = max(rises, key=lambda name: rises[name])
     return Advised(
         test=advised.name,
