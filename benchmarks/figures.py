@@ -25,6 +25,7 @@ from pydantic import BaseModel
 import dogshape
 from benchmarks import constants, field_table
 from benchmarks.field_table import EVIDENCE
+from dogshape.diagnosis.terms import join_words
 from dogshape.pipeline.record import Record
 from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate.design import OBJECTIVES
@@ -241,7 +242,7 @@ def measured_beside_simulated() -> str:
         group = [point for point in points if point.mismatch_rpm == mismatch]
         rows.append((f"{mismatch:.0f} 1/min", *mean_times(group)))
     rows.append((f"all {len(points)} operating points", *mean_times(points)))
-    causes = " and ".join(effect_title(name) for name in gap("stand")["gap"]["hypothesis"])
+    causes = join_words([effect_title(name) for name in gap("stand")["gap"]["hypothesis"]])
     stand_rms = rms_text("stand", "baseline")
     rows.append(("difference, root mean square", "", "", "", stand_rms, model_rms_text()))
     heldout_rms = rms_text("stand", "heldout")
@@ -254,7 +255,7 @@ def measured_beside_simulated() -> str:
         "measured less simulated",
         "Adams less simulated",
     )
-    named = " and ".join(effect_title(name) for name in gap("stand")["causes"])
+    named = join_words([effect_title(name) for name in gap("stand")["causes"]])
     verdict = f"the verdict names {named}" if named else "too uncertain for a verdict"
     sentence = f"Most probable causes of the difference: {causes}; {verdict}."
     return f"{markdown(head, rows)}\n{sentence}\n"

@@ -27,6 +27,7 @@ from dogshape.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
 from dogshape.diagnosis.diagnosis import Inference, RecordMeaning
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.inference.outcome import (
+    OUTCOME_DRAWS,
     SETUP_HOURS,
     SHIFT_HOURS,
     TRACING_HOURS,
@@ -86,6 +87,8 @@ RECORD_QUESTIONS = {  #: name and instruction of the question about a key of the
 }
 UNKNOWN_VALUES = 32  #: of an effect's range, which a test may read of an unlisted cause
 MAX_REFUTED = 0.05  #: probability of the answer after a word that refutes it
+FINALISTS = 6  #: leading tests, that are ranked again
+FINAL_DRAWS = 4 * OUTCOME_DRAWS  #: outcomes drawn of each of these
 GAIN_STEP = 1e-3  #: per hour, to which gains are compared
 SAMPLING_STEP_S = 1e-3  #: s, of a recording
 OFFSET_SDS_S = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
@@ -151,9 +154,12 @@ def rank_tests(diagnosis: Inference) -> tuple[NextTest, ...]:
         tests_by_name[test.name] = test
     tests = [*tests_by_name.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis)]
     tests = [replace(test, refutes=_refutation(diagnosis, test)) for test in tests]
-    first, *further = _order_tests(diagnosis, [_add_worth(diagnosis, test) for test in tests])
-    # The best of many by drawn outcomes looks better than it is: its worth is of other draws.
-    return (_add_worth(diagnosis, first, seed=2), *further)
+    ranked = _order_tests(diagnosis, [_add_worth(diagnosis, test) for test in tests])
+    # The best of many by drawn outcomes look better than they are: their worth is of other draws.
+    finalists = [
+        _add_worth(diagnosis, test, seed=2, draw_count=FINAL_DRAWS) for test in ranked[:FINALISTS]
+    ]
+    return (*_order_tests(diagnosis, finalists), *ranked[FINALISTS:])
 
 
 def update_posterior(
@@ -180,13 +186,15 @@ def update_posterior(
     return dict(zip(predicted.hypotheses, posterior.tolist(), strict=True))
 
 
-def _add_worth(diagnosis: Inference, test: NextTest, seed: int = 1) -> NextTest:
+def _add_worth(
+    diagnosis: Inference, test: NextTest, seed: int = 1, draw_count: int = OUTCOME_DRAWS
+) -> NextTest:
     """Add its worth to a test whose outcome is predicted."""
     if test.outcome is None:
         return test
     odds = imitator_odds(diagnosis.settings)
     prior = _prior(diagnosis, test.outcome)
-    worth = test.outcome.worth(prior, odds, diagnosis.settings, seed)
+    worth = test.outcome.worth(prior, odds, diagnosis.settings, seed, draw_count)
     return replace(test, **worth._asdict())
 
 

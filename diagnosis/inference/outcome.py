@@ -182,12 +182,20 @@ class PredictedOutcome:
         posterior[:, self._unknown_index] += (imitators - indistinct).sum(axis=1)
         return np.asarray(posterior / posterior.sum(axis=1, keepdims=True))
 
-    def worth(self, prior: Array, odds: float, settings: Settings, seed: int = 1) -> Worth:
+    def worth(
+        self,
+        prior: Array,
+        odds: float,
+        settings: Settings,
+        seed: int = 1,
+        draw_count: int = OUTCOME_DRAWS,
+    ) -> Worth:
         """Compute information and gain, and by how much chances to settle and to mislead rise.
 
         The truth is named afterwards if a test settles, anything else if it misleads. An
         imitator's truth is *unknown*. ``prior`` are the probabilities before the test,
-        (hypotheses,), ``odds`` those of an imitator to its hypothesis.
+        (hypotheses,), ``odds`` those of an imitator to its hypothesis; ``draw_count`` outcomes are
+        drawn.
         """
         generator = np.random.default_rng(seed)
         indices = np.arange(len(self.hypotheses))
@@ -199,7 +207,7 @@ class PredictedOutcome:
         source = np.concatenate([indices, np.where(self.is_read, self._unknown_index, indices)])
         truth = np.concatenate([indices, np.full(indices.size, self._unknown_index)])
         # As many draws of each as its probability: less noise than a random choice of it.
-        counts = np.maximum(1, np.round(OUTCOME_DRAWS * probability))
+        counts = np.maximum(1, np.round(draw_count * probability))
         counts = np.where(probability > 0.0, counts, 0).astype(int)
         causes = np.repeat(np.arange(probability.size), counts)
         weights = probability[causes] / counts[causes]

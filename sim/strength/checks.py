@@ -374,8 +374,8 @@ _TABLE = (
         "worse flank",
         formula="mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static; "
         "a flank with a negative one pushes the ring out",
-        source="equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the return spring "
-        "of the actuator, or else the smallest shift force of the operating points",
+        source="equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the return "
+        "spring of the actuator, or else the smallest shift force of the operating points",
         unit="N",
         key="load.pull_out_force_limit_N",
         at_most=True,

@@ -186,7 +186,7 @@ def test_traces_lead_where_unknown_does_at_the_largest_residual() -> None:
 def _gain(monkeypatch: pytest.MonkeyPatch, gains: dict[str, float]) -> None:
     """Give tests of some names or kinds a gain."""
 
-    def judged(diagnosis: Any, test: NextTest, seed: int = 1) -> NextTest:
+    def judged(diagnosis: Any, test: NextTest, seed: int = 1, draw_count: int = 1) -> NextTest:
         return replace(test, gain=gains.get(test.name, gains.get(test.kind, 0.0)))
 
     monkeypatch.setattr("dogshape.diagnosis.next_test._add_worth", judged)
