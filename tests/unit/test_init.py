@@ -140,6 +140,30 @@ def test_an_answer_equal_to_the_default_is_the_users_own(
     assert load_study("typed").physics_hash == load_study("plain").physics_hash
 
 
+def test_what_is_given_is_not_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Play in degrees, a range of mismatches, number of dogs, root and drag are given."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
+    mismatch = 'operating.mismatch_rpm={distribution="uniform",low=-25,high=25}'
+    settings = ("dog.count=6", "dog.backlash_deg=25", mismatch, "mechanism.drag_torque_Nm=0.3")
+    command = ["init", "study", "--mount", "sleeve", "--out", "given", *set_options(settings)]
+    done = CliRunner().invoke(app, command, input=50 * "\n")
+    assert done.exit_code == 0, done.stderr
+    for question in ("number of dogs", "play", "backlash", "mismatches", "drag", "root of the"):
+        assert not re.search(rf"^{question}.*\]:", done.stderr, re.MULTILINE), question
+    assert "forces of the shifts, N, likewise [" in done.stderr
+    study = load_study("given")
+    assert (study.clutch.dog.count, study.clutch.dog.backlash_angle / DEG) == pytest.approx((6, 25))
+    drawn = 'mismatch_rpm = {distribution = "uniform", low = -25, high = 25}'
+    assert drawn in Path("given/study.toml").read_text()
+    # A refused value is asked with all others.
+    command = ["init", "study", "--out", "again", *set_options(("operating.force_N=[100]",))]
+    done = CliRunner().invoke(app, command, input=30 * "\n")
+    before, after = done.stderr.split("your answers are kept")[:2]
+    assert "forces of the shifts" not in before
+    assert "forces of the shifts, N, likewise [100]:" in after
+
+
 def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A data sheet is typed as it stands; what it leaves open is asked again."""
     monkeypatch.chdir(tmp_path)
