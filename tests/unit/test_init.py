@@ -257,6 +257,16 @@ def test_ranges_of_the_search_hold_the_own_dog(dogshape: Call) -> None:
     assert study.variables["braking_deg"] == (4.0, 30.0)
 
 
+def test_an_equal_value_of_the_user_has_no_source_of_the_kind(dogshape: Call) -> None:
+    """Drag and torque are given with the numbers of the kind; the added mass is not given."""
+    given_values = "mechanism.drag_torque_Nm=0.3", "load.torque_Nm=900.0"
+    _begun(dogshape, *given_values, origin="ev_disconnect")
+    lines = Path("own/study.toml").read_text().splitlines()
+    assert "drag_torque_Nm = 0.3        # of the oil" in lines
+    assert not any("assumption" in line for line in lines if line.startswith("[load]"))
+    assert any(line.startswith("added_mass_kg") and "assumption" in line for line in lines)
+
+
 def test_a_new_key_stands_before_the_comments_of_the_next_table(dogshape: Call) -> None:
     _begun(dogshape, "mechanism.friction_N=12")
     text = Path("own/study.toml").read_text()
