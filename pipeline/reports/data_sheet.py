@@ -47,7 +47,7 @@ from dogshape.pipeline.store.result_records import HangKeys
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import ContactSet
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.shift.pair import OUTPUT_PREFIX, RING_NAMES, OutputDog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
@@ -79,7 +79,6 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
     worst_words = _point_words(worst, worst.difference_s, "+") if worst else "-"
     slowest_words = _point_words(slowest, slowest.mean_s) if slowest else "-"
     engaged_words = "-" if simulated.engaged is None else percent(simulated.engaged)
-    surface = check_name(sheet.locking_surface).removesuffix(" release")
     return {
         "verdict": line,
         "state": state,
@@ -98,9 +97,19 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
             sheet, sheet.margin_worst_case, sheet.weakest_check_worst_case
         ),
         "decisive landing": _landing_words(simulated.decisive_landing),
-        "locks above friction": f"{sheet.locking_friction:.3f} ({surface})" if surface else "-",
+        "locks above friction": _locking_words(sheet),
         "axial length, root to root, mm": f"{sheet.axial_length_mm:.2f}",
     }
+
+
+def _locking_words(sheet: DesignSheet) -> str:
+    """Print the friction above which a surface locks that must release; a dash without one."""
+    if not sheet.locking_surface:
+        return "-"
+    surface = check_name(sheet.locking_surface).removesuffix(" release")
+    if not any(f"{flank}_release" in sheet.margins for flank in FLANKS):
+        surface += " alone; flanks need not release"
+    return f"{sheet.locking_friction:.3f} ({surface})"
 
 
 def _landing_words(landing: LandingRow | None) -> str:
