@@ -34,6 +34,7 @@ from dogshape.pipeline.reports.text import (
 )
 from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate.design import SUMMARIES
+from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.check_records import (
     CheckRow,
     LandingRow,
@@ -182,6 +183,7 @@ def write_sheet(
             **sheet.to_dict(),
             "dimensions": [dimension._asdict() for dimension in dimensions],
             "checks": [check.to_dict() for check in single],
+            "warnings": notes_of(design.design_study),
             "provenance": provenance,
         }
         write_json(path, content)
@@ -202,10 +204,11 @@ def write_sheet(
     if study.limits.has_unlike_rings:
         columns.append("ring")
     margins = replace(check_table(rows, *columns), note=_references_note(single))
-    page.add("Margins to the limits", margins)
     assumptions = verdict.hangs_on[:MAX_ASSUMPTIONS]
     hinges = hinge_table(assumptions, "assumption", "range", "smallest_margin")
     page.add("Assumptions that decide the smallest margin", replace(hinges, words=(), note=""))
+    page.add("Warnings", *map(Markup('<p class="warning">{}</p>').format, notes_of(study)))
+    page.add("Margins to the limits", margins)
     page.add("Provenance", Table(("", ""), list(provenance.items())))
     page.save(path)
 
