@@ -12,7 +12,9 @@ import pandas as pd
 import pytest
 
 from dogshape.designs import write_data_sheet
+from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.named_design import named_design
+from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.shift_page import write_animation
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -63,6 +65,19 @@ def test_report_in_a_browser_and_on_paper(reported: Finished, tmp_path: Path) ->
         seen = browser.look(folder / links[-1])
         assert (seen["faults"], seen["loads"], seen["high"]) == ([], 0, False)
         assert browser.ask("document.getElementById('solid').dataset.state") == "drawn"
+
+
+def test_a_table_that_is_cut_says_that_it_scrolls(tmp_path: Path) -> None:
+    names = [f"design{k}" for k in range(30)]
+    narrow = Table(("name", "time"), [["own dog", "95 ms"]])
+    page = Report("tables").add("Wide", Table(["", *names], [["time", *names]])).add("Few", narrow)
+    page.save(tmp_path / "page.html")
+    with Chromium(tmp_path / "profile") as browser:
+        browser.look(tmp_path / "page.html")
+        frames = "[...document.querySelectorAll('.scroll')]"
+        hint = "getComputedStyle(frame, '::before').content"
+        hints = browser.ask(f"{frames}.map(frame => {hint})")
+    assert [words.startswith('"scroll right') for words in hints] == [True, False]
 
 
 #: A solenoid, a wide ring that tips and torque for several failures.
