@@ -29,6 +29,7 @@ from dogshape.sim.interface import argument, key_argument
 
 #: Unit of a count in a formula of quantities with units.
 PURE_NUMBER = Unit("", MISC, 1.0)
+QUOTE = "(['\"`]?)"  #: before a column, and again behind it
 PERCENT = Unit("%", MISC, 0.01)  #: of a share in a formula
 #: Quantities with an option of words in place of a unit.
 WORDED = ("engaged", "timestamp", "trace")
@@ -76,9 +77,9 @@ def stated_match(
         raise InputError(f"{answer} names no quantity; {did_you_mean(name, by_name)}")
     quantity, labels = by_name[name], column_labels(columns)
     pattern = "|".join(re.escape(label) for label in sorted(labels, key=len, reverse=True) if label)
-    match = re.fullmatch(rf"({pattern})(?::(.*))?", text) if pattern else None
+    match = re.fullmatch(rf"{QUOTE}({pattern})\1(?::(.*))?", text) if pattern else None
     if match:
-        column, option = labels[match[1]], match[2] or ""
+        column, option = labels[match[2]], match[3] or ""
         unit = unit_with_factor(option) if option else column.unit
         if name in WORDED:
             unit = unit or column.unit
@@ -145,7 +146,7 @@ def _formula_match(
     areas = _AREA_LITERAL.findall(text) if quantity.dimension == FORCE else []
 
     def placed(match: re.Match[str]) -> str:
-        column, unit_text = labels[match[1]], match[2] or ""
+        column, unit_text = labels[match[2]], match[3] or ""
         unit = unit_named(unit_text) if unit_text else column.unit
         if quantity.name == "shift_time_sd_s":
             unit = _spread_unit(column, unit_text) or unit
@@ -155,7 +156,8 @@ def _formula_match(
         terms.append((column, unit))
         return f"c{len(terms) - 1}"
 
-    formula = re.sub(rf"(?<![\w.])({pattern})(?::([\w/^*%-]*\w))?(?!\w)", placed, text)
+    label = rf"{QUOTE}({pattern})\1(?::([\w/^*%-]*\w))?"
+    formula = re.sub(rf"(?<![\w.]){label}(?!\w)", placed, text)
     if not terms:
         hint = did_you_mean(text, [column.head for column in columns])
         raise InputError(

@@ -285,17 +285,15 @@ class TableReader:
             return self._record(match, [float(match.formula)] * len(self.table.rows), "")
         terms = [self._term(match, column, unit) for column, unit in match.terms]
         frame = pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)})
-        error_text = ""
         try:
             values = pd.to_numeric(frame.eval(match.formula)).replace([np.inf, -np.inf], np.nan)
-        except Exception as error:  # what it raises depends on the text
+        except Exception:  # what it raises depends on the text
             values = np.nan * frame["c0"]
-            error_text = f": {error}"
         if match.formula != "c0" and not values.notna().any():
             self._fault(
                 match,
-                f"is no formula of its columns ({match.why}{error_text}); write for "
-                "instance 'n_out - n_in'",
+                f"is no formula of its columns ({match.why}); write columns, numbers, + - * / and "
+                "brackets, for instance 'n_out - n_in' or '-1 * n_in'",
             )
         # A factor such as 1e-3 adds a last digit to that of the cell.
         done = [float(f"{v:.15g}") if math.isfinite(v) else None for v in values]

@@ -64,6 +64,9 @@ _NUMBER = "a number"
 _BOOL = "true or false"
 _TABLE = "a table of keys"
 _LIST = "a list in square brackets"
+LIST_TAG = "a list"  #: of a value that is a list or a distribution; tags have a space
+#: Between the ends of a typed range.
+RANGE_WORD = re.compile(r"\s+(?:to|bis)\s+|\s*(?:\.\.\.?|\N{HORIZONTAL ELLIPSIS})\s*")
 #: Requirement on a value by the kind of the rule; braces hold the validator's limits.
 RULES: Mapping[str, str] = {
     **dict.fromkeys(("bool_parsing", "bool_type"), _BOOL),
@@ -102,13 +105,15 @@ class BrokenRule(NamedTuple):
     value: Any
     limits: Mapping[str, Any]  #: of the rule by name; the exception of a rule in code as ``error``
     path: tuple[str, ...]  #: tables and key of the value
+    takes_distribution: bool = False  #: whether a distribution may stand in place of a list
 
     @classmethod
     def of(cls, error: ErrorDetails) -> BrokenRule:
         """Read an error of the validator."""
         # Pydantic adds the kind of value that it tried, which unlike a key has a space.
         path = tuple(str(part) for part in error["loc"] if " " not in str(part))
-        return cls(error["type"], error["input"], error.get("ctx", {}), path)
+        takes_distribution = LIST_TAG in error["loc"]
+        return cls(error["type"], error["input"], error.get("ctx", {}), path, takes_distribution)
 
     @property
     def key(self) -> str:
@@ -119,7 +124,7 @@ class BrokenRule(NamedTuple):
         """Word the mistake of a value called ``name``: name, value, rule and remedy."""
         rule = RULES.get(self.kind, "of another kind")
         rule = rule.format(**self.limits).replace(" 1 values", " one value")
-        remedy = _remedy(rule, self.value)
+        remedy = _remedy(rule, self.value, takes_distribution=self.takes_distribution)
         unit = unit_of(name)
         if unit and rule == _NUMBER:
             rule += f" in {unit}"
@@ -129,7 +134,7 @@ class BrokenRule(NamedTuple):
         return f"{name} is {text}, but it must be {rule}; {remedy}"
 
 
-def _remedy(rule: str, value: Any) -> str:
+def _remedy(rule: str, value: Any, *, takes_distribution: bool = False) -> str:
     """Return the remedy for a ``value`` that breaks a rule in words."""
     if "number" in rule and isinstance(value, str):
         meant = meant_number(value)
@@ -138,11 +143,26 @@ def _remedy(rule: str, value: Any) -> str:
         if rule == _NUMBER or meant == round(meant):
             return f"write {meant:g}"
     if rule == _LIST:
-        return f"write [{_list_text(str(value))}]"
+        remedy = f"write [{_list_text(str(value))}]"
+        ends = _range_ends(str(value)) if takes_distribution else None
+        if ends is None:
+            return remedy
+        low, high = ends
+        distribution = f'{{distribution="uniform",low={low:g},high={high:g}}}'
+        return f"{remedy} for two values, {distribution} for a range"
     if rule == _TABLE:
         return "give its keys one by one"
     remedies = (remedy for prefix, remedy in LIMIT_REMEDIES.items() if rule.startswith(prefix))
     return next(remedies, "correct the value")
+
+
+def _range_ends(text: str) -> tuple[float, float] | None:
+    """Read both ends of a text ``LOW to HIGH``; None for another text."""
+    parts = RANGE_WORD.split(text.strip("[]() "))
+    if len(parts) != 2:
+        return None
+    low, high = map(meant_number, map(str.strip, parts))
+    return None if low is None or high is None else (low, high)
 
 
 def _list_text(text: str) -> str:

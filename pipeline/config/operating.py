@@ -27,7 +27,14 @@ from pydantic import Discriminator, Field, Tag
 
 from dogshape.bench.texts import read_toml
 from dogshape.sim import effects as registry
-from dogshape.sim.clutch_tables import ActuatorKeys, MechanismSection, Section, later, or_one
+from dogshape.sim.clutch_tables import (
+    LIST_TAG,
+    ActuatorKeys,
+    MechanismSection,
+    Section,
+    later,
+    or_one,
+)
 from dogshape.sim.effect import Effect
 from dogshape.sim.elementwise import Array
 from dogshape.sim.errors import (
@@ -188,8 +195,8 @@ class Actuation:
 
 #: A list of numbers or a distribution; tags have a space, which no key has.
 Spread = Annotated[
-    Annotated[Numbers, Tag("a list")] | Annotated[Distribution, Tag("a distribution")],
-    Discriminator(lambda v: "a distribution" if isinstance(v, dict | Distribution) else "a list"),
+    Annotated[Numbers, Tag(LIST_TAG)] | Annotated[Distribution, Tag("a distribution")],
+    Discriminator(lambda v: "a distribution" if isinstance(v, dict | Distribution) else LIST_TAG),
 ]
 
 

@@ -82,8 +82,9 @@ def with_values(
     values
         Values by dotted key. None takes a key out; a mapping replaces a table.
     comments
-        Comments of replaced values and their tables by dotted key; values without one lose
-        theirs, which may be about the old value. By default only sources are dropped.
+        Comments of the values and their tables by dotted key; values without one lose theirs,
+        which may be about the old value or its source. By default only sources are dropped, and
+        equal values keep theirs.
 
     Raises
     ------
@@ -105,9 +106,11 @@ def with_values(
                 _put(table, name, tomlkit.item(dict(value)))
             else:
                 _put(table, name, _item(value, lines=True))
+        is_new = old_value != value or comments is not None
+        if is_new and value is not None:
             _renew_comment(table[name], key, comments)
             _drop_sources_before(table, name)
-        if old_value != value:
+        if is_new:
             _renew_comment(table, key.rpartition(".")[0], comments)
     return tomlkit.dumps(document).rstrip("\n") + "\n"
 

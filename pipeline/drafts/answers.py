@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dogshape.bench.cell_values import FORCE, LENGTH, SPEED, TIME, bare_unit, unit_named
+from dogshape.sim.clutch_tables import RANGE_WORD
 from dogshape.sim.errors import InputError, meant_number
 from dogshape.sim.units import DEG
 
@@ -44,7 +45,6 @@ SPELLINGS: dict[str, dict[str, float]] = {
 }
 #: Dimension of a unit that tables of benches have too.
 DIMENSIONS = {"1/min": SPEED, "N": FORCE, "s": TIME, "mm": LENGTH}
-_RANGE = re.compile(r"\s+(?:to|bis)\s+|\s*(?:\.\.\.?|\N{HORIZONTAL ELLIPSIS})\s*")
 _NUMBER = re.compile(
     r"(?P<number>[-+\N{MINUS SIGN}\N{EN DASH}]?(?:\d+(?:[.,]\d+)*[.]?|[.]\d+)(?:[eE][-+]?\d+)?)"
     r"\s*(?P<unit>(?:1/min|[^\W\d_]|\N{DEGREE SIGN})"
@@ -68,7 +68,7 @@ def read_numbers(text: str, unit: str, factors: Mapping[str, float] | None = Non
     ``factors`` to that unit are those of further units, by their spelling without blanks. Raises
     InputError for an answer that is neither a list of numbers nor a range, or an unknown unit.
     """
-    parts = [part.strip() for part in _RANGE.split(text.strip())]
+    parts = [part.strip() for part in RANGE_WORD.split(text.strip())]
     ranged = len(parts) == 2
     if len(parts) > 2:
         raise InputError("give a range as LOW to HIGH")

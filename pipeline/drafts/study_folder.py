@@ -63,6 +63,8 @@ from dogshape.pipeline.drafts.draft_keys import (
     OPERATING,
     OPERATION,
     PLAY_DEVIATION,
+    POINT_SET,
+    POINTS,
     PULL_OUT_SHARE,
     RADIUS,
     RELEASE,
@@ -448,6 +450,17 @@ def user_values(
     points = OPERATION if changes.keys() & OPERATION else ()
     user_keys = [key for key in answers if key in changes or key in typed_keys or key in points]
     return {**values, **{key: answers[key] for key in user_keys}}
+
+
+def settled_keys(values: Mapping[str, Any]) -> set[str]:
+    """List the keys of questions that given ``values`` answer, or state as another quantity."""
+    given_keys = {key for key, value in values.items() if value is not None}
+    keys = {key for key in WORDS if any(is_under(key, stem) for stem in given_keys)}
+    if BACKLASH_DEG in given_keys:
+        keys.add(BACKLASH)
+    if given_keys & {POINTS, POINT_SET}:
+        keys.update(OPERATION)
+    return keys
 
 
 def is_void(key: str, answers: Mapping[str, Any]) -> bool:

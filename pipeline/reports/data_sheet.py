@@ -34,6 +34,7 @@ from dogshape.pipeline.reports.text import (
 )
 from dogshape.pipeline.search.study_record import StudyRecord
 from dogshape.pipeline.simulate.design import SUMMARIES
+from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.check_records import (
     CheckRow,
     LandingRow,
@@ -47,7 +48,7 @@ from dogshape.pipeline.store.result_records import HangKeys
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import ContactSet
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.shift.pair import OUTPUT_PREFIX, RING_NAMES, OutputDog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
@@ -79,7 +80,6 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
     worst_words = _point_words(worst, worst.difference_s, "+") if worst else "-"
     slowest_words = _point_words(slowest, slowest.mean_s) if slowest else "-"
     engaged_words = "-" if simulated.engaged is None else percent(simulated.engaged)
-    surface = check_name(sheet.locking_surface).removesuffix(" release")
     return {
         "verdict": line,
         "state": state,
@@ -98,9 +98,19 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
             sheet, sheet.margin_worst_case, sheet.weakest_check_worst_case
         ),
         "decisive landing": _landing_words(simulated.decisive_landing),
-        "locks above friction": f"{sheet.locking_friction:.3f} ({surface})" if surface else "-",
+        "locks above friction": _locking_words(sheet),
         "axial length, root to root, mm": f"{sheet.axial_length_mm:.2f}",
     }
+
+
+def _locking_words(sheet: DesignSheet) -> str:
+    """Print the friction above which a surface locks that must release; a dash without one."""
+    if not sheet.locking_surface:
+        return "-"
+    surface = check_name(sheet.locking_surface).removesuffix(" release")
+    if not any(f"{flank}_release" in sheet.margins for flank in FLANKS):
+        surface += " alone; flanks need not release"
+    return f"{sheet.locking_friction:.3f} ({surface})"
 
 
 def _landing_words(landing: LandingRow | None) -> str:
@@ -173,6 +183,7 @@ def write_sheet(
             **sheet.to_dict(),
             "dimensions": [dimension._asdict() for dimension in dimensions],
             "checks": [check.to_dict() for check in single],
+            "warnings": notes_of(design.design_study),
             "provenance": provenance,
         }
         write_json(path, content)
@@ -193,10 +204,11 @@ def write_sheet(
     if study.limits.has_unlike_rings:
         columns.append("ring")
     margins = replace(check_table(rows, *columns), note=_references_note(single))
-    page.add("Margins to the limits", margins)
     assumptions = verdict.hangs_on[:MAX_ASSUMPTIONS]
     hinges = hinge_table(assumptions, "assumption", "range", "smallest_margin")
     page.add("Assumptions that decide the smallest margin", replace(hinges, words=(), note=""))
+    page.add("Warnings", *map(Markup('<p class="warning">{}</p>').format, notes_of(study)))
+    page.add("Margins to the limits", margins)
     page.add("Provenance", Table(("", ""), list(provenance.items())))
     page.save(path)
 

@@ -32,6 +32,7 @@ LABELS = {
 #: Blanks of quantities: around a ±, before a unit, and after the S of a safety factor.
 UNIT = "|".join(map(re.escape, ("±", "%", "dogs", *(unit for _, unit in UNITS.values() if unit))))
 BLANK = re.compile(rf"(?<=\d) (?=(?:{UNIT})(?![\w/]))|(?<=±) |(?<=\bS) (?=\d)|(?<=\d N) (?=[ms]\b)")
+MICROMETRES = re.compile(r"\Aum\Z|(?<=\d )um\b|(?<=N/)um\b")
 PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 ENGINES = {"drake": "Drake", "planar": "the compiled engine"}  #: words for each engine
 #: Checks, events and loads whose key is no name.
@@ -47,10 +48,11 @@ CHECKS = {
 
 
 def bind_units(words: Any) -> Any:
-    """Replace the blanks in quantities by no-break spaces; other values than text stay."""
+    """Print quantities with no-break spaces and micro signs; other values than text stay."""
     if type(words) not in (str, Bad):
         return words
-    return BLANK.sub("\N{NO-BREAK SPACE}", words)
+    micro = MICROMETRES.sub("\N{MICRO SIGN}m", words)
+    return type(words)(BLANK.sub("\N{NO-BREAK SPACE}", micro))
 
 
 def minus(words: str) -> str:

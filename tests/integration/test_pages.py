@@ -12,8 +12,11 @@ import pandas as pd
 import pytest
 
 from dogshape.designs import write_data_sheet
+from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.named_design import named_design
+from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.shift_page import write_animation
+from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
@@ -64,13 +67,51 @@ def test_report_in_a_browser_and_on_paper(reported: Finished, tmp_path: Path) ->
         assert browser.ask("document.getElementById('solid').dataset.state") == "drawn"
 
 
-@pytest.mark.parametrize("name", ["mq200_paper", "mq200"])
-def test_a_data_sheet_prints_on_one_page(tmp_path: Path, name: str) -> None:
+def test_a_table_that_is_cut_says_that_it_scrolls(tmp_path: Path) -> None:
+    names = [f"design{k}" for k in range(30)]
+    narrow = Table(("name", "time"), [["own dog", "95 ms"]])
+    page = Report("tables").add("Wide", Table(["", *names], [["time", *names]])).add("Few", narrow)
+    page.save(tmp_path / "page.html")
+    with Chromium(tmp_path / "profile") as browser:
+        browser.look(tmp_path / "page.html")
+        frames = "[...document.querySelectorAll('.scroll')]"
+        hint = "getComputedStyle(frame, '::before').content"
+        hints = browser.ask(f"{frames}.map(frame => {hint})")
+    assert [words.startswith('"scroll right') for words in hints] == [True, False]
+
+
+#: A solenoid, a wide ring that tips and torque for several failures.
+SOLENOID = (
+    "actuation={kind='solenoid', start_force_N=60, end_force_N=180, stroke_mm=6, voltage_V=12, "
+    "resistance_ohm=2.1, inductance_mH=9, return_preload_N=25}",
+    "operating={mismatch_rpm=[-25, 10, 25], force_N=[100]}",
+    "dog.count=60", "dog.height_mm=2", "dog.outer_diameter_mm=110", "dog.inner_diameter_mm=94",
+    "dog.backlash_mm=0.4", "dog.axial_gap_mm=0.6", "load.torque_Nm=4500", "dog.chamfer_deg=2",
+)  # fmt: skip
+#: Number of columns that the table of margins has parts in.
+MARGIN_COLUMNS = "document.getElementById('margins-to-the-limits').getClientRects().length"
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [("mq200_paper", ()), ("mq200", ()), ("ev_disconnect", SOLENOID)],
+    ids=["mq200_paper", "mq200", "solenoid"],
+)
+def test_a_data_sheet_prints_on_one_page(
+    tmp_path: Path, name: str, settings: tuple[str, ...]
+) -> None:
     why = "a reason that goes on for more than one line: " + 30 * "why, "
-    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", {"why": why})
+    design = named_design(name, settings, chosen=False)
+    page = write_data_sheet(design, tmp_path / "sheet.html", {"why": why})
     with Chromium(tmp_path / "profile") as browser:
         browser.look(page)
+        assert browser.ask(MARGIN_COLUMNS) == 1
+        words = browser.ask("document.body.textContent")
         assert re.findall(rb"/Count (\d+)", browser.print_pdf()) == [b"1"]
+    assert "\N{MICRO SIGN}m" in words
+    for note in notes_of(design.design_study):
+        assert note in words.replace("\N{NO-BREAK SPACE}", " ")
+    assert ("the root formula was fitted to" in words) == bool(settings)
 
 
 @pytest.mark.parametrize(

@@ -282,15 +282,27 @@ def test_two_speeds_are_a_mismatch_by_formula(bench: Bench) -> None:
                    enumerate([(1450.0, 1500.0), (1450.0, 1550.0), (1461.0, 1610.0)]))  # fmt: skip
     text = f"n_in [1/min];n-out [rad/s];F [N];t_shift [ms]\n{rows}"
     bench.refused(text, words=["mismatch_rpm may be", "n-out - n_in", "docs/scope.md"])
-    for formula, factor in (("n-out - n_in", 1.0), ("(n_in - n-out)/2", -0.5)):
+    formulas = {
+        "n-out - n_in": 1.0, "(n_in - n-out)/2": -0.5, "-1 * 'n_in' + 'n-out'": 1.0,
+        "-(`n-out [rad/s]`:rad/s - n_in)": -1.0, "'n_in' * -0.5 + 0.5 * n-out": 0.5,
+    }  # fmt: skip
+    for formula, factor in formulas.items():
         found = bench.numbers(text, "--column", f"mismatch_rpm={formula}")
         known = [factor * one for one in (50.0, 100.0, 149.0)]
         assert [row[0] for row in found] == pytest.approx(known, abs=1e-4)
     (said,) = (c for c in bench.json["columns"] if c["quantity"] == "mismatch_rpm")
     assert "sign is that of the formula" in said["why"]
     bench.refused(text, "--column", "mismatch_rpm=n2 - n3", words=["no such column"])
-    for wrong in ("n_in -", "n_in / 0", "n_in(n-out)", "n_out2 - n_in", "n_in if n_in else 0"):
-        bench.refused(text, "--column", f"mismatch_rpm={wrong}", words=["is no formula"])
+    for wrong in (
+        "n_in -",
+        "n_in / 0",
+        "n_in(n-out)",
+        "n_out2 - n_in",
+        "n_in if n_in else 0",
+        "n_in - 'n-out",
+    ):
+        words = ["is no formula", "write columns, numbers, + - * / and brackets"]
+        bench.refused(text, "--column", f"mismatch_rpm={wrong}", words=words)
 
 
 @pytest.mark.parametrize("rises", [True, False])

@@ -140,6 +140,30 @@ def test_an_answer_equal_to_the_default_is_the_users_own(
     assert load_study("typed").physics_hash == load_study("plain").physics_hash
 
 
+def test_what_is_given_is_not_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Play in degrees, a range of mismatches, number of dogs, root and drag are given."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(dialogue, "may_ask", lambda yes=False: not yes)
+    mismatch = 'operating.mismatch_rpm={distribution="uniform",low=-25,high=25}'
+    settings = ("dog.count=6", "dog.backlash_deg=25", mismatch, "mechanism.drag_torque_Nm=0.3")
+    command = ["init", "study", "--mount", "sleeve", "--out", "given", *set_options(settings)]
+    done = CliRunner().invoke(app, command, input=50 * "\n")
+    assert done.exit_code == 0, done.stderr
+    for question in ("number of dogs", "play", "backlash", "mismatches", "drag", "root of the"):
+        assert not re.search(rf"^{question}.*\]:", done.stderr, re.MULTILINE), question
+    assert "forces of the shifts, N, likewise [" in done.stderr
+    study = load_study("given")
+    assert (study.clutch.dog.count, study.clutch.dog.backlash_angle / DEG) == pytest.approx((6, 25))
+    drawn = 'mismatch_rpm = {distribution = "uniform", low = -25, high = 25}'
+    assert drawn in Path("given/study.toml").read_text()
+    # A refused value is asked with all others.
+    command = ["init", "study", "--out", "again", *set_options(("operating.force_N=[100]",))]
+    done = CliRunner().invoke(app, command, input=30 * "\n")
+    before, after = done.stderr.split("your answers are kept")[:2]
+    assert "forces of the shifts" not in before
+    assert "forces of the shifts, N, likewise [100]:" in after
+
+
 def test_answers_have_units_and_ranges(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A data sheet is typed as it stands; what it leaves open is asked again."""
     monkeypatch.chdir(tmp_path)
@@ -231,6 +255,16 @@ def test_ranges_of_the_search_hold_the_own_dog(dogshape: Call) -> None:
     wide = {name: study.variables[name] for name in ("traction_deg", "count", "height_mm")}
     assert wide == {"traction_deg": (-5.0, 30.0), "count": (5, 36), "height_mm": (1.6, 8.0)}
     assert study.variables["braking_deg"] == (4.0, 30.0)
+
+
+def test_an_equal_value_of_the_user_has_no_source_of_the_kind(dogshape: Call) -> None:
+    """Drag and torque are given with the numbers of the kind; the added mass is not given."""
+    given_values = "mechanism.drag_torque_Nm=0.3", "load.torque_Nm=900.0"
+    _begun(dogshape, *given_values, origin="ev_disconnect")
+    lines = Path("own/study.toml").read_text().splitlines()
+    assert "drag_torque_Nm = 0.3        # of the oil" in lines
+    assert not any("assumption" in line for line in lines if line.startswith("[load]"))
+    assert any(line.startswith("added_mass_kg") and "assumption" in line for line in lines)
 
 
 def test_a_new_key_stands_before_the_comments_of_the_next_table(dogshape: Call) -> None:

@@ -40,6 +40,7 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.result_records import PointRow
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.elementwise import Array
+from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.strength.locking import locking_checks, locking_friction
 from dogshape.study import Study
 from dogshape.surrogate.store import save
@@ -404,6 +405,11 @@ def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
     assert row["worst point minus own dog, ms"].startswith(f"{1e3 * worst.difference_s:+.1f} ± ")
     words = words_of(sheet)
     assert words["locks above friction"].startswith(f"{sheet.locking_friction:.3f} (")
+    assert "alone" not in words["locks above friction"]
+    held_margins = {k: v for k, v in sheet.margins.items() if k.partition("_")[0] not in FLANKS}
+    held = sheet.model_copy(update={"margins": held_margins, "locking_surface": "chamfer_release"})
+    alone = "(chamfer alone; flanks need not release)"
+    assert words_of(held)["locks above friction"] == f"{sheet.locking_friction:.3f} {alone}"
     assert prototype[2].startswith(f"+{1e3 * confirmed['gain_s']:.1f} ± ")
     assert (table.looks[0], table.looks[len(others) + 1]) == ("best", "prototype")
 

@@ -110,6 +110,9 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     # operating points and what is uncertain
     ("operating.force_N=300,400", "write [300,400]"),
     ("operating.force_N=300,5 400", "write [300.5,400]"),
+    ("operating.mismatch_rpm=-25 to 25", 'write [-25,25] for two values, {distribution="uniform",'
+     "low=-25,high=25} for a range"),
+    ("actuation.rise_s=0.1 to 0.2", "a list in square brackets; write [0.1,0.2]"),
     ("operating=3", "operating is 3, but it must be a table of keys"),
     ("operating.force_N=[100]", "the rise times of the study cover 235.2 to 641.5 N"),
     (f"{DRAWN}'norml', mean=1}}", "did you mean 'normal'?"),

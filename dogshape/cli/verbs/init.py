@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -161,6 +161,8 @@ def _ask_study(
     from dogshape.pipeline.simulate.ahead import compile_ahead  # noqa: PLC0415
 
     compile_ahead()
+    settled_keys = study_folder.settled_keys(values)
+    replaced_keys = settled_keys - values.keys()  # no answer to these may stand beside the values
     values = study_folder.values_with(reading, values)
     typer.echo(f"kinds of clutch: {bundled_kinds()}", err=True)
     origin = dialogue.ask("begin from (a kind, a study, or the folder of a bench)", origin)
@@ -173,8 +175,8 @@ def _ask_study(
     def user_keys() -> dict[str, Any]:
         return study_folder.user_values(values, answers, defaults, typed_keys & used_keys)
 
-    def add_answers(part_defaults: Mapping[str, Any]) -> None:
-        for key, answer in ask_values(part_defaults, questions).items():
+    def add_answers(part_defaults: Mapping[str, Any], known_keys: Collection[str]) -> None:
+        for key, answer in ask_values(part_defaults, questions, known_keys).items():
             answers[key] = answer.value
             if answer.is_typed:
                 typed_keys.add(key)
@@ -185,14 +187,14 @@ def _ask_study(
                 return make(user_keys())
             except (InputError, GeometryError) as error:
                 typer.echo(f"{error}\nnothing is written yet; your answers are kept", err=True)
-                add_answers(defaults | answers)
+                add_answers(defaults | answers, replaced_keys)
 
     for part in draft_keys.PARTS.values():
         part_questions = study_folder.questions_of(origin, user_keys(), part)
         defaults |= part_questions.defaults
         questions |= part_questions.words
         used_keys |= part_questions.used_keys
-        add_answers(part_questions.defaults)
+        add_answers(part_questions.defaults, settled_keys)
         if part is draft_keys.OPERATION:
             repeat_until_valid(partial(study_folder.draft_study, origin))
     write = partial(study_folder.write_study, out, origin, force=force, reading=reading)
@@ -326,16 +328,21 @@ def _ask_bench(draft: BenchDraft, target: Path) -> BenchDraft:
 
 
 def ask_values(
-    defaults: Mapping[str, Any], questions: Mapping[str, str]
+    defaults: Mapping[str, Any], questions: Mapping[str, str], known_keys: Collection[str] = ()
 ) -> dict[str, dialogue.DialogueAnswer]:
-    """Ask for values by their keys, except for keys that earlier answers make void."""
+    """Ask for values by their keys, except for known ones and those that others make void.
+
+    The value of a known key is its default.
+    """
     from dogshape.pipeline.drafts.draft_keys import CHOICES  # noqa: PLC0415
     from dogshape.pipeline.drafts.study_folder import is_void, value_of  # noqa: PLC0415
 
+    known_values = {key: value for key, value in defaults.items() if key in known_keys}
     answers: dict[str, dialogue.DialogueAnswer] = {}
     for key, default in defaults.items():
-        values = {answered_key: answer.value for answered_key, answer in answers.items()}
-        if not is_void(key, values):
+        answered_values = {answered_key: answer.value for answered_key, answer in answers.items()}
+        values = known_values | answered_values
+        if key not in known_keys and not is_void(key, values):
             read = partial(value_of, key, default=default, answers=values)
             answers[key] = dialogue.ask_value(
                 questions.get(key, key), default, CHOICES.get(key, ()), read
