@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, reduce
 from operator import and_
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -277,12 +277,10 @@ class DesignGroup(NamedTuple):
             for name in names
             if name in OUTPUT_VARIABLES
         }
-        nominal = _field_values(study.clutch.dog)
-        rows = {"row": np.arange(len(x))} if output_columns else {}
-        dogs = Dogs(**(nominal | si_fields(columns) | rows))
+        dogs = Dogs.of(study.clutch.dog, **si_fields(columns))
         if output_columns:
-            nominal_output = _field_values(study.limits.output_dog)
-            output_dogs = OutputDogs(**(nominal_output | si_fields(output_columns)))
+            dogs = replace(dogs, row=np.arange(len(x)))
+            output_dogs = OutputDogs.of(study.limits.output_dog, **si_fields(output_columns))
             study = replace(study, limits=replace(study.limits, output_dog=output_dogs))
         return cls(study, dogs)
 
@@ -291,11 +289,6 @@ class DesignGroup(NamedTuple):
         """Whether both dogs and the pair of each design keep all rules of a shape, (n,)."""
         possible = pair_with(self.study, self.dogs).possible
         return np.broadcast_to(possible, self.dogs.size)
-
-
-def _field_values(value: Any) -> dict[str, Any]:
-    """Return the values of a dataclass by the names of its fields."""
-    return {entry.name: getattr(value, entry.name) for entry in fields(value)}
 
 
 def pair_with(study: Setup, dog: Dog) -> Pair:

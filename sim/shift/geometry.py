@@ -357,6 +357,11 @@ def section(dog: Dog) -> list[tuple[float, float]]:
     ]
 
 
+def field_values(value: Any) -> dict[str, Any]:
+    """Return the values of a dataclass by the names of its fields."""
+    return {entry.name: getattr(value, entry.name) for entry in fields(value)}
+
+
 @dataclass(frozen=True, eq=False)
 class Dogs(Dog):
     """Many dogs as one: every field is a number or an array (n,), and no shape is refused."""
@@ -369,6 +374,11 @@ class Dogs(Dog):
     def __post_init__(self) -> None:
         """Accept any shape."""
 
+    @classmethod
+    def of(cls, dog: Dog, **columns: Any) -> Dogs:
+        """Build many dogs of one or of many, with ``columns`` (n,) in place of some fields."""
+        return cls(**(field_values(dog) | columns))
+
     @property
     def possible(self) -> bool:
         """Whether all rules of a shape are kept, (n,) of bool."""
@@ -377,14 +387,12 @@ class Dogs(Dog):
     @cached_property
     def size(self) -> int:
         """Number of dogs."""
-        return np.broadcast(*(getattr(self, field.name) for field in fields(self))).size
+        return np.broadcast(*field_values(self).values()).size
 
     def select(self, mask: Mask) -> Dogs:
         """Select the dogs of a mask (n,)."""
-        columns = {field.name: getattr(self, field.name) for field in fields(self)}
-        return replace(
-            self, **{n: values[mask] for n, values in columns.items() if np.ndim(values)}
-        )
+        columns = field_values(self).items()
+        return replace(self, **{n: values[mask] for n, values in columns if np.ndim(values)})
 
     @classmethod
     def join(cls, groups: Sequence[Dogs]) -> Dogs:

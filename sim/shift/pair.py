@@ -46,7 +46,7 @@ import numpy as np
 from dogshape.sim.elementwise import largest, smallest, tan, where
 from dogshape.sim.errors import GeometryError, InputError, Refusal
 from dogshape.sim.quantity import quantities_of, quantity, record_quantities, require_ranges
-from dogshape.sim.shift.geometry import Dog, Dogs
+from dogshape.sim.shift.geometry import Dog, Dogs, field_values
 from dogshape.sim.units import MM
 
 
@@ -168,6 +168,11 @@ class OutputDogs(OutputDog):
 
     def __post_init__(self) -> None:
         """Accept any dimension."""
+
+    @classmethod
+    def of(cls, output_dog: OutputDog, **columns: Any) -> OutputDogs:
+        """Build output dogs of one, with ``columns`` (n,) in place of some dimensions."""
+        return cls(**(field_values(output_dog) | columns))
 
     def _shape_beside(self, sliding: Dog) -> dict[str, Any]:
         row = sliding.row if isinstance(sliding, Dogs) else None

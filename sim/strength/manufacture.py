@@ -312,7 +312,7 @@ def _passing_play(dog: Dog, deviations: Mapping[str, float], output_dog: OutputD
 
     Below zero where dogs do not pass each other.
     """
-    shape: Dog = Dogs(**{entry.name: getattr(dog, entry.name) for entry in fields(Dog)})
+    shape = Dogs.of(dog)
     deviated, _ = add_deviations(shape, SHARPEST, deviations)
     return Pair(deviated, output_dog.beside(deviated, shape)).passing_play
 

@@ -99,6 +99,17 @@ LOW_DOGS = {
 }  # fmt: skip
 
 
+def test_undercut_dogs_of_both_rings_are_marked_as_each() -> None:
+    """The play at the mouth of a slot is that of each output dog beside its own sliding dog."""
+    study = load_study("motorcycle", {"variables.output_dog.height_mm": [3.0, 6.0]})
+    low_ends, high_ends = np.array([*study.variables.values()], dtype=float).T
+    shares = np.random.default_rng(1).random((200, len(study.variables)))
+    designs = [study.params_of(row) for row in low_ends + shares * (high_ends - low_ends)]
+    allowed = [worth_simulating(study, design) for design in designs]
+    assert 5 <= sum(allowed) < len(designs)
+    assert mark_worthy(study, designs).tolist() == allowed
+
+
 @pytest.mark.parametrize("limits", [{}, {"search.limits.smallest_margin_worst": -0.5}])
 @pytest.mark.parametrize("low", [{}, LOW_DOGS])
 def test_designs_of_both_rings_are_marked_as_each(
