@@ -23,7 +23,7 @@ from unittest.mock import patch
 import numpy as np
 
 from dogshape.bench.bench_data import load_bench
-from dogshape.diagnosis.inference.verdict import credible_set, inclusion
+from dogshape.diagnosis.inference.verdict import credible_set, parts_of
 from dogshape.diagnosis.prediction import model
 from dogshape.diagnosis.prediction.moments import Modes, modes_of
 from dogshape.diagnosis.settings import USUAL
@@ -103,11 +103,9 @@ def by_evidence(diagnosis: Record) -> Record:
     causes = diagnosis["causes"]
     if verdict in ("effect", "ambiguous"):
         top = next(iter(posterior))
-        is_named = top not in (NONE, UNKNOWN) and USUAL.is_nameable(top)
-        is_named = is_named and posterior[top] > USUAL.named
+        is_named = top not in (NONE, UNKNOWN) and USUAL.names(top, posterior[top])
         verdict = "effect" if is_named else "ambiguous"
-        parts = sorted(name for name, p in inclusion(posterior).items() if p > USUAL.part)
-        causes = list(top) if is_named else parts
+        causes = list(top if is_named else parts_of(posterior, USUAL))
     credible = [list(h) for h in credible_set(posterior, USUAL.credible)]
     changes = {"hypotheses": hypotheses, "verdict": verdict, "causes": causes}
     return {**diagnosis, **changes, "credible_set": credible}

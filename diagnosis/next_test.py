@@ -211,7 +211,7 @@ def _order_tests(diagnosis: Inference, tests: Sequence[NextTest]) -> list[NextTe
     posterior = diagnosis.posterior
     top = _most_probable(posterior, posterior)
     ordered = sorted(tests, key=lambda t: (-round(t.gain_per_hour / GAIN_STEP), t.hours))
-    is_decided = posterior[top] > settings.named and settings.is_nameable(top)
+    is_decided = settings.names(top, posterior[top])
     candidates: list[NextTest] = []
     if top == UNKNOWN:
         candidates = [test for test in ordered if test.kind == "traces"]
@@ -288,7 +288,7 @@ def _question(diagnosis: Inference, key: str) -> NextTest:
     settles = float(chance @ (is_decided * best))
     misleads = float(chance @ (is_decided * (1.0 - best)))
     top = [*hypotheses][int(before.argmax())]
-    if before.max() > diagnosis.settings.named and diagnosis.settings.is_nameable(top):
+    if diagnosis.settings.names(top, float(before.max())):
         settles -= float(before.max())
         misleads -= 1.0 - float(before.max())
     name, how = RECORD_QUESTIONS[key]

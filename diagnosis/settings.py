@@ -270,6 +270,10 @@ class Settings:
         """Check that a hypothesis may name the cause or a part of it, however probable it is."""
         return len(strip_sense(hypothesis)) <= self.named_at_once
 
+    def names(self, hypothesis: Hypothesis, probability: float) -> bool:
+        """Check that a hypothesis of a probability is named."""
+        return probability > self.named and self.is_nameable(hypothesis)
+
     def prior(self, name: str) -> float:
         """Look up the probability that an effect is part of the cause."""
         return self.included.get(name, self.rare)

@@ -472,7 +472,7 @@ def _list_stakes(searches: Sequence[HypothesisSearch], log_unknown: float) -> li
     moves = expit(log_odds + largest_errors) - probability
     moves[leading] = probability[leading] - expit(log_odds[leading] - largest_errors[leading])
     lowest_probability = probability[leading] - math.hypot(*moves)
-    if lowest_probability > settings.named and settings.is_nameable(pairs[leading][1]):
+    if settings.names(pairs[leading][1], lowest_probability):
         return []
     rise = expit(log_odds + errors) - probability
     fall = probability - expit(log_odds - errors)

@@ -124,8 +124,7 @@ def decide(
     and the data exclude effects.
     *Unknown* where nothing listed explains the gap, or only what fails the predictive check or is
     too large a set to be named. *Effect* where one hypothesis is named that passes it. Otherwise
-    *ambiguous*, with the effects that are part of the cause under nearly all hypotheses, of which
-    those too large to be named count as unknown.
+    *ambiguous*, with the effects that are part of the cause under nearly all hypotheses.
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
     credible = credible_set(posterior, settings.credible)
@@ -133,19 +132,30 @@ def decide(
     shows_none = none.exclusion > settings.excluded and NONE not in inadequate
     if none.within_margin > settings.named or (shows_none and posterior[NONE] > settings.named):
         return CauseVerdict("none", (), credible)
-    nameable = {h: p for h, p in posterior.items() if settings.is_nameable(h)}
-    explained = sum(p for h, p in nameable.items() if h != UNKNOWN and h not in inadequate)
+    explained = sum(
+        p
+        for h, p in posterior.items()
+        if settings.is_nameable(h) and h != UNKNOWN and h not in inadequate
+    )
     if 1.0 - explained > settings.named:
         return CauseVerdict("unknown", (), credible)
     if order[0] not in inadequate and _is_named(order[0], posterior, settings):
         return CauseVerdict("effect", order[0], credible)
-    causes = tuple(sorted(n for n, p in inclusion(nameable).items() if p > settings.part))
-    return CauseVerdict("ambiguous", causes, credible)
+    return CauseVerdict("ambiguous", parts_of(posterior, settings), credible)
+
+
+def parts_of(posterior: Mapping[Hypothesis, float], settings: Settings) -> tuple[str, ...]:
+    """List the effects that are part of the cause, in alphabetical order.
+
+    Sets that are too large to be named count as unknown.
+    """
+    nameable = {h: p for h, p in posterior.items() if settings.is_nameable(h)}
+    return tuple(sorted(name for name, p in inclusion(nameable).items() if p > settings.part))
 
 
 def _is_named(top: Hypothesis, posterior: Probabilities, settings: Settings) -> bool:
     """Check that the most probable hypothesis is named as the cause."""
-    if top == NONE or posterior[top] <= settings.named or not settings.is_nameable(top):
+    if top == NONE or not settings.names(top, posterior[top]):
         return False
     # A hypothesis without the reversed sense is named only where that is improbable.
     reversed_probability = inclusion(posterior).get(REVERSED, 0.0)

@@ -77,7 +77,7 @@ def judge_test(
         rises[test.name] = _probability(posteriors[test.name], correct) - probability_before
     posterior = posteriors[advised.name]
     top = max(posterior, key=lambda h: posterior[h])
-    named = posterior[top] > diagnosis.settings.named and diagnosis.settings.is_nameable(top)
+    named = diagnosis.settings.names(top, posterior[top])
     best_test = max(rises, key=lambda name: rises[name])
     return Advised(
         test=advised.name,
