@@ -250,7 +250,7 @@ class Setup:
         return dog
 
     def output_dog_with(self, params: Mapping[str, float]) -> OutputDog:
-        """Return what differs in the output dog of a design; InputError beyond a key's range."""
+        """Build the output dog of a design by its differences; InputError beyond a key's range."""
         shape = {
             key.removeprefix(OUTPUT_PREFIX): value
             for key, value in params.items()

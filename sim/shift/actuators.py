@@ -307,8 +307,24 @@ class Motor(Actuator):
         numbers.damping = _coupling_damping(self.stiffness, reduced_mass)
 
 
+class _ReturnSpring:
+    """Return spring of an actuator with its ``return_preload`` and ``return_rate``."""
+
+    return_preload: float
+    return_rate: float
+
+    def spring_force(self, travel: Any) -> Any:
+        """Compute the force of the spring at a travel from the start, m, or at many; N."""
+        return self.return_preload + self.return_rate * travel
+
+    def release_force(self, travel: float) -> float | None:
+        """Compute the force of the return spring at a travel in m, N; None without a spring."""
+        force: float = self.spring_force(travel)
+        return force if force > 0.0 else None
+
+
 @dataclass(frozen=True, kw_only=True)
-class Cylinder(Actuator):
+class Cylinder(_ReturnSpring, Actuator):
     """A piston with a back side and a return spring; pressures are above the ambient one."""
 
     command: ClassVar[str] = "supply pressure"
@@ -357,7 +373,7 @@ class Cylinder(Actuator):
 
     def logged_force(self, values: Array, travel: Array) -> Array:
         """Compute piston area times pressure less back side and return spring, N, (n,)."""
-        spring = self.return_preload + self.return_rate * np.maximum(travel, 0.0)
+        spring = self.spring_force(np.maximum(travel, 0.0))
         return np.maximum(values * self.area - self.back_force - spring, 0.0)
 
     def reach(self, force: float) -> float:
@@ -366,8 +382,7 @@ class Cylinder(Actuator):
 
     def release_force(self, travel: float) -> float | None:
         """Compute the return spring's force at a travel in m, N; None beside a back pressure."""
-        spring = self.return_preload + self.return_rate * travel
-        return spring if spring > 0.0 and self.back_pressure == 0.0 else None
+        return None if self.back_pressure else super().release_force(travel)
 
     def supply_at(self, force: float) -> float:
         """Compute the supply pressure of a static force in N, Pa."""
@@ -429,7 +444,7 @@ class Hydraulic(Cylinder):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Solenoid(Actuator):
+class Solenoid(_ReturnSpring, Actuator):
     """A magnet whose force at rated current is known at both ends of its stroke.
 
     Both forces make the residual gap of the law; the iron is as saturated as at that current.
@@ -478,7 +493,7 @@ class Solenoid(Actuator):
     @property
     def end_spring(self) -> float:
         """Force of the return spring at the end of the stroke, N."""
-        return self.return_preload + self.return_rate * self.stroke
+        return float(self.spring_force(self.stroke))
 
     @property
     def full_force(self) -> float:
@@ -502,13 +517,8 @@ class Solenoid(Actuator):
         open_gap = self.residual_gap + self.stroke
         gap = open_gap - np.clip(travel, 0.0, self.stroke)
         share = open_gap / gap * values / self.force_current
-        spring = self.return_preload + self.return_rate * np.maximum(travel, 0.0)
+        spring = self.spring_force(np.maximum(travel, 0.0))
         return np.maximum(self.start_force * share**2 - spring, 0.0)
-
-    def release_force(self, travel: float) -> float | None:
-        """Compute the force of the return spring at a travel in m, N; None without a spring."""
-        spring = self.return_preload + self.return_rate * travel
-        return spring if spring > 0.0 else None
 
     def share_at(self, force: float) -> float:
         """Compute the final current over the rated one for a static force in N."""

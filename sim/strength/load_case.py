@@ -203,8 +203,8 @@ class LoadCase:
     landing_share: float | None = quantity("landing_share", 1e-4, 0.5, None)
     #: largest bedding depth of an edge over the case depth; judged
     edge_bedding_share: float = quantity("edge_bedding_share", 0.001, 1.0, 0.05, late=True)
-    slots_per_dog: int = 1  #: slots of the sliding ring for each high dog of the output ring
-    #: load of a low dog of the output ring over that of a high one, of traction and braking flank
+    slots_per_dog: int = 1  #: slots of one ring for each high dog of the other
+    #: load of a low dog over that of a high one, of traction and braking flank
     low_shares: tuple[float, float] = (0.0, 0.0)
     mount: Mount = "face"  #: root of the dogs
     mate: Dog | None = None  #: dog of the other ring; None: the dogs of both rings are alike

@@ -373,7 +373,7 @@ def hinges(
     """
     fixed_margins = dict(fixed or {})
 
-    def smallest_margin(case: Limits) -> tuple[float, str]:
+    def weakest_check(case: Limits) -> tuple[float, str]:
         checks = strength_checks(dog, case)
         if landings is not None:
             checks += demand_checks(dog, landings.demand(dog, case), case)
@@ -381,7 +381,7 @@ def hinges(
         margin, name = min((margin, name) for name, margin in margins.items())
         return max(margin, MIN_MARGIN), name
 
-    nominal, _ = smallest_margin(limits)
+    nominal, _ = weakest_check(limits)
     moves = [
         *_load_moves(dog, limits, given),
         *_strike_moves(limits, mechanism, given),
@@ -389,8 +389,8 @@ def hinges(
     effective = []
     for move in moves:
         low, high = move.ends
-        margin_low, check_low = smallest_margin(move.limits(low))
-        margin_high, check_high = smallest_margin(move.limits(high))
+        margin_low, check_low = weakest_check(move.limits(low))
+        margin_high, check_high = weakest_check(move.limits(high))
         hinge = Hinge(
             move.key,
             move.value,
