@@ -16,12 +16,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import NAMESPACE_URL, uuid5
 
+from dogshape.pipeline.config.operating import Actuation
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.sim.clutch_tables import validate
-from dogshape.sim.errors import DogshapeError
+from dogshape.sim.errors import DogshapeError, require_between
 from dogshape.sim.quantity import quantities_of
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.commanded_actuator import CommandCourse
 from dogshape.sim.shift.stepped_shift import (
     SavedShift,
     ShiftStart,
@@ -41,23 +43,36 @@ DESCRIPTION = (
     "One engagement of a dog clutch by the compiled engine of dogshape. Needs Python with the "
     "package dogshape."
 )
-#: Exponents of kg, m, s and rad by the name of an SI unit.
-UNITS = {
-    "m": (0, 1, 0, 0),
-    "m/s": (0, 1, -1, 0),
-    "s": (0, 0, 1, 0),
-    "rad": (0, 0, 0, 1),
-    "rad/s": (0, 0, -1, 1),
-    "N": (1, 1, -2, 0),
-    "N.m": (1, 2, -2, 0),
-    "kg": (1, 0, 0, 0),
-    "kg.m2": (1, 2, 0, 0),
-    "N.s/m": (1, 0, -1, 0),
-    "m/N": (-1, 0, 2, 0),
-    "s/m": (0, -1, 1, 0),
-    "Pa/m": (1, -2, -2, 0),
-    "N.m/rad": (1, 2, -2, -1),
-    "N.m.s/rad": (1, 2, -1, -1),
+#: Exponents of base units by the name of an SI unit.
+UNITS: dict[str, dict[str, int]] = {
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "s": {"s": 1},
+    "rad": {"rad": 1},
+    "rad/s": {"s": -1, "rad": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "kg": {"kg": 1},
+    "kg.m2": {"kg": 1, "m": 2},
+    "N.s/m": {"kg": 1, "s": -1},
+    "m/N": {"kg": -1, "s": 2},
+    "s/m": {"m": -1, "s": 1},
+    "Pa/m": {"kg": 1, "m": -2, "s": -2},
+    "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
+    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
+}
+#: Further ones of an actuator.
+ACTUATOR_UNITS: dict[str, dict[str, int]] = {
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "N/m": {"kg": 1, "s": -2},
+    "m2": {"m": 2},
+    "m3": {"m": 3},
+    "m3/s": {"m": 3, "s": -1},
+    "m3/(s.Pa)": {"kg": -1, "m": 4, "s": 1},
+    "A": {"A": 1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "Ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
 }
 #: SI unit by the suffix of a key of a study file.
 SI_UNITS = {
@@ -76,10 +91,23 @@ SI_UNITS = {
     "_Pa_m": "Pa/m",
     "_kg": "kg",
     "_kgm2": "kg.m2",
+    "_bar": "Pa",
+    "_MPa": "Pa",
+    "_N_mm": "N/m",
+    "_cm2": "m2",
+    "_cm3": "m3",
+    "_l_min": "m3/s",
+    "_dm3_s_bar": "m3/(s.Pa)",
+    "_A": "A",
+    "_V": "V",
+    "_ohm": "Ohm",
+    "_mH": "H",
 }
 #: Parts of a clutch whose quantities are parameters; of a drive those that follow the speeds.
-PARTS = ("dog", "rings", "contact", "mechanism", "drive")
+PARTS = ("dog", "rings", "contact", "mechanism", "drive", "actuator")
 DRIVE_PARAMETERS = ("pack_torque", "pack_viscous", "pack_speed", "synchroniser")
+#: Quantities between the command of an actuator and its static force.
+ACTUATION_PARAMETERS = ("delay", "lag", "loss", "factor")
 #: Meaning of each parameter.
 MEANINGS = {
     "dog.count": "dogs of a ring",
@@ -126,11 +154,55 @@ MEANINGS = {
     "drive.pack_speed": "speed of the other side of the pack",
     "drive.synchroniser": "torque of a synchroniser between both sides",
 }
+#: Meaning of each parameter of a block with an actuator; some kinds share a name.
+ACTUATOR_MEANINGS = {
+    "actuator.preload": "force of the spring at the start",
+    "actuator.rate": "rate of the spring",
+    "actuator.stroke": "stroke of the actuator",
+    "actuator.ramp": "angle of the drum over which the groove rises",
+    "actuator.drum_speed": "speed of the drum",
+    "actuator.stiffness": "stiffness between drum or spindle and fork",
+    "actuator.force_limit": "force limit of the drum's drive",
+    "actuator.dwell": "angle of the drum before the groove rises",
+    "actuator.stall_torque": "stall torque of the motor",
+    "actuator.no_load_speed": "no-load speed of the motor",
+    "actuator.torque_limit": "torque limit of the motor's control",
+    "actuator.inertia": "inertia of rotor and gear",
+    "actuator.gear_ratio": "speed of the motor over that of spindle or pinion",
+    "actuator.lead": "travel of the fork per revolution behind the gear",
+    "actuator.efficiency": "efficiency of gear and spindle",
+    "actuator.supply": "supply pressure above the ambient one",
+    "actuator.area": "area of the piston",
+    "actuator.dead_volume": "volume of cylinder and pipes at the start",
+    "actuator.back_pressure": "pressure on the back side above the ambient one",
+    "actuator.back_area": "area of the back side",
+    "actuator.return_preload": "force of the return spring at the start",
+    "actuator.return_rate": "rate of the return spring",
+    "actuator.conductance": "conductance of valve and pipe, ISO 6358-1",
+    "actuator.critical_ratio": "critical ratio of pressures, ISO 6358-1",
+    "actuator.flow": "flow of the valve at its rated drop",
+    "actuator.drop": "rated drop of pressure over the valve",
+    "actuator.bulk_modulus": "bulk modulus of the oil with air and walls",
+    "actuator.start_force": "force of the open armature at the current of both forces",
+    "actuator.end_force": "force at the end of the stroke at the current of both forces",
+    "actuator.voltage": "voltage of the full command",
+    "actuator.resistance": "resistance of the warm coil",
+    "actuator.inductance": "inductance at the open armature",
+    "actuator.rated_current": "current of both forces; 0: voltage over resistance",
+    "actuation.delay": "dead time from a command to its force",
+    "actuation.lag": "lag of first order behind the force of a spring",
+    "actuation.loss": "constant part of the force that never reaches the ring",
+    "actuation.factor": "factor on the static force",
+}
 INPUTS = {
     "shift_force": ("N", "force on actuator or sliding ring into engagement"),
     "sliding_torque": ("N.m", "torque on the side of the sliding ring"),
     "output_torque": ("N.m", "torque on the side of the output ring"),
 }
+COMMAND = "command"  #: input of a block with an actuator
+COMMAND_MEANING = (
+    "static force of the actuator over its full one, 0 is off; in place of shift_force"
+)
 STARTS = {
     "start.sliding_speed": ("rad/s", "speed of the sliding ring"),
     "start.output_speed": ("rad/s", "speed of the output ring"),
@@ -151,6 +223,16 @@ OUTPUTS = {
     "contact_force": ("N", "mean over the last step, against the shift"),
     "contact_torque": ("N.m", "mean over the last step, on the sliding ring"),
 }
+#: Outputs of a block with an actuator.
+ACTUATOR_OUTPUTS = {
+    "actuator_force": ("N", "force of the actuator at the fork"),
+    "actuator_travel": ("m", "displacement of the fork into engagement"),
+}
+#: Output of a logged channel, by its key at a bench.
+CHANNEL_OUTPUTS = {
+    "pressure_bar": ("actuator_pressure", "Pa", "pressure of the cylinder above the ambient one"),
+    "current_A": ("actuator_current", "A", "current of the coil"),
+}
 PHASES = ", ".join(f"{phase.value} {phase.name.lower().replace('_', ' ')}" for phase in StepPhase)
 
 
@@ -166,6 +248,8 @@ def parameters_of(clutch: Clutch) -> dict[str, tuple[float, str]]:
     parameters: dict[str, tuple[float, str]] = {}
     for part in PARTS:
         value = getattr(clutch, part)
+        if value is None:  # no actuator
+            continue
         kind: Any = type(value)
         for name, declared in quantities_of(kind).items():
             number = getattr(value, name)
@@ -173,6 +257,15 @@ def parameters_of(clutch: Clutch) -> dict[str, tuple[float, str]]:
                 continue
             parameters[f"{part}.{name}"] = number, declared.key
     return parameters
+
+
+def actuation_parameters_of(actuation: Actuation) -> dict[str, tuple[float, str]]:
+    """List the parameters between a command and its force, as ``parameters_of``."""
+    keys = quantities_of(Actuation)
+    return {
+        f"actuation.{name}": (getattr(actuation, name), keys[name].key)
+        for name in ACTUATION_PARAMETERS
+    }
 
 
 def clutch_with(clutch: Clutch, parameters: dict[str, float]) -> Clutch:
@@ -197,6 +290,7 @@ class BlockVariable:
     variability: str
     getter: Callable[[], Any]
     setter: Callable[[float], None] | None = None
+    is_share: bool = False  #: from 0 to 1
 
 
 class BlockState(NamedTuple):
@@ -233,14 +327,22 @@ class ClutchBlock:
             "version": program_versions()["dogshape"],
             "description": f"{DESCRIPTION} Study {study.name}.",
         }
+        #: Units of the variables with the exponents of their base units.
+        self.units = UNITS if study.clutch.actuator is None else UNITS | ACTUATOR_UNITS
         self.time = 0.0
         self._log = log
         self._begin: float | None = None  # time of the first step, s
         self._clutch = study.clutch
+        self._actuation = study.actuation
         self._loads = dict.fromkeys(INPUTS, 0.0)
         start = start_of(study.clutch, study.points[0].mismatch, relative_angle=0.0)
         self._start: dict[str, float] = dict(zip(STARTS, start, strict=True))
-        self._parameters = {name: value for name, (value, _) in parameters_of(self._clutch).items()}
+        self._declared = parameters_of(self._clutch)
+        if self._clutch.actuator is not None:
+            self._loads[COMMAND] = 0.0
+            self._declared |= actuation_parameters_of(self._actuation)
+        self._parameters = {name: value for name, (value, _) in self._declared.items()}
+        self._full_force = 0.0  # static, of the full command, N
         self._shift: SteppedShift | None = None
         self._fault = ""  # of the parameters
 
@@ -249,14 +351,34 @@ class ClutchBlock:
         """Shift of the present parameters, of those of the study where they are wrong."""
         if self._shift is None:
             self._fault = ""
-            clutch = self._clutch
             try:
-                clutch = clutch_with(clutch, self._parameters)
+                self._shift = self._built_shift(self._parameters)
             except DogshapeError as error:
                 self._fault = str(error)
                 self._log(self._fault)
-            self._shift = SteppedShift(clutch, ShiftStart(*self._start.values()))
+                self._shift = self._built_shift({})
         return self._shift
+
+    def _built_shift(self, parameters: dict[str, float]) -> SteppedShift:
+        """Build a shift of parameters by name; InputError or GeometryError out of range."""
+        of_actuation: dict[str, Any] = {}
+        of_clutch: dict[str, float] = {}
+        for name, value in parameters.items():
+            part, field = name.split(".")
+            if part == "actuation":
+                of_actuation[field] = value
+            else:
+                of_clutch[name] = value
+        clutch = clutch_with(self._clutch, of_clutch)
+        start = ShiftStart(*self._start.values())
+        actuator = clutch.actuator
+        if actuator is None:
+            return SteppedShift(clutch, start)
+        actuation = replace(self._actuation, actuator=actuator, **of_actuation)
+        self._full_force = actuation.factor * actuator.full_force
+        actuator.require_reach(self._full_force, clutch.shift_travel)
+        course = CommandCourse(actuation.delay, actuation.lag, actuation.loss)
+        return SteppedShift(clutch, start, course)
 
     def variables(self) -> Iterator[BlockVariable]:
         """Yield time, inputs, parameters and outputs."""
@@ -280,13 +402,29 @@ class ClutchBlock:
                 getter=partial(self._loads.get, name),
                 setter=partial(self._loads.__setitem__, name),
             )
+        if COMMAND in self._loads:
+            yield self._command_variable()
         for name, (unit, meaning) in STARTS.items():
             yield self._parameter(name, unit, meaning, self._start)
-        for name, (_, key) in parameters_of(self._clutch).items():
+        meanings = MEANINGS | ACTUATOR_MEANINGS
+        for name, (_, key) in self._declared.items():
             unit = SI_UNITS.get(suffix_of(key), "")
-            meaning = f"{MEANINGS[name]}; {key} of a study file"
+            meaning = f"{meanings[name]}; {key} of a study file"
             yield self._parameter(name, unit, meaning, self._parameters)
         yield from self._outputs()
+
+    def _command_variable(self) -> BlockVariable:
+        return BlockVariable(
+            float,
+            COMMAND,
+            unit="",
+            meaning=COMMAND_MEANING,
+            causality="input",
+            variability="continuous",
+            getter=partial(self._loads.get, COMMAND),
+            setter=partial(self._loads.__setitem__, COMMAND),
+            is_share=True,
+        )
 
     def _parameter(
         self, name: str, unit: str, meaning: str, values: dict[str, float]
@@ -314,6 +452,17 @@ class ClutchBlock:
         yield self._output(int, "phase", "", PHASES, lambda: int(self.shift.phase))
         meaning = "whether ring and actuator made the travel"
         yield self._output(bool, "engaged", "", meaning, lambda: self.shift.engaged)
+        if COMMAND in self._loads:
+            yield from self._actuator_outputs()
+
+    def _actuator_outputs(self) -> Iterator[BlockVariable]:
+        for name, (unit, meaning) in ACTUATOR_OUTPUTS.items():
+            field = name.removeprefix("actuator_")
+            yield self._output(float, name, unit, meaning, self._reading_getter(field))
+        actuator = self._clutch.actuator
+        if actuator is not None and actuator.logged_key:
+            name, unit, meaning = CHANNEL_OUTPUTS[actuator.logged_key]
+            yield self._output(float, name, unit, meaning, self._reading_getter("channel"))
 
     def _output(
         self, kind: type, name: str, unit: str, meaning: str, getter: Callable[[], Any]
@@ -330,6 +479,9 @@ class ClutchBlock:
 
     def _motion_getter(self, name: str) -> Callable[[], float]:
         return lambda: getattr(self.shift.motion, name)
+
+    def _reading_getter(self, field: str) -> Callable[[], float]:
+        return lambda: getattr(self.shift.actuator_reading, field)
 
     def _engagement_time(self) -> float:
         """Compute the time of the engagement in the time of the simulation, s."""
@@ -350,12 +502,19 @@ class ClutchBlock:
         if self._fault:
             return False
         try:
-            shift.advance(end - self._begin, StepLoads(*self._loads.values()))
+            shift.advance(end - self._begin, self._step_loads())
         except DogshapeError as error:
             self._log(str(error))
             return False
         self.time = end
         return True
+
+    def _step_loads(self) -> StepLoads:
+        """Build the loads of a step from the inputs; InputError for a command beyond 0 to 1."""
+        force, sliding_torque, output_torque = (self._loads[name] for name in INPUTS)
+        command = self._loads.get(COMMAND, 0.0)
+        require_between(COMMAND, command, 0.0, 1.0, "give a share of the full force, 0 for off")
+        return StepLoads(force, sliding_torque, output_torque, command * self._full_force)
 
     def save(self) -> dict[str, Any]:
         """Copy inputs, parameters and the state of the shift as values of JSON."""

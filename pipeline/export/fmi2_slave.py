@@ -24,7 +24,7 @@ from pythonfmu import (
 )
 from pythonfmu.enums import Fmi2Status
 
-from dogshape.pipeline.export.clutch_block import MODEL, STEP_S, UNITS, BlockVariable, ClutchBlock
+from dogshape.pipeline.export.clutch_block import MODEL, STEP_S, BlockVariable, ClutchBlock
 from dogshape.pipeline.export.fmu_loader import release_at_exit
 
 LIBRARY = f"linux64/{MODEL}.so"
@@ -44,6 +44,7 @@ class DogClutchFmi2(Fmi2Slave):  # type: ignore[misc]
             setattr(self, name, value)
         self.default_experiment = DefaultExperiment(start_time=0.0, step_size=STEP_S)
         self._units: dict[str, str] = {}  # by variable
+        self._shares: set[str] = set()  # variables from 0 to 1
         for variable in self.block.variables():
             if variable.causality != "independent":
                 self._declare(variable)
@@ -52,6 +53,8 @@ class DogClutchFmi2(Fmi2Slave):  # type: ignore[misc]
         """Register a variable; a pure number has no unit."""
         if variable.unit:
             self._units[variable.name] = variable.unit
+        if variable.is_share:
+            self._shares.add(variable.name)
         declared = KINDS[variable.kind](
             variable.name,
             description=variable.meaning,
@@ -64,14 +67,16 @@ class DogClutchFmi2(Fmi2Slave):  # type: ignore[misc]
         self.register_variable(declared, nested=False)
 
     def to_xml(self, *arguments: Any) -> Element:
-        """Write the model description with units and unknowns of the initialization."""
+        """Write the model description with units, ranges and unknowns of the initialization."""
         root: Element = super().to_xml(*arguments)
-        root.insert(1, _unit_definitions())  # behind CoSimulation
+        root.insert(1, _unit_definitions(self.block.units))  # behind CoSimulation
         unknowns = SubElement(_child(root, "ModelStructure"), "InitialUnknowns")
         for index, variable in enumerate(_child(root, "ModelVariables"), start=1):
             unit = self._units.get(variable.attrib["name"])
             if unit is not None:
                 _child(variable, "Real").set("unit", unit)
+            if variable.attrib["name"] in self._shares:
+                _child(variable, "Real").attrib.update(min="0", max="1")
             if variable.attrib["causality"] == "output":
                 SubElement(unknowns, "Unknown", index=str(index))
         return root
@@ -100,12 +105,11 @@ def _child(element: Element, tag: str) -> Element:
     return child
 
 
-def _unit_definitions() -> Element:
+def _unit_definitions(units: dict[str, dict[str, int]]) -> Element:
     """Define the units of the variables by exponents of base units."""
     definitions = Element("UnitDefinitions")
-    for name, exponents in UNITS.items():
+    for name, exponents in units.items():
         unit = SubElement(definitions, "Unit", name=name)
-        pairs = zip(("kg", "m", "s", "rad"), exponents, strict=True)
-        powers = {base: str(exponent) for base, exponent in pairs if exponent}
+        powers = {base: str(exponent) for base, exponent in exponents.items()}
         SubElement(unit, "BaseUnit", powers)
     return definitions

@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 from pythonfmu3 import (
     Boolean,
@@ -24,7 +25,7 @@ from pythonfmu3 import (
     Unit,
 )
 
-from dogshape.pipeline.export.clutch_block import MODEL, STEP_S, UNITS, BlockVariable, ClutchBlock
+from dogshape.pipeline.export.clutch_block import MODEL, STEP_S, BlockVariable, ClutchBlock
 from dogshape.pipeline.export.fmu_loader import release_at_exit
 
 LIBRARY = f"x86_64-linux/{MODEL}.so"
@@ -43,8 +44,9 @@ class DogClutchFmi3(Fmi3Slave):  # type: ignore[misc]
         for name, value in self.block.identity.items():
             setattr(self, name, value)
         self.default_experiment = DefaultExperiment(start_time=0.0, step_size=STEP_S)
-        for name, (mass, length, time, angle) in UNITS.items():
-            self.register_units([Unit(name, kg=mass, m=length, s=time, rad=angle)])
+        self._shares: set[str] = set()  # variables from 0 to 1
+        for name, exponents in self.block.units.items():
+            self.register_units([Unit(name, **exponents)])
         for variable in self.block.variables():
             self._declare(variable)
 
@@ -53,6 +55,8 @@ class DogClutchFmi3(Fmi3Slave):  # type: ignore[misc]
         options: dict[str, Any] = {"unit": variable.unit} if variable.unit else {}
         if variable.causality == "parameter":
             options["initial"] = Fmi3Initial.exact
+        if variable.is_share:
+            self._shares.add(variable.name)
         declared = KINDS[variable.kind](
             variable.name,
             description=variable.meaning,
@@ -63,6 +67,14 @@ class DogClutchFmi3(Fmi3Slave):  # type: ignore[misc]
             **options,
         )
         self.register_variable(declared, nested=False)
+
+    def to_xml(self, *arguments: Any) -> Element:
+        """Write the model description with ranges, which pythonfmu3 0.3.4 does not write."""
+        root: Element = super().to_xml(*arguments)
+        for variable in root.iterfind("ModelVariables/*"):
+            if variable.attrib["name"] in self._shares:
+                variable.attrib.update(min="0", max="1")
+        return root
 
     def exit_initialization_mode(self) -> None:
         """Build the clutch, and log wrong parameters."""

@@ -45,6 +45,7 @@ MAX_COMMAND_N = 1e5  #: largest force of a command
 COMMAND_RISES = RiseTable((SMALLEST_FORCE, MAX_COMMAND_N), (COMMAND_RISE_S, COMMAND_RISE_S))
 FORCE_TOLERANCE = 1e-9  #: share by which a force may exceed the full one, for rounding
 STROKE_TOLERANCE_M = 1e-9  #: by which a stroke may miss the travel, for rounding
+OFF_FORCE_N = 1e-3  #: of a lagged spring without a command, of which its level is a share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +141,14 @@ class Actuator:
         numbers.lag = profile.lag
         self._write(numbers, profile.force, driven_mass)
 
+    def switch_off(self, numbers: Any) -> None:
+        """Write the numbers without a command into those of the last one."""
+        numbers.command = 0.0
+
+    def level_unit(self, numbers: Any) -> float:
+        """Return the pressure, Pa, or lagged force, N, of a level of 1; 1 for other levels."""
+        return 1.0
+
     def require_force(self, force: float, key: str = "shift force", remedy: str = "") -> None:
         """Raise InputError for a static force in N beyond the full one."""
         if force <= self.full_force * (1.0 + FORCE_TOLERANCE):
@@ -224,6 +233,14 @@ class Spring(Actuator):
 
     def _write(self, numbers: Any, force: float, driven_mass: float) -> None:
         numbers.rate = self.rate
+
+    def switch_off(self, numbers: Any) -> None:
+        """Relax the spring; a lagged force decays through its lag."""
+        numbers.command = OFF_FORCE_N if numbers.lag > 0.0 else 0.0
+
+    def level_unit(self, numbers: Any) -> float:
+        """Return the force of a level of 1 behind a lag, N."""
+        return float(numbers.command) if numbers.lag > 0.0 else 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -395,6 +412,10 @@ class Cylinder(_ReturnSpring, Actuator):
         numbers.preload = self.return_preload
         numbers.rate = self.return_rate
 
+    def level_unit(self, numbers: Any) -> float:
+        """Return the supply pressure, Pa."""
+        return float(numbers.supply)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Pneumatic(Cylinder):
@@ -422,6 +443,10 @@ class Pneumatic(Cylinder):
         numbers.valve_flow = self.conductance * REFERENCE_PA
         numbers.critical_ratio = self.critical_ratio
 
+    def switch_off(self, numbers: Any) -> None:
+        """Vent the cylinder through the valve."""
+        numbers.supply = AMBIENT_PA
+
 
 @dataclass(frozen=True, kw_only=True)
 class Hydraulic(Cylinder):
@@ -439,8 +464,22 @@ class Hydraulic(Cylinder):
         super()._write(numbers, force, driven_mass)
         supply = self.supply_at(force)
         numbers.supply = supply
-        numbers.valve_flow = self.flow * math.sqrt(supply / self.drop)
+        numbers.valve_flow = self._valve_flow(supply)
         numbers.bulk_modulus = self.bulk_modulus
+
+    def _valve_flow(self, drop: float) -> float:
+        """Compute the flow of the valve at a drop of pressure in Pa, m3/s."""
+        return self.flow * math.sqrt(drop / self.drop)
+
+    def switch_off(self, numbers: Any) -> None:
+        """Empty the cylinder through the valve, down to the pressure of ``SMALLEST_FORCE``.
+
+        A level is a share of that pressure, which may not be 0; its force is taken off.
+        """
+        supply = SMALLEST_FORCE / self.area
+        numbers.supply = supply
+        numbers.valve_flow = self._valve_flow(supply)
+        numbers.back_force = self.back_force + SMALLEST_FORCE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -537,6 +576,10 @@ class Solenoid(_ReturnSpring, Actuator):
         numbers.time_constant = self.inductance / self.resistance
         numbers.start_force = self.start_force
         numbers.residual_gap = self.residual_gap
+
+    def switch_off(self, numbers: Any) -> None:
+        """Short the coil, whose current decays."""
+        numbers.voltage_share = 0.0
 
 
 #: Kinds by their names in a study.

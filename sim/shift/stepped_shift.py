@@ -8,8 +8,12 @@ pack of the clutch's drive act, torques over time and speed control come from ou
 Speeds, angles and torques count positive in the sense in which the engine turns
 (``sim.shift.drive``), the relative angle as that of a shift.
 
+A clutch with an actuator has its command in place of the force
+(``sim.shift.commanded_actuator``).
+
 At full travel a latch takes the sliding ring: a mass of ``LATCH_MASS_KG`` along the shaft in place
-of actuator, mechanism and shift force, while the flanks go on to carry the torque.
+of mechanism and shift force, which an actuator no longer moves, while the flanks go on to carry the
+torque.
 """
 
 from __future__ import annotations
@@ -24,7 +28,7 @@ import numpy as np
 
 from dogshape.sim import kernel
 from dogshape.sim.elementwise import Array, Mask
-from dogshape.sim.errors import EngineError
+from dogshape.sim.errors import EngineError, InputError, Refusal
 from dogshape.sim.kernel_layout import (
     AXIAL_SPEED,
     DISPLACEMENT,
@@ -48,6 +52,14 @@ from dogshape.sim.kernel_layout import (
     shift_model,
 )
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.commanded_actuator import (
+    DIRECT,
+    OFF,
+    ActuatorReading,
+    CommandCourse,
+    CommandedActuator,
+    SavedCommand,
+)
 from dogshape.sim.shift.conclusion import (
     STEP_REFINEMENT,
     failure_of,
@@ -100,6 +112,7 @@ class StepLoads(NamedTuple):
     force: float  #: shift force, N
     sliding_torque: float  #: on the sliding side, N m, in the engine's sense
     output_torque: float  #: on the output side, N m, in the engine's sense
+    command_force: float = 0.0  #: static force of the actuator's command, N; 0 is off
 
 
 class StepMotion(NamedTuple):
@@ -143,16 +156,23 @@ class SavedShift:
     engagement_time: float  #: s; NaN before it
     contact_force: float  #: N
     contact_torque: float  #: about the axis, N m
+    command: SavedCommand = OFF
 
 
 class SteppedShift:
-    """A shift that goes on by ``advance``; its time counts from the start, s."""
+    """A shift that goes on by ``advance``; its time counts from the start, s.
 
-    def __init__(self, clutch: Clutch, start: ShiftStart) -> None:
+    ``course`` is that of the commands of the clutch's actuator.
+    """
+
+    def __init__(self, clutch: Clutch, start: ShiftStart, course: CommandCourse = DIRECT) -> None:
         drive = replace(
             clutch.drive, sliding_torque=(0.0,), output_torque=(0.0,), times=(), control=None
         )
-        self.clutch = replace(clutch, drive=drive, actuator=None)
+        self.clutch = replace(clutch, drive=drive)
+        self._actuator: CommandedActuator | None = None
+        if clutch.actuator is not None:
+            self._actuator = CommandedActuator(self.clutch, clutch.actuator, course)
         self.time = 0.0
         self.phase = StepPhase.FREE_FLY
         self.engagement_time = math.nan
@@ -206,19 +226,44 @@ class SteppedShift:
         Raises
         ------
         InputError
-            For a force that presses flat faces deeper than the tolerance of the travel.
+            For a force that presses flat faces deeper than the tolerance of the travel, and a
+            shift force beside a command.
         EngineError
             For dogs that pass through each other, and a motion that is lost.
         """
         if not self.engaged:
-            require_stiff_enough(self.clutch, loads.force)
+            require_stiff_enough(self.clutch, max(loads.force, loads.command_force))
+        self._ask_command(loads)
         begin = self.time
         impulses = np.zeros(2)  # of the contact over the communication step
         while self.time < end:
-            times, states = self._integrate(end, loads)
+            times, states = self._integrate(self._next_pause(end), loads)
             impulses += self._evaluate(times, states)
         if end > begin:
             self._contact_force, self._contact_torque = (impulses / (end - begin)).tolist()
+
+    def _ask_command(self, loads: StepLoads) -> None:
+        """Pass a command on; InputError for one without an actuator or beside a shift force."""
+        force = loads.command_force
+        actuator = self._actuator
+        if actuator is None:
+            if force != 0.0:
+                rule = "the clutch has no actuator"
+                remedy = "give the shift force"
+                raise InputError(Refusal("force of a command", force, "N", rule, remedy))
+            return
+        if loads.force != 0.0 and (force != 0.0 or actuator.is_used):
+            rule = "the command of the actuator takes its place from the first one on"
+            remedy = "give one of them alone"
+            raise InputError(Refusal("shift force", loads.force, "N", rule, remedy))
+        actuator.ask(self.time, force)
+
+    def _next_pause(self, end: float) -> float:
+        """Apply the commands that are due; return the time of the next one up to ``end``, s."""
+        if self._actuator is None:
+            return end
+        self._actuator.apply_changes(self.time, self._model.numbers[0], self._state)
+        return min(end, self._actuator.next_change())
 
     def _integrate(self, end: float, loads: StepLoads) -> tuple[Array, Array]:
         """Integrate to ``end`` in s, or the engagement, or a full record.
@@ -353,6 +398,13 @@ class SteppedShift:
             contact_torque=self._sense * self._contact_torque,
         )
 
+    @property
+    def actuator_reading(self) -> ActuatorReading:
+        """Force, travel and channel of the actuator at the present time; zeros without one."""
+        if self._actuator is None:
+            return ActuatorReading(force=0.0, travel=0.0, channel=0.0)
+        return self._actuator.reading(self.time, self._state, self._model.numbers[0])
+
     def save(self) -> SavedShift:
         """Copy the state."""
         return SavedShift(
@@ -364,6 +416,7 @@ class SteppedShift:
             engagement_time=self.engagement_time,
             contact_force=self._contact_force,
             contact_torque=self._contact_torque,
+            command=OFF if self._actuator is None else self._actuator.save(),
         )
 
     def restore(self, saved: SavedShift) -> None:
@@ -377,6 +430,9 @@ class SteppedShift:
         self._contact_force = saved.contact_force
         self._contact_torque = saved.contact_torque
         self._model = self._free_model()
+        if self._actuator is not None:
+            self._actuator.restore(SavedCommand(*saved.command))
+            self._actuator.write(self._model.numbers[0])
         self._latched = False
         if self.engaged:
             self._latch()
