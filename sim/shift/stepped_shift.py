@@ -154,6 +154,7 @@ class SavedShift:
     mode: tuple[float, ...]  #: fields of ``STEP_MODE``
     phase: int  #: of ``StepPhase``
     engagement_time: float  #: s; NaN before it
+    arrival_time: float  #: of the ring at its travel, s; NaN before it
     contact_force: float  #: N
     contact_torque: float  #: about the axis, N m
     command: SavedCommand = OFF
@@ -176,6 +177,7 @@ class SteppedShift:
         self.time = 0.0
         self.phase = StepPhase.FREE_FLY
         self.engagement_time = math.nan
+        self._arrival_time = math.nan  # of the ring at its travel, s
         self._latched = False
         self._sense = drive.sense
         self._planes = section_planes(clutch.pair)
@@ -305,8 +307,10 @@ class SteppedShift:
             raise EngineError(f"the shift cannot go on: {failure}; take shorter steps")
         record_times = np.concatenate([[start_time], times[: progress.recorded]])
         record_states = np.concatenate([start_state[None], states[: progress.recorded]])
+        self._note_arrival(record_times, record_states)
         if progress.reason == kernel.ENGAGED:
-            self._engage(record_times, record_states)
+            self.engagement_time = self._arrival_time
+            self.phase = StepPhase.ENGAGED
         return record_times, record_states
 
     def _set_loads(self, end: float, loads: StepLoads) -> None:
@@ -322,13 +326,14 @@ class SteppedShift:
         if self._latched:
             self._state[AXIAL_SPEED] = 0.0
 
-    def _engage(self, times: Array, states: Array) -> None:
-        """Note the time of the engagement, s, and latch the ring."""
-        travel = float(self.clutch.shift_travel)
-        crossing = kernel.crossing(times, states[:, DISPLACEMENT], states[:, AXIAL_SPEED], travel)
-        # With a linkage the ring may arrive in an earlier step than its actuator.
-        self.engagement_time = float(times[-1] if math.isnan(crossing) else crossing)
-        self.phase = StepPhase.ENGAGED
+    def _note_arrival(self, times: Array, states: Array) -> None:
+        """Note when the ring first made the travel, s; with a linkage its actuator may be later."""
+        if math.isnan(self._arrival_time):
+            travel = float(self.clutch.shift_travel)
+            crossing = kernel.crossing(
+                times, states[:, DISPLACEMENT], states[:, AXIAL_SPEED], travel
+            )
+            self._arrival_time = float(crossing)
 
     def _evaluate(self, times: Array, states: Array) -> Array:
         """Follow the phase; return the impulses of force, N s, and torque, N m s, of the contact.
@@ -414,6 +419,7 @@ class SteppedShift:
             mode=self._mode[0].item(),
             phase=int(self.phase),
             engagement_time=self.engagement_time,
+            arrival_time=self._arrival_time,
             contact_force=self._contact_force,
             contact_torque=self._contact_torque,
             command=OFF if self._actuator is None else self._actuator.save(),
@@ -427,6 +433,7 @@ class SteppedShift:
         self._mode = np.array([tuple(saved.mode)], STEP_MODE)
         self.phase = StepPhase(saved.phase)
         self.engagement_time = saved.engagement_time
+        self._arrival_time = saved.arrival_time
         self._contact_force = saved.contact_force
         self._contact_torque = saved.contact_torque
         self._model = self._free_model()

@@ -16,12 +16,21 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import points_of
-from dogshape.pipeline.export.clutch_block import MEANINGS, parameters_of
+from dogshape.pipeline.export.clutch_block import (
+    ACTUATOR_MEANINGS,
+    MEANINGS,
+    SI_UNITS,
+    ClutchBlock,
+    actuation_parameters_of,
+    parameters_of,
+)
+from dogshape.sim.quantity import record_quantities
+from dogshape.sim.shift.actuators import EXAMPLES, KINDS
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.drive import NO_DRIVE
 from dogshape.sim.shift.stepped_shift import StepLoads, SteppedShift, start_of
 from dogshape.sim.statistics.blocks import engage
-from dogshape.sim.units import DEG, RPM
+from dogshape.sim.units import DEG, RPM, suffix_of
 from tests.conftest import require_program
 
 STEP_S = 2e-4  #: communication step
@@ -33,7 +42,8 @@ DRIVELINE = {
     "mechanism.wheel_inertia_kgm2": 0.1,
     "mechanism.output_stiffness_Nm_rad": 2000.0,
 }
-
+#: Largest deviation of a shift by command from that of the study: impacts in other steps.
+COMMAND_TOLERANCE_S = 1e-4
 
 VERSIONS = pytest.mark.parametrize("fmi", [2, 3])
 
@@ -111,6 +121,14 @@ def study() -> ds.Study:
     for name in ("pythonfmu", "pythonfmu3", "fmpy"):
         require_program(find_spec(name) is not None, name)
     return ds.Study("mq200_paper")
+
+
+def _with_actuator(study: ds.Study, kind: str, **changes: Any) -> ds.Study:
+    """Give a study the example of an actuator at full command."""
+    numbers = record_quantities(EXAMPLES[kind])
+    keys = {f"actuation.{key}": value for key, value in numbers.items() if value}
+    settings = {"actuation.kind": kind, "operating.force_N": None, **keys, **changes}
+    return study.replace_keys({"variables.height_mm": [1.6, 5.0], **settings})
 
 
 def _start(clutch: Clutch, mismatch_rpm: float, angle_deg: float) -> dict[str, float]:
@@ -313,3 +331,160 @@ def test_processes_with_a_block_end_cleanly(study: ds.Study, tmp_path: Path, fmi
     code = "import fmpy; fmpy.simulate_fmu('clutch.fmu', stop_time=0.002, output_interval=0.001)"
     for _ in range(6):
         subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True)
+
+
+@VERSIONS
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_command_shifts_as_the_study_with_its_actuator(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block], kind: str, fmi: int
+) -> None:
+    """Full command from a second step on, with linkage, loss and dead time of the mechanism."""
+    from fmpy.validation import validate_fmu
+
+    changes = {
+        "mechanism.compliance_mm_kN": 2.0,
+        "mechanism.free_play_mm": 0.2,
+        "mechanism.force_loss_N": 20.0,
+        "mechanism.delay_s": 0.0123,
+    }
+    moved = _with_actuator(study, kind, **changes)
+    config = moved.config.in_engine("planar")
+    clutch = config.clutch
+    (operating_point,) = points_of(config, (50.0, None, None))
+    reference = engage(clutch, operating_point, 10.0 * DEG)
+    assert reference.shift_time is not None
+    path = moved.export_fmu(tmp_path / "clutch.fmu", fmi)
+    assert validate_fmu(str(path)) == []
+    block = load(path)
+    # The relative angle of a shift is that at the start of the force.
+    begin, step = 2e-3, 1e-3
+    lead = operating_point.mismatch * (begin + config.actuation.delay)
+    start = start_of(clutch, operating_point.mismatch, 10.0 * DEG - lead)
+    block.initialize(**start._asdict())
+    for count in range(300):
+        block.step(count, step, command=float(count * step >= begin))
+        if block["engaged"]:
+            break
+    time = block["engagement_time"] - begin
+    assert time == pytest.approx(reference.shift_time, abs=COMMAND_TOLERANCE_S)
+    assert block["actuator_travel"] >= clutch.shift_travel - COMMAND_TOLERANCE_S
+
+
+@VERSIONS
+def test_variables_of_an_actuator_are_declared(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block], fmi: int
+) -> None:
+    moved = _with_actuator(study, "solenoid", **{"mechanism.delay_s": 0.005})
+    block = load(moved.export_fmu(tmp_path / "clutch.fmu", fmi))
+    command = block.variables["command"]
+    assert (command.causality, float(command.start)) == ("input", 0.0)
+    assert (float(command.min), float(command.max)) == (0.0, 1.0)
+    units = {name: variable.unit for name, variable in block.variables.items()}
+    assert units["actuator.inductance"] == "H"
+    assert units["actuator.voltage"] == "V"
+    assert units["actuator.stroke"] == "m"
+    assert units["actuator_current"] == "A"
+    assert block["actuator.inductance"] == pytest.approx(9e-3)
+    assert block["actuation.delay"] == 0.005
+    for variable in block.variables.values():
+        assert variable.description
+        if variable.causality in {"input", "parameter"}:
+            assert variable.start is not None
+
+
+def test_a_study_without_an_actuator_has_no_command(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block]
+) -> None:
+    block = load(study.export_fmu(tmp_path / "clutch.fmu"))
+    inputs = [name for name, v in block.variables.items() if v.causality == "input"]
+    assert inputs == ["shift_force", "sliding_torque", "output_torque"]
+    assert not [name for name in block.variables if name.startswith("actuat")]
+
+
+def test_each_parameter_of_an_actuator_has_a_meaning_and_a_unit(study: ds.Study) -> None:
+    names = set()
+    for kind in KINDS:
+        config = _with_actuator(study, kind).config
+        parameters = parameters_of(config.clutch) | actuation_parameters_of(config.actuation)
+        for name, (_, key) in parameters.items():
+            assert key in {"efficiency", "gear_ratio", "critical_ratio", "force_factor"} or (
+                suffix_of(key) in SI_UNITS or not name.startswith("actuat")
+            ), key
+        names |= {name for name in parameters if name.startswith("actuat")}
+    assert names == ACTUATOR_MEANINGS.keys()
+
+
+def test_wrong_commands_are_refused(study: ds.Study, tmp_path: Path) -> None:
+    """One sentence with value, rule and remedy, and a failed step."""
+    path = _with_actuator(study, "spring").export_fmu(tmp_path / "clutch.fmu")
+    with zipfile.ZipFile(path) as files:
+        files.extractall(tmp_path / "files")
+    said: list[str] = []
+    block = ClutchBlock(tmp_path / "files" / "resources", said.append)
+    inputs = {variable.name: variable for variable in block.variables()}
+
+    def step(**values: float) -> bool:
+        for name, value in values.items():
+            write = inputs[name].setter
+            assert write is not None
+            write(value)
+        return block.step(block.time, 1e-3)
+
+    assert not step(command=1.2)
+    assert said.pop() == (
+        "command is 1.2, but it must lie between 0 and 1; give a share of the full force, 0 for off"
+    )
+    assert not step(command=float("nan"))
+    assert "command is nan" in said.pop()
+    assert not step(command=1.0, shift_force=10.0)
+    assert "shift force is 10 N, but the command of the actuator takes its place" in said.pop()
+    assert step(shift_force=0.0)
+    assert not step(command=0.0, shift_force=10.0)
+    assert "shift force is 10 N" in said.pop()
+    assert step(shift_force=0.0)
+    assert not said
+
+
+def test_a_block_with_an_actuator_takes_a_shift_force_as_before(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block]
+) -> None:
+    """Without a command the actuator does nothing; its channel shows nothing."""
+    with_actuator = _with_actuator(study, "pneumatic")
+    clutch = study.config.in_engine("planar").clutch
+    times = []
+    for each in (study, with_actuator):
+        block = load(each.export_fmu(tmp_path / f"{len(times)}.fmu"))
+        block.initialize(**_start(clutch, 50, 10))
+        for count in range(300):
+            block.step(count, 1e-3, shift_force=469.0)
+            if block["engaged"]:
+                break
+        times.append(block["engagement_time"])
+    assert times[0] > 0.0
+    assert times[1] == pytest.approx(times[0], abs=COMMAND_TOLERANCE_S)
+    assert block["actuator_force"] == block["actuator_pressure"] == 0.0
+
+
+@VERSIONS
+def test_a_commanded_block_goes_back(
+    study: ds.Study, tmp_path: Path, load: Callable[[Path], Block], fmi: int
+) -> None:
+    """To the last digit, with a command on its way through the dead time."""
+    moved = _with_actuator(study, "pneumatic", **{"mechanism.delay_s": 0.0123})
+    block = load(moved.export_fmu(tmp_path / "clutch.fmu", fmi))
+    block.initialize(**_start(moved.config.clutch, 50, 10))
+    names = ["travel", "output_angle", "actuator_force", "actuator_pressure"]
+
+    def run(counts: range) -> list[list[float]]:
+        values = []
+        for count in counts:
+            block.step(count, 1e-3, command=0.8 if count < 15 else 0.5)
+            values.append([block[name] for name in names])
+        return values
+
+    run(range(20))  # 0.8 acts, 0.5 is on its way
+    saved = block.save()
+    first = run(range(20, 40))
+    block.restore(saved)
+    assert run(range(20, 40)) == first
+    assert first[-1][2] > 0.0

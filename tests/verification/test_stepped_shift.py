@@ -11,8 +11,11 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study, points_of
 from dogshape.sim.errors import EngineError, InputError
-from dogshape.sim.kernel_layout import DISPLACEMENT, OUTPUT_SPEED, SLIDING_SPEED
+from dogshape.sim.kernel_layout import AMBIENT_PA, DISPLACEMENT, OUTPUT_SPEED, SLIDING_SPEED
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.actuators import COMMAND_RISE_S, EXAMPLES, KINDS, Cam, Solenoid, Spring
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.commanded_actuator import CommandCourse
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.drive import Drive
 from dogshape.sim.shift.planar import touch_time
@@ -223,3 +226,141 @@ def test_dogs_that_stand_in_each_other_are_an_error(clutch: Clutch) -> None:
     shift.restore(replace(saved, state=tuple(state)))
     with pytest.raises(EngineError, match=r"penetration of the dogs is .* mm, but"):
         shift.advance(1e-7, StepLoads(0.0, 0.0, 0.0))
+
+
+def _apart(clutch: Clutch, kind: str, **changes: float) -> Clutch:
+    """Give rings that never meet the example of an actuator, and a ring that stays at its place."""
+    far = replace(clutch.dog, axial_gap=90e-3)
+    heavy = replace(clutch.rings, mass=1000.0)
+    actuator = replace(EXAMPLES[kind], **changes)
+    return replace(clutch.with_engine("planar"), dog=far, rings=heavy, actuator=actuator)
+
+
+def _command(shift: SteppedShift, end: float, force: float, step: float = 1e-3) -> list[float]:
+    """Hold a command to a time in s; list the force of the actuator at the ends of steps, N."""
+    forces = []
+    while shift.time < end - 1e-9:
+        shift.advance(min(shift.time + step, end), StepLoads(0.0, 0.0, 0.0, force))
+        forces.append(shift.actuator_reading.force)
+    return forces
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS.keys() - {"motor"}))
+def test_a_command_that_ends_leaves_no_force(clutch: Clutch, kind: str) -> None:
+    """No force before the command, and none after it but a return spring's."""
+    apart = _apart(clutch, kind)
+    actuator = apart.actuator
+    assert actuator is not None
+    shift = SteppedShift(apart, ShiftStart(0.0, 0.0, 0.1))
+    assert _command(shift, 0.01, 0.0) == [0.0] * 10
+    assert shift.motion.travel == 0.0
+    assert max(_command(shift, 0.06, actuator.full_force)) > 100.0
+    off = _command(shift, 0.6 if kind == "pneumatic" else 0.2, 0.0)  # its valve vents slowly
+    assert shift.motion.travel > 0.0
+    return_force = actuator.release_force(shift.motion.travel) or 0.0
+    assert off[-1] == pytest.approx(-return_force, abs=1.0)
+
+
+def test_a_motor_coasts_without_its_command(clutch: Clutch) -> None:
+    apart = replace(_apart(clutch, "motor"), rings=clutch.rings)
+    actuator = apart.actuator
+    assert actuator is not None
+    shift = SteppedShift(apart, ShiftStart(0.0, 0.0, 0.1))
+    _command(shift, 0.01, actuator.full_force)
+    _command(shift, 0.02, 0.0)
+    speed = shift.motion.axial_speed
+    assert speed > 0.1
+    forces = _command(shift, 0.04, 0.0)
+    assert max(map(abs, forces)) < 0.01 * actuator.full_force
+    assert shift.motion.axial_speed == pytest.approx(speed, rel=0.01)
+
+
+def test_a_spring_behind_a_lag_follows_its_command(clutch: Clutch) -> None:
+    """F (1 - exp(-t/T)) up, and F exp(-t/T) down; a dead time shifts both."""
+    course = CommandCourse(delay=0.0035, lag=0.005, loss=20.0)
+    apart = _apart(clutch, "spring", rate=0.0)
+    assert isinstance(apart.actuator, Spring)
+    shift = SteppedShift(apart, ShiftStart(0.0, 0.0, 0.1), course)
+    on = _command(shift, 0.02, 300.0)
+    off = _command(shift, 0.04, 0.0)
+    times = 1e-3 * np.arange(1, 21)
+    grown = 1.0 - np.exp(-np.maximum(times - 0.0035, 0.0) / 0.005)
+    assert on == pytest.approx(280.0 * grown, abs=0.5)
+    end = 1.0 - math.exp(-0.02 / 0.005)
+    late = times > 0.0035
+    decayed = 280.0 * end * np.exp(-(times[late] - 0.0035) / 0.005)
+    assert np.array(off)[late] == pytest.approx(decayed, abs=0.5)
+
+
+def test_the_pressure_goes_on_where_a_command_changes(clutch: Clutch) -> None:
+    shift = SteppedShift(_apart(clutch, "pneumatic"), ShiftStart(0.0, 0.0, 0.1))
+    _command(shift, 0.05, 900.0)
+    pressure = shift.actuator_reading.channel
+    assert 1e5 < pressure < 8e5
+    for force in (500.0, 0.0, 900.0):
+        _command(shift, shift.time + 1e-9, force)
+        assert shift.actuator_reading.channel == pytest.approx(pressure, rel=1e-5)
+    _command(shift, shift.time + 0.5, 0.0)
+    assert shift.actuator_reading.channel == pytest.approx(0.0, abs=0.01 * AMBIENT_PA)
+
+
+def test_the_current_of_a_coil_rises_and_decays(clutch: Clutch) -> None:
+    """i = U/R (1 - exp(-R t/L)) at the open armature, and its decay."""
+    apart = _apart(clutch, "solenoid")
+    coil = apart.actuator
+    assert isinstance(coil, Solenoid)
+    shift = SteppedShift(apart, ShiftStart(0.0, 0.0, 0.1))
+    time_constant = coil.inductance / coil.resistance
+    full = coil.voltage / coil.resistance
+    for _ in range(5):
+        _command(shift, shift.time + 1e-3, coil.full_force)
+        exact = full * (1.0 - math.exp(-shift.time / time_constant))
+        assert shift.actuator_reading.channel == pytest.approx(exact, rel=2e-3)
+    current = shift.actuator_reading.channel
+    _command(shift, 0.010, 0.0)
+    decayed = current * math.exp(-0.005 / time_constant)
+    assert shift.actuator_reading.channel == pytest.approx(decayed, rel=2e-3)
+
+
+def test_a_drum_stops_and_turns_on_with_its_command(clutch: Clutch) -> None:
+    """The coupling of a ring that stays is loaded by the groove at the time under command."""
+    apart = _apart(clutch, "cam", stiffness=1e4, force_limit=500.0)
+    cam = apart.actuator
+    assert isinstance(cam, Cam)
+    shift = SteppedShift(apart, ShiftStart(0.0, 0.0, 0.1))
+    _command(shift, 0.005, 0.0)
+    _command(shift, 0.015, cam.full_force)
+    assert _command(shift, 0.045, 0.0)[-1] == 0.0
+    _command(shift, 0.055, cam.full_force)
+    share = 0.02 / (cam.ramp / cam.drum_speed)
+    groove = cam.stroke * share**2 * (3.0 - 2.0 * share)
+    speed = 6.0 * cam.stroke * share * (1.0 - share) / (cam.ramp / cam.drum_speed)
+    damping = 2.0 * 0.3 * math.sqrt(1e4 * 1000.0)
+    motion = shift.motion
+    exact = 1e4 * (groove - motion.travel) + damping * (speed - motion.axial_speed)
+    assert shift.actuator_reading.force == pytest.approx(min(exact, cam.full_force), rel=1e-3)
+
+
+def test_the_engagement_is_the_arrival_of_the_ring(clutch: Clutch) -> None:
+    """As the shift time is, also where the actuator behind a linkage arrives steps later."""
+    mechanism = replace(clutch.mechanism, compliance=2e-6, free_play=0.2e-3)
+    linked = replace(clutch, mechanism=mechanism, actuator=EXAMPLES["cam"]).with_engine("planar")
+    force = EXAMPLES["cam"].full_force
+    reference = engage(
+        linked, OperatingPoint(50 * RPM, ForceProfile(force, COMMAND_RISE_S)), 10 * DEG
+    )
+    assert reference.shift_time is not None
+    both_time = reference.run.times[-1]
+    assert both_time > reference.shift_time + 1e-3
+    for step in (1e-3, 2e-4):
+        shift = SteppedShift(linked, start_of(linked, 50 * RPM, 10 * DEG))
+        while not shift.engaged:
+            _command(shift, shift.time + step, force, step)
+        assert shift.engagement_time == pytest.approx(reference.shift_time, abs=1e-4)
+        assert shift.time == pytest.approx(both_time, abs=1.1 * step)
+
+
+def test_a_command_without_an_actuator_is_refused(clutch: Clutch) -> None:
+    shift = SteppedShift(clutch.with_engine("planar"), start_of(clutch, 0.0, 0.0))
+    with pytest.raises(InputError, match="force of a command is 100 N, but the clutch has no"):
+        shift.advance(1e-3, StepLoads(0.0, 0.0, 0.0, 100.0))
