@@ -295,8 +295,9 @@ class Study:
         """Write the clutch as an FMU, a co-simulation block for driveline models.
 
         The file ``path`` is FMI 3.0 or, with ``fmi=2``, FMI 2.0; the block runs where Python with
-        this package is installed (docs/howto/own_driveline.md). Raises InputError without the
-        extra ``fmu`` or for another version. Example: ``study.export_fmu("clutch.fmu", fmi=2)``
+        this package is installed (docs/howto/own_driveline.md). An actuator of the study is in the
+        block, with an input ``command``. Raises InputError without the extra ``fmu`` or for another
+        version. Example: ``study.export_fmu("clutch.fmu", fmi=2)``
         """
         from dogshape.pipeline.export.fmu import write_fmu  # noqa: PLC0415
         from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415

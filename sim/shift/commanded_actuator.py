@@ -20,7 +20,6 @@ from dogshape.sim.kernel_layout import (
     ACTUATOR_SPEED,
     AXIAL_SPEED,
     DISPLACEMENT,
-    FORCE_PROFILE,
     SPINDLE_TRAVEL,
 )
 from dogshape.sim.shift.actuation import SMALLEST_FORCE, ForceProfile
@@ -55,23 +54,17 @@ class CommandChange(NamedTuple):
 class SavedCommand(NamedTuple):
     """Command of an actuator at a time, of plain numbers."""
 
-    is_used: bool  #: whether the command was on before
     force: float  #: that acts, N; 0 is off
-    used_force: float  #: of the last command that was on, N
+    used_force: float  #: of the last command that was on, N; 0 before the first one
     asked_force: float  #: of the last change, N
-    pending: tuple[tuple[float, float], ...]  #: fields of ``CommandChange``
+    pending: tuple[CommandChange, ...]  #: that do not act yet
     drum_start: float  #: time from which the drum counts as turning, s
     off_time: float  #: of the last change to off, s
 
 
-OFF = SavedCommand(
-    is_used=False,
-    force=0.0,
-    used_force=0.0,
-    asked_force=0.0,
-    pending=(),
-    drum_start=0.0,
-    off_time=0.0,
+#: Command before the first one.
+NO_COMMAND = SavedCommand(
+    force=0.0, used_force=0.0, asked_force=0.0, pending=(), drum_start=0.0, off_time=0.0
 )
 
 
@@ -90,12 +83,12 @@ class CommandedActuator:
         self.actuator = actuator
         self._clutch = clutch
         self._course = course
-        self._command = OFF
+        self._command = NO_COMMAND
 
     @property
     def is_used(self) -> bool:
         """Whether the command was on before."""
-        return self._command.is_used
+        return self._command.used_force > 0.0
 
     def ask(self, time: float, force: float) -> None:
         """Ask for a static force in N from a time in s on; the dead time comes after it."""
@@ -108,37 +101,32 @@ class CommandedActuator:
     def next_change(self) -> float:
         """Return the time of the next change, s; infinity without one."""
         pending = self._command.pending
-        return pending[0][0] if pending else math.inf
+        return pending[0].time if pending else math.inf
 
     def apply_changes(self, time: float, numbers: np.record, state: Array) -> None:
         """Write the commands that are due at a time in s into numbers and state of a shift."""
         while self.next_change() <= time:
-            (_, force), *pending = self._command.pending
+            change, *pending = self._command.pending
             self._command = self._command._replace(pending=tuple(pending))
-            self._switch(time, force, numbers, state)
+            self._switch(time, change.force, numbers, state)
 
     def _switch(self, time: float, force: float, numbers: np.record, state: Array) -> None:
         """Switch to a static force in N at a time in s."""
         command = self._command
-        is_on = self._course.profile(force) is not None
-        if is_on and command.force == 0.0:
-            # The drum goes on from where it stopped.
-            drum_start = command.drum_start + time - command.off_time
-            command = command._replace(drum_start=drum_start)
-        if is_on:
-            command = command._replace(is_used=True, force=force, used_force=force)
-        elif command.force > 0.0:
-            command = command._replace(force=0.0, off_time=time)
         was_used = self.is_used
-        self._command = command
-        if not command.is_used:
+        if self._course.profile(force) is not None:
+            if command.force == 0.0:  # the drum goes on from where it stopped
+                drum_start = command.drum_start + time - command.off_time
+                command = command._replace(drum_start=drum_start)
+            self._command = command._replace(force=force, used_force=force)
+        elif command.force > 0.0:
+            self._command = command._replace(force=0.0, off_time=time)
+        if not self.is_used:
             return
-        if was_used:
-            amount = state[ACTUATOR_LEVEL] * self.actuator.level_unit(numbers["actuator"])
-            self.write(numbers)
-            state[ACTUATOR_LEVEL] = amount / self.actuator.level_unit(numbers["actuator"])
-        else:
-            self.write(numbers)
+        stored = state[ACTUATOR_LEVEL] * self.actuator.level_unit(numbers["actuator"])
+        self.write(numbers)
+        state[ACTUATOR_LEVEL] = stored / self.actuator.level_unit(numbers["actuator"])
+        if not was_used:
             state[ACTUATOR_LEVEL] = self.actuator.initial_level(force)
 
     def write(self, numbers: np.record) -> None:
@@ -146,7 +134,6 @@ class CommandedActuator:
         command = self._command
         profile = self._course.profile(command.used_force)
         if profile is None:
-            numbers["actuator"]["kind"] = FORCE_PROFILE
             return
         actuator_numbers = self._clutch.shift_numbers(profile)["actuator"]
         actuator_numbers["dwell_time"] += command.drum_start
@@ -183,5 +170,5 @@ class CommandedActuator:
 
     def restore(self, saved: SavedCommand) -> None:
         """Go to a command of ``save``."""
-        pending = tuple((time, force) for time, force in saved.pending)
+        pending = tuple(CommandChange(*change) for change in saved.pending)
         self._command = saved._replace(pending=pending)

@@ -54,7 +54,7 @@ from dogshape.sim.kernel_layout import (
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.commanded_actuator import (
     DIRECT,
-    OFF,
+    NO_COMMAND,
     ActuatorReading,
     CommandCourse,
     CommandedActuator,
@@ -157,7 +157,7 @@ class SavedShift:
     arrival_time: float  #: of the ring at its travel, s; NaN before it
     contact_force: float  #: N
     contact_torque: float  #: about the axis, N m
-    command: SavedCommand = OFF
+    command: SavedCommand = NO_COMMAND
 
 
 class SteppedShift:
@@ -422,7 +422,7 @@ class SteppedShift:
             arrival_time=self._arrival_time,
             contact_force=self._contact_force,
             contact_torque=self._contact_torque,
-            command=OFF if self._actuator is None else self._actuator.save(),
+            command=NO_COMMAND if self._actuator is None else self._actuator.save(),
         )
 
     def restore(self, saved: SavedShift) -> None:
