@@ -99,8 +99,8 @@ class Comparison(Result):
         from dogshape.pipeline.reports.charts import TimeMark, times_by_point  # noqa: PLC0415
 
         rows = self.rows
-        simulated = [TimeMark(row, row.simulated_s, row.standard_error_s) for row in rows]
-        measured = [TimeMark(row, row.bench_s, None) for row in rows]
+        simulated = [TimeMark.of(row, row.simulated_s, row.standard_error_s) for row in rows]
+        measured = [TimeMark.of(row, row.bench_s, None) for row in rows]
         return times_by_point({"simulation": simulated, "bench": measured})
 
     def to_frame(self) -> Frame:

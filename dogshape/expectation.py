@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -104,6 +105,11 @@ class Expectation(Result):
         return self.mean.standard_error
 
     @property
+    def interval_s(self) -> tuple[float, float]:
+        """95 % interval of the expected shift time, s; NaN of too few shifts for an error."""
+        return self.mean.interval()
+
+    @property
     def engaged_mean_s(self) -> float | None:
         """Mean time of engaged shifts, s; None where none engages at some operating point."""
         return self.record.engaged_mean_s
@@ -145,8 +151,12 @@ class Expectation(Result):
         return [*parts, *lines, *self._limit_tables(), *sources]
 
     def _time_line(self) -> str:
-        """Describe the expected time with its standard error."""
+        """Describe the expected time with its standard error, or its interval of few shifts."""
         mean = self.mean
+        if not self.record.judges_hangs and self.record.standard_error_s is not None:
+            angles = max(point.n for point in mean.points)
+            time = interval_text(mean.mean, *mean.interval())
+            return f"expected shift time {time}; {angles} angles are too few to judge hangs"
         error = (
             f"± {1e3 * mean.standard_error:.2f} ms (one standard error over angles, with that of "
             "hangs)"
@@ -217,6 +227,7 @@ class Expectation(Result):
         """Convert mean, errors and operating points to values of JSON."""
         mechanism = self.config.mechanism
         actuator = self.config.clutch.actuator
+        low, high = self.interval_s if self.mean.engages else (math.nan, math.nan)
         precision: dict[str, Any] = {}
         if self.precision is not None:
             error = number_or_none(self.mean.relative_error)
@@ -224,6 +235,9 @@ class Expectation(Result):
         return {
             "engine": self.config.clutch.solver.engine,
             **self.record.to_dict(),
+            "expected_shift_time_low_s": number_or_none(low),
+            "expected_shift_time_high_s": number_or_none(high),
+            "judges_hangs": self.record.judges_hangs,
             **({"actuator": actuator.record} if actuator else {}),
             **({"mechanism": mechanism} if mechanism else {}),
             **precision,
@@ -232,9 +246,9 @@ class Expectation(Result):
 
     def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""
-        from dogshape.pipeline.reports.charts import point_times, times_by_point  # noqa: PLC0415
+        from dogshape.pipeline.reports.charts import TimeMark, times_by_point  # noqa: PLC0415
 
-        return times_by_point({"mean": point_times(self.record.points)})
+        return times_by_point({"mean": list(map(TimeMark.with_retries, self.record.points))})
 
     def to_frame(self) -> Frame:
         """Tabulate operating points: mean, standard error, spread, share engaged."""

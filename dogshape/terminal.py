@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 CELL_INTERVAL_S = 0.5  #: between counts in a notebook
 LINE_INTERVAL_S = 15.0  #: between lines of progress where standard error is no terminal
 COLUMN_GAP = 2  #: characters between columns of a table
+MIN_TIMED_S = 5.0  #: of work, from which less than a minute is estimated
 MIN_TIMED_SHARE = 0.01  #: of the work, from which the remaining time is estimated
 
 
@@ -189,6 +190,8 @@ def _count_text(count: WorkCounter, elapsed: float) -> str:
     if count.ended or not new > MIN_TIMED_SHARE * count.total:
         return text
     minutes = elapsed / new * (count.total - count.done) / 60.0
+    if minutes < 1.0:
+        return f"{text}, less than 1 min left" if elapsed >= MIN_TIMED_S else text
     if minutes < 120.0:
         return f"{text}, {minutes:.0f} min left"
     return f"{text}, {minutes / 60.0:.1f} h left"

@@ -208,8 +208,12 @@ class Setup:
 
     @property
     def shafts_text(self) -> str:
-        """Speed of the shafts and the drive in words."""
-        return f"shafts {self.clutch.drive.text}"
+        """Speed of the shafts and the drive in words, and whether another speed changes times."""
+        drive = self.clutch.drive
+        words = f"shafts {drive.text}"
+        if not drive.turns or drive.has_pack:
+            return words
+        return f"{words}; another speed changes no time, as only its sense acts on the rings"
 
     @property
     def actuator_text(self) -> str:

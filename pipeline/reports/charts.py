@@ -35,6 +35,7 @@ from dogshape.pipeline.search.study_record import DesignRow, StudyRecord
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.check_records import HingeRow
 from dogshape.pipeline.store.result_records import PlaceRow, PointRow
+from dogshape.sim.statistics.expectation import Estimate, positive_interval
 from dogshape.sim.units import short
 
 
@@ -254,16 +255,31 @@ def _window(goal: Goal, rows: Sequence[DesignRow]) -> tuple[float, float] | None
 
 
 class TimeMark(NamedTuple):
-    """Mean time at an operating point with its standard error, s; None without one."""
+    """Mean time at an operating point with its 95 % interval, s; None without one."""
 
     point: PlaceRow
     mean_s: float | None
-    error_s: float | None
+    interval_s: tuple[float, float] | None
 
+    @classmethod
+    def of(cls, point: PlaceRow, mean: float | None, error: float | None) -> TimeMark:
+        """Mark a time in s by its standard error; the interval of a time is positive."""
+        if mean is None or error is None:
+            return cls(point, mean, None)
+        return cls(point, mean, positive_interval(Estimate(mean, error)))
 
-def point_times(points: Sequence[PointRow]) -> list[TimeMark]:
-    """List the mean times of operating points, retries included."""
-    return [TimeMark(point, point.mean_s, point.standard_error_s) for point in points]
+    @classmethod
+    def with_retries(cls, point: PointRow) -> TimeMark:
+        """Mark the mean time of an operating point, with the error of each of its parts."""
+        mean = point.mean_s
+        error = point.standard_error_s
+        engaged_mean = point.engaged_mean_s
+        engaged_error = point.engaged_standard_error_s
+        if mean is None or error is None or engaged_mean is None or engaged_error is None:
+            return cls.of(point, mean, error)
+        retries_error = math.sqrt(max(0.0, error**2 - engaged_error**2))
+        retries = Estimate(max(0.0, mean - engaged_mean), retries_error)
+        return cls(point, mean, positive_interval(Estimate(engaged_mean, engaged_error), retries))
 
 
 def _force_and_mismatch(point: PlaceRow) -> tuple[float, float]:
@@ -282,19 +298,25 @@ def times_by_point(sides: Mapping[str, Sequence[TimeMark]]) -> go.Figure:
         times = sorted(side_times, key=lambda time: _force_and_mismatch(time.point), reverse=True)
         names = [place_name(time.point) for time in times]
         timed = [
-            (place_name(point), mean, error) for point, mean, error in times if mean is not None
+            (place_name(point), mean, interval or (mean, mean))
+            for point, mean, interval in times
+            if mean is not None
         ]
         if timed:
-            half_widths = [1.96e3 * (error or 0.0) for _, _, error in timed]
+            error_bars = {
+                "array": [1e3 * (high - mean) for _, mean, (_, high) in timed],
+                "arrayminus": [1e3 * (mean - low) for _, mean, (low, _) in timed],
+            }
             figure.add_scatter(
                 x=[1e3 * mean for _, mean, _ in timed],
                 y=[name for name, _, _ in timed],
-                error_x={"array": half_widths, "thickness": 1.2},
+                error_x={**error_bars, "thickness": 1.2},
                 name=side,
                 mode="markers",
                 marker=mark,
-                hovertemplate=f"{side}, %{{y}}: %{{x:.1f}} ± %{{error_x.array:.1f}} ms"
-                "<extra></extra>",
+                customdata=[(1e3 * low, 1e3 * high) for _, _, (low, high) in timed],
+                hovertemplate=f"{side}, %{{y}}: %{{x:.1f}} ms "
+                "(%{customdata[0]:.1f} to %{customdata[1]:.1f} ms)<extra></extra>",
             )
     figure.update_xaxes(title="mean shift time, ms", rangemode="tozero", showgrid=True)
     figure.update_yaxes(

@@ -15,6 +15,7 @@ from dogshape.pipeline.search.study_record import (
 )
 from dogshape.pipeline.simulate.design import OBJECTIVES, SUMMARIES, Objective
 from dogshape.pipeline.store.check_records import CheckRow, VerdictRow
+from dogshape.sim.statistics.expectation import Estimate, positive_interval
 from dogshape.sim.statistics.hangs import interval
 from dogshape.sim.strength.verdict import WORDS, Margin, judge
 from dogshape.surrogate.model import NORMAL_95
@@ -69,8 +70,13 @@ class Goal(Objective):
         return self.factor * estimate.value, self.factor * estimate.standard_error
 
     def ends(self, value: float, error: float) -> tuple[float, float]:
-        """Compute the 95 % interval of a value in the printed unit; of a share by posterior."""
+        """Compute the 95 % interval of a value in the printed unit; of a share by posterior.
+
+        That of a quantity without negative values is positive.
+        """
         if self.name != FIRST_TRY or not error:
+            if self.low == 0.0:
+                return positive_interval(Estimate(value, error))
             return value - NORMAL_95 * error, value + NORMAL_95 * error
         low, high = interval(value / self.factor, (error / self.factor) ** 2)
         return self.factor * low, self.factor * high

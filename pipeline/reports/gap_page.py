@@ -113,9 +113,11 @@ def _cell_row(diagnosis: Inference, k: int, spread: float, simulation_error: flo
 
 def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
     """Draw mean times of the bench, without effects and of the leading hypothesis, by point."""
-    without_effects = [TimeMark(cell, cell.simulated_s, cell.simulated_error_s) for cell in cells]
-    leading = [TimeMark(cell, cell.predicted_s, cell.predicted_error_s) for cell in cells]
-    bench = [TimeMark(cell, cell.bench_s, cell.bench_error_s) for cell in cells]
+    without_effects = [
+        TimeMark.of(cell, cell.simulated_s, cell.simulated_error_s) for cell in cells
+    ]
+    leading = [TimeMark.of(cell, cell.predicted_s, cell.predicted_error_s) for cell in cells]
+    bench = [TimeMark.of(cell, cell.bench_s, cell.bench_error_s) for cell in cells]
     return times_by_point(
         {
             "without effects": without_effects,

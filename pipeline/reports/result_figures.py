@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from dogshape.pipeline.reports.charts import BLUE, GREY, INK, MARKS, ORANGE, styled
 from dogshape.pipeline.reports.designs import OWN_DOG
 from dogshape.pipeline.reports.text import check_name
-from dogshape.surrogate.model import NORMAL_95
+from dogshape.sim.statistics.expectation import Estimate, positive_interval
 
 BAR_HEIGHT = 26  #: px, of a horizontal bar with its gap
 FRAME_HEIGHT = 130  #: px, of axes and margins around the bars
@@ -54,12 +54,18 @@ def times_figure(
 
     ``times`` and standard ``errors`` are in s; None has no mark or no interval.
     """
+    timed = [
+        (label, time, positive_interval(Estimate(time, error or 0.0)))
+        for label, time, error in zip(labels, times, errors, strict=True)
+        if time is not None
+    ]
     figure = go.Figure(
         go.Scatter(
-            x=labels,
-            y=[None if time is None else 1e3 * time for time in times],
+            x=[label for label, *_ in timed],
+            y=[1e3 * time for _, time, _ in timed],
             error_y={
-                "array": [0.0 if error is None else 1e3 * NORMAL_95 * error for error in errors]
+                "array": [1e3 * (high - time) for _, time, (_, high) in timed],
+                "arrayminus": [1e3 * (time - low) for _, time, (low, _) in timed],
             },
             mode="markers",
             marker={"color": BLUE, "size": 11, "symbol": "diamond"},

@@ -20,7 +20,6 @@ from dogshape.pipeline.reports.charts import (
     assumptions_figure,
     effects_figure,
     front_figure,
-    point_times,
     shiftability_figure,
     times_by_point,
 )
@@ -280,11 +279,9 @@ def point_parts(study: Setup, best: DesignRow, confirmation: Confirmation) -> li
     """
     if best.prototype:
         return []
-    prototype_times = point_times(confirmation.prototype.points)
+    prototype_times = list(map(TimeMark.with_retries, confirmation.prototype.points))
     pairs = zip(confirmation.prototype.points, confirmation.best.points, strict=True)
-    chosen_times = [
-        TimeMark(point, chosen.mean_s, chosen.standard_error_s) for point, chosen in pairs
-    ]
+    chosen_times = [TimeMark.with_retries(chosen)._replace(point=point) for point, chosen in pairs]
     figure = times_by_point({OWN_DOG: prototype_times, "chosen": chosen_times})
     caption = "At the new angles, retries included; bars are 95 % intervals."
     parts: list[Part] = [figure, caption]

@@ -99,7 +99,7 @@ def summary_tables(study: Setup, result: StudyRecord) -> list[Table]:
 
 
 def alternatives_tables(study: Setup, result: StudyRecord, best: DesignRow) -> list[Table]:
-    """Tabulate the chosen design, others of the front that pass every check, and the own dog.
+    """Tabulate the chosen design, the own dog, and others of the front that pass every check.
 
     ``best`` is the chosen design. The first table has a row for each design with the five answers
     of a choice, the second a column for each with all the rest. Costs are differences to the chosen
@@ -115,7 +115,7 @@ def alternatives_tables(study: Setup, result: StudyRecord, best: DesignRow) -> l
     def rank(trial: int) -> tuple[bool, bool, float]:
         sheet = sheets[trial]
         time = sheet.simulated.expected_shift_time_s or math.inf
-        return sheet is not chosen, sheet.prototype, time
+        return sheet is not chosen, not sheet.prototype, time
 
     answers = []
     columns_of_rest = {}
@@ -140,8 +140,7 @@ def alternatives_tables(study: Setup, result: StudyRecord, best: DesignRow) -> l
             "margin at statistical tolerances": words[STATISTICAL_MARGIN],
         }
     looks = {0: "best"}
-    if answers[-1][0] == OWN_DOG:
-        looks[len(answers) - 1] = "prototype"
+    looks |= {row: "prototype" for row, answer in enumerate(answers) if answer[0] == OWN_DOG}
     heads = ("design", TIME, "minus chosen, ms", "verdict", "margin at worst-case tolerances")
     note = (
         "Designs of the front without a negative margin at the new angles, and your own dog; ± one "

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from dogshape.pipeline.record import MINUS, Bad, percent
-from dogshape.pipeline.store.result_records import HangKeys, PlaceRow, QuantileRow
+from dogshape.pipeline.store.result_records import ExpectedTime, HangKeys, PlaceRow, QuantileRow
 from dogshape.sim.shift.pair import OUTPUT_PREFIX
 from dogshape.sim.statistics.expectation import NumericalError
 from dogshape.sim.strength.checks import RULES, safety_factor
@@ -179,7 +179,13 @@ def hang_words(record: HangKeys) -> str:
     words = f"a shift hangs with {mean:.2g} % (95 %: {low:.2f} to {high:.2g} %)"
     if record.retries_s is None:
         return words
-    return f"{words}, retries take {time_text(record.retries_s, record.retries_error_s)}"
+    words += f", retries take {time_text(record.retries_s, record.retries_error_s)}"
+    if record.judges_hangs:
+        return words
+    words += ", by too few shifts to judge hangs"
+    if isinstance(record, ExpectedTime) and record.not_engaged == 0:
+        words += f": those rarer than 1 in {record.shifts} cannot be seen in {record.shifts} shifts"
+    return words
 
 
 def hang_percents(record: HangKeys) -> tuple[float, float, float]:

@@ -153,6 +153,11 @@ class PointRow(PlaceRow):
         )
 
 
+#: Standard error of the time of retries over the mean of engaged shifts, above which the shifts
+#: were too few to judge hangs: the prior decides the time (judged).
+MAX_RETRIES_ERROR = 0.1
+
+
 class HangKeys(Record):
     """Terms of an expected shift time: mean of engaged shifts, and retries of hangs."""
 
@@ -169,6 +174,13 @@ class HangKeys(Record):
     hang_probability_high: float | None = key("upper end", SHARE, late=True)
     retries_s: float | None = key("expected time of retries", "s", late=True)
     retries_error_s: float | None = key("its standard error", "s", late=True)
+
+    @property
+    def judges_hangs(self) -> bool:
+        """Whether the shifts were enough to say what hangs add to the mean."""
+        if self.retries_error_s is None or self.engaged_mean_s is None:
+            return True
+        return self.retries_error_s <= MAX_RETRIES_ERROR * self.engaged_mean_s
 
 
 def hang_keys(expectation: MixExpectation | None) -> HangKeys:

@@ -465,27 +465,103 @@ def passed_over(times, states, touches, planes, numbers):
     return deepest
 
 
+class MarkSteps(NamedTuple):
+    """Steps at whose ends the marks of a shift are seen; the number of steps for none."""
+
+    first_touch: int
+    last_face_touch: int
+    crests_meet: int
+    seating: int
+
+
 @compiled
-def _find_marks(times, states, touches, face_touches, end, numbers):
-    """Find the ends of free flight and face contact and the start of seating, s."""
-    first_touch = end
-    crests_meet = end
-    seating = end
-    last_face_touch = -1.0
-    for i in range(times.size - 1, -1, -1):
+def _find_mark_steps(states, touches, face_touches, numbers):
+    """Find the steps of first touch, last touch of a face, crests that meet and first flank."""
+    size = touches.size
+    first_touch = size
+    crests_meet = size
+    last_face_touch = size
+    for i in range(size - 1, -1, -1):
         if states[i, DISPLACEMENT] >= numbers.axial_gap:
-            crests_meet = times[i]
+            crests_meet = i
         if touches[i]:
-            first_touch = times[i]
-        if face_touches[i]:
-            last_face_touch = max(last_face_touch, times[i])
-    if last_face_touch < 0.0:
-        first_touch = crests_meet
-        last_face_touch = crests_meet
-    for i in range(times.size - 1, -1, -1):
-        if touches[i] and times[i] > last_face_touch:
-            seating = times[i]
-    return ShiftMarks(min(first_touch, end), min(last_face_touch, end), min(seating, end))
+            first_touch = i
+        if face_touches[i] and last_face_touch == size:
+            last_face_touch = i
+    seating = size
+    entry = crests_meet if last_face_touch == size else last_face_touch
+    for i in range(size - 1, entry, -1):
+        if touches[i]:
+            seating = i
+    return MarkSteps(first_touch, last_face_touch, crests_meet, seating)
+
+
+@compiled
+def _find_marks(times, states, steps, end, impulses, touches, numbers):
+    """Find the ends of free flight and face contact and the start of seating within steps, s.
+
+    ``impulses`` of the contact over each step, N s, (n,).
+    """
+    if steps.last_face_touch < times.size:
+        first_touch = _touch_start(times, steps.first_touch, end, impulses)
+        last_face_touch = _face_end(
+            times, states, steps.last_face_touch, impulses, touches, numbers
+        )
+    else:
+        crests_meet = crossing(
+            times, states[:, DISPLACEMENT], states[:, AXIAL_SPEED], numbers.axial_gap
+        )
+        first_touch = end if math.isnan(crests_meet) else crests_meet
+        last_face_touch = first_touch
+    seating = _touch_start(times, steps.seating, end, impulses)
+    flight_end = min(first_touch, end)
+    face_contact_end = min(max(last_face_touch, flight_end), end)
+    return ShiftMarks(flight_end, face_contact_end, min(max(seating, face_contact_end), end))
+
+
+@compiled
+def _touch_start(times, i, end, impulses):
+    """Find the time in the step to ``i`` at which a contact begins, s; ``end`` for no step."""
+    if i >= times.size:
+        return end
+    if i == 0 or i + 1 == times.size:
+        return times[i]
+    length = _contact_time(impulses[i], impulses[i + 1], times[i + 1] - times[i])
+    return max(times[i - 1], times[i] - length)
+
+
+@compiled
+def _face_end(times, states, i, impulses, touches, numbers):
+    """Find the time at which faces that touch over the step to ``i`` part or pass, s."""
+    if i == 0 or i + 1 == times.size:
+        return times[i]
+    if not touches[i + 1]:
+        length = _contact_time(impulses[i], impulses[i - 1], times[i - 1] - times[max(0, i - 2)])
+        return min(times[i], times[i - 1] + length)
+    step = times[i + 1] - times[i]
+    low = 0.0
+    high = 1.0
+    for _ in range(BISECTIONS):
+        share = 0.5 * (low + high)
+        displacement, angle = _interpolate_position(share, step, states[i], states[i + 1])
+        if faces_meet(angle, displacement, numbers):
+            low = share
+        else:
+            high = share
+    return times[i] + low * step
+
+
+@compiled
+def _contact_time(impulse, next_impulse, next_step):
+    r"""Compute the time that a contact takes in the step of its start, s; backwards of its end.
+
+    A force that grows evenly from zero over the time :math:`x` and the next step :math:`h` gives
+    the impulses :math:`r = x^2/(2 x h + h^2)`, so :math:`x = h (r + \sqrt{r^2 + r})`.
+    """
+    if next_impulse <= 0.0:
+        return np.inf
+    ratio = impulse / next_impulse
+    return next_step * (ratio + math.sqrt(ratio * ratio + ratio))
 
 
 @compiled
@@ -709,13 +785,11 @@ def _find_shaft_peaks(states, numbers):
 
 
 @compiled
-def _residual_mismatch(times, states, seating_start, end):
-    """Find the relative speed before the start of seating, rad/s; NaN where no flank closed."""
-    if seating_start >= end:
+def _residual_mismatch(times, states, seating, end):
+    """Find the relative speed before the step of first flank, rad/s; NaN if no flank closed."""
+    if seating >= times.size or times[seating] >= end:
         return np.nan
-    step = 0  # the last one before the start of seating
-    while step + 1 < times.size and times[step + 1] < seating_start:
-        step += 1
+    step = max(0, seating - 1)
     return states[step, OUTPUT_SPEED] - states[step, SLIDING_SPEED]
 
 
@@ -755,6 +829,7 @@ def summarize(times, states, number_record, knots, driven, planes, classes):
     touches = touching(times, forces, torques, pushes, numbers)
     overlaps = np.empty(times.size)
     face_touches = touches.copy()
+    contact_impulses = np.empty(times.size)
     peak_force = 0.0
     peak_torque = 0.0
     end = times[-1] if math.isnan(shift_time) else shift_time
@@ -762,9 +837,12 @@ def summarize(times, states, number_record, knots, driven, planes, classes):
         angle = _relative_angle(states[i])
         overlaps[i] = face_overlap(angle, numbers)
         face_touches[i] &= faces_meet(angle, states[i, DISPLACEMENT], numbers)
+        step = times[i] - times[max(0, i - 1)]
+        contact_impulses[i] = step * math.hypot(forces[i], torques[i] / numbers.mean_radius)
         peak_force = max(peak_force, forces[i])
         peak_torque = max(peak_torque, abs(torques[i]))
-    marks = _find_marks(times, states, touches, face_touches, end, numbers)
+    steps = _find_mark_steps(states, touches, face_touches, numbers)
+    marks = _find_marks(times, states, steps, end, contact_impulses, touches, numbers)
     impulse, angular_impulse = _find_strikes(times, forces, pushes, torques, numbers)
     sliding_inertia = numbers.sliding_inertia + numbers.input_side_inertia
     output_inertia = numbers.output_inertia + numbers.output_side_inertia
@@ -776,7 +854,7 @@ def summarize(times, states, number_record, knots, driven, planes, classes):
         impact_impulse=impulse,
         energy_dissipated=energy,
         strike_mismatch=angular_impulse * inertia_sum / (sliding_inertia * output_inertia),
-        residual_mismatch=_residual_mismatch(times, states, marks.seating_start, end),
+        residual_mismatch=_residual_mismatch(times, states, steps.seating, end),
         input_torque_peak=input_peak,
         output_torque_peak=output_peak,
     )

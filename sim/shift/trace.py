@@ -4,6 +4,8 @@ Phases, contiguous from the start of the force: *free fly* until the first touch
 crests meet when no face is ever touched; *face contact* from the first touch of any kind to the
 last one of a face, with every bounce, rebound and skipped slot in between; *entry* while the dogs
 are in the slots and no flank has touched yet; *seating* from the first flank contact to the end.
+Times lie between the recorded steps: of crests on the cubic of the motion, of contacts by a force
+that grows evenly. Phases add up to the shift time.
 
 *Loads*: the rings are rigid behind the stiffness of the dogs. Impulses and energies follow from
 momenta; peak forces go with :math:`\sqrt{k m}` and are estimates (``benchmarks/impact_force.py``).

@@ -42,6 +42,35 @@ class Estimate:
     standard_error: float
 
 
+NO_RETRIES = Estimate(0.0, 0.0)  #: s
+PART_LEVELS = 200  #: quantiles of a part, for the interval of a sum of two
+
+
+def positive_interval(
+    part: Estimate, other_part: Estimate = NO_RETRIES, share: float = 0.95
+) -> tuple[float, float]:
+    """Compute the central interval of a sum of positive parts that holds a ``share``.
+
+    Each part is Gamma distributed with its mean and variance, or exact without an error: an
+    expected time is the mean of engaged shifts and the time of retries. NaN for an unknown error.
+    """
+    sums = np.add.outer(_gamma_quantiles(part), _gamma_quantiles(other_part))
+    low, high = np.quantile(sums, [0.5 - 0.5 * share, 0.5 + 0.5 * share], method="hazen")
+    return float(low), float(high)
+
+
+def _gamma_quantiles(part: Estimate) -> Array:
+    """Compute even quantiles of a Gamma distribution by mean and standard deviation."""
+    from scipy.special import gammaincinv  # noqa: PLC0415  slow to load
+
+    if part.standard_error == 0.0 or part.value <= 0.0:
+        return np.array([part.value])
+    levels = (np.arange(PART_LEVELS) + 0.5) / PART_LEVELS
+    scale = part.standard_error**2 / part.value
+    quantiles: Array = scale * gammaincinv(part.value / scale, levels)
+    return quantiles
+
+
 @dataclass(frozen=True)
 class ShiftResult:
     """Outcome and time of one shift, for an expectation."""
@@ -243,6 +272,14 @@ class MixExpectation:
     def standard_error(self) -> float:
         """Standard error of ``mean``, s, of both of its parts."""
         return self._combined([p.standard_error for p in self.points])
+
+    def interval(self, share: float = 0.95) -> tuple[float, float]:
+        """Compute the central interval of ``mean`` that holds a ``share``, s."""
+        return positive_interval(
+            Estimate(self.engaged_mean, self.engaged_error),
+            Estimate(self.retries, self.retries_error),
+            share,
+        )
 
     @property
     def hang_probability(self) -> float:

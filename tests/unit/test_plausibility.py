@@ -16,6 +16,7 @@ from dogshape.pipeline.simulate.plausibility import (
     slips_of,
 )
 from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.blocks import engage
 from tests.conftest import Call, set_options
 
 POINT = ("--engine", "planar", "--mismatch-rpm", "50", "--force-N", "469")
@@ -181,6 +182,23 @@ def test_the_speed_of_the_shafts_is_said(
     assert words in said.out
     found = dogshape("expect", "mq200_paper", "--angles", "3", *POINT[2:], *given, "--json")
     assert words.removeprefix("shafts ") in found.json["shafts"]
+
+
+def test_a_common_speed_is_said_to_change_no_time() -> None:
+    """Only a wet pack, whose other side turns at a speed of its own, drags by the speed."""
+    words = "another speed changes no time"
+    pack = "drive.pack_viscous_Nms_rad=0.05"
+    assert words in load_study("motorcycle").shafts_text
+    assert words not in load_study("motorcycle", [pack]).shafts_text
+    assert words not in load_study("mq200_paper").shafts_text
+    times: dict[str, list[float | None]] = {}
+    for rpm in (1000, 6000):
+        for key in ("", pack):
+            keys = [f"drive.shaft_speed_rpm={rpm}", *filter(None, [key])]
+            study = load_study("motorcycle", keys).search_setup
+            times.setdefault(key, []).append(engage(study.clutch, study.points[0], 0.1).shift_time)
+    assert times[""][0] == pytest.approx(times[""][1], rel=1e-3)
+    assert times[pack][0] != pytest.approx(times[pack][1], rel=1e-2)
 
 
 #: Pointed teeth of a light sleeve in place of the prototype's dogs.

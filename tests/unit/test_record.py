@@ -15,13 +15,13 @@ from rich.console import Console
 
 from benchmarks.figures import key_table
 from dogshape.cli.options import emit
-from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.record import Bad, FileRecord, Record, Table, frame_of, tabulate
 from dogshape.pipeline.reports.report import Report, plotly_code
 from dogshape.pipeline.store.check_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import key, validate
 from dogshape.sim.errors import InputError
-from dogshape.terminal import ProgressBar, print_parts
+from dogshape.terminal import ProgressBar, _count_text, print_parts
 
 
 class Point(Record):
@@ -168,3 +168,14 @@ def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[
         assert words in out
     assert f"kept in {name}" in err
     assert f"finished shifts are in {name}" in err
+
+
+@pytest.mark.parametrize(
+    ("done", "elapsed", "words"),
+    [(50, 1.0, "50 of 100 shifts"), (50, 10.0, "50 of 100 shifts, less than 1 min left"),
+     (10, 20.0, "10 of 100 shifts, 3 min left")],
+)  # fmt: skip
+def test_progress_never_says_0_min_left(done: int, elapsed: float, words: str) -> None:
+    counter = WorkCounter(SILENT, 100)
+    counter.advance(done)
+    assert _count_text(counter, elapsed) == words

@@ -336,7 +336,7 @@ def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) ->
     assert places["own dog"] == [(pytest.approx(101.0), 8.0)]
     assert places["fails when simulated"] == [(pytest.approx(60.0), 6.5)]
     bars = [found[kind].error_x.array[0] for kind in ("own dog", "chosen")]
-    assert bars == pytest.approx([3.92, 1.96])
+    assert bars == pytest.approx([3.92, 1.96], rel=2e-2)  # Gamma distributed, nearly normal
     # What lies right of and above a design is beaten by it: first right, then down.
     (border,) = [trace for trace in figure.data if trace.line.shape == "hv"]
     assert list(border.x) == pytest.approx([70.0, 80.0])
@@ -392,10 +392,10 @@ def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
         (row["trial"] for row in result["front"]),
         key=lambda trial: (trial != confirmed["chosen"], _by_trial(result)[trial][TIME]),
     )
-    assert [row[0] for row in table.rows] == [*map(str, (first, *others)), "own dog"]
+    assert [row[0] for row in table.rows] == [str(first), "own dog", *map(str, others)]
     assert len(table.heads) == 5
     assert list(rest.heads) == ["", *(row[0] for row in table.rows)]
-    *_, prototype = table.rows
+    prototype = table.rows[1]
     row = {label: chosen for label, chosen, *_ in rest.rows}
     record = record_of(result)
     assert record.best is not None
@@ -411,7 +411,7 @@ def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
     alone = "(chamfer alone; flanks need not release)"
     assert words_of(held)["locks above friction"] == f"{sheet.locking_friction:.3f} {alone}"
     assert prototype[2].startswith(f"+{1e3 * confirmed['gain_s']:.1f} ± ")
-    assert (table.looks[0], table.looks[len(others) + 1]) == ("best", "prototype")
+    assert table.looks == {0: "best", 1: "prototype"}
 
 
 def test_what_fails_or_does_not_engage_is_no_alternative(study: Setup) -> None:

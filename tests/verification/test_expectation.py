@@ -63,8 +63,30 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
     assert "friction, 1 short of full depth at the time-out" in mixed
     whole = expect([expect_point(heavy, _shifts(0.05, 0.06, 0.07), 1.0, 0.2)])
     assert whole.unaided_mean == pytest.approx(whole.engaged_mean) == pytest.approx(0.06)
-    assert re.search(r"expected shift time \d+\.\d\d ± \d+\.\d\d ms", _printed(whole))
+    assert re.search(r"expected shift time \d+\.\d ms \(95 %: [5-6]\d\.\d ms to ", _printed(whole))
+    assert "3 angles are too few to judge hangs" in _printed(whole)
     assert "none of 3 shifts hung" in _printed(whole)
+    assert "those rarer than 1 in 3 cannot be seen in 3 shifts" in _printed(whole)
+    times = [0.05 + 1e-5 * k for k in range(400)]
+    many = _printed(expect([expect_point(heavy, _shifts(*times), 1.0, 0.2)]))
+    assert re.search(r"expected shift time \d+\.\d\d ± \d+\.\d\d ms", many)
+    assert "too few" not in many
+
+
+def test_error_bars_of_few_angles_are_positive(point: Point) -> None:
+    """Two points at three angles: the bars hold the mean and begin above zero."""
+    places = [point(5, 469.0), point(50, 469.0)]
+    mean = expect([expect_point(place, _shifts(0.05, 0.06, 0.07), 1.0, 0.2) for place in places])
+    result = results.Expectation(load_study("mq200_paper"), mean)
+    (marks,) = result.plot().data
+    lows = np.array(marks.x) - marks.error_x.arrayminus
+    assert (lows > 40.0).all()
+    assert (np.array(marks.error_x.array) > np.array(marks.error_x.arrayminus)).all()
+    record = result.to_dict()
+    low, high = record["expected_shift_time_low_s"], record["expected_shift_time_high_s"]
+    assert (low, high) == result.interval_s
+    assert 0.04 < low < record["expected_shift_time_s"] < high
+    assert record["judges_hangs"] is False
 
 
 def _printed(result: MixExpectation) -> str:

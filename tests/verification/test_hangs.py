@@ -9,12 +9,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.store.result_records import ExpectedTime
 from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.statistics.blocks import engage, even_blocks
 from dogshape.sim.statistics.expectation import (
+    Estimate,
     MixExpectation,
     ShiftResult,
     expect,
     expect_point,
+    positive_interval,
     share_over,
 )
 from dogshape.sim.statistics.hangs import (
@@ -215,3 +220,56 @@ def test_share_over_many_shifts_is_the_share_with_its_binomial_error() -> None:
     assert share.standard_error == pytest.approx(math.sqrt(variance), rel=1e-2)
     assert math.isnan(share_over([1.0], [(0, 0)]).value)
     assert share_over([1.0, 1.0], [(0, 20), (0, 0)]) == share_over([1.0], [(0, 20)])
+
+
+def test_interval_of_a_sum_of_positive_parts() -> None:
+    """Of one part it is Gamma's, of an exact one its value, of two small errors the normal one."""
+    low, high = positive_interval(Estimate(15.0, 21.0))
+    gamma = stats.gamma((15.0 / 21.0) ** 2, scale=21.0**2 / 15.0)
+    assert high == pytest.approx(gamma.ppf(0.975), rel=2e-2)
+    assert 0.0 < low == pytest.approx(gamma.ppf(0.025), rel=5e-2)
+    assert positive_interval(Estimate(60.0, 0.0)) == (60.0, 60.0)
+    ends = positive_interval(Estimate(60.0, 0.3), Estimate(40.0, 0.4))
+    assert ends == pytest.approx((100.0 - 1.96 * 0.5, 100.0 + 1.96 * 0.5), rel=1e-3)
+    assert all(map(math.isnan, positive_interval(Estimate(60.0, math.nan))))
+    lower, upper = positive_interval(Estimate(15.0, 21.0), share=0.68)
+    assert low < lower < upper < high
+
+
+@pytest.mark.parametrize("static_friction", [0.12, 0.3])
+def test_interval_of_few_angles_holds_the_time_of_many(static_friction: float) -> None:
+    """Motorcycle, 0 and 1 % of hangs: 200 random starts of 4, 8, 16 and 48 of 192 angles."""
+    study = load_study("motorcycle", [f"contact.static_friction={static_friction}"]).search_setup
+    many = 192
+    shifts = []
+    for block in even_blocks(study.clutch, study.points, many, 7):
+        results = [engage(block.clutch, block.point, angle) for angle in block.angles]
+        shifts.append([ShiftResult(one.outcome, one.shift_time) for one in results])
+    weights = np.array([point.weight for point in study.points])
+    hung = np.array([sum(shift.shift_time is None for shift in row) for row in shifts]) / many
+    engaged = [np.mean([shift.shift_time or 0.0 for shift in row]) for row in shifts] / (1.0 - hung)
+    cost = study.clutch.timeout + study.retraction
+    truth = float(weights @ (engaged + cost * hung / (1.0 - hung))) / weights.sum()
+    rng = np.random.default_rng(1)
+    for angles in (4, 8, 16, 48):
+        ends = []
+        for _ in range(200):
+            starts = rng.integers(many // angles, size=len(shifts)).tolist()
+            few = [row[start :: many // angles] for start, row in zip(starts, shifts, strict=True)]
+            pairs = zip(study.points, few, strict=True)
+            mean = expect(
+                [expect_point(at, row, study.clutch.timeout, study.retraction) for at, row in pairs]
+            )
+            ends.append([mean.interval(share) for share in (0.68, 0.9, 0.95)])
+            assert mean.interval()[0] > 0.0
+        held = np.mean([[low <= truth <= high for low, high in row] for row in ends], axis=0)
+        assert held[1] >= 0.9 - 3.0 * math.sqrt(0.9 * 0.1 / 200)
+        assert held[2] >= 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / 200)
+        assert held[0] >= 0.68 - 3.0 * math.sqrt(0.68 * 0.32 / 200)
+
+
+@pytest.mark.parametrize(("shifts", "judged"), [(4, False), (16, False), (64, True)])
+def test_few_shifts_do_not_judge_hangs(shifts: int, judged: bool, point: Point) -> None:
+    """Of six points without a hang: 15 ± 20, 5 ± 7 and 1.5 ± 2 ms beside 30 ms."""
+    record = ExpectedTime.of(_expectation(point, np.zeros(6, int), shifts))
+    assert record.judges_hangs is judged

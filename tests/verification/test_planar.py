@@ -16,7 +16,7 @@ from dogshape.sim.shift.conclusion import Outcome, section_planes
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.pair import dog_pair
-from dogshape.sim.shift.planar import PlanarClutch
+from dogshape.sim.shift.planar import PlanarClutch, touch_time
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM
@@ -106,6 +106,44 @@ def test_loads_and_events_follow_drake(clutch: Clutch, point: Point) -> None:
     assert [p.name for p in mine.phases] == [p.name for p in drake.phases]
     for one, other in zip(mine.phases, drake.phases, strict=True):
         assert one.end == pytest.approx(other.end, abs=3e-4)
+
+
+def test_phases_add_up_to_the_shift_time(clutch: Clutch, point: Point) -> None:
+    own = clutch.with_engine("planar")
+    for degrees in np.linspace(0.0, 23.0, 12):
+        shift = engage(own, point(50, 469.0), float(degrees) * DEG)
+        assert shift.shift_time is not None
+        lengths = [phase.end - phase.start for phase in shift.phases]
+        assert min(lengths) >= 0.0
+        assert sum(lengths) == pytest.approx(shift.shift_time, rel=1e-14)
+
+
+def test_phases_of_a_direct_entry_are_between_the_steps(clutch: Clutch, point: Point) -> None:
+    """Free flight ends where the crests meet, by the closed form; flanks close between two steps.
+
+    Steps of a shift whose rings are free last tenths of a millisecond.
+    """
+    own = clutch.with_engine("planar")
+    place = point(50, 469.0)
+    shifts = [engage(own, place, degrees * DEG) for degrees in np.linspace(0.0, 23.0, 24).tolist()]
+    direct = [shift for shift in shifts if shift.events.face_contacts == 0]
+    assert len(direct) > 2
+    for shift in direct:
+        flight, faces, entry, _ = shift.phases
+        assert flight.end == pytest.approx(touch_time(own, place.profile), abs=1e-7)
+        assert faces.end == faces.start
+        times = shift.run.times
+        step = int(np.searchsorted(times, entry.end))
+        assert times[step - 1] < entry.end < times[step]
+
+
+def test_phases_hardly_depend_on_the_steps(clutch: Clutch, point: Point) -> None:
+    """At a thirtieth of the tolerance a first touch moves by 15 us, of steps up to 500."""
+    own = clutch.with_engine("planar")
+    for degrees in (3.0, 9.0, 15.0, 21.0):
+        shifts = [engage(one, point(50, 469.0), degrees * DEG) for one in (own, own.refined())]
+        coarse, fine = (shift.phases[0].end for shift in shifts)
+        assert coarse == pytest.approx(fine, abs=1.5e-5)
 
 
 def test_falling_friction_follows_fine_steps_of_drake(clutch: Clutch, point: Point) -> None:
