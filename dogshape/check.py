@@ -27,13 +27,14 @@ from dogshape.pipeline.store.check_records import (
     CheckRow,
     LandingRow,
     NotJudged,
+    assumed_texts,
     check_table,
     not_judged_row,
 )
 from dogshape.pipeline.store.result_records import ExpectedTime, HangKeys, QuantileRow, hang_keys
 from dogshape.pipeline.train.training_rows import matching_surrogate, study_mix
 from dogshape.result import Result
-from dogshape.sim.shift.geometry import FLANKS
+from dogshape.sim.shift.geometry import FLANKS, Flank
 from dogshape.sim.statistics.expectation import MixExpectation
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import bearing_limits, strike_force, strike_torque
@@ -115,6 +116,23 @@ class Checked(Result):
         return [retention(dog, load, flank) for flank in FLANKS]
 
     @property
+    def load_sharing(self) -> dict[Flank, float]:
+        """Load sharing K_s of the dogs at the static torque of each flank."""
+        dog = self.config.clutch.dog
+        load = bearing_limits(dog, self.config.limits).load
+        return {flank: load.sharing(dog, load.static_torque(flank), flank) for flank in FLANKS}
+
+    @property
+    def load_sharing_text(self) -> str:
+        """Load sharing of both flanks in words, with its origin."""
+        load = self.config.limits.load
+        is_fixed = load.scatter(self.config.clutch.dog) is None and load.run_out == 0.0
+        origin = "load.load_sharing" if is_fixed else "by number and errors of the dogs"
+        values = [f"{share:.2f} on the {flank} flank" for flank, share in self.load_sharing.items()]
+        words = "load sharing K_s, mean load of the dogs over the largest"
+        return f"{words}: {', '.join(values)} ({origin})"
+
+    @property
     def rows(self) -> list[CheckRow]:
         """Every check with its margins, by the declared keys."""
         return self.design.rows
@@ -141,6 +159,8 @@ class Checked(Result):
             *(f"{check.name}: {check.fault}; {check.remedy}" for check in self.design.faults),
             f"smallest margin: {percent(weakest.margin)}, {weakest.name}",
             *hinge_lines(self.verdict),
+            *hang_lines(self.verdict),
+            *assumed_lines(self.verdict),
             f"at statistical tolerances: {self.statistical}",
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
@@ -148,6 +168,7 @@ class Checked(Result):
             *map(_retention_text, self.retention),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
             f"load: {self.config.load_text}",
+            self.load_sharing_text,
             *([f"mount: {mount}"] if mount else []),
         ]
 
@@ -157,6 +178,7 @@ class Checked(Result):
         names = {row.name for row in self.rows}
         return [
             check_table(self.judged_rows, "name", "meaning", "formula", "source", "limit_key"),
+            f"F of the strength checks is that of the most loaded dog: {self.load_sharing_text}",
             *(
                 f"not judged: {check}; give {keys}"
                 for check, keys in OPTIONAL.items()
@@ -249,6 +271,7 @@ class Checked(Result):
             "verdict": self.verdict.to_dict(),
             "checks": [row.to_dict() for row in self.rows],
             **self._landing_record(),
+            "load_sharing": self.load_sharing,
             "retention": [
                 {
                     "flank": retention.flank,
@@ -298,6 +321,20 @@ def hinge_lines(verdict: Verdict) -> list[str]:
         strongest = _hinge_text(verdict.hangs_on[0])
         return [f"no assumption flips the verdict within its range; strongest: {strongest}"]
     return []
+
+
+def hang_lines(verdict: Verdict) -> list[str]:
+    """Describe the share of shifts that hang with its limits, unless the verdict has it."""
+    if verdict.hangs is None or verdict.hangs.warns:
+        return []
+    return [verdict.hangs.limits_text]
+
+
+def assumed_lines(verdict: Verdict) -> list[str]:
+    """List the values that nobody gave, a line for each source."""
+    return [
+        f"not given, {source}: {text}" for source, text in assumed_texts(verdict.assumed).items()
+    ]
 
 
 def _hinge_text(hinge: Hinge) -> str:
@@ -611,15 +648,6 @@ class Strength(Checked):
     shifts: int = 0
 
     @property
-    def load_sharing(self) -> float | None:
-        """Load sharing at the design torque by number and accuracy; None if fixed."""
-        dog = self.config.clutch.dog
-        load = bearing_limits(dog, self.config.limits).load
-        if load.scatter(dog) is None:
-            return None
-        return load.sharing(dog, load.design_torque)
-
-    @property
     def strikes(self) -> list[FlankStrike]:
         """Flank strikes at the ends of the assumed ranges."""
         dog = self.config.clutch.dog
@@ -637,20 +665,15 @@ class Strength(Checked):
         ]
 
     def to_parts(self) -> list[str | Table]:
-        """Tabulate the checks, with lines on landing, load sharing and flank strikes."""
+        """Tabulate the checks, with lines on landing and flank strikes."""
         landing = self.landing_of(self.shifts, self.config.clutch.solver.engine)
-        parts: list[str | Table] = [*super().to_parts(), *landing]
-        if self.load_sharing is not None:
-            parts.append(f"load sharing by number and accuracy: {self.load_sharing:.2f}")
-        parts += [strike.text for strike in self.strikes]
-        return parts
+        return [*super().to_parts(), *landing, *(strike.text for strike in self.strikes)]
 
     def to_dict(self) -> dict[str, Any]:
         """Convert every check, the load and the material's limits to values of JSON."""
         limits = self.config.limits
         load = self.config.file.load.model_dump()
-        if self.load_sharing is not None:
-            load["load_sharing"] = self.load_sharing
+        load["load_sharing"] = self.load_sharing["traction"]
         dog = self.config.clutch.dog
         force = bearing_limits(dog, limits).load.force_per_dog(dog)
         return {

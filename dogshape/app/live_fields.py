@@ -12,12 +12,11 @@ from functools import partial
 from typing import Any, get_args
 
 from dogshape.bench.texts import text_of
-from dogshape.pipeline.config.operating import KIND, PROFILE_KEYS
+from dogshape.pipeline.config.operating import KIND, PROFILE_KEYS, value_at
 from dogshape.pipeline.config.schema import StudyFile, dotted_key, flat_name
 from dogshape.pipeline.config.study_file import Setup, find_study
 from dogshape.pipeline.config.toml_text import meanings_of
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
-from dogshape.pipeline.drafts.derived_values import value_at
 from dogshape.pipeline.drafts.draft_keys import (
     ACTUATION,
     ACTUATOR_NUMBERS,

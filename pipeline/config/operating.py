@@ -385,6 +385,14 @@ def dotted_keys(tables: Mapping[str, Any]) -> Iterator[str]:
                 yield f"{name}.{key}"
 
 
+def value_at(tables: Mapping[str, Any], key: str) -> Any:
+    """Look up a dotted key; None if it is missing."""
+    value: Any = tables
+    for name in key.split("."):
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return value
+
+
 def nominal_operation(points: Sequence[OperatingPoint]) -> dict[str, float]:
     """Return the values of ``OPERATED`` that leave the points of a study unchanged."""
     weight = sum(point.weight for point in points)

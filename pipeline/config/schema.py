@@ -46,7 +46,11 @@ from dogshape.sim.shift.drive import Drive, EngineSide
 from dogshape.sim.shift.geometry import SCOPE
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.pair import OUTPUT_PREFIX
-from dogshape.sim.statistics.expectation import FIRST_WINDOW_SHARE
+from dogshape.sim.statistics.expectation import (
+    FIRST_WINDOW_SHARE,
+    HANG_WARNING_SHARE,
+    MIN_ENGAGED_SHARE,
+)
 from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.landing import Wear
 from dogshape.sim.strength.load_case import LoadCase
@@ -85,12 +89,13 @@ class AlternatingSection(Section):
 
 
 class ShiftSection(Section):
-    """End, time-out, retry cost and rebound limit of a shift."""
+    """End, time-out, retry cost and rebound limit of a shift; share of hangs of a warning."""
 
     timeout_s: float = key(default=1.0, low=1e-3, high=60.0)
     retraction_s: float = key(default=0.2, low=0.0, high=60.0)
     seated_tolerance_mm: float = key(default=0.05, low=1e-4, high=1.0)
     rebound_mm: float = key(default=1.0, low=0.0, high=100.0)
+    hang_warning_share: float = later(HANG_WARNING_SHARE, low=0.0, high=1.0 - MIN_ENGAGED_SHARE)
     alternating: AlternatingSection | None = later()
 
 
@@ -390,6 +395,23 @@ class SurrogateSection(Section):
     seed: Annotated[int, Field(ge=0)] = 1
 
 
+class AssumedRow(Section):
+    """A value that nobody gave for this clutch; without ``value`` the default of an absent key."""
+
+    key: str
+    value: Any = None
+    source: str
+
+
+class AssumedSection(Section):
+    """Values of the file that nobody gave, such as those of an example.
+
+    A row counts as long as the file has its value.
+    """
+
+    values: list[AssumedRow] = Field(default_factory=list)
+
+
 class StudyFile(Section):
     """The whole study file."""
 
@@ -420,6 +442,27 @@ class StudyFile(Section):
     search: SearchSection = SearchSection()
     solver: SolverSection = SolverSection()
     surrogate: SurrogateSection = SurrogateSection()
+    assumed: AssumedSection | None = later()
+
+    def assumed_rows(self) -> list[AssumedRow]:
+        """List the rows of ``[assumed]`` whose values the file has; InputError for a wrong key."""
+        if self.assumed is None:
+            return []
+        tables = self.model_dump(exclude={"assumed"}, exclude_none=True)
+        rows = []
+        for row in self.assumed.values:
+            table, _, name = row.key.partition(".")
+            field = type(self).model_fields.get(table)
+            section = section_in(field.annotation) if field else None
+            if section is None or name not in section.model_fields:
+                fault = f"assumed.values has the key {row.key}, which no study file has"
+                raise InputError(f"{fault}; correct it or delete the row")
+            default = section.model_fields[name].get_default(call_default_factory=True)
+            value = tables.get(table, {}).get(name, default)
+            expected_value = default if row.value is None else row.value
+            if _has_value(value, expected_value):
+                rows.append(row)
+        return rows
 
     def require_ranges(self) -> None:
         """Raise InputError for a value beyond the range that its key declares."""
@@ -437,6 +480,21 @@ class StudyFile(Section):
                     require_between(
                         f"{table}.{name}", number, declared.low, declared.high, remedy + scope
                     )
+
+
+def _has_value(value: Any, expected_value: Any) -> bool:
+    """Test whether a value of a file is the expected one, defaults of its tables aside."""
+    if isinstance(expected_value, dict):
+        return isinstance(value, dict) and all(
+            _has_value(value.get(name), part) for name, part in expected_value.items()
+        )
+    if isinstance(expected_value, list):
+        return (
+            isinstance(value, list)
+            and len(value) == len(expected_value)
+            and all(map(_has_value, value, expected_value))
+        )
+    return bool(value == expected_value) or value == [expected_value]
 
 
 def keys_like(stem: str) -> list[str]:

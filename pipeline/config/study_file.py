@@ -34,6 +34,7 @@ from dogshape.pipeline.config.schema import (
     FORMAT,
     OUTPUT_VARIABLES,
     StudyFile,
+    dotted_key,
     variable_key,
 )
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
@@ -62,6 +63,7 @@ from dogshape.sim.strength.landing import Wear
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.spline import Sleeve
+from dogshape.sim.strength.verdict import AssumedValue
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
@@ -316,8 +318,17 @@ class Setup:
 
     @property
     def config_hash(self) -> str:
-        """Content key of the whole study file."""
-        return content_key(self.file.model_dump())
+        """Content key of the whole study file; what its values are assumed by is no part of it."""
+        return content_key(self.file.model_dump(exclude={"assumed"}))
+
+    def assumed_values(self, params: Mapping[str, float]) -> tuple[AssumedValue, ...]:
+        """List the values of the file that nobody gave, without the searched keys of a design."""
+        design_keys = {dotted_key(name) for name in params}
+        return tuple(
+            AssumedValue(row.key, row.value, row.source)
+            for row in self.file.assumed_rows()
+            if row.key not in design_keys
+        )
 
 
 def _default_text(value: float, default: float) -> str:
@@ -582,6 +593,7 @@ def _require_parts(file: StudyFile) -> None:
     builders: tuple[Callable[[], Any], ...] = (
         partial(rings, file.sliding, file.output),
         file.require_ranges,
+        file.assumed_rows,
         partial(getattr, file.actuation, "actuation"),
         partial(_operating_rows, file),
         file.load.case,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from dogshape.pipeline.config.operating import KIND, OperatingSection, replaced_keys
+from dogshape.pipeline.config.operating import KIND, OperatingSection, replaced_keys, value_at
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import Data, rounded
 from dogshape.pipeline.drafts.draft_keys import (
@@ -86,14 +86,6 @@ BOUND_KEYS: dict[tuple[str, ...], tuple[str, ...]] = {
 }
 #: Units of the absolute limits of a search, which are void for another clutch.
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
-
-
-def value_at(tables: Mapping[str, Any], key: str) -> Any:
-    """Look up a dotted key; None if it is missing."""
-    value: Any = tables
-    for name in key.split("."):
-        value = value.get(name) if isinstance(value, Mapping) else None
-    return value
 
 
 def is_under(key: str, stem: str) -> bool:

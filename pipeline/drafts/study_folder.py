@@ -8,6 +8,7 @@ the keys, as the copied comment would be a wrong source.
 
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
 import tempfile
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dogshape.bench.texts import text_of
-from dogshape.pipeline.config.operating import KIND, OperatingSection, dotted_keys
+from dogshape.pipeline.config.operating import KIND, OperatingSection, dotted_keys, value_at
 from dogshape.pipeline.config.schema import StudyFile, variable_key
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study
 from dogshape.pipeline.config.toml_text import (
@@ -37,10 +38,10 @@ from dogshape.pipeline.drafts.derived_values import (
     derive_values,
     draft_actuator,
     is_under,
-    value_at,
 )
 from dogshape.pipeline.drafts.draft_keys import (
     ACTUATION,
+    ACTUATOR_NUMBERS,
     ADDED_MASS,
     BACKLASH,
     BACKLASH_DEG,
@@ -114,6 +115,8 @@ DECIDING: dict[str, tuple[str, ...]] = {
         *CHAMFERS,
         *INERTIAS,
         "contact",
+        "effects",
+        "uncertain",
     ),
     "the checks": (
         TORQUE,
@@ -128,8 +131,21 @@ DECIDING: dict[str, tuple[str, ...]] = {
         MATERIAL,
         "manufacturing.root_radius_mm",
         "dog",
+        "output_dog",
+        "load",
+        "strike",
+        "sleeve",
+        "manufacturing",
+        "tolerance",
+        "wear",
     ),
 }
+#: These keys and tables, without answers.
+DECIDING_STEMS = tuple(itertools.chain.from_iterable(DECIDING.values()))
+#: Comment of the rows of values that nobody gave.
+ASSUMED_COMMENT = (
+    "# not given: each counts as assumed while the study has this value; delete its row to confirm"
+)
 
 
 def require_free(folder: Path, force: bool) -> None:
@@ -379,7 +395,46 @@ def _draft_of(source: Source, origin: str, user_values: Mapping[str, Any]) -> _D
     draft_text = with_values(text, all_values, meanings_of(text_of(find_study(COMMENTED))))
     copied_study = COMMENTED if source.is_bench else origin
     inherited = _notes_on_inherited(draft_text, copied_study, all_values)
+    assumed_rows = _assumed_rows(draft_text, copied_study, values, derived)
+    if assumed_rows or "assumed" in tomllib.loads(draft_text):
+        assumed: Data = {"assumed.values": assumed_rows}
+        draft_text = with_values(draft_text, assumed, {"assumed": ASSUMED_COMMENT})
     return _Draft(draft_text, values, origin=origin_words, notes=[*inherited, *notes])
+
+
+def _assumed_rows(
+    text: str, origin: str, values: Collection[str], derived: Mapping[str, Any]
+) -> list[Data]:
+    """List the deciding values of a draft that nobody gave, as rows of ``[assumed]``.
+
+    Examples stand first, then derived values and defaults, then copied ones.
+
+    ``values`` are the given keys, ``derived`` the values that follow from them; others are copied
+    from the study ``origin``, a row of which keeps its source.
+    """
+    tables = tomllib.loads(text)
+    earlier_rows = value_at(tables, "assumed.values") or []
+    earlier_sources = {row["key"]: row["source"] for row in earlier_rows}
+    kind = value_at(tables, KIND)
+    examples: list[Data] = []
+    rows: list[Data] = []
+    copied_rows: list[Data] = []
+    for key in dotted_keys(tables):
+        is_given = any(is_under(key, given_key) for given_key in values)
+        if is_given or not any(is_under(key, stem) for stem in DECIDING_STEMS):
+            continue
+        source = earlier_sources.get(key, f"as in '{origin}'")
+        group = copied_rows
+        if key in derived and key in ACTUATOR_NUMBERS:
+            source = f"example of actuation.kind = '{kind}'"
+            group = examples
+        elif key in derived:
+            source = f"derived from given values and '{origin}'"
+            group = rows
+        group.append({"key": key, "value": value_at(tables, key), "source": source})
+    for key, _, reason in _defaults(partial(value_at, tables)):
+        rows.append({"key": key, "source": f"default, {reason}"})
+    return [*examples, *rows, *copied_rows]
 
 
 def _complete_strike(values: Data, tables: Data) -> None:

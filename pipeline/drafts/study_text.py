@@ -5,12 +5,11 @@ from __future__ import annotations
 import tomllib
 
 from dogshape.bench.texts import text_of
-from dogshape.pipeline.config.operating import dotted_keys, replaced_keys
+from dogshape.pipeline.config.operating import dotted_keys, replaced_keys, value_at
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, find_study
 from dogshape.pipeline.config.toml_text import meanings_of, toml_text, with_values
 from dogshape.pipeline.diagnose.study_keys import Data
-from dogshape.pipeline.drafts.derived_values import value_at
 from dogshape.pipeline.drafts.draft_source import COMMENTED
 from dogshape.sim.clutch_tables import validate
 

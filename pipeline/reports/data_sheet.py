@@ -39,6 +39,7 @@ from dogshape.pipeline.store.check_records import (
     CheckRow,
     LandingRow,
     VerdictRow,
+    assumed_table,
     check_table,
     hinge_table,
     not_judged_row,
@@ -60,6 +61,7 @@ GENERAL_TOLERANCE = "ISO 2768-f"  #: tolerance of a dimension that the study giv
 TIME = "expected shift time, ms"
 ENGAGED = "mean of engaged shifts, ms"
 HANGS = "shifts that hang, % (95 %)"
+ASSUMED_TITLE = "Values that nobody gave"  #: of a section of sheet and report
 MAX_ASSUMPTIONS = 2  #: assumptions that fit on a sheet, the strongest
 #: Words for the smallest margins within the tolerances.
 STATISTICAL_MARGIN = "at statistical tolerances, landing nominal"
@@ -80,12 +82,15 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
     worst_words = _point_words(worst, worst.difference_s, "+") if worst else "-"
     slowest_words = _point_words(slowest, slowest.mean_s) if slowest else "-"
     engaged_words = "-" if simulated.engaged is None else percent(simulated.engaged)
+    hangs = sheet.verdict.hangs
+    worst_hangs = "-" if hangs is None else hangs.text
     return {
         "verdict": line,
         "state": state,
         TIME: _time_words(sheet),
         ENGAGED: ms_with_error(simulated.engaged_mean_s, simulated.engaged_standard_error_s),
         HANGS: hang_share(simulated),
+        "hangs, worst point": worst_hangs,
         "gain over the own dog, ms": gain,
         "worst point minus own dog, ms": worst_words,
         "slowest point, ms": slowest_words,
@@ -207,6 +212,8 @@ def write_sheet(
     assumptions = verdict.hangs_on[:MAX_ASSUMPTIONS]
     hinges = hinge_table(assumptions, "assumption", "range", "smallest_margin")
     page.add("Assumptions that decide the smallest margin", replace(hinges, words=(), note=""))
+    if verdict.assumed:
+        page.add(ASSUMED_TITLE, assumed_table(verdict.assumed))
     page.add("Warnings", *map(Markup('<p class="warning">{}</p>').format, notes_of(study)))
     page.add("Margins to the limits", margins)
     page.add("Provenance", Table(("", ""), list(provenance.items())))

@@ -241,7 +241,7 @@ def searched_verdict(
         return confirmed.verdict
     checks = [Margin(name, margin) for name, margin in margins_of(margins, confirmed).items()]
     operated = study.with_design(params)
-    return VerdictRow.of(verdict_of(operated, operated.dog_with(params), checks))
+    return VerdictRow.of(verdict_of(operated, operated.dog_with(params), checks, params=params))
 
 
 def point_differences(prototype: ConfirmedDesign, chosen: ConfirmedDesign) -> list[PointDifference]:

@@ -23,7 +23,7 @@ from dogshape.pipeline.reports.charts import (
     shiftability_figure,
     times_by_point,
 )
-from dogshape.pipeline.reports.data_sheet import TIME, provenance_of
+from dogshape.pipeline.reports.data_sheet import ASSUMED_TITLE, TIME, provenance_of
 from dogshape.pipeline.reports.designs import (
     MARGIN,
     OWN_DOG,
@@ -71,7 +71,7 @@ from dogshape.pipeline.search.study_record import (
     read_study_record,
 )
 from dogshape.pipeline.simulate.evaluation import LifeStage
-from dogshape.pipeline.store.check_records import VerdictRow, hinge_table
+from dogshape.pipeline.store.check_records import VerdictRow, assumed_table, hinge_table
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_records import LimitRow, TorqueLimitRow
 from dogshape.sim.errors import GeometryError
@@ -138,7 +138,9 @@ def _add_chosen_design(
     page.add("Front", *front_parts(study, result))
     _add_effects(page, folder)
     if confirmation is not None:
-        page.add(HINGES_TITLE, *hinge_parts(chosen_verdict(study, best, confirmation)))
+        verdict = chosen_verdict(study, best, confirmation)
+        page.add(HINGES_TITLE, *hinge_parts(verdict))
+        page.add(ASSUMED_TITLE, *assumed_parts(verdict))
     points = [] if confirmation is None else point_parts(study, best, confirmation)
     page.add("Operating points", *points)
     page.add("Single shifts", *shift_parts(folder, study, result))
@@ -181,6 +183,7 @@ def _add_nearest_designs(
     verdict = nearest_verdict(study, result)
     if verdict is not None:
         page.add(HINGES_TITLE, *hinge_parts(verdict))
+        page.add(ASSUMED_TITLE, *assumed_parts(verdict))
     if any(of_kinds(result).values()):
         page.add("Front", *front_parts(study, result)[:-1])
     _add_effects(page, folder)
@@ -201,6 +204,11 @@ def hinge_parts(verdict: VerdictRow) -> list[Part]:
     if not verdict.hangs_on:
         return []
     return [assumptions_figure(verdict.hangs_on), hinge_table(verdict.hangs_on)]
+
+
+def assumed_parts(verdict: VerdictRow) -> list[Part]:
+    """Tabulate the values that nobody gave; empty without any."""
+    return [assumed_table(verdict.assumed)] if verdict.assumed else []
 
 
 def _drawing(study: Setup, design: DesignRow) -> list[Part]:

@@ -64,6 +64,7 @@ from dogshape.pipeline.reports.text import (
 )
 from dogshape.pipeline.search.study_record import (
     Confirmation,
+    ConfirmedDesign,
     DesignRow,
     OtherShape,
     RemainingGain,
@@ -327,6 +328,7 @@ def nearest_facts(study: Setup, result: StudyRecord) -> Iterator[tuple[str, str]
         if confirmed is None:
             continue
         yield f"hangs, {design_name(row)}", hang_words(confirmed)
+        yield from _worst_hang_facts(design_name(row), confirmed)
     yield "shafts", study.clutch.drive.text
     if study.clutch.actuator is not None:
         yield "actuator", study.clutch.actuator.text
@@ -526,3 +528,11 @@ def _hang_facts(confirmation: Confirmation) -> Iterator[tuple[str, str]]:
         if confirmed.hang_probability is not None:
             yield f"mean of engaged shifts, {name}", engaged_text(confirmed)
             yield f"hangs, {name}", hang_words(confirmed)
+        yield from _worst_hang_facts(name, confirmed)
+
+
+def _worst_hang_facts(name: str, confirmed: ConfirmedDesign) -> Iterator[tuple[str, str]]:
+    """List the share of hangs at the worst point with its limits; old results have none."""
+    if confirmed.verdict and confirmed.verdict.hangs:
+        hangs = confirmed.verdict.hangs
+        yield f"hangs at the worst operating point, {name}", hangs.text

@@ -26,6 +26,7 @@ from dogshape.sim.errors import GeometryError, InputError, Refusal, require_know
 from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.shift.pair import OUTPUT_PREFIX, OutputDogs, Pair
 from dogshape.sim.statistics.expectation import MIN_ENGAGED_SHARE
+from dogshape.sim.statistics.hangs import HangPosterior
 from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.strength.checks import RULES, STUDY_SOURCE, LimitCheck, Rule
 from dogshape.sim.strength.dog_strength import (
@@ -37,7 +38,15 @@ from dogshape.sim.strength.dog_strength import (
 from dogshape.sim.strength.landing import Demand, Landings, demand_checks
 from dogshape.sim.strength.locking import retention_force
 from dogshape.sim.strength.manufacture import Kind
-from dogshape.sim.strength.verdict import NO_DOG, Margin, Verdict, hinges, judge, missing_checks
+from dogshape.sim.strength.verdict import (
+    NO_DOG,
+    HangShare,
+    Margin,
+    Verdict,
+    hinges,
+    judge,
+    missing_checks,
+)
 from dogshape.sim.units import MM, suffix_of
 
 SIMULATED = "expected_shift_time_s"  #: estimated from every simulation, an objective or not
@@ -67,6 +76,7 @@ class Design:
     checks: tuple[LimitCheck, ...]
     refusal: str  #: reason why there is no dog, or empty
     landings: Landings | None = None  #: of its simulated shifts
+    worst_hang: HangPosterior | None = None  #: largest probability of a hang at a point
     #: computed margins within the tolerances, by the addition of effects
     _margins: dict[Kind, dict[str, float]] = field(
         default_factory=dict, init=False, compare=False, repr=False
@@ -142,6 +152,8 @@ class CheckInputs:
     engaged: float = 1.0  #: least share of shifts that engage at an operating point
     #: landings behind ``demand``; not stored
     landings: Landings | None = field(default=None, compare=False, repr=False)
+    #: largest probability of a hang at an operating point; not stored
+    worst_hang: HangPosterior | None = field(default=None, compare=False, repr=False)
 
 
 def design_of(
@@ -163,7 +175,12 @@ def design_of(
     engagement_check = LimitCheck(ENGAGEMENT, check_inputs.engaged, MIN_ENGAGED_SHARE)
     landing_checks = demand_checks(dog, check_inputs.demand, study.limits)
     checks = (*design.checks, *landing_checks, engagement_check)
-    return replace(design, checks=checks, landings=check_inputs.landings)
+    return replace(
+        design,
+        checks=checks,
+        landings=check_inputs.landings,
+        worst_hang=check_inputs.worst_hang,
+    )
 
 
 def judge_design(design: Design) -> tuple[Design, Verdict]:
@@ -181,16 +198,39 @@ def judge_design(design: Design) -> tuple[Design, Verdict]:
             check.name: check for check in demand_checks(dog, demand, study.limits, interval)
         }
         checks = tuple(landing_checks.get(check.name, check) for check in checks)
-    verdict = verdict_of(study, dog, [Margin.of(check) for check in checks], landings)
+    margins = [Margin.of(check) for check in checks]
+    verdict = verdict_of(study, dog, margins, landings, params=design.params)
+    verdict = replace(verdict, hangs=_hang_share(design))
     return replace(design, checks=checks), verdict
 
 
+def _hang_share(design: Design) -> HangShare | None:
+    """Set the largest probability of a hang beside its limits; None without simulated shifts."""
+    posterior = design.worst_hang
+    if posterior is None:
+        return None
+    low, high = posterior.interval
+    return HangShare(
+        posterior.mean,
+        low,
+        high,
+        warning_share=design.study.file.shift.hang_warning_share,
+        max_share=1.0 - MIN_ENGAGED_SHARE,
+    )
+
+
 def verdict_of(
-    study: Setup, dog: Dog, margins: Sequence[Margin], landings: Landings | None = None
+    study: Setup,
+    dog: Dog,
+    margins: Sequence[Margin],
+    landings: Landings | None = None,
+    *,
+    params: Mapping[str, float],
 ) -> Verdict:
     """Judge a dog of a study by its margins, and find the assumptions that they depend on.
 
-    Without ``landings`` the margins of a landing do not depend on any assumption.
+    Without ``landings`` the margins of a landing do not depend on any assumption. Searched keys
+    ``params`` of the design are no assumed values.
     """
     limits = study.limits
     variable_names = {check.name for check in strength_checks(dog, limits)} | OBJECTIVES.keys()
@@ -208,7 +248,8 @@ def verdict_of(
         given=keys_given(study),
     )
     missing = missing_checks(dog, limits, (margin.name for margin in margins))
-    return judge(margins, missing, assumptions)
+    verdict = judge(margins, missing, assumptions)
+    return replace(verdict, assumed=study.assumed_values(params))
 
 
 def keys_given(study: Setup) -> set[str]:

@@ -201,7 +201,9 @@ class Evaluation:
             expectation=expectation,
             reference=reference,
             estimates=self.estimates | times,
-            check_inputs=replace_limited(self.check_inputs, times),
+            check_inputs=replace(
+                replace_limited(self.check_inputs, times), worst_hang=expectation.worst_hang
+            ),
         )
 
     @property
@@ -317,7 +319,13 @@ def _evaluation(
     searched_shifts = _searched_records(nominal, study.operation, records)
     return Evaluation(
         expectation=expectation,
-        check_inputs=CheckInputs(demand, limited, engaged_share, landings),
+        check_inputs=CheckInputs(
+            demand,
+            limited,
+            engaged_share,
+            landings=landings,
+            worst_hang=expectation.worst_hang,
+        ),
         rows=rows_of(tuple(study.variables), searched_shifts),
         estimates=estimates,
         shifts=len(shifts),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.record import (
+    SHARE,
     Bad,
     FileRecord,
     Record,
@@ -18,8 +20,8 @@ from dogshape.pipeline.record import (
 from dogshape.sim.clutch_tables import key
 from dogshape.sim.strength.checks import GROUPS, RULES, LimitCheck, references_of, safety_factor
 from dogshape.sim.strength.landing import LandingLoad
-from dogshape.sim.strength.verdict import STANDARD, State, Verdict
-from dogshape.sim.units import MM, short
+from dogshape.sim.strength.verdict import STANDARD, AssumedValue, HangShare, State, Verdict
+from dogshape.sim.units import MM, short, unit_of
 
 if TYPE_CHECKING:
     pass
@@ -262,6 +264,49 @@ def not_judged_row(missing: NotJudged) -> CheckRow:
     )
 
 
+class AssumedRow(Record):
+    """A value of the study file that nobody gave for its clutch."""
+
+    value: Any = key("value in the unit of the key; null: the default of an absent key")
+    source: str = key("origin of the value")
+    key: str = key("key of the study file")
+
+
+def assumed_texts(values: Iterable[AssumedValue | AssumedRow]) -> dict[str, str]:
+    """List assumed values by their source; absent keys have no value."""
+    texts = dict[str, str]()
+    for value in values:
+        text = value.key
+        if value.value is not None:
+            is_float = isinstance(value.value, float)
+            number = f"{value.value:g}" if is_float else toml_value(value.value)
+            text = f"{text} = {number} {unit_of(value.key)}".rstrip()
+        earlier_texts = texts.get(value.source)
+        texts[value.source] = f"{earlier_texts}, {text}" if earlier_texts else text
+    return texts
+
+
+def assumed_table(values: Sequence[AssumedRow]) -> Table:
+    """Tabulate assumed values by their source."""
+    rows = [list(pair) for pair in assumed_texts(values).items()]
+    return Table(("source", "not given"), rows, words=(1,))
+
+
+class HangRow(Record):
+    """Share of shifts that hang at the operating point where most do, with its limits."""
+
+    share: float = key("posterior mean", SHARE)
+    low: float = key("lower end of its 95 % interval", SHARE)
+    high: float = key("upper end", SHARE)
+    warning_share: float = key("share above which the verdict warns", SHARE)
+    max_share: float = key("share above which `engagement` fails", SHARE)
+
+    @property
+    def text(self) -> str:
+        """Share with both limits in words."""
+        return HangShare(**self.to_dict()).limits_text
+
+
 class VerdictRow(Record):
     """Verdict on a design (`docs/strength.md`)."""
 
@@ -271,6 +316,8 @@ class VerdictRow(Record):
     not_clear: list[str] = key("checks whose interval of 95 % holds the limit")
     not_judged: list[NotJudged] = key("standard checks that nobody judged")
     hangs_on: list[HingeRow] = key("assumptions with an effect, the strongest first")
+    assumed: list[AssumedRow] | None = key("values that nobody gave", late=True)
+    hangs: HangRow | None = key("shifts that hang; null without simulated shifts", late=True)
 
     @classmethod
     def of(cls, verdict: Verdict) -> VerdictRow:

@@ -31,6 +31,9 @@ from dogshape.sim.statistics.hangs import HangPosterior, HangPrior, interval, we
 
 FIRST_WINDOW_SHARE = 0.9  #: of the relative angles, up to the limit engagement speed (judged)
 MIN_ENGAGED_SHARE = 0.5  #: of an operating point's shifts, from which it has a time (judged)
+#: Share of hangs at an operating point above which a verdict warns (judged): beyond one shift in
+#: twenty the 95 % quantile of the shift time there is a retry's.
+HANG_WARNING_SHARE = 0.05
 NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
 
 
@@ -291,6 +294,12 @@ class MixExpectation:
         """95 % interval of the probability of a hang."""
         variance = self.weights**2 @ np.array([p.hang.variance for p in self.points])
         return interval(self.hang_probability, float(variance))
+
+    @property
+    def worst_hang(self) -> HangPosterior | None:
+        """Largest probability of a hang at an operating point; None without simulated shifts."""
+        posteriors = [point.hang for point in self.points if point.n]
+        return max(posteriors, key=lambda posterior: posterior.mean, default=None)
 
     @property
     def hangs(self) -> int:

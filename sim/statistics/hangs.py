@@ -56,6 +56,11 @@ class HangPosterior:
     mean: float
     variance: float
 
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the probability."""
+        return interval(self.mean, self.variance)
+
 
 @dataclass(frozen=True)
 class HangPrior:

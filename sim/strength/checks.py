@@ -194,8 +194,8 @@ def worse_ring(sliding: LimitCheck, output: LimitCheck) -> LimitCheck:
 _NARROW = "use fewer or lower dogs or smaller side angles"
 _LOW_FLANK = "use a smaller chamfer, more dogs or a higher dog"
 _SIDE = (
-    "use larger side angles, or where the actuator pulls, as out of undercut flanks, "
-    "load.release_by_itself = false"
+    "use larger side angles or less friction, or where the actuator pulls, as out of undercut "
+    "flanks, load.release_by_itself = false"
 )
 _BLOW = "use less shift force or moving mass, a wider ring"
 #: Dimensions and settings that raise the margin of a check, by its name or group.
@@ -206,14 +206,16 @@ REMEDIES: dict[str, str] = {
     "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
     "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
     "module": "use fewer dogs or a larger diameter",
-    "chamfer_release": "use a larger chamfer, or for flat tips load.faces_release = false",
+    "chamfer_release": "use a larger chamfer, less friction of the faces "
+    "(contact.face_friction, by default load.friction_release), or for flat tips "
+    "load.faces_release = false",
     **{f"{flank}_release": _SIDE for flank in FLANKS},
     "retention": "use undercut of more than load.wear_angle_deg, smaller side angles, or a detent "
     "or latch that holds the force",
     "pull_out_force": "use larger side angles or less undercut, or less torque left then "
-    "(load.pull_out_share), or less mechanism.spline_friction",
-    "engagement": "use a larger chamfer where faces hold each other, less mismatch or more "
-    "backlash where dogs skip",
+    "(load.pull_out_share), or less friction (mechanism.spline_friction, load.friction_release)",
+    "engagement": "use a larger chamfer, less friction of the faces (contact.face_friction) or "
+    "less shift force where faces hold each other, less mismatch or more backlash where dogs skip",
     "load": "use a wider or larger ring, finer load.accuracy or larger root fillets",
     "flank_pressure": "use higher or more dogs, a wider or larger ring or finer load.accuracy",
     "rim": "use a thicker ring behind the roots",

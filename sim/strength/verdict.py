@@ -227,6 +227,46 @@ class Hinge:
         }
 
 
+class AssumedValue(NamedTuple):
+    """Value of a study file that nobody gave for its clutch."""
+
+    key: str
+    value: Any  #: None for the default of an absent key
+    source: str
+
+
+class HangShare(NamedTuple):
+    """Share of shifts that hang at the operating point where most do, with its limits."""
+
+    share: float  #: posterior mean
+    low: float  #: ends of the 95 % interval
+    high: float
+    warning_share: float  #: share from which the verdict warns
+    max_share: float  #: share above which ``engagement`` fails
+
+    @property
+    def warns(self) -> bool:
+        """Whether the share exceeds the one of the warning."""
+        return self.share > self.warning_share
+
+    @property
+    def text(self) -> str:
+        """Share with its interval."""
+        return (
+            f"{100.0 * self.share:.2g} % of the shifts hang at the worst operating point (95 %: "
+            f"{100.0 * self.low:.2f} to {100.0 * self.high:.2g} %)"
+        )
+
+    @property
+    def limits_text(self) -> str:
+        """Share with both limits that it is judged by."""
+        relation = "above" if self.warns else "warning above"
+        return (
+            f"{self.text}; {relation} {100.0 * self.warning_share:g} % "
+            f"(shift.hang_warning_share), engagement fails above {100.0 * self.max_share:g} %"
+        )
+
+
 @dataclass(frozen=True)
 class Verdict:
     """State of a design, with its failed checks and the assumptions that decide it."""
@@ -239,6 +279,8 @@ class Verdict:
     hangs_on: tuple[Hinge, ...] = field(default=(), repr=False)  #: strongest assumption first
     #: of unlike rings the worse one by the name of a failed or unclear check
     rings: Mapping[str, str] = field(default_factory=dict)
+    assumed: tuple[AssumedValue, ...] = ()  #: values of the study that nobody gave
+    hangs: HangShare | None = None  #: None without simulated shifts
 
     @property
     def passes(self) -> bool:
@@ -247,7 +289,18 @@ class Verdict:
 
     @property
     def line(self) -> str:
-        """The verdict in one sentence."""
+        """The verdict in one sentence, with the number of assumed values and a warning of hangs."""
+        line = self._state_line
+        if self.assumed:
+            plural = "" if len(self.assumed) == 1 else "s"
+            line += f", under {len(self.assumed)} assumed value{plural}"
+        if self.hangs is not None and self.hangs.warns:
+            line += f"; warning: {self.hangs.limits_text}"
+        return line
+
+    @property
+    def _state_line(self) -> str:
+        """State with failed, unclear and missing checks."""
         missing = f"not judged: {', '.join(check.text for check in self.not_judged)}"
         clear_failures = [name for name in self.failed if name not in self.unclear]
         if not clear_failures and not self.unclear:
@@ -278,6 +331,8 @@ class Verdict:
             "not_clear": list(self.unclear),
             "not_judged": [{"check": m.check, "key": m.key} for m in self.not_judged],
             "hangs_on": [hinge.to_dict() for hinge in self.hangs_on],
+            "assumed": [value._asdict() for value in self.assumed],
+            "hangs": None if self.hangs is None else self.hangs._asdict(),
         }
 
 

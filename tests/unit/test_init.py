@@ -18,6 +18,7 @@ from dogshape.cli.app import app
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import SOURCE
 from dogshape.pipeline.drafts.answers import read_numbers
+from dogshape.sim.errors import InputError
 from dogshape.sim.shift.drive import Drive
 from dogshape.sim.strength.spline import Sleeve
 from dogshape.sim.units import DEG, RPM
@@ -437,3 +438,58 @@ def test_shafts_of_a_gearbox_are_not_those_of_a_stand(dogshape: Call) -> None:
     assert said.status == 0, said.err
     assert "turn at 2000 1/min" in " ".join(said.json["assumed"])
     assert load_bench("stand").clutch.drive == Drive()
+
+
+def test_values_that_nobody_gave_count_until_edited_or_confirmed(dogshape: Call) -> None:
+    _, study = _begun(dogshape, "dog.count=20", "actuation.kind=motor", "actuation.lead_mm=4")
+    assumed = {value.key: value for value in study.assumed_values({})}
+    assert assumed["actuation.stall_torque_Nm"].source == "example of actuation.kind = 'motor'"
+    assert assumed["load.torque_Nm"].source == "as in 'mq200'"
+    assert assumed["dog.backlash_mm"].value is None
+    assert "'mq200'" in assumed["operating.force_N"].source
+    assert not assumed.keys() & {"dog.count", "actuation.kind", "actuation.lead_mm"}
+    assert not any(key.startswith(("search", "variables", "expectation")) for key in assumed)
+    chosen = {value.key for value in study.assumed_values({"height_mm": 3.0})}
+    assert assumed.keys() - chosen == {"dog.height_mm"}
+
+    edited = load_study("own", {"actuation.stall_torque_Nm": 0.9, "dog.backlash_mm": 0.2})
+    left = {value.key for value in edited.assumed_values({})}
+    assert assumed.keys() - left == {"actuation.stall_torque_Nm", "dog.backlash_mm"}
+    assert load_study("own").config_hash == study.config_hash
+
+    path = Path("own/study.toml")
+    lines = path.read_text().splitlines(keepends=True)
+    confirmed = [line for line in lines if '{key = "load.torque_Nm"' not in line]
+    path.write_text("".join(confirmed))
+    left = {value.key for value in load_study("own").assumed_values({})}
+    assert assumed.keys() - left == {"load.torque_Nm"}
+    assert load_study("own").config_hash == study.config_hash
+
+    path.write_text("".join(confirmed).replace('"load.shifts"', '"load.shift"'))
+    with pytest.raises(InputError, match=r"the key load\.shift, which no study file has"):
+        load_study("own")
+
+
+def test_a_copy_keeps_the_source_of_an_example(dogshape: Call) -> None:
+    _begun(dogshape, "actuation.kind=spring")
+    said = dogshape("init", "study", "--like", "own", "--out", "second", "--yes")
+    assert said.status == 0, said.err
+    sources = {value.key: value.source for value in load_study("second").assumed_values({})}
+    assert sources["actuation.preload_N"] == "example of actuation.kind = 'spring'"
+
+
+def test_verdict_and_sheet_name_the_values_that_nobody_gave(dogshape: Call) -> None:
+    _, study = _begun(dogshape, "actuation.kind=spring", "expectation.angles=3")
+    count = len(study.assumed_values({}))
+    checked = dogshape("check", "own", "--json")
+    verdict = json.loads(checked.out)["verdict"]
+    assert f"under {count} assumed values" in verdict["line"]
+    assert len(verdict["assumed"]) == count
+    assert verdict["hangs"]["low"] <= verdict["hangs"]["share"] <= verdict["hangs"]["high"]
+    printed = dogshape("check", "own").out
+    assert "not given, example of actuation.kind = 'spring': actuation.preload_N = 300 N" in printed
+    assert dogshape("export", "own", "--sheet", "sheet.html").status == 0
+    page = Path("sheet.html").read_text()
+    assert "Values that nobody gave" in page
+    assert "actuation.preload_N = 300" in page
+    assert f"under {count} assumed values" in page

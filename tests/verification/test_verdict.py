@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+import dogshape as ds
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.design import design_of, judge_design
 from dogshape.pipeline.simulate.evaluation import evaluate
@@ -24,6 +26,7 @@ from dogshape.sim.strength.strike import Strike
 from dogshape.sim.strength.verdict import (
     SPANS,
     STANDARD,
+    HangShare,
     Hinge,
     Margin,
     hinges,
@@ -282,3 +285,88 @@ def test_a_study_names_what_its_verdict_lacks() -> None:
             check.value for check in design_of(study, {}, found.check_inputs).checks
             if check.rule.group == "impact"
         ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("share", "warns"), [(0.049, False), (0.1, True), (0.49, True)])
+def test_a_verdict_warns_of_hangs_and_stays_what_it_is(share: float, warns: bool) -> None:
+    hangs = HangShare(share, low=0.5 * share, high=1.5 * share, warning_share=0.05, max_share=0.5)
+    verdict = replace(judge([Margin("engagement", 0.02)], ()), hangs=hangs)
+    assert verdict.passes
+    assert ("warning" in verdict.line) is warns
+    assert f"{100.0 * share:.2g} % of the shifts hang" in hangs.limits_text
+    assert "engagement fails above 50 %" in hangs.limits_text
+
+
+def test_the_share_of_hangs_is_that_of_the_worst_point() -> None:
+    """Flat dogs hang at small mismatches; the set level decides the warning."""
+    flat = {"dog.chamfer_deg": 0.0, "load.faces_release": False, "uncertain": None}
+    points = {"operating.mismatch_rpm": [10, 249], "operating.force_N": [469]}
+    study = load_study("mq200", {**flat, **points}).in_engine("planar")
+    (evaluation,) = evaluate(study, [{}], scratch_executor(1), 12, 1)
+    _, verdict = judge_design(design_of(study, {}, evaluation.check_inputs))
+    worst, other = sorted(evaluation.expectation.points, key=lambda point: -point.hangs)
+    assert worst.hangs > other.hangs
+    assert verdict.hangs is not None
+    assert verdict.hangs.share == worst.hang.mean
+    assert verdict.hangs.low < worst.hangs / worst.n < verdict.hangs.high
+    assert verdict.hangs.warning_share == 0.05
+    assert verdict.hangs.warns
+
+
+#: Changes that a remedy names as less friction, by the check whose margin they raise.
+LESS_FRICTION = [
+    ("chamfer_release", "load.friction_release", {}),
+    ("chamfer_release", "contact.face_friction", {"contact.face_friction": 0.12}),
+    ("traction_release", "load.friction_release", {"load.release_by_itself": True}),
+    ("pull_out_force", "load.friction_release", {}),
+    ("pull_out_force", "mechanism.spline_friction", {}),
+]
+
+
+@pytest.mark.parametrize(("name", "key", "settings"), LESS_FRICTION)
+def test_less_friction_raises_the_margins_whose_remedy_it_is(
+    name: str, key: str, settings: dict[str, Any]
+) -> None:
+    friction = settings.get(key, 0.12 if "release" in key else 0.2)
+
+    def check_of(value: float) -> LimitCheck:
+        study = load_study("mq200", {**settings, key: value})
+        return next(check for check in design_of(study, {}).checks if check.name == name)
+
+    assert check_of(0.8 * friction).margin > check_of(friction).margin
+    assert "less friction" in check_of(friction).remedy
+
+
+def test_less_friction_or_force_engages_more_dogs_that_faces_hold() -> None:
+    """As the remedy of the engagement says."""
+    flat = {"dog.chamfer_deg": 0.0, "load.faces_release": False, "uncertain": None}
+    points = {"operating.mismatch_rpm": [20], "operating.force_N": [641]}
+
+    def check_of(settings: dict[str, Any]) -> LimitCheck:
+        study = load_study("mq200", {**flat, **points, **settings}).in_engine("planar")
+        (evaluation,) = evaluate(study, [{}], scratch_executor(1), 24, 1)
+        design = design_of(study, {}, evaluation.check_inputs)
+        return next(check for check in design.checks if check.name == "engagement")
+
+    held = check_of({})
+    assert not held.passed
+    assert "less friction of the faces (contact.face_friction) or less shift force" in held.remedy
+    assert check_of({"operating.force_N": [236]}).value > held.value
+    assert check_of({"contact.face_friction": 0.03}).value > held.value
+
+
+def test_check_shows_the_load_sharing_of_its_strength_checks() -> None:
+    checked = ds.Study("mq200").strength(simulate=False)
+    load = checked.config.limits.load
+    dog = checked.config.clutch.dog
+    shares = checked.to_dict()["load_sharing"]
+    for flank, share in shares.items():
+        torque = load.static_torque(flank)
+        force = torque / (dog.mean_radius * load.bearing(dog, flank) * share)
+        assert load.force_per_dog(dog, flank) == pytest.approx(force)
+    printed = f"{shares['traction']:.2f} on the traction flank, {shares['braking']:.2f} on the "
+    for parts in (checked.to_parts(), checked.explained):
+        assert any(isinstance(part, str) and printed in part for part in parts)
+    fixed = ds.Study("mq200", {"load.accuracy": None}).strength(simulate=False)
+    assert fixed.load_sharing == {"traction": 0.5, "braking": 0.5}
+    assert "(load.load_sharing)" in fixed.load_sharing_text
