@@ -69,7 +69,7 @@ Record = dict[str, Any]  #: gap.json
 MIN_FITTED_PROBABILITY = 1e-3  #: from which a hypothesis is fitted
 MIN_LISTED_PROBABILITY = 0.05  #: of an effect whose size is compared with its range
 STEP_DRAWS = 64  #: draws of the leading hypothesis from which the steps of the gap are predicted
-RECORDED_TESTS = 8  #: tests in ``gap.json``
+LISTED_TESTS = 8  #: best tests in table and ``gap.json``
 MIN_GAP_BEYOND_CHANCE_S = 1e-6  #: s, to divide by
 
 
@@ -90,6 +90,15 @@ class GapStep(NamedTuple):
 
     effect: str
     rmse: float  #: root mean square over the operating points, s
+
+
+def list_tests(tests: Sequence[NextTest], leading: Hypothesis) -> list[NextTest]:
+    """List the best tests, and the direct tests of the effects of the leading hypothesis."""
+    listed = [*tests[:LISTED_TESTS]]
+    for test in tests[LISTED_TESTS:]:
+        if test.kind == "direct" and {*leading}.intersection(test.effects):
+            listed.append(test)
+    return listed
 
 
 @dataclass(frozen=True)
@@ -312,7 +321,7 @@ class Inference:
                 for meaning in self.record_meanings
             ],
             "next_test": self.tests[0].to_dict() if self.tests else None,
-            "tests": [test.to_dict() for test in self.tests[:RECORDED_TESTS]],
+            "tests": [test.to_dict() for test in list_tests(self.tests, self.leading)],
             "facts": [fact.to_dict() for fact in self.facts],
             "drift": None if self.observed.drift is None else self.observed.drift.to_dict(),
             "credible_set": [list(h) for h in self.verdict.credible],

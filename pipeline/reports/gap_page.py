@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from dogshape.bench.bench_data import Bench
 from dogshape.diagnosis.comparison import PointGap
-from dogshape.diagnosis.diagnosis import Inference
+from dogshape.diagnosis.diagnosis import Inference, list_tests
 from dogshape.diagnosis.gap_map import GapMap, MapCell, describe_gaps, map_gaps
 from dogshape.diagnosis.inference.outcome import MIN_INFORMATION_NATS
 from dogshape.diagnosis.report.wording import (
@@ -48,7 +48,6 @@ from dogshape.sim.versions import program_versions
 REPORT = "report.html"
 RECORD = "gap.json"
 TABLE = "cells.csv"
-MAX_ROWS = 8  #: tests in a table
 MAP_COLUMNS = 8  #: groups of mismatch in a map, at most
 MAP_ROWS = 6  #: groups of force in a map, at most
 TITLE_WIDTH = 32  #: characters of an effect in a line of a table
@@ -328,10 +327,10 @@ def advice_table(diagnosis: Inference) -> Table:
     """Tabulate the advised tests with gain, hours, information and the refuting result."""
     rows = []
     note = ""
-    for index, test in enumerate(diagnosis.tests[:MAX_ROWS]):
+    for index, test in enumerate(list_tests(diagnosis.tests, diagnosis.leading)):
         gain = chance(test.gain)
         if test.information < MIN_INFORMATION_NATS:
-            if index > 0:
+            if index > 0 and not {*diagnosis.leading}.intersection(test.effects):
                 continue
             gain = "-"
             note = "Dash: the outcome would not change the probabilities."

@@ -34,6 +34,7 @@ class Range:
     neutral: float = 0.0  #: value without effect
     by_strength: bool = True  #: False for a position, such as that of a detent
     least: float = -math.inf  #: smallest value with which every clutch of a set is possible
+    most: float = math.inf  #: largest such value
 
     def value_at(self, strength: float, upwards: bool) -> float:
         """Compute the value at a strength from 0, towards the upper or the lower end."""
@@ -42,7 +43,8 @@ class Range:
             end = self.high if upwards or start == self.low else self.low
             return float(start * (end / start) ** strength)
         end = self.high if upwards or self.neutral <= self.low else self.low
-        return max(self.least, self.neutral + strength * (end - self.neutral))
+        value = self.neutral + strength * (end - self.neutral)
+        return min(max(self.least, value), self.most)
 
     def draw(self, generator: np.random.Generator) -> float:
         """Draw a value from the inner four fifths of the prior."""
@@ -57,7 +59,9 @@ RANGES: dict[str, tuple[Range, ...]] = {
     "actuation_delay": (Range("delay_s", "delay", 1.0, 0.0, 0.4),),
     "actuation_lag": (Range("lag_s", "lag", 1.0, 0.003, 0.45, True),),
     "axial_gap": (Range("gap_offset_mm", "gap_offset", MM, -0.8, 0.8, least=-0.7),),
-    "chamfer_angle": (Range("chamfer_offset_deg", "chamfer_offset", DEG, -4.0, 4.0, least=-7.0),),
+    "chamfer_angle": (
+        Range("chamfer_offset_deg", "chamfer_offset", DEG, -4.0, 4.0, least=-7.0, most=5.0),
+    ),
     "contact_friction": (
         Range("static_friction", "static_friction", 1.0, 0.05, 0.45, neutral=0.30, least=0.03),
         Range("dynamic_friction", "dynamic_friction", 1.0, 0.03, 0.35, neutral=0.16, least=0.02),
