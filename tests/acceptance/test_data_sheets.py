@@ -156,6 +156,7 @@ def test_every_number_of_the_kind_is_listed(name: str, tmp_path: Path) -> None:
     _, draft = _entered(sheet, tmp_path)
     file = tomllib.loads((tmp_path / "own" / "study.toml").read_text())
     listed = "\n".join(draft.assumed)
+    del file["assumed"]  # lists keys of other tables
     for section, table in file.items():
         for key, value in table.items() if isinstance(table, dict) else ():
             dotted = f"{section}.{key}"

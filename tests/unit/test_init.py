@@ -324,7 +324,7 @@ def test_what_the_user_did_not_give_is_named(dogshape: Call) -> None:
     assert "dog.count" not in time
     assert rest[0].startswith("as in 'mq200', keys of less influence: shift.seated_tolerance_mm = ")
     assert "tolerance.backlash_mm" not in rest[0]  # the file has none
-    assert "manufacturing.module_mm = 1.25" in rest[0]
+    assert "manufacturing.module_mm = 1.25" in checks
     radius = "not given, by default: mechanism.spline_radius_mm = 49.6 (0.8 of the inner radius)"
     assert rest[1].startswith(radius)
 
