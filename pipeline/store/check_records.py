@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.record import (
@@ -23,8 +23,7 @@ from dogshape.sim.strength.landing import LandingLoad
 from dogshape.sim.strength.verdict import STANDARD, AssumedValue, HangShare, State, Verdict
 from dogshape.sim.units import MM, short, unit_of
 
-if TYPE_CHECKING:
-    pass
+MAX_ASSUMED = 8  #: values of a source that are listed
 
 
 class CheckRow(FileRecord):
@@ -273,17 +272,24 @@ class AssumedRow(Record):
 
 
 def assumed_texts(values: Iterable[AssumedValue | AssumedRow]) -> dict[str, str]:
-    """List assumed values by their source; absent keys have no value."""
-    texts = dict[str, str]()
+    """List assumed values by their source; absent keys have no value.
+
+    Of a source the first ``MAX_ASSUMED``, then the number of the others.
+    """
+    texts_by_source = dict[str, list[str]]()
     for value in values:
         text = value.key
         if value.value is not None:
             is_float = isinstance(value.value, float)
             number = f"{value.value:g}" if is_float else toml_value(value.value)
             text = f"{text} = {number} {unit_of(value.key)}".rstrip()
-        earlier_texts = texts.get(value.source)
-        texts[value.source] = f"{earlier_texts}, {text}" if earlier_texts else text
-    return texts
+        texts_by_source.setdefault(value.source, []).append(text)
+    listed = dict[str, str]()
+    for source, texts in texts_by_source.items():
+        listed[source] = ", ".join(texts[:MAX_ASSUMED])
+        if len(texts) > MAX_ASSUMED:
+            listed[source] += f" and {len(texts) - MAX_ASSUMED} more under [assumed] of the study"
+    return listed
 
 
 def assumed_table(values: Sequence[AssumedRow]) -> Table:
