@@ -64,9 +64,12 @@ class Settings:
         0.5, "of the range", "by which the range of a prior is widened at either end", "judged",
         "a size beyond its usual range is found where such a bench exists")
     pair_error: float = constant(
-        0.7, "of the product of both changes of ln time",
+        1.2, "of the time from the closed gap, and of the product of both changes of its ln",
         "error of the rule for two effects, at each point and in common", "measured",
-        "median of 28 joint simulations")
+        "390 joint simulations of two effects on three clutches")
+    pair_spread_error: float = constant(
+        1.7, "of the root of that product", "error of ln of the spread with two effects",
+        "measured", "the same simulations")
     spread_share: float = constant(
         0.2, "of the spread", "error of a simulated spread of single shifts", "judged",
         "opened cases of a foreign engine")
