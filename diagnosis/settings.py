@@ -66,10 +66,10 @@ class Settings:
     pair_error: float = constant(
         1.2, "of the time from the closed gap, and of the product of both changes of its ln",
         "error of the rule for two effects, at each point and in common", "measured",
-        "390 joint simulations of two effects on three clutches")
+        "`docs/evidence/pair_rule.txt`: 390 simulations with two effects")
     pair_spread_error: float = constant(
         1.7, "of the root of that product", "error of ln of the spread with two effects",
-        "measured", "the same simulations")
+        "measured", "`docs/evidence/pair_rule.txt`")
     spread_share: float = constant(
         0.2, "of the spread", "error of a simulated spread of single shifts", "judged",
         "opened cases of a foreign engine")
