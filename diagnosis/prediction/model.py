@@ -7,7 +7,7 @@ several effects the time *T* until the gap is closed is integrated
 (``diagnosis.prediction.approaches``); those of the time *E* from there on multiply,
 
 .. math:: \mu = T + E_0 e^{\sum_e z_e}, \qquad
-          z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = 1.2\,E \sum_{e<f} |z_e z_f|,
+          z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = 0.6\,E \sum_{e<f} |z_e z_f|,
 
 where :math:`\Delta` is the standard error of an operating point and that of all in common. Where
 that decides, two effects are simulated together: a Gaussian process of what the rule misses, zero
