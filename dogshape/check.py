@@ -27,7 +27,7 @@ from dogshape.pipeline.store.check_records import (
     CheckRow,
     LandingRow,
     NotJudged,
-    assumed_texts,
+    assumed_groups,
     check_table,
     not_judged_row,
 )
@@ -331,9 +331,10 @@ def hang_lines(verdict: Verdict) -> list[str]:
 
 
 def assumed_lines(verdict: Verdict) -> list[str]:
-    """List the values that nobody gave, a line for each source."""
+    """List the values that nobody gave, a line for each table and source."""
     return [
-        f"not given, {source}: {text}" for source, text in assumed_texts(verdict.assumed).items()
+        f"not given, {', '.join(filter(None, [group.table, group.source]))}: {group.values}"
+        for group in assumed_groups(verdict.assumed)
     ]
 
 

@@ -241,7 +241,7 @@ class HangShare(NamedTuple):
     share: float  #: posterior mean
     low: float  #: ends of the 95 % interval
     high: float
-    warning_share: float  #: share from which the verdict warns
+    warning_share: float  #: share above which the verdict warns
     max_share: float  #: share above which ``engagement`` fails
 
     @property
