@@ -293,7 +293,7 @@ class Verdict:
         line = self._state_line
         if self.assumed:
             plural = "" if len(self.assumed) == 1 else "s"
-            line += f", under {len(self.assumed)} assumed value{plural}"
+            line += f"; under {len(self.assumed)} assumed value{plural}"
         if self.hangs is not None and self.hangs.warns:
             line += f"; warning: {self.hangs.limits_text}"
         return line
